@@ -1,0 +1,211 @@
+"""Nodes, endpoints and types come and go: who may make what, under which limits and rules.
+
+Handlers of the broker's control messages. A request that can't be carried out raises ConfigurationError or
+QuotaExceeded (the broker answers Refused); an id that is not the peer's own raises RemoteProtocolError.
+"""
+
+import logging
+
+import msgspec
+
+from bus import names
+from bus.errors import ConfigurationError, QuotaExceeded, RemoteProtocolError
+from bus.ids import EndpointId, NodeId
+from bus.qos import History, QoSProfile, Reliability
+from bus.wire import messages as m
+from bus.wire.runs import RunQueue
+from busd.core.effects import Effect, Note, Send
+from busd.core.entities import (
+    MessageType,
+    Node,
+    Peer,
+    Publisher,
+    Subscription,
+    is_manual,
+    keeps_history,
+)
+from busd.core.graph import Graph
+from busd.core.limits import Limits, TopicCaps, TopicRule, rules_for
+from busd.core.liveliness import Leases
+from busd.core.matching import connect, disconnect
+
+_GID_BYTES = 16
+_MAX_TYPE_NAME = 255
+
+
+class Declarations:
+    """Carries out Create..., Destroy... and DeclareType on the graph."""
+
+    def __init__(self, graph: Graph, limits: Limits, rules: tuple[TopicRule, ...], leases: Leases) -> None:
+        self._graph = graph
+        self._limits = limits
+        self._rules = rules
+        self._leases = leases
+
+    def declare_type(self, now_ns: int, peer: Peer, message: m.DeclareType, out: list[Effect]) -> None:
+        size = len(message.schema)
+        if size > self._limits.schema_bytes:
+            raise RemoteProtocolError(f"schema of {size} bytes, the limit is {self._limits.schema_bytes}")
+        for text in (message.type_name, message.type_hash):
+            if not 0 < len(text) <= _MAX_TYPE_NAME:
+                raise RemoteProtocolError(
+                    f"type name or hash of {len(text)} characters, the limit is {_MAX_TYPE_NAME}"
+                )
+        kind = (message.type_name, message.type_hash)
+        _check_quota("types of a process", len(peer.types), self._limits.endpoints_per_peer)
+        peer.types.add(kind)
+        self._graph.types.setdefault(kind, msgspec.Raw(bytes(message.schema)))
+
+    def create_node(self, now_ns: int, peer: Peer, message: m.CreateNode, out: list[Effect]) -> None:
+        names.validate_node_name(message.name)
+        names.validate_namespace(message.namespace)
+        _check_quota("nodes of a process", len(peer.nodes), self._limits.nodes_per_peer)
+        node = Node(NodeId(self._graph.next_id()), peer, message.name, message.namespace)
+        if any(other.full_name == node.full_name for other in self._graph.nodes.values()):
+            out.append(Note(logging.WARNING, f"there is more than one node named {node.full_name}"))
+        self._graph.add_node(node)
+        out.append(Send(peer.id, m.Created(request=message.request, id=node.id)))
+
+    def destroy_node(self, now_ns: int, peer: Peer, message: m.DestroyNode, out: list[Effect]) -> None:
+        self.remove_node(now_ns, self._own_node(peer, message.node), out)
+
+    def remove_node(self, now_ns: int, node: Node, out: list[Effect]) -> None:
+        """Take `node` with its endpoints out of the graph."""
+        for endpoint in tuple(node.endpoints.values()):
+            self._remove_endpoint(endpoint, out)
+        self._graph.remove_node(node)
+
+    def create_publisher(
+        self, now_ns: int, peer: Peer, message: m.CreatePublisher, out: list[Effect]
+    ) -> None:
+        node, kind, rule = self._check_endpoint(peer, message)
+        qos = self._check_depth(rule.cap(message.qos))
+        if message.next_seq < 1:
+            raise RemoteProtocolError(f"next_seq is {message.next_seq}, the first sample has number 1")
+        publisher = Publisher(
+            id=EndpointId(self._graph.next_id()),
+            node=node,
+            topic=self._graph.topic(message.topic),
+            type=kind,
+            gid=message.gid,
+            qos=qos,
+            max_message_bytes=rule.max_message_bytes or self._limits.message_bytes,
+            next_seq=message.next_seq,
+            lifespan_ns=qos.lifespan_ns,
+            lease_ns=qos.lease_ns,
+            is_manual=is_manual(qos),
+            is_windowed=qos.history is History.KEEP_ALL and qos.reliability is Reliability.RELIABLE,
+            last_sign_ns=now_ns,
+            history=RunQueue(_depth(qos), peer.history) if keeps_history(qos) else None,
+            credited=message.next_seq - 1,
+        )
+        self._graph.add_endpoint(publisher)
+        out.append(Send(peer.id, self._created(message.request, publisher)))
+        self._leases.watch_publisher(now_ns, publisher)
+        for subscription in publisher.topic.subscriptions.values():
+            connect(self._graph, publisher, subscription, out)
+
+    def create_subscription(
+        self, now_ns: int, peer: Peer, message: m.CreateSubscription, out: list[Effect]
+    ) -> None:
+        node, kind, rule = self._check_endpoint(peer, message)
+        qos = self._check_depth(rule.cap(message.qos))
+        number = EndpointId(self._graph.next_id())
+        subscription = Subscription(
+            id=number,
+            node=node,
+            topic=self._graph.topic(message.topic),
+            type=kind,
+            gid=message.gid,
+            qos=qos,
+            max_message_bytes=rule.max_message_bytes or self._limits.message_bytes,
+            queue=RunQueue(_depth(qos), peer.queued, number),
+            last_seqs=message.last_seqs,
+        )
+        self._graph.add_endpoint(subscription)
+        out.append(Send(peer.id, self._created(message.request, subscription)))
+        for publisher in subscription.topic.publishers.values():
+            connect(self._graph, publisher, subscription, out)
+        subscription.last_seqs = {}
+
+    def destroy_endpoint(
+        self, now_ns: int, peer: Peer, message: m.DestroyEndpoint, out: list[Effect]
+    ) -> None:
+        self._remove_endpoint(self.own_endpoint(peer, message.endpoint), out)
+
+    def own_endpoint(self, peer: Peer, number: int) -> Publisher | Subscription:
+        """The peer's endpoint with that id; RemoteProtocolError where it has none."""
+        endpoint = peer.endpoints.get(EndpointId(number))
+        if endpoint is None:
+            raise RemoteProtocolError(f"endpoint {number} is not one of yours")
+        return endpoint
+
+    def own_publisher(self, peer: Peer, number: int) -> Publisher:
+        endpoint = self.own_endpoint(peer, number)
+        if not isinstance(endpoint, Publisher):
+            raise RemoteProtocolError(f"endpoint {number} is not a publisher")
+        return endpoint
+
+    def own_subscription(self, peer: Peer, number: int) -> Subscription:
+        endpoint = self.own_endpoint(peer, number)
+        if not isinstance(endpoint, Subscription):
+            raise RemoteProtocolError(f"endpoint {number} is not a subscription")
+        return endpoint
+
+    def _own_node(self, peer: Peer, number: int) -> Node:
+        node = peer.nodes.get(NodeId(number))
+        if node is None:
+            raise RemoteProtocolError(f"node {number} is not one of yours")
+        return node
+
+    def _remove_endpoint(self, endpoint: Publisher | Subscription, out: list[Effect]) -> None:
+        if isinstance(endpoint, Publisher):
+            for subscription in tuple(endpoint.matches.values()):
+                disconnect(self._graph, endpoint, subscription, out)
+            if endpoint.history is not None:
+                endpoint.history.clear()
+            endpoint.node.peer.silent.discard(endpoint)
+        else:
+            for publisher in tuple(endpoint.matches.values()):
+                disconnect(self._graph, publisher, endpoint, out)
+            endpoint.queue.clear()
+        self._graph.remove_endpoint(endpoint)
+
+    def _check_endpoint(
+        self, peer: Peer, message: m.CreatePublisher | m.CreateSubscription
+    ) -> tuple[Node, MessageType, TopicCaps]:
+        node = self._own_node(peer, message.node)
+        names.validate_full_topic_name(message.topic)
+        kind = (message.type_name, message.type_hash)
+        if kind not in peer.types:
+            raise RemoteProtocolError(f"type {message.type_name} was not declared on this connection")
+        if len(message.gid) != _GID_BYTES:
+            raise RemoteProtocolError(f"gid of {len(message.gid)} bytes, a gid has {_GID_BYTES}")
+        _check_quota("endpoints of a process", len(peer.endpoints), self._limits.endpoints_per_peer)
+        if message.topic not in self._graph.topics:
+            _check_quota("topics", len(self._graph.topics), self._limits.topics)
+        return node, kind, rules_for(message.topic, self._rules)
+
+    def _check_depth(self, qos: QoSProfile) -> QoSProfile:
+        if qos.history is History.KEEP_LAST and qos.depth > self._limits.depth:
+            raise ConfigurationError(f"depth {qos.depth} is more than busd's limit of {self._limits.depth}")
+        return qos
+
+    def _created(self, request: int, endpoint: Publisher | Subscription) -> m.Created:
+        return m.Created(
+            request=request,
+            id=endpoint.id,
+            depth=_depth(endpoint.qos),
+            max_message_bytes=endpoint.max_message_bytes,
+            window_samples=self._limits.keep_all_window_messages,
+            window_bytes=self._limits.keep_all_window_bytes,
+        )
+
+
+def _depth(qos: QoSProfile) -> int:
+    return qos.depth if qos.history is History.KEEP_LAST else 0
+
+
+def _check_quota(resource: str, used: int, limit: int) -> None:
+    if used >= limit:
+        raise QuotaExceeded(resource, used=used, limit=limit)

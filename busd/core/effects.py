@@ -1,0 +1,44 @@
+"""What the core asks the shell to do. The shell carries effects out in order."""
+
+from typing import NamedTuple, TypeAlias
+
+from bus.ids import PeerId
+from bus.wire.messages import Message
+from bus.wire.runs import RunQueue
+
+
+class Send(NamedTuple):
+    """Send a control message to a peer."""
+
+    peer: PeerId
+    message: Message
+
+
+class Flush(NamedTuple):
+    """A subscription's queue, which was empty, has samples for its peer."""
+
+    peer: PeerId
+    queue: RunQueue
+
+
+class Disconnect(NamedTuple):
+    """Send what waits and cut the connection; the core has forgotten the peer already."""
+
+    peer: PeerId
+    reason: str
+
+
+class Note(NamedTuple):
+    """Something for the log; `level` is one of logging's numbers."""
+
+    level: int
+    text: str
+
+
+class Stop(NamedTuple):
+    """End the daemon in order."""
+
+    reason: str
+
+
+Effect: TypeAlias = Send | Flush | Disconnect | Note | Stop

@@ -1,0 +1,159 @@
+"""What the broker knows of: peers, nodes, publishers, subscriptions, topics. Plain state, no rules."""
+
+from dataclasses import dataclass, field
+
+from bus.ids import EndpointId, NodeId, PeerId
+from bus.qos import Durability, History, Liveliness, QoSProfile, Reliability
+from bus.wire.messages import EndpointRecord, EndpointStatistics, NodeRecord, Report
+from bus.wire.runs import Account, RunQueue
+
+MessageType = tuple[str, str]
+"""A type's name and hash."""
+
+
+@dataclass(slots=True, eq=False)
+class Peer:
+    """One connected process and all that it makes the broker hold."""
+
+    id: PeerId
+    pid: int
+    uid: int
+    program: str
+    last_heard_ns: int
+    queued: Account
+    history: Account
+    is_observer: bool = False
+    nodes: dict[NodeId, "Node"] = field(default_factory=dict)
+    endpoints: "dict[EndpointId, Publisher | Subscription]" = field(default_factory=dict)
+    types: set[MessageType] = field(default_factory=set)
+    silent: "set[Publisher]" = field(default_factory=set)
+    """Publishers with automatic liveliness whose lease ended."""
+
+    def describe(self) -> str:
+        return f"{self.program or 'process'} (pid {self.pid})"
+
+
+@dataclass(slots=True, eq=False)
+class Node:
+    id: NodeId
+    peer: Peer
+    name: str
+    namespace: str
+    endpoints: "dict[EndpointId, Publisher | Subscription]" = field(default_factory=dict)
+
+    @property
+    def full_name(self) -> str:
+        return f"{self.namespace.rstrip('/')}/{self.name}"
+
+    def record(self) -> NodeRecord:
+        return NodeRecord(id=self.id, name=self.name, namespace=self.namespace, pid=self.peer.pid)
+
+
+@dataclass(slots=True, eq=False)
+class Topic:
+    """Exists as long as it has an endpoint."""
+
+    name: str
+    publishers: "dict[EndpointId, Publisher]" = field(default_factory=dict)
+    subscriptions: "dict[EndpointId, Subscription]" = field(default_factory=dict)
+
+
+@dataclass(slots=True, eq=False)
+class Endpoint:
+    """What publishers and subscriptions have in common. `report` is the process's own last word."""
+
+    id: EndpointId
+    node: Node
+    topic: Topic
+    type: MessageType
+    gid: bytes
+    qos: QoSProfile
+    max_message_bytes: int
+    report: Report | None = field(default=None, init=False)
+
+    kind = ""
+
+    @property
+    def is_lossless(self) -> bool:
+        """Reliable and keep all: the one combination with back-pressure."""
+        return self.qos.history is History.KEEP_ALL and self.qos.reliability is Reliability.RELIABLE
+
+    def statistics(self) -> EndpointStatistics:
+        raise NotImplementedError
+
+    def record(self, *, statistics: bool = False) -> EndpointRecord:
+        return EndpointRecord(
+            id=self.id,
+            kind=self.kind,
+            node=self.node.id,
+            topic=self.topic.name,
+            type_name=self.type[0],
+            type_hash=self.type[1],
+            gid=self.gid,
+            qos=self.qos,
+            statistics=self.statistics() if statistics else None,
+        )
+
+
+@dataclass(slots=True, eq=False)
+class Publisher(Endpoint):
+    """`acked` holds, for each matched lossless subscription, the last number that it has taken."""
+
+    next_seq: int
+    lifespan_ns: int
+    lease_ns: int
+    is_manual: bool
+    is_windowed: bool
+    last_sign_ns: int
+    history: RunQueue | None
+    samples: int = 0
+    bytes: int = 0
+    is_alive: bool = True
+    matches: "dict[EndpointId, Subscription]" = field(default_factory=dict)
+    acked: dict[EndpointId, int] = field(default_factory=dict)
+    credited: int = 0
+    uncredited_bytes: int = 0
+
+    kind = "publisher"
+
+    def statistics(self) -> EndpointStatistics:
+        mine = self.report
+        return EndpointStatistics(
+            samples=max(self.samples, mine.samples if mine else 0),
+            bytes=max(self.bytes, mine.bytes if mine else 0),
+            dropped=mine.dropped if mine else {},
+        )
+
+
+@dataclass(slots=True, eq=False)
+class Subscription(Endpoint):
+    """`queue` holds what waits for the process; `dropped` counts what the broker dropped, by reason."""
+
+    queue: RunQueue
+    last_seqs: dict[bytes, int]
+    matches: dict[EndpointId, Publisher] = field(default_factory=dict)
+    dropped: dict[str, int] = field(default_factory=dict)
+    is_drop_report_due: bool = False
+    has_lifespan: bool = False
+
+    kind = "subscription"
+
+    def statistics(self) -> EndpointStatistics:
+        mine = self.report
+        dropped = dict(self.dropped)
+        for reason, count in (mine.dropped if mine else {}).items():
+            dropped[reason] = dropped.get(reason, 0) + count
+        return EndpointStatistics(
+            samples=mine.samples if mine else 0,
+            bytes=mine.bytes if mine else 0,
+            queued=self.queue.count + (mine.queued if mine else 0),
+            dropped=dropped,
+        )
+
+
+def keeps_history(qos: QoSProfile) -> bool:
+    return qos.durability is Durability.TRANSIENT_LOCAL
+
+
+def is_manual(qos: QoSProfile) -> bool:
+    return qos.liveliness is Liveliness.MANUAL_BY_TOPIC

@@ -1,0 +1,134 @@
+"""The graph: every node, endpoint, topic, match and type, with snapshots and deltas for observers.
+
+Owns the tables and the revision. Knows no rule of matching and sends nothing.
+"""
+
+from itertools import count
+
+import msgspec
+
+from bus.ids import EndpointId, NodeId
+from bus.wire.messages import EndpointRecord, GraphChanged, MatchRecord, NodeRecord
+from bus.wire.messages import Graph as Snapshot
+from busd.core.entities import MessageType, Node, Peer, Publisher, Subscription, Topic
+
+
+class Graph:
+    """The tables. All changes go through its methods, so that none escapes the observers."""
+
+    def __init__(self) -> None:
+        self.nodes: dict[NodeId, Node] = {}
+        self.publishers: dict[EndpointId, Publisher] = {}
+        self.subscriptions: dict[EndpointId, Subscription] = {}
+        self.topics: dict[str, Topic] = {}
+        self.types: dict[MessageType, msgspec.Raw] = {}
+        self.revision = 0
+        self._ids = count(1)
+        self._nodes_added: list[NodeRecord] = []
+        self._nodes_removed: list[int] = []
+        self._endpoints_added: list[EndpointRecord] = []
+        self._endpoints_removed: list[int] = []
+        self._matches_added: list[MatchRecord] = []
+        self._matches_removed: list[MatchRecord] = []
+
+    def next_id(self) -> int:
+        """A number that no node or endpoint ever had."""
+        return next(self._ids)
+
+    def add_node(self, node: Node) -> None:
+        self.nodes[node.id] = node
+        node.peer.nodes[node.id] = node
+        self._nodes_added.append(node.record())
+
+    def remove_node(self, node: Node) -> None:
+        """The node's endpoints must have been removed."""
+        del self.nodes[node.id], node.peer.nodes[node.id]
+        self._nodes_removed.append(node.id)
+
+    def topic(self, name: str) -> Topic:
+        """The topic of that name; a new one is not in the table until it has an endpoint."""
+        return self.topics.get(name) or Topic(name)
+
+    def add_endpoint(self, endpoint: Publisher | Subscription) -> None:
+        topic = self.topics.setdefault(endpoint.topic.name, endpoint.topic)
+        if isinstance(endpoint, Publisher):
+            topic.publishers[endpoint.id] = self.publishers[endpoint.id] = endpoint
+        else:
+            topic.subscriptions[endpoint.id] = self.subscriptions[endpoint.id] = endpoint
+        endpoint.node.endpoints[endpoint.id] = endpoint.node.peer.endpoints[endpoint.id] = endpoint
+        self._endpoints_added.append(endpoint.record())
+
+    def remove_endpoint(self, endpoint: Publisher | Subscription) -> None:
+        """The endpoint's matches must have been removed."""
+        topic = endpoint.topic
+        if isinstance(endpoint, Publisher):
+            del topic.publishers[endpoint.id], self.publishers[endpoint.id]
+        else:
+            del topic.subscriptions[endpoint.id], self.subscriptions[endpoint.id]
+        if not topic.publishers and not topic.subscriptions:
+            del self.topics[topic.name]
+        del endpoint.node.endpoints[endpoint.id], endpoint.node.peer.endpoints[endpoint.id]
+        self._endpoints_removed.append(endpoint.id)
+
+    def add_match(self, publisher: Publisher, subscription: Subscription) -> None:
+        publisher.matches[subscription.id] = subscription
+        subscription.matches[publisher.id] = publisher
+        self._matches_added.append(MatchRecord(publisher=publisher.id, subscription=subscription.id))
+
+    def remove_match(self, publisher: Publisher, subscription: Subscription) -> None:
+        del publisher.matches[subscription.id], subscription.matches[publisher.id]
+        self._matches_removed.append(MatchRecord(publisher=publisher.id, subscription=subscription.id))
+
+    def forget_types(self, peer: Peer, others: list[Peer]) -> None:
+        """Forget the schemas that only `peer` had declared."""
+        for kind in peer.types:
+            if not any(kind in other.types for other in others):
+                self.types.pop(kind, None)
+
+    def take_change(self) -> GraphChanged | None:
+        """What changed since the last call, as the next revision."""
+        if not (
+            self._nodes_added
+            or self._nodes_removed
+            or self._endpoints_added
+            or self._endpoints_removed
+            or self._matches_added
+            or self._matches_removed
+        ):
+            return None
+        self.revision += 1
+        change = GraphChanged(
+            revision=self.revision,
+            nodes_added=tuple(self._nodes_added),
+            nodes_removed=tuple(self._nodes_removed),
+            endpoints_added=tuple(self._endpoints_added),
+            endpoints_removed=tuple(self._endpoints_removed),
+            matches_added=tuple(self._matches_added),
+            matches_removed=tuple(self._matches_removed),
+        )
+        for pending in (
+            self._nodes_added,
+            self._nodes_removed,
+            self._endpoints_added,
+            self._endpoints_removed,
+            self._matches_added,
+            self._matches_removed,
+        ):
+            pending.clear()
+        return change
+
+    def snapshot(self, request: int, *, statistics: bool, pid: int) -> Snapshot:
+        """Everything, as the answer to `request`."""
+        endpoints = [*self.publishers.values(), *self.subscriptions.values()]
+        return Snapshot(
+            request=request,
+            revision=self.revision,
+            nodes=tuple(node.record() for node in self.nodes.values()),
+            endpoints=tuple(endpoint.record(statistics=statistics) for endpoint in endpoints),
+            matches=tuple(
+                MatchRecord(publisher=publisher.id, subscription=subscription)
+                for publisher in self.publishers.values()
+                for subscription in publisher.matches
+            ),
+            pid=pid,
+        )

@@ -1,0 +1,212 @@
+"""How much each process may make busd hold, and the rules for single topics.
+
+Owns the numbers, their ranges and the matching of topic patterns. Must not know where the numbers come from
+(busd.config reads them) nor how they are enforced.
+
+Both structs are frozen and always valid. A limit "per peer" is for one process: everything that goes over
+its one connection, however many nodes it has.
+"""
+
+import re
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+from msgspec import Meta, structs
+
+from bus.errors import ConfigurationError
+from bus.qos import MAX_DEPTH, History, QoSProfile
+
+__all__ = ["Limits", "TopicCaps", "TopicRule", "checked", "rules_for"]
+
+_Cap = TypeVar("_Cap", int, float)
+
+_KiB = 1024
+_MiB = 1024 * _KiB
+_GiB = 1024 * _MiB
+
+# A frame's length is a u32 and its header needs room too, so no message may come near 4 GiB.
+_MessageBytes = Annotated[int, Meta(ge=_KiB, le=2 * _GiB)]
+_Bytes = Annotated[int, Meta(ge=_KiB, le=2**40)]
+_Count = Annotated[int, Meta(ge=1, le=2**20)]
+_Depth = Annotated[int, Meta(ge=1, le=MAX_DEPTH)]
+_Seconds = Annotated[float, Meta(ge=0.1, le=86_400)]
+_Lifespan = Annotated[float, Meta(ge=0.001, le=86_400)]
+
+
+class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Upper bounds of what busd holds; the defaults suit a robot's computer with 4 GiB.
+
+    Raises ConfigurationError, naming the key, for a value of the wrong type or out of range, and for two
+    values that contradict each other.
+    """
+
+    connections: _Count = 256
+    """Processes connected at the same time."""
+    nodes_per_peer: _Count = 1024
+    """Nodes of one process."""
+    endpoints_per_peer: _Count = 4096
+    """Publishers and subscriptions of one process, over all its nodes."""
+    observers_per_peer: _Count = 64
+    """Watches on the graph that one process may hold open, as tools do."""
+    topics: _Count = 16_384
+    """Topics that exist at the same time, over all processes."""
+    schema_bytes: _Bytes = 256 * _KiB
+    """Size in bytes of one message type's schema."""
+    message_bytes: _MessageBytes = 64 * _MiB
+    """Size in bytes of one encoded message."""
+    queued_bytes_per_peer: _Bytes = 64 * _MiB
+    """Bytes of messages that wait for one process; over it, its oldest messages are dropped and counted."""
+    control_bytes_per_peer: _Bytes = 8 * _MiB
+    """Bytes of control frames that wait for one process; over it, the process is cut off."""
+    history_bytes_per_peer: _Bytes = 64 * _MiB
+    """Bytes of transient local history kept for the publishers of one process."""
+    depth: _Depth = 100_000
+    """Largest depth, in messages, of a keep-last publisher or subscription."""
+    keep_all_window_bytes: _Bytes = 4 * _MiB
+    """Bytes that a keep-all publisher may be ahead of its slowest reliable subscription."""
+    keep_all_window_messages: _Depth = 65_536
+    """Messages that a keep-all publisher may be ahead of its slowest reliable subscription."""
+    handshake_s: _Seconds = 5.0
+    """Seconds in which a new connection must have said Hello."""
+    lease_s: _Seconds = 10.0
+    """Seconds of silence after which a process counts as hung and leaves the graph."""
+
+    def __post_init__(self) -> None:
+        _settle("limits", self)
+        self._check_room("message_bytes", "queued_bytes_per_peer")
+        self._check_room("keep_all_window_bytes", "queued_bytes_per_peer")
+        self._check_room("schema_bytes", "control_bytes_per_peer")
+
+    def _check_room(self, part: str, whole: str) -> None:
+        if getattr(self, part) > getattr(self, whole):
+            raise ConfigurationError(
+                f"limits.{part} = {getattr(self, part)} does not fit into "
+                f"limits.{whole} = {getattr(self, whole)}"
+            )
+
+
+class TopicCaps(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What one topic may need at most, within the limits; None sets no cap."""
+
+    max_depth: _Depth | None = None
+    """Depth, in messages, of keep-last endpoints; keep all has its window in the limits instead."""
+    max_message_bytes: _MessageBytes | None = None
+    """Size in bytes of one encoded message."""
+    max_lifespan_s: _Lifespan | None = None
+    """Seconds after which a message is no longer delivered, also where its publisher set no lifespan."""
+
+    def cap(self, qos: QoSProfile) -> QoSProfile:
+        """`qos` with its depth and lifespan brought down to the caps; the same object where both fit."""
+        changes: dict[str, int | float] = {}
+        if self.max_depth is not None and qos.history is History.KEEP_LAST and qos.depth > self.max_depth:
+            changes["depth"] = self.max_depth
+        if self.max_lifespan_s is not None and (qos.lifespan is None or qos.lifespan > self.max_lifespan_s):
+            changes["lifespan"] = self.max_lifespan_s
+        return structs.replace(qos, **changes) if changes else qos
+
+
+class TopicRule(TopicCaps, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Caps for every topic whose full name matches `pattern`.
+
+    In a pattern `*` stands for any characters but "/", `**` for any characters, `?` for one character but
+    "/", `[abc]`, `[a-z]` and `[!abc]` for one character in or outside a set. The whole name has to match.
+
+    Raises ConfigurationError for a pattern that no topic's name can match and for a value out of range.
+    """
+
+    pattern: str
+
+    def __post_init__(self) -> None:
+        _settle("topics", self)
+        _compile(self.pattern)
+
+    def matches(self, topic: str) -> bool:
+        """Whether this rule is for `topic`, a full name."""
+        return _compile(self.pattern).fullmatch(topic) is not None
+
+
+def rules_for(topic: str, rules: Iterable[TopicRule]) -> TopicCaps:
+    """What all rules that match `topic` say together: of each cap the tightest, whatever their order."""
+    found = [rule for rule in rules if rule.matches(topic)]
+    return TopicCaps(
+        max_depth=_tightest(rule.max_depth for rule in found),
+        max_message_bytes=_tightest(rule.max_message_bytes for rule in found),
+        max_lifespan_s=_tightest(rule.max_lifespan_s for rule in found),
+    )
+
+
+def checked(key: str, value: object, kind: Any) -> Any:
+    """`value` as the type `kind`, with the range that its annotation sets.
+
+    Raises ConfigurationError that names the key, the value and what was expected.
+    """
+    try:
+        return msgspec.convert(value, kind)
+    except msgspec.ValidationError as error:
+        text = str(error).replace(" | null", "")
+        raise ConfigurationError(f"{key} = {_shown(value)}: {text[0].lower()}{text[1:]}") from None
+
+
+def _settle(table: str, struct: msgspec.Struct) -> None:
+    # msgspec checks what it decodes only, and an int is welcome where seconds are a float.
+    for field in structs.fields(struct):
+        value = checked(f"{table}.{field.name}", getattr(struct, field.name), field.type)
+        structs.force_setattr(struct, field.name, value)
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _tightest(caps: Iterable[_Cap | None]) -> _Cap | None:
+    return min((cap for cap in caps if cap is not None), default=None)
+
+
+_TOKEN = re.compile(
+    r"""(?P<any>\*\*+) | (?P<part>\*) | (?P<one>\?)
+      | \[ (?P<not>!?) (?P<set>(?:[A-Za-z0-9_](?:-[A-Za-z0-9_])?)+) \]
+      | (?P<plain>[A-Za-z0-9_/]+)""",
+    re.VERBOSE,
+)
+
+
+@lru_cache(maxsize=1024)
+def _compile(pattern: str) -> re.Pattern[str]:
+    if not pattern.startswith(("/", "**")):
+        raise _hopeless(pattern, "a topic's full name begins with '/' (or begin with '**')")
+    if pattern.endswith("/") or "//" in pattern:
+        raise _hopeless(pattern, "a topic's name has no empty part")
+    regex, at = "", 0
+    while at < len(pattern):
+        token = _TOKEN.match(pattern, at)
+        if token is None:
+            raise _hopeless(
+                pattern, f"{pattern[at]!r} at position {at} is neither part of a name nor of a pattern"
+            )
+        at = token.end()
+        regex += _translate(token)
+    try:
+        return re.compile(regex)
+    except re.error as error:
+        raise _hopeless(pattern, error.msg) from None
+
+
+def _translate(token: re.Match[str]) -> str:
+    match token.lastgroup:
+        case "any":
+            return ".*"
+        case "part":
+            return "[^/]*"
+        case "one":
+            return "[^/]"
+        case "set":
+            return f"[^/{token['set']}]" if token["not"] else f"[{token['set']}]"
+        case _:
+            return token[0]
+
+
+def _hopeless(pattern: str, why: str) -> ConfigurationError:
+    return ConfigurationError(f"topics.pattern = {_shown(pattern)} can never match: {why}")

@@ -1,0 +1,93 @@
+"""Liveliness: publishers whose lease ended, and processes that have hung.
+
+Three notions stay apart: a process is connected (its socket), it is responsive (heard within the broker's
+lease), a publisher is alive (asserted within its own lease; ROS 2, "About Quality of Service settings").
+"""
+
+import logging
+from collections.abc import Callable
+
+from bus.wire.messages import LivelinessChanged, LivelinessLost
+from busd.core.effects import Effect, Note, Send
+from busd.core.entities import Peer, Publisher
+from busd.core.timers import Timers
+
+
+class Leases:
+    """Watches leases by timers that re-arm themselves, so that a sign of life costs one assignment."""
+
+    def __init__(
+        self,
+        timers: Timers,
+        emit: Callable[[Effect], None],
+        *,
+        lease_ns: int,
+        is_attached: Callable[[Peer], bool],
+        evict: Callable[[int, Peer, str], None],
+    ) -> None:
+        self._timers = timers
+        self._emit = emit
+        self._lease_ns = lease_ns
+        self._is_attached = is_attached
+        self._evict = evict
+
+    def watch_peer(self, now_ns: int, peer: Peer) -> None:
+        """Evict `peer` once it has been silent for the broker's lease."""
+        self._timers.add(now_ns + self._lease_ns, lambda now: self._check_peer(now, peer))
+
+    def watch_publisher(self, now_ns: int, publisher: Publisher) -> None:
+        """Watch the lease of `publisher`, where it has one."""
+        if publisher.lease_ns:
+            self._timers.add(now_ns + publisher.lease_ns, lambda now: self._check_publisher(now, publisher))
+
+    def hear_peer(self, now_ns: int, peer: Peer) -> None:
+        """Anything came from `peer`: its automatic publishers are alive."""
+        peer.last_heard_ns = now_ns
+        if peer.silent:
+            for publisher in tuple(peer.silent):
+                self._revive(now_ns, publisher)
+
+    def assert_publisher(self, now_ns: int, publisher: Publisher) -> None:
+        """`publisher` published, or said that it lives."""
+        publisher.last_sign_ns = now_ns
+        if not publisher.is_alive:
+            self._revive(now_ns, publisher)
+
+    def _check_peer(self, now_ns: int, peer: Peer) -> None:
+        if not self._is_attached(peer):
+            return
+        silence_ns = now_ns - peer.last_heard_ns
+        if silence_ns < self._lease_ns:
+            self.watch_peer(peer.last_heard_ns, peer)
+        else:
+            self._evict(now_ns, peer, f"no sign of life for {silence_ns / 1e9:.1f} s")
+
+    def _check_publisher(self, now_ns: int, publisher: Publisher) -> None:
+        peer = publisher.node.peer
+        if publisher.id not in peer.endpoints or not publisher.is_alive:
+            return
+        sign_ns = publisher.last_sign_ns if publisher.is_manual else peer.last_heard_ns
+        if now_ns - sign_ns < publisher.lease_ns:
+            self.watch_publisher(sign_ns, publisher)
+            return
+        publisher.is_alive = False
+        if not publisher.is_manual:
+            peer.silent.add(publisher)
+        self._emit(
+            Note(logging.INFO, f"{publisher.node.full_name} lost its liveliness on '{publisher.topic.name}'")
+        )
+        self._emit(Send(peer.id, LivelinessLost(publisher=publisher.id)))
+        self._tell(publisher)
+
+    def _revive(self, now_ns: int, publisher: Publisher) -> None:
+        publisher.is_alive = True
+        publisher.node.peer.silent.discard(publisher)
+        self.watch_publisher(now_ns, publisher)
+        self._tell(publisher)
+
+    def _tell(self, publisher: Publisher) -> None:
+        for subscription in publisher.matches.values():
+            message = LivelinessChanged(
+                subscription=subscription.id, publisher=publisher.id, alive=publisher.is_alive
+            )
+            self._emit(Send(subscription.node.peer.id, message))

@@ -1,0 +1,25 @@
+"""Things to do later, as data: a heap of (due, number, action). Knows no clock; the shell asks what is due."""
+
+import heapq
+from collections.abc import Callable, Iterator
+from itertools import count
+
+
+class Timers:
+    """`next_due_ns` says when to call `due`. There is no cancelling: an action looks whether it still matters."""
+
+    def __init__(self) -> None:
+        self._heap: list[tuple[int, int, Callable[[int], None]]] = []
+        self._numbers = count()
+
+    def add(self, due_ns: int, action: Callable[[int], None]) -> None:
+        """`action(now_ns)` is to run at `due_ns` or later."""
+        heapq.heappush(self._heap, (due_ns, next(self._numbers), action))
+
+    def next_due_ns(self) -> int | None:
+        return self._heap[0][0] if self._heap else None
+
+    def due(self, now_ns: int) -> Iterator[Callable[[int], None]]:
+        """Takes out what is due at `now_ns`."""
+        while self._heap and self._heap[0][0] <= now_ns:
+            yield heapq.heappop(self._heap)[2]

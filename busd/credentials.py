@@ -1,0 +1,81 @@
+"""Who is at the other end of a UNIX socket, as the kernel says.
+
+Owns SO_PEERCRED and the name that a log gives a process. Must not know what anybody is allowed to do.
+"""
+
+import socket
+import struct
+from pathlib import Path
+from typing import Protocol
+
+import msgspec
+
+__all__ = ["Credentials", "peer_credentials", "process_name", "program_name"]
+
+_UCRED = struct.Struct("=iII")
+_LONGEST_NAME = 64
+
+
+class _Socket(Protocol):
+    """What a socket, asyncio's TransportSocket and uvloop's PseudoSocket have in common here."""
+
+    def getsockopt(self, level: int, option: int, buffer_size: int, /) -> bytes: ...
+
+
+class Credentials(msgspec.Struct, frozen=True):
+    """The process that made the connection, as it was then: its pid may have been given to another since.
+
+    Where the system doesn't tell, pid is 0 and uid and gid are -1. A pid is also 0 where the process lives
+    in a pid namespace that this one can't see.
+    """
+
+    pid: int
+    uid: int
+    gid: int
+
+
+def peer_credentials(peer: _Socket) -> Credentials:
+    """The credentials of the process at the other end of a connected UNIX socket.
+
+    Raises OSError for a socket that is not connected.
+    """
+    if not hasattr(socket, "SO_PEERCRED"):
+        return Credentials(pid=0, uid=-1, gid=-1)
+    pid, uid, gid = _UCRED.unpack(peer.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size))
+    return Credentials(pid=pid, uid=uid, gid=gid)
+
+
+def process_name(pid: int) -> str:
+    """A short name for a process, for logs, as program_name makes it; "unknown" where it can't be read."""
+    try:
+        return program_name(Path(f"/proc/{pid}/cmdline").read_bytes())
+    except OSError:
+        return "unknown"
+
+
+def program_name(command_line: bytes) -> str:
+    """What runs: a Python program's script or module, else the program. Printable, at most 64 characters.
+
+    `command_line` has a NUL after each argument, as in proc(5). A process writes what it likes there, so
+    the name proves nothing.
+    """
+    arguments = command_line.decode(errors="replace").removesuffix("\0").split("\0")
+    name = _script(arguments) or Path(arguments[0]).name
+    return "".join(c if c.isprintable() else "?" for c in name)[:_LONGEST_NAME] or "unknown"
+
+
+def _script(arguments: list[str]) -> str | None:
+    """The script or module that a Python command line runs; None where there is none."""
+    if not Path(arguments[0]).name.startswith("python"):
+        return None
+    rest = iter(arguments[1:])
+    for argument in rest:
+        if argument == "-m":
+            return next(rest, None)
+        if argument in ("-W", "-X"):
+            next(rest, None)
+        elif argument == "-c":
+            return None
+        elif not argument.startswith("-"):
+            return Path(argument).name
+    return None

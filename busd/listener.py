@@ -1,0 +1,291 @@
+"""The listening UNIX socket: opened by us or by a service manager, and ours alone while we live.
+
+Owns the socket file, its folder and the lock that settles which daemon serves a path. Must not know what is
+said on the connections.
+
+Invariants:
+- Whoever binds, replaces or removes a socket file holds an exclusive flock on "<path>.lock". The kernel ends
+  it with the process, however that dies, so what lies at the path while we hold it was left by a dead daemon.
+- A lock file counts only while it is the one at its path: its holder removes it when leaving, and whoever
+  gets the flock afterwards looks whether the file is still there and begins again if not.
+- A folder in which anybody but this user and root could replace our files is refused.
+"""
+
+import errno
+import fcntl
+import os
+import socket
+import stat
+from collections.abc import Mapping, MutableMapping
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from bus.address import socket_path
+from bus.errors import ConfigurationError
+from busd.credentials import peer_credentials, process_name
+
+__all__ = ["BACKLOG", "AlreadyRunning", "Listener", "open_listener"]
+
+BACKLOG = 512
+"""Connections that may wait to be accepted. asyncio listens again with its own, smaller number: pass this."""
+
+_LOCK_ATTEMPTS = 100
+_ACTIVATED_FD = 3  # SD_LISTEN_FDS_START, sd_listen_fds(3)
+_ACTIVATION = ("LISTEN_PID", "LISTEN_FDS", "LISTEN_FDNAMES", "LISTEN_PIDFDID")
+
+
+class AlreadyRunning(ConfigurationError):
+    """Another process serves this path; `pid` is None where it can't be told."""
+
+    def __init__(self, path: Path, pid: int | None, *, program: str = "busd") -> None:
+        suffix = f" (pid {pid})" if pid else ""
+        super().__init__(f"{program} is already running on {path}{suffix}")
+        self.path = path
+        self.pid = pid
+
+
+class Listener:
+    """A listening, non-blocking UNIX stream socket. Close it, or use it as a context manager."""
+
+    def __init__(self, listening: socket.socket, path: Path, lock: "_Lock | None" = None) -> None:
+        self.socket = listening
+        self.path = path
+        self.activated = lock is None
+        """Whether a service manager opened the socket, so that file and lock are not ours to remove."""
+        self._lock = lock
+        self._file = None if lock is None else _identity(path.lstat())
+
+    def close(self) -> None:
+        """Close the socket, remove its file if it is still ours, and let the next daemon in. Idempotent."""
+        if self._lock is not None:
+            try:
+                if _identity(self.path.lstat()) == self._file:
+                    self.path.unlink()
+            except OSError:
+                pass  # somebody removed it or its folder: nothing is left behind
+        self.socket.close()
+        if self._lock is not None:
+            self._lock.release()
+            self._lock = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def open_listener(path: Path | None = None, *, environ: MutableMapping[str, str] = os.environ) -> Listener:
+    """Listen on the socket that a service manager passed, else at `path`, else at bus.address's choice.
+
+    The variables of socket activation are removed from `environ`, so that no child takes them for its own.
+    A missing folder is made where it is the default one; any other must exist.
+
+    Raises AlreadyRunning if another process serves the path, and ConfigurationError, which says why, if the
+    socket or its folder can't be used or can't be trusted.
+    """
+    activated = _activated(environ)
+    if activated is not None:
+        return activated
+    path = socket_path(environ=environ) if path is None else path
+    _prepare_folder(path.parent, is_default=_is_default(path.parent, environ))
+    lock = _Lock(path)
+    try:
+        return Listener(_bind(path), path, lock)
+    except BaseException:
+        lock.release()
+        raise
+
+
+def _activated(environ: MutableMapping[str, str]) -> Listener | None:
+    pid, count, *_ = [environ.pop(name, "") for name in _ACTIVATION]
+    if pid != str(os.getpid()) or count == "0":
+        return None
+    if count != "1":
+        raise ConfigurationError(f"LISTEN_FDS={count}: busd takes one socket")
+    try:
+        os.set_inheritable(_ACTIVATED_FD, False)
+        listening = socket.socket(fileno=_ACTIVATED_FD)
+        is_listening = listening.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN)
+    except OSError as error:
+        raise ConfigurationError(f"descriptor {_ACTIVATED_FD} of LISTEN_FDS: {error.strerror}") from None
+    if listening.family != socket.AF_UNIX or listening.type != socket.SOCK_STREAM or not is_listening:
+        listening.close()
+        raise ConfigurationError("LISTEN_FDS: busd needs a listening UNIX stream socket (ListenStream=/...)")
+    listening.setblocking(False)
+    name = os.fsdecode(listening.getsockname())
+    return Listener(listening, Path(name.replace("\0", "@", 1)))
+
+
+def _is_default(folder: Path, environ: Mapping[str, str]) -> bool:
+    rest = {name: value for name, value in environ.items() if name != "BUSD_SOCKET"}
+    try:
+        return folder == socket_path(domain=0, environ=rest).parent
+    except ConfigurationError:  # too long for a socket, so no default
+        return False
+
+
+def _prepare_folder(folder: Path, *, is_default: bool) -> None:
+    """Make the default folder where it is missing; refuse one in which a stranger could replace our files.
+
+    The default one must be a real folder, ours and closed to others. A folder that the user named may be
+    shared as its owner wants, as long as that is this user or root; a symbolic link to it is followed.
+    """
+    try:
+        if is_default:
+            folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat() if is_default else folder.stat()
+        above = folder.absolute().parent.stat()
+    except FileExistsError:
+        raise ConfigurationError(f"'{folder}' is in the way of busd's folder: it is not a folder") from None
+    except OSError as error:
+        raise ConfigurationError(f"no socket can be made in '{folder}': {error.strerror}") from None
+    # From here on nobody can exchange the folder: it is ours, and so is the entry in the folder above.
+    reason = _distrust(found, is_default=is_default)
+    if reason is None and is_default and _is_open_to_all(above):
+        reason = "anybody can exchange it: the folder above is world-writable without the sticky bit"
+    if reason is not None:
+        owner = f"uid {found.st_uid}, mode {stat.S_IMODE(found.st_mode):04o}"
+        raise ConfigurationError(f"busd refuses to open its socket in '{folder}' (owner {owner}): {reason}")
+
+
+def _distrust(folder: os.stat_result, *, is_default: bool) -> str | None:
+    us = os.geteuid()
+    if stat.S_ISLNK(folder.st_mode):
+        return "it is a symbolic link"
+    if not stat.S_ISDIR(folder.st_mode):
+        return "it is not a folder"
+    if folder.st_uid != us and (is_default or folder.st_uid != 0):
+        return f"it belongs to another user than uid {us}"
+    if is_default and folder.st_mode & 0o077:
+        return "others may enter it; if you trust what is in it, chmod 700 it"
+    if _is_open_to_all(folder):
+        return "anybody can replace files in it: it is world-writable without the sticky bit"
+    return None
+
+
+def _is_open_to_all(folder: os.stat_result) -> bool:
+    return bool(folder.st_mode & stat.S_IWOTH) and not folder.st_mode & stat.S_ISVTX
+
+
+def _bind(path: Path) -> socket.socket:
+    listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        _remove_stale(path)
+        listening.bind(os.fspath(path))
+        path.chmod(0o600)  # before listen(), so that nobody could connect in between
+        listening.listen(BACKLOG)
+        listening.setblocking(False)
+    except OSError as error:
+        listening.close()
+        raise ConfigurationError(f"can't listen on '{path}': {error.strerror or error}") from None
+    except BaseException:
+        listening.close()
+        raise
+    return listening
+
+
+def _remove_stale(path: Path) -> None:
+    """Remove the socket file of a dead daemon. The caller holds the lock.
+
+    A socket that still answers is not stale, whatever the lock says: it is another program's, or its lock
+    file fell to a cleaner of /tmp.
+    """
+    try:
+        if not stat.S_ISSOCK(path.lstat().st_mode):
+            raise ConfigurationError(f"'{path}' exists and is not a socket; busd does not replace it")
+    except FileNotFoundError:
+        return
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        probe.setblocking(False)
+        try:
+            probe.connect(os.fspath(path))
+        except ConnectionRefusedError:
+            path.unlink()
+            return
+        except BlockingIOError:
+            raise AlreadyRunning(path, None) from None  # alive, with a full backlog
+        pid = peer_credentials(probe).pid
+    raise AlreadyRunning(path, pid or None, program=process_name(pid))
+
+
+class _Lock:
+    """The right to serve one path."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises AlreadyRunning if another process has it, ConfigurationError if its file is not ours."""
+        self._path = path.with_name(f"{path.name}.lock")
+        try:
+            # Each attempt that fails means that a holder left between our open and our flock.
+            taken = next((fd for _ in range(_LOCK_ATTEMPTS) if (fd := self._try(path)) is not None), None)
+        except OSError as error:
+            reason = "it is a symbolic link" if error.errno == errno.ELOOP else error.strerror
+            raise ConfigurationError(f"can't lock '{self._path}': {reason}") from None
+        if taken is None:
+            raise ConfigurationError(f"can't lock '{self._path}': it is replaced again and again")
+        self._fd = taken
+
+    def release(self) -> None:
+        """Remove the file, then let go: who waits on the removed one will notice."""
+        try:
+            if self._is_in_place(self._fd):
+                self._path.unlink()
+        except OSError:
+            pass  # a file that stays behind unlocked does no harm
+        os.close(self._fd)
+
+    def _try(self, path: Path) -> int | None:
+        # O_NONBLOCK: a pipe that somebody put there must not hang us before we have looked at it.
+        flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+        fd = os.open(self._path, flags, 0o600)
+        is_ours = False
+        try:
+            self._check(os.fstat(fd))
+            try:
+                fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise AlreadyRunning(path, _read_pid(fd)) from None
+            is_ours = self._is_in_place(fd)
+            if is_ours:
+                os.ftruncate(fd, 0)
+                os.pwrite(fd, f"{os.getpid()}\n".encode(), 0)
+        except BaseException:
+            os.close(fd)
+            raise
+        if is_ours:
+            return fd
+        os.close(fd)
+        return None
+
+    def _check(self, file: os.stat_result) -> None:
+        # In a shared folder anybody may have made it, also as a hard link to a file of ours.
+        if not stat.S_ISREG(file.st_mode) or file.st_uid != os.geteuid() or file.st_nlink > 1:
+            raise ConfigurationError(
+                f"can't lock '{self._path}': it is no plain file of ours (owner uid {file.st_uid}, "
+                f"mode {stat.filemode(file.st_mode)}, {file.st_nlink} links)"
+            )
+
+    def _is_in_place(self, fd: int) -> bool:
+        try:
+            return _identity(os.fstat(fd)) == _identity(self._path.lstat())
+        except FileNotFoundError:
+            return False
+
+
+def _identity(file: os.stat_result) -> tuple[int, int]:
+    return file.st_dev, file.st_ino
+
+
+def _read_pid(fd: int) -> int | None:
+    """The holder's pid, or None while it has not written it yet and the file still names a dead one."""
+    try:
+        pid = int(os.pread(fd, 32, 0))
+        os.kill(pid, 0)
+    except PermissionError:
+        return pid
+    except (ValueError, OverflowError, ProcessLookupError):
+        return None
+    return pid if pid > 0 else None

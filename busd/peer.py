@@ -1,0 +1,91 @@
+"""One connection of the daemon: from accept over Hello to the end. Makes no routing decision."""
+
+import asyncio
+import os
+import socket
+from collections.abc import Iterator
+from typing import Any, Protocol
+
+from bus.errors import RemoteProtocolError
+from bus.ids import PeerId
+from bus.transport.stream import Stream
+from bus.wire.layout import VERSION
+from bus.wire.messages import Fault, Hello, Message, encode_frame
+from bus.wire.outbox import Outbox
+from bus.wire.session import Role, Session
+from busd.core.limits import Limits
+from busd.credentials import Credentials
+
+
+class PeerHost(Protocol):
+    """What a connection needs of the server."""
+
+    limits: Limits
+
+    def greet(self, connection: "Connection", hello: Hello) -> PeerId: ...
+
+    def receive(self, connection: "Connection", items: Iterator[Any]) -> None: ...
+
+    def lose(self, connection: "Connection", reason: str) -> None: ...
+
+
+class Connection:
+    """`id` is None until the peer has said Hello."""
+
+    def __init__(self, host: PeerHost, sock: socket.socket, credentials: Credentials) -> None:
+        self.id: PeerId | None = None
+        self.credentials = credentials
+        self._host = host
+        self.stream = Stream(
+            sock,
+            Session(Role.BROKER, max_data_bytes=host.limits.message_bytes),
+            Outbox(),
+            on_received=self._received,
+            on_lost=self._lost,
+        )
+        self._handshake = asyncio.get_running_loop().call_later(
+            host.limits.handshake_s, self.refuse, f"no Hello within {host.limits.handshake_s:g} s"
+        )
+
+    def send(self, message: Message) -> None:
+        """Queue a control message; a peer that lets too many wait is cut off."""
+        outbox = self.stream.outbox
+        outbox.put(encode_frame(message))
+        if outbox.control_bytes > self._host.limits.control_bytes_per_peer:
+            self._end(f"{outbox.control_bytes} bytes of control frames wait for it; it does not read")
+
+    def refuse(self, reason: str) -> None:
+        """Tell the peer why, and cut the connection."""
+        if not self.stream.is_closed:
+            self.stream.outbox.put(encode_frame(Fault(text=reason)))
+            self._end(reason)
+
+    def close(self) -> None:
+        """Send what can be sent at once, and close."""
+        self._handshake.cancel()
+        self.stream.close()
+
+    def _received(self, items: Iterator[Any]) -> None:
+        try:
+            if self.id is None:
+                hello = next(items, None)
+                if hello is None:
+                    return
+                self._handshake.cancel()
+                self.id = self._host.greet(self, hello)
+                reply = Hello(
+                    version=VERSION, pid=os.getpid(), program="busd", lease_s=self._host.limits.lease_s
+                )
+                self.send(reply)
+                self.stream.flush()
+            self._host.receive(self, items)
+        except RemoteProtocolError as error:
+            self.refuse(str(error))
+
+    def _lost(self, error: Exception | None) -> None:
+        self._handshake.cancel()
+        self._host.lose(self, str(error) if error else "closed its connection")
+
+    def _end(self, reason: str) -> None:
+        self.close()
+        self._host.lose(self, reason)

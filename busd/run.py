@@ -1,0 +1,113 @@
+"""The program `busd`: command line, event loop, signals, readiness, exit codes."""
+
+import argparse
+import asyncio
+import logging
+import os
+import signal
+import sys
+from collections.abc import Callable, Coroutine, Sequence
+from pathlib import Path
+from typing import Any
+
+from bus.address import socket_path
+from bus.errors import ConfigurationError
+from busd.config import LOG_LEVELS, Config, load
+from busd.core.broker import Broker
+from busd.listener import AlreadyRunning, Listener, open_listener
+from busd.notify import notify, status
+from busd.server import Server
+
+EXIT_FAULT = 1
+EXIT_ALREADY_RUNNING = 3
+
+_EPILOG = """\
+where it listens, first that is set:
+  --socket PATH, $BUSD_SOCKET, $XDG_RUNTIME_DIR/busd/<domain>.sock, /tmp/busd-<uid>/<domain>.sock
+
+You need not start busd: the first program that opens a node does, in the background, and that busd leaves
+when it has been idle for a while. Start it yourself to see its log or to give it a configuration.
+
+exit status: 0 stopped, 1 could not start, 3 another busd is running there
+see also: bus daemon status, bus doctor, docs/configuration.md
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the daemon; returns its exit status."""
+    options = _parser().parse_args(arguments)
+    try:
+        path = socket_path(options.socket, options.domain)
+        config = load(options.config) if options.config else Config()
+        _set_up_log(options.log_level or config.log_level)
+        with open_listener(path) as listener:
+            return _loop_runner()(_serve(listener, config, options.idle_exit))
+    except AlreadyRunning as error:
+        print(f"busd: {error}", file=sys.stderr)
+        return EXIT_ALREADY_RUNNING
+    except (ConfigurationError, OSError) as error:
+        print(f"busd: {error}", file=sys.stderr)
+        return EXIT_FAULT
+    except KeyboardInterrupt:
+        return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="busd",
+        description="Message bus for the processes of one machine: routes messages between publishers and "
+        "subscriptions of programs that use `import bus`.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--socket", type=Path, metavar="PATH", help="listen on this UNIX socket")
+    parser.add_argument(
+        "--domain", metavar="N", help="a bus of its own on this machine (default: $BUSD_DOMAIN, else 0)"
+    )
+    parser.add_argument("--config", type=Path, metavar="FILE", help="limits and topic rules (busd.toml)")
+    parser.add_argument("--log-level", choices=LOG_LEVELS, help="how much to say on stderr (default: info)")
+    parser.add_argument(
+        "--idle-exit", type=_seconds, metavar="S", help="stop after S seconds without a connection"
+    )
+    return parser
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not 0 < value < 1e9:
+        raise argparse.ArgumentTypeError(f"{text} is not a number of seconds above 0")
+    return value
+
+
+def _set_up_log(level: str) -> None:
+    logging.addLevelName(logging.WARNING, "WARN")
+    logging.addLevelName(logging.CRITICAL, "FATAL")
+    logging.basicConfig(
+        level=level.upper(),
+        stream=sys.stderr,
+        format="[%(levelname)s] [%(created).9f] [%(name)s]: %(message)s",
+    )
+
+
+def _loop_runner() -> Callable[[Coroutine[Any, Any, int]], int]:
+    try:
+        import uvloop
+    except ImportError:
+        return asyncio.run
+    return uvloop.run
+
+
+async def _serve(listener: Listener, config: Config, idle_s: float | None) -> int:
+    broker = Broker(config.limits, config.topics, uid=os.getuid(), pid=os.getpid())
+    server = Server(listener.socket, broker, idle_s=idle_s)
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, server.stop, signal.Signals(number).name)
+    log = logging.getLogger("busd")
+    if not notify(f"READY=1\n{status(f'listening on {listener.path}')}"):
+        log.info("listening on %s (pid %d)", listener.path, os.getpid())
+    reason = await server.stopped
+    notify("STOPPING=1")
+    log.info("stopped: %s", reason)
+    return 0

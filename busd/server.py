@@ -1,0 +1,182 @@
+"""Listens, feeds the broker core with what comes, and carries out its effects. Decides nothing itself."""
+
+import asyncio
+import logging
+import socket
+from collections.abc import Callable, Iterator
+from time import monotonic_ns
+from typing import Any
+
+from bus.ids import PeerId
+from bus.wire.messages import Hello
+from bus.wire.runs import Run
+from busd.core.broker import Broker
+from busd.core.effects import Disconnect, Effect, Flush, Note, Send, Stop
+from busd.core.limits import Limits
+from busd.credentials import peer_credentials
+from busd.peer import Connection
+
+_log = logging.getLogger("busd")
+
+
+class Server:
+    """Serves `listener`, a listening non-blocking socket, until `stop`.
+
+    `idle_s`: stop by itself after so many seconds without a connection (None: never).
+    """
+
+    def __init__(self, listener: socket.socket, broker: Broker, *, idle_s: float | None = None) -> None:
+        self.limits: Limits = broker.limits
+        self.stopped: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+        self._loop = asyncio.get_running_loop()
+        self._listener = listener
+        self._broker = broker
+        self._connections: set[Connection] = set()
+        self._peers: dict[PeerId, Connection] = {}
+        self._dirty: set[Connection] = set()
+        self._timer: asyncio.TimerHandle | None = None
+        self._timer_ns = 0
+        self._idle_s = idle_s
+        self._idle_timer: asyncio.TimerHandle | None = None
+        self._loop.add_reader(listener.fileno(), self._accept)
+        self._watch_idle()
+
+    def stop(self, reason: str) -> None:
+        """Stop listening, tell nobody, close every connection after sending what it takes."""
+        if self.stopped.done():
+            return
+        self._loop.remove_reader(self._listener.fileno())
+        for timer in (self._timer, self._idle_timer):
+            if timer is not None:
+                timer.cancel()
+        for connection in tuple(self._connections):
+            connection.close()
+        self.stopped.set_result(reason)
+
+    # --- PeerHost
+
+    def greet(self, connection: Connection, hello: Hello) -> PeerId:
+        who = connection.credentials
+        peer = self._broker.attach(monotonic_ns(), hello, pid=who.pid, uid=who.uid)
+        self._peers[peer] = connection
+        _log.debug("%s (pid %d) connected", hello.program, who.pid)
+        self._arm_timer()
+        return peer
+
+    def receive(self, connection: Connection, items: Iterator[Any]) -> None:
+        broker, peer = self._broker, connection.id
+        assert peer is not None
+        now_ns = monotonic_ns()
+        try:
+            for item in items:
+                if item.__class__ is Run:
+                    self._carry_out(broker.route(now_ns, peer, item))
+                    if broker.is_overfull:
+                        self._flush()
+                        self._carry_out(broker.trim(now_ns))
+                else:
+                    self._carry_out(broker.handle(now_ns, peer, item))
+                if connection.stream.is_closed:
+                    break
+        finally:
+            self._flush()
+            self._arm_timer()
+
+    def lose(self, connection: Connection, reason: str) -> None:
+        self._connections.discard(connection)
+        if connection.id is not None and self._peers.pop(connection.id, None) is not None:
+            _log.debug("pid %d is gone: %s", connection.credentials.pid, reason)
+            self._carry_out(self._broker.detach(monotonic_ns(), connection.id))
+            self._flush()
+            self._arm_timer()
+        elif connection.id is None:
+            _log.warning("refused pid %d: %s", connection.credentials.pid, reason)
+        self._watch_idle()
+
+    # --- effects
+
+    def _carry_out(self, effects: list[Effect]) -> None:
+        for effect in effects:
+            match effect:
+                case Flush(peer, queue):
+                    if connection := self._peers.get(peer):
+                        connection.stream.outbox.make_ready(queue)
+                        self._dirty.add(connection)
+                case Send(peer, message):
+                    if connection := self._peers.get(peer):
+                        connection.send(message)
+                        self._dirty.add(connection)
+                case Disconnect(peer, _):
+                    if connection := self._peers.pop(peer, None):
+                        self._connections.discard(connection)
+                        connection.close()
+                        self._watch_idle()
+                case Note(level, text):
+                    _log.log(level, "%s", text)
+                case Stop(reason):
+                    self._flush()
+                    self.stop(reason)
+
+    def _flush(self) -> None:
+        while self._dirty:
+            self._dirty.pop().stream.flush()
+
+    def _arm_timer(self) -> None:
+        due_ns = self._broker.next_deadline_ns()
+        if due_ns is None or self.stopped.done():
+            return
+        if self._timer is not None:
+            if self._timer_ns <= due_ns:
+                return
+            self._timer.cancel()
+        self._timer_ns = due_ns
+        self._timer = self._loop.call_later(max(0, due_ns - monotonic_ns()) / 1e9, self._tick)
+
+    def _tick(self) -> None:
+        self._timer = None
+        self._carry_out(self._broker.tick(monotonic_ns()))
+        self._flush()
+        self._arm_timer()
+
+    # --- connections
+
+    def _accept(self) -> None:
+        try:
+            sock, _ = self._listener.accept()
+        except (BlockingIOError, InterruptedError, ConnectionAbortedError):
+            return
+        except OSError as error:
+            # Out of descriptors: let those who are connected go on, and look again a little later.
+            _log.error("cannot accept a connection: %s", error)
+            self._loop.remove_reader(self._listener.fileno())
+            self._loop.call_later(0.5, self._resume_accepting)
+            return
+        sock.setblocking(False)
+        connection = Connection(self, sock, peer_credentials(sock))
+        self._connections.add(connection)
+        self._watch_idle()
+        if len(self._connections) > self.limits.connections:
+            connection.refuse(
+                f"connections: {self.limits.connections} of {self.limits.connections} in use; "
+                "busd's limit can be raised in busd.toml"
+            )
+            return
+        connection.stream.before_write(lambda: self._before_write(connection))
+
+    def _resume_accepting(self) -> None:
+        if not self.stopped.done():
+            self._loop.add_reader(self._listener.fileno(), self._accept)
+
+    def _before_write(self, connection: Connection) -> None:
+        if connection.id is not None:
+            self._broker.expire(monotonic_ns(), connection.id)
+
+    def _watch_idle(self) -> None:
+        if self._idle_s is None or self.stopped.done():
+            return
+        if self._idle_timer is not None:
+            self._idle_timer.cancel()
+            self._idle_timer = None
+        if not self._connections:
+            stop: Callable[[str], None] = self.stop
+            self._idle_timer = self._loop.call_later(self._idle_s, stop, f"idle for {self._idle_s:g} s")

@@ -1,0 +1,108 @@
+"""busd's client library: nodes, publishers and subscriptions on asyncio.
+
+    import bus
+    from bus.msg.std_msgs import String
+
+    async def main():
+        async with bus.Node("talker") as node:
+            publisher = await node.create_publisher(String, "topic", 10)
+            publisher.publish(String(data="hi"))
+
+    bus.run(main())
+
+Names are imported when they are first used, so that tools which need only a few of them start fast.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from bus import qos as qos
+    from bus.errors import (
+        BrokerUnavailable,
+        BusError,
+        ConfigurationError,
+        ConnectionClosed,
+        ForkError,
+        LocalProtocolError,
+        MessageTypeError,
+        PayloadTooLarge,
+        ProtocolError,
+        QuotaExceeded,
+        RemoteProtocolError,
+    )
+    from bus.events import PublisherEvents, SubscriptionEvents
+    from bus.graph import Graph
+    from bus.logger import Logger, get_logger
+    from bus.node import Node
+    from bus.publisher import Publisher
+    from bus.qos import Durability, History, Liveliness, QoSProfile, Reliability
+    from bus.runner import run
+    from bus.subscription import MessageInfo, Subscription
+    from bus.timer import Timer
+
+_HOMES = {
+    "bus.errors": (
+        "BrokerUnavailable",
+        "BusError",
+        "ConfigurationError",
+        "ConnectionClosed",
+        "ForkError",
+        "LocalProtocolError",
+        "MessageTypeError",
+        "PayloadTooLarge",
+        "ProtocolError",
+        "QuotaExceeded",
+        "RemoteProtocolError",
+    ),
+    "bus.events": ("PublisherEvents", "SubscriptionEvents"),
+    "bus.graph": ("Graph",),
+    "bus.logger": ("Logger", "get_logger"),
+    "bus.node": ("Node",),
+    "bus.publisher": ("Publisher",),
+    "bus.qos": ("Durability", "History", "Liveliness", "QoSProfile", "Reliability"),
+    "bus.runner": ("run",),
+    "bus.subscription": ("MessageInfo", "Subscription"),
+    "bus.timer": ("Timer",),
+}
+_HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "BrokerUnavailable",
+    "BusError",
+    "ConfigurationError",
+    "ConnectionClosed",
+    "Durability",
+    "ForkError",
+    "Graph",
+    "History",
+    "Liveliness",
+    "LocalProtocolError",
+    "Logger",
+    "MessageInfo",
+    "MessageTypeError",
+    "Node",
+    "PayloadTooLarge",
+    "ProtocolError",
+    "Publisher",
+    "PublisherEvents",
+    "QoSProfile",
+    "QuotaExceeded",
+    "Reliability",
+    "RemoteProtocolError",
+    "Subscription",
+    "SubscriptionEvents",
+    "Timer",
+    "get_logger",
+    "qos",
+    "run",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "qos":
+        return import_module("bus.qos")
+    if name in _HOME_OF:
+        value = globals()[name] = getattr(import_module(_HOME_OF[name]), name)
+        return value
+    raise AttributeError(f"module 'bus' has no attribute {name!r}")

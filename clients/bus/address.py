@@ -1,0 +1,74 @@
+"""Where busd's socket is: one answer for daemon, library and tools.
+
+Pure: computes a path from what it is given and must not touch the file system. Who listens also makes the
+folder and checks its owner.
+"""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from bus.errors import ConfigurationError
+
+__all__ = ["MAX_DOMAIN", "MAX_PATH_BYTES", "domain_id", "socket_path"]
+
+MAX_DOMAIN = 65535
+MAX_PATH_BYTES = 107
+"""sun_path of struct sockaddr_un has 108 bytes, one of them for the final NUL (unix(7))."""
+
+
+def socket_path(
+    socket: str | os.PathLike[str] | None = None,
+    domain: int | None = None,
+    *,
+    environ: Mapping[str, str] = os.environ,
+    uid: int | None = None,
+) -> Path:
+    """The absolute path of the socket: `socket`, else $BUSD_SOCKET, else one for the domain.
+
+    That one is $XDG_RUNTIME_DIR/busd/<domain>.sock, or /tmp/busd-<uid>/<domain>.sock where that variable is
+    not set. `uid` defaults to this process's user. An empty variable counts as not set.
+
+    Raises ConfigurationError for a path that is too long for a socket, and for a domain out of range.
+    """
+    chosen = socket if socket is not None else environ.get("BUSD_SOCKET") or None
+    if chosen is not None:
+        return _checked(Path(chosen).absolute())
+    runtime = environ.get("XDG_RUNTIME_DIR", "")
+    # The XDG specification: a relative path is invalid and to be ignored.
+    if runtime.startswith("/"):
+        folder = Path(runtime, "busd")
+    else:
+        folder = Path(f"/tmp/busd-{os.getuid() if uid is None else uid}")
+    return _checked(folder / f"{domain_id(domain, environ=environ)}.sock")
+
+
+def domain_id(domain: int | None = None, *, environ: Mapping[str, str] = os.environ) -> int:
+    """The domain, which keeps apart the systems of one host: `domain`, else $BUSD_DOMAIN, else 0.
+
+    Raises ConfigurationError where it is not from 0 to 65535.
+    """
+    if domain is not None:
+        if isinstance(domain, bool) or not isinstance(domain, int) or not 0 <= domain <= MAX_DOMAIN:
+            raise ConfigurationError(f"domain must be an integer from 0 to {MAX_DOMAIN}, not {domain!r}")
+        return domain
+    text = environ.get("BUSD_DOMAIN", "").strip()
+    if not text:
+        return 0
+    # The length keeps int() from the numbers that it refuses for their size.
+    number = int(text) if text.isascii() and text.isdigit() and len(text) <= 16 else -1
+    if not 0 <= number <= MAX_DOMAIN:
+        raise ConfigurationError(f"BUSD_DOMAIN must be an integer from 0 to {MAX_DOMAIN}, not '{text}'")
+    return number
+
+
+def _checked(path: Path) -> Path:
+    encoded = os.fsencode(path)
+    if b"\0" in encoded:
+        raise ConfigurationError(f"the path of busd's socket must not contain a NUL byte: {str(path)!r}")
+    if len(encoded) > MAX_PATH_BYTES:
+        raise ConfigurationError(
+            f"the path of busd's socket has {len(encoded)} bytes, but a socket's path may have at most "
+            f"{MAX_PATH_BYTES}: '{path}'; choose a shorter one with --socket or BUSD_SOCKET"
+        )
+    return path

@@ -1,0 +1,241 @@
+"""ROS-style command line arguments: remap rules, parameters and log levels between `--ros-args` and `--`.
+
+Owns their grammar (rcl/arguments.c, parse_*) and how remap rules apply (rcl/remap.c). Must not know what a
+parameter means or read its file: values stay YAML text.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from enum import Enum
+from typing import TypeAlias
+
+import msgspec
+
+from bus import names
+from bus.errors import ConfigurationError
+
+__all__ = [
+    "Arguments",
+    "LogLevel",
+    "Parameter",
+    "ParameterFile",
+    "RemapKind",
+    "RemapRule",
+    "remove_ros_args",
+]
+
+_LOG_LEVELS = ("UNSET", "DEBUG", "INFO", "WARN", "ERROR", "FATAL")
+_PARAMETER_NAME = re.compile(r"[A-Za-z0-9_/]+(?:\.[A-Za-z0-9_/]+)*")
+
+
+class RemapKind(Enum):
+    """What a remap rule replaces."""
+
+    NODE_NAME = "__node"
+    NAMESPACE = "__ns"
+    TOPIC = "topic"
+
+
+class RemapRule(msgspec.Struct, frozen=True):
+    """`-r [node:]match:=replacement`; `match` is empty unless the rule is for topics."""
+
+    kind: RemapKind
+    match: str
+    replacement: str
+    node: str | None = None
+    """The only node that the rule is for; None = every node. It has its new name once node names are done."""
+
+
+class Parameter(msgspec.Struct, frozen=True):
+    """`-p [node:]name:=value`."""
+
+    name: str
+    value: str
+    """YAML text."""
+    node: str | None = None
+
+
+class ParameterFile(msgspec.Struct, frozen=True):
+    """`--params-file path`."""
+
+    path: str
+
+
+class LogLevel(msgspec.Struct, frozen=True):
+    """`--log-level [logger:=]severity`."""
+
+    severity: str
+    """UNSET, DEBUG, INFO, WARN, ERROR or FATAL."""
+    logger: str = ""
+    """Empty = the default of every logger."""
+
+
+ParameterSource: TypeAlias = Parameter | ParameterFile
+
+
+class Arguments(msgspec.Struct, frozen=True):
+    """What a command line asks of every node in the process; without arguments, nothing."""
+
+    remaps: tuple[RemapRule, ...] = ()
+    parameters: tuple[ParameterSource, ...] = ()
+    """As given: where two set the same parameter, the later one holds."""
+    log_levels: tuple[LogLevel, ...] = ()
+    """As given: where two set the same logger, the later one holds."""
+    log_to_console: bool = True
+    log_to_rosout: bool = True
+    remaining: tuple[str, ...] = ()
+    """Everything that is not a ROS argument, in order."""
+
+    @classmethod
+    def parse(cls, argv: Sequence[str]) -> "Arguments":
+        """Take the ROS arguments out of a command line, with or without the program's name in front.
+
+        Raises ConfigurationError naming the rule that can't be used, or a ROS argument that is not known.
+        """
+        remaps: list[RemapRule] = []
+        parameters: list[ParameterSource] = []
+        log_levels: list[LogLevel] = []
+        switches = {"stdout-logs": True, "rosout-logs": True, "external-lib-logs": True}
+        remaining: list[str] = []
+        unknown: list[str] = []
+        inside = False
+        rest = iter(argv)
+        for argument in rest:
+            if argument == "--ros-args":
+                inside = True
+            elif not inside:
+                remaining.append(argument)
+            elif argument == "--":
+                inside = False
+            elif argument in ("-r", "--remap"):
+                remaps.append(_parse_remap(argument, _value(rest, argument, "remap rule")))
+            elif argument in ("-p", "--param"):
+                parameters.append(
+                    _parse_parameter(argument, _value(rest, argument, "parameter override rule"))
+                )
+            elif argument == "--params-file":
+                parameters.append(ParameterFile(_value(rest, argument, "file path")))
+            elif argument == "--log-level":
+                log_levels.append(_parse_log_level(argument, _value(rest, argument, "log level")))
+            elif argument in ("-e", "--enclave", "--log-config-file", "--log-file-name"):
+                _value(rest, argument, "value")  # ROS 2 has them; nothing here could obey them
+            elif (switch := _parse_switch(argument)) is not None and switch[0] in switches:
+                switches[switch[0]] = switch[1]
+            else:
+                unknown.append(argument)
+        if unknown:
+            raise ConfigurationError(f"Found unknown ROS arguments: {unknown}")
+        return cls(
+            remaps=tuple(remaps),
+            parameters=tuple(parameters),
+            log_levels=tuple(log_levels),
+            log_to_console=switches["stdout-logs"],
+            log_to_rosout=switches["rosout-logs"],
+            remaining=tuple(remaining),
+        )
+
+    def node_name(self, name: str) -> str:
+        """The name that a node made as `name` gets."""
+        return self._replacement(RemapKind.NODE_NAME, name) or name
+
+    def namespace(self, namespace: str, node: str) -> str:
+        """The namespace that a node made in `namespace` gets; `node` is its name after `node_name()`."""
+        return self._replacement(RemapKind.NAMESPACE, node) or namespace
+
+    def topic(self, full_name: str, node: str, namespace: str) -> str:
+        """The full name that a topic gets in a node, whose name and namespace are remapped already.
+
+        Both sides of a rule are expanded; the first rule that matches is applied, once.
+        """
+        for rule in self.remaps:
+            if rule.kind is not RemapKind.TOPIC or rule.node not in (None, node):
+                continue
+            try:
+                match = names.expand_topic_name(rule.match, node, namespace)
+            except ConfigurationError:
+                continue  # as rcl: a rule that can't be expanded in this node is not for this node
+            if match == full_name:
+                return names.expand_topic_name(rule.replacement, node, namespace)
+        return full_name
+
+    def _replacement(self, kind: RemapKind, node: str) -> str | None:
+        for rule in self.remaps:
+            if rule.kind is kind and rule.node in (None, node):
+                return rule.replacement
+        return None
+
+
+def remove_ros_args(argv: Sequence[str]) -> list[str]:
+    """The command line without its ROS arguments, for a parser of the program's own."""
+    return list(Arguments.parse(argv).remaining)
+
+
+def _value(rest: Iterator[str], flag: str, what: str) -> str:
+    value = next(rest, None)
+    if value is None:
+        raise ConfigurationError(f"Couldn't parse trailing {flag} flag. No {what} found.")
+    return value
+
+
+def _parse_remap(flag: str, rule: str) -> RemapRule:
+    try:
+        node, match, replacement = _split_rule(rule)
+        if match in ("__node", "__name"):
+            names.validate_node_name(replacement)
+            return RemapRule(RemapKind.NODE_NAME, "", replacement, node)
+        if match == "__ns":
+            names.validate_namespace(replacement)
+            return RemapRule(RemapKind.NAMESPACE, "", replacement, node)
+        for side in (match, replacement):
+            names.validate_topic_name(side)
+            if "//" in side:
+                raise ConfigurationError(f"topic name must not contain repeated '/': '{side}'")
+    except ConfigurationError as error:
+        raise ConfigurationError(f"Couldn't parse remap rule: '{flag} {rule}'. Error: {error}") from None
+    return RemapRule(RemapKind.TOPIC, match, replacement, node)
+
+
+def _parse_parameter(flag: str, rule: str) -> Parameter:
+    try:
+        node, name, value = _split_rule(rule)
+        if not _PARAMETER_NAME.fullmatch(name):
+            raise ConfigurationError(
+                f"parameter name must be alphanumerics, '_', '/' and single dots: '{name}'"
+            )
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            f"Couldn't parse parameter override rule: '{flag} {rule}'. Error: {error}"
+        ) from None
+    return Parameter(name, value, node)
+
+
+def _split_rule(rule: str) -> tuple[str | None, str, str]:
+    """Node, left and right side of `[node:]left:=right`."""
+    left, separator, right = rule.partition(":=")
+    if not separator:
+        raise ConfigurationError("expected ':=' between two names")
+    node, colon, name = left.rpartition(":")
+    if colon:
+        names.validate_node_name(node)
+    if not name or not right:
+        raise ConfigurationError(f"nothing stands {'after' if name else 'before'} ':='")
+    return node or None, name, right
+
+
+def _parse_log_level(flag: str, value: str) -> LogLevel:
+    logger, separator, severity = value.rpartition(":=")
+    problem = None
+    if separator and not logger:
+        problem = "no logger stands before ':='"
+    elif severity.upper() not in _LOG_LEVELS:
+        problem = f"'{severity}' is no severity ({', '.join(_LOG_LEVELS).lower()})"
+    if problem is not None:
+        raise ConfigurationError(f"Couldn't parse log level: '{flag} {value}'. Error: {problem}")
+    return LogLevel(severity.upper(), logger)
+
+
+def _parse_switch(argument: str) -> tuple[str, bool] | None:
+    for prefix, on in (("--enable-", True), ("--disable-", False)):
+        if argument.startswith(prefix):
+            return argument.removeprefix(prefix), on
+    return None

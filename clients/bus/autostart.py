@@ -1,0 +1,154 @@
+"""Connects to the broker's socket, and starts a busd in the background where none listens.
+
+Any number of processes may do this at once: each starts one, the daemon's lock lets one of them live, and
+all connect to that one. Its readiness comes as sd_notify's READY=1.
+"""
+
+import asyncio
+import contextlib
+import os
+import socket
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from bus.errors import BrokerUnavailable
+
+IDLE_EXIT_S = 30
+"""A busd that was started in the background leaves after so long without a connection."""
+
+_START_S = 10.0
+_RETRY_S = 0.01
+_ALREADY_RUNNING = 3  # busd.run.EXIT_ALREADY_RUNNING
+
+
+def is_allowed(environ: Mapping[str, str] = os.environ) -> bool:
+    """Whether a busd may be started: BUSD_AUTOSTART is not 0."""
+    return environ.get("BUSD_AUTOSTART", "1") not in ("0", "no", "off", "false")
+
+
+async def open_socket(path: Path) -> socket.socket:
+    """A non-blocking socket connected to the broker at `path`.
+
+    Raises BrokerUnavailable where none answers and none may be or could be started.
+    """
+    try:
+        return await _connect(path)
+    except (FileNotFoundError, ConnectionRefusedError):
+        if not is_allowed():
+            raise BrokerUnavailable(
+                f"no busd listens on {path}; start one with: busd --socket {path}"
+                " (or let programs start it: unset BUSD_AUTOSTART)"
+            ) from None
+    except OSError as error:
+        raise BrokerUnavailable(f"cannot connect to busd at {path}: {error.strerror or error}") from None
+    await start(path)
+    try:
+        return await _connect_when_ready(path)
+    except OSError as error:
+        raise BrokerUnavailable(f"busd was started at {path} but does not answer: {error}") from None
+
+
+async def start(path: Path) -> None:
+    """Start a busd at `path` in a session of its own; returns when it is ready, or another one was first."""
+    log = path.with_suffix(".log")
+    loop = asyncio.get_running_loop()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ready:
+        ready.bind("")  # an abstract address that the kernel chooses
+        ready.setblocking(False)
+        pid = _spawn(path, log, "@" + ready.getsockname()[1:].decode())
+        with contextlib.closing(_PidFile(pid)) as process:
+            waits = {
+                loop.create_task(loop.sock_recv(ready, 4096)),
+                loop.create_task(process.wait()),
+            }
+            done, pending = await asyncio.wait(waits, timeout=_START_S, return_when=asyncio.FIRST_COMPLETED)
+            for task in pending:
+                task.cancel()
+            await asyncio.gather(*pending, return_exceptions=True)
+            status = process.exit_status()
+    if not done:
+        raise BrokerUnavailable(f"busd (pid {pid}) did not become ready within {_START_S:g} s; see {log}")
+    if status not in (None, 0, _ALREADY_RUNNING):
+        raise BrokerUnavailable(f"busd could not be started at {path}: {_last_line(log)}")
+
+
+def _spawn(path: Path, log: Path, notify: str) -> int:
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    environ = {**os.environ, "NOTIFY_SOCKET": notify}
+    arguments = [sys.executable, "-m", "busd", "--socket", str(path), "--idle-exit", str(IDLE_EXIT_S)]
+    flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW
+    return os.posix_spawn(
+        sys.executable,
+        arguments,
+        environ,
+        file_actions=[
+            (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0),
+            (os.POSIX_SPAWN_OPEN, 1, os.devnull, os.O_WRONLY, 0),
+            (os.POSIX_SPAWN_OPEN, 2, str(log), flags, 0o600),
+        ],
+        setsid=True,
+    )
+
+
+class _PidFile:
+    """Waits for a child without a signal handler or a thread."""
+
+    def __init__(self, pid: int) -> None:
+        self._pid = pid
+        self._fd = os.pidfd_open(pid)
+        self._status: int | None = None
+
+    async def wait(self) -> None:
+        loop = asyncio.get_running_loop()
+        ended = loop.create_future()
+        loop.add_reader(self._fd, _settle, ended)
+        try:
+            await ended
+        finally:
+            loop.remove_reader(self._fd)
+
+    def exit_status(self) -> int | None:
+        """None while it runs."""
+        if self._status is None:
+            with contextlib.suppress(ChildProcessError):
+                pid, status = os.waitpid(self._pid, os.WNOHANG)
+                self._status = os.waitstatus_to_exitcode(status) if pid else None
+        return self._status
+
+    def close(self) -> None:
+        os.close(self._fd)
+
+
+def _settle(future: asyncio.Future[None]) -> None:
+    if not future.done():
+        future.set_result(None)
+
+
+async def _connect(path: Path) -> socket.socket:
+    sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    sock.setblocking(False)
+    try:
+        await asyncio.get_running_loop().sock_connect(sock, str(path))
+    except BaseException:
+        sock.close()
+        raise
+    return sock
+
+
+async def _connect_when_ready(path: Path) -> socket.socket:
+    # Where another process's busd was first, it holds the lock but may not listen yet.
+    async with asyncio.timeout(_START_S):
+        while True:
+            try:
+                return await _connect(path)
+            except (FileNotFoundError, ConnectionRefusedError):
+                await asyncio.sleep(_RETRY_S)
+
+
+def _last_line(log: Path) -> str:
+    try:
+        lines = log.read_text(errors="replace").strip().splitlines()
+    except OSError:
+        return f"see {log}"
+    return lines[-1].removeprefix("busd: ") if lines else f"see {log}"

@@ -1,0 +1,195 @@
+"""One connection to a broker, from Hello to the end: requests and answers, heartbeats, what is sent.
+
+Does not come back after a loss; that is the link's work. Hands samples and news of endpoints to its owner.
+"""
+
+import asyncio
+import os
+import sys
+from collections.abc import Callable, Iterator
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from bus.autostart import open_socket
+from bus.errors import (
+    BrokerUnavailable,
+    BusError,
+    ConfigurationError,
+    ConnectionClosed,
+    QuotaExceeded,
+    RemoteProtocolError,
+)
+from bus.transport.stream import Stream
+from bus.typesupport import TypeSupport
+from bus.wire import messages as m
+from bus.wire.layout import VERSION
+from bus.wire.outbox import Outbox
+from bus.wire.session import Role, Session
+
+ANSWER_S = 10.0
+"""How long a broker may take to answer before it counts as hung."""
+
+
+class Connection:
+    """Made by `Connection.open`.
+
+    `on_received(items)` gets the runs and messages of one read, of which it hands back what is an answer to
+    `resolve`; `on_lost(reason)` is called once, unless `close` came first.
+    """
+
+    def __init__(
+        self,
+        *,
+        on_received: Callable[[Iterator[Any]], None],
+        on_lost: Callable[[BusError], None],
+        on_wrote: Callable[[], None],
+    ) -> None:
+        self.outbox = Outbox()
+        self.pid = 0
+        self.lease_s = 0.0
+        self._on_received = on_received
+        self._on_lost = on_lost
+        self._on_wrote = on_wrote
+        self._loop = asyncio.get_running_loop()
+        self._stream: Stream | None = None
+        self._requests: dict[int, asyncio.Future[Any]] = {}
+        self._numbers = count(1)
+        self._types: set[tuple[str, str]] = set()
+        self._heartbeat: asyncio.TimerHandle | None = None
+        self._greeted: asyncio.Future[m.Hello] = self._loop.create_future()
+
+    async def open(self, path: Path) -> None:
+        """Connect to the broker at `path` (starting one where that is allowed) and exchange Hellos.
+
+        Raises BrokerUnavailable. Cancellation: closed.
+        """
+        sock = await open_socket(path)
+        self._stream = Stream(
+            sock, Session(Role.CLIENT), self.outbox, on_received=self._on_received, on_lost=self._lost
+        )
+        self._stream.before_write(self._on_wrote)
+        self.send(m.Hello(version=VERSION, pid=os.getpid(), program=_program()))
+        try:
+            async with asyncio.timeout(ANSWER_S):
+                hello = await self._greeted
+        except TimeoutError:
+            raise BrokerUnavailable(f"busd at {path} took the connection but does not answer") from None
+        except ConnectionClosed as error:
+            raise BrokerUnavailable(f"busd at {path} refused this process: {error}") from None
+        finally:
+            if not self._greeted.done() or self._greeted.cancelled() or self._greeted.exception():
+                self.close()
+        self.pid, self.lease_s = hello.pid, hello.lease_s
+
+    def send(self, message: m.Message) -> None:
+        """Send a control message; nothing happens on a connection that has ended."""
+        if self._stream is not None:
+            self.outbox.put(m.encode_frame(message))
+            self._stream.flush()
+
+    def flush(self) -> None:
+        """Send what waits, as far as the socket takes it."""
+        if self._stream is not None:
+            self._stream.flush()
+
+    async def request(self, make: Callable[[int], m.Message]) -> Any:
+        """Send the message that `make` gives for a request number; returns the answer.
+
+        Raises ConfigurationError or QuotaExceeded where the broker refuses, TimeoutError where it does not
+        answer within ANSWER_S, ConnectionClosed where the connection ends first.
+        """
+        if self._stream is None:
+            raise ConnectionClosed("the connection to busd is closed")
+        number = next(self._numbers)
+        answer = self._requests[number] = self._loop.create_future()
+        try:
+            self.send(make(number))
+            async with asyncio.timeout(ANSWER_S):
+                return await answer
+        except TimeoutError:
+            raise TimeoutError(f"busd (pid {self.pid}) did not answer within {ANSWER_S:g} s") from None
+        finally:
+            self._requests.pop(number, None)
+
+    def declare_type(self, support: TypeSupport[Any]) -> None:
+        """Make a message type known, once for each connection."""
+        if (support.name, support.hash) not in self._types:
+            self._types.add((support.name, support.hash))
+            schema = msgspec.Raw(msgspec.msgpack.encode(support.schema))
+            self.send(m.DeclareType(type_name=support.name, type_hash=support.hash, schema=schema))
+
+    def resolve(self, message: Any) -> bool:
+        """Handle what concerns the connection itself; returns whether it did.
+
+        Raises RemoteProtocolError for the broker's last word.
+        """
+        match message:
+            case m.Hello():
+                if not self._greeted.done():
+                    self._greeted.set_result(message)
+            case m.Ping(number=number):
+                self.send(m.Pong(number=number))
+            case m.Pong():
+                pass
+            case m.Fault(text=text):
+                raise RemoteProtocolError(text)
+            case m.Refused(request=request, text=text, resource=resource, used=used, limit=limit):
+                self._fail(
+                    request,
+                    QuotaExceeded(resource, used=used, limit=limit) if resource else ConfigurationError(text),
+                )
+            case m.Created() | m.Done() | m.TypeDescription() | m.Graph():
+                waiting = self._requests.get(message.request)
+                if waiting is not None and not waiting.done():
+                    waiting.set_result(message)
+            case _:
+                return False
+        return True
+
+    def beat(self, interval_s: float) -> None:
+        """Send a sign of life every `interval_s` seconds from now on."""
+        if self._heartbeat is not None:
+            self._heartbeat.cancel()
+        if self._stream is not None:
+            self._heartbeat = self._loop.call_later(interval_s, self._beat, interval_s)
+
+    def close(self) -> None:
+        """Send what the socket still takes, and end."""
+        stream, self._stream = self._stream, None
+        if stream is not None:
+            stream.close()
+        self._finish(ConnectionClosed("the connection to busd is closed"))
+
+    def _beat(self, interval_s: float) -> None:
+        self.send(m.Ping())
+        self.beat(interval_s)
+
+    def _fail(self, request: int, error: BusError) -> None:
+        waiting = self._requests.get(request)
+        if waiting is not None and not waiting.done():
+            waiting.set_exception(error)
+
+    def _lost(self, error: Exception | None) -> None:
+        reason = ConnectionClosed(str(error) if error else "busd closed the connection")
+        self._stream = None
+        self._finish(reason)
+        self._on_lost(reason)
+
+    def _finish(self, reason: BusError) -> None:
+        if self._heartbeat is not None:
+            self._heartbeat.cancel()
+        for waiting in [*self._requests.values(), self._greeted]:
+            if not waiting.done():
+                waiting.set_exception(reason)
+        # Nobody may be waiting any more; the error must not be reported as one that was never looked at.
+        for waiting in [*self._requests.values(), self._greeted]:
+            if not waiting.cancelled():
+                waiting.exception()
+        self._requests.clear()
+
+
+def _program() -> str:
+    return Path(sys.argv[0]).name if sys.argv and sys.argv[0] else "python"

@@ -1,0 +1,234 @@
+"""What publishers and subscriptions have in common: identity, declaration, matches, events, closing.
+
+Knows the link as what it sends through; the link knows endpoints by the methods here.
+"""
+
+import asyncio
+import os
+from collections.abc import Callable
+from itertools import count
+from time import monotonic_ns
+from typing import Any, Generic, TypeVar
+
+import msgspec
+
+from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
+from bus.events import (
+    DeadlineMissed,
+    IncompatibleQoS,
+    IncompatibleType,
+    MatchedChange,
+    PublisherEvents,
+    SubscriptionEvents,
+)
+from bus.link import Link
+from bus.logger import Logger
+from bus.qos import QoSProfile
+from bus.typesupport import TypeSupport
+from bus.wire import messages as m
+from bus.wire.runs import Run
+
+M = TypeVar("M", bound=msgspec.Struct)
+
+_process_prefix = os.urandom(12)
+_gid_numbers = count(1)
+
+
+def _forget_prefix() -> None:
+    global _process_prefix
+    _process_prefix = os.urandom(12)
+
+
+os.register_at_fork(after_in_child=_forget_prefix)
+
+
+class Match(msgspec.Struct, frozen=True):
+    """The other side of a match: its node's full name, its gid, its QoS, and how messages travel."""
+
+    node: str
+    gid: bytes
+    qos: QoSProfile
+    route: str
+
+
+class Endpoint(Generic[M]):
+    """Base of Publisher and Subscription; not made by users."""
+
+    kind = ""
+
+    def __init__(
+        self,
+        link: Link,
+        node: str,
+        topic: str,
+        support: TypeSupport[M],
+        qos: QoSProfile,
+        events: PublisherEvents | SubscriptionEvents,
+        logger: Logger,
+        on_error: Callable[[BaseException], None],
+    ) -> None:
+        self.topic_name = topic
+        self.node_name = node
+        self.type = support.cls
+        self.qos = qos
+        self.gid = _process_prefix + next(_gid_numbers).to_bytes(4, "big")
+        self.support = support
+        self.id = 0  # the broker's number, another one after a reconnection
+        self.refusal: BusError | None = None  # why it cannot be used any more
+        self.samples = 0
+        self.bytes = 0
+        self._link = link
+        self._on_error = on_error
+        self._logger = logger
+        self._events: Any = events
+        self._matches: dict[int, Match] = {}
+        self._total_matches = 0
+        self._incompatible_qos = 0
+        self._incompatible_types = 0
+        self._missed_deadlines = 0
+        self._match_waiters: list[tuple[int, asyncio.Future[None]]] = []
+        self._deadline: asyncio.TimerHandle | None = None
+        self._last_ns = 0
+
+    @property
+    def matches(self) -> tuple[Match, ...]:
+        """The endpoints that this one is matched with now."""
+        return tuple(self._matches.values())
+
+    async def close(self) -> None:
+        """Hand over what was published, leave the graph. Closing twice is allowed."""
+        if self.refusal is None:
+            await self._drain()
+            self._link.forget(self)
+            self.end(ConnectionClosed(f"this {self.kind} on '{self.topic_name}' is closed"))
+
+    def end(self, reason: BusError) -> None:
+        """The endpoint can't be used any more; those who wait get `reason`."""
+        self.refusal = reason
+        if self._deadline is not None:
+            self._deadline.cancel()
+        for _, waiter in self._match_waiters:
+            if not waiter.done():
+                waiter.set_exception(reason)
+        self._match_waiters.clear()
+
+    def declaration(self, request: int, node: int) -> m.Message:
+        """The message that creates this endpoint at the broker."""
+        raise NotImplementedError
+
+    def declared(self, answer: m.Created) -> None:
+        """The broker knows this endpoint now, for the first time or again."""
+        self.id = answer.id
+
+    def disconnected(self) -> None:
+        """The broker is gone: so are the matches, until it is back."""
+        for other in tuple(self._matches):
+            self._unmatch(other)
+
+    def hand_over(self) -> None:
+        """Turn what was gathered into a run (a publisher's part)."""
+
+    def receive_run(self, run: Run) -> None:
+        """A run has come (a subscription's part)."""
+
+    def wake(self) -> None:
+        """All that was read has been handed out (a subscription's part)."""
+
+    def totals(self) -> m.Report:
+        """The counters, for the graph."""
+        raise NotImplementedError
+
+    def handle(self, message: Any) -> None:
+        """A control message from the broker about this endpoint."""
+        match message:
+            case m.Matched():
+                self._match(message)
+            case m.Unmatched(other=other):
+                self._unmatch(other)
+            case m.Incompatible():
+                self._report_incompatible(message)
+
+    async def _wait_for_matches(self, number: int) -> None:
+        if self.refusal is not None:
+            raise self.refusal
+        if len(self._matches) >= number:
+            return
+        waiter = asyncio.get_running_loop().create_future()
+        entry = (number, waiter)
+        self._match_waiters.append(entry)
+        try:
+            await waiter
+        finally:
+            if entry in self._match_waiters:
+                self._match_waiters.remove(entry)
+
+    async def _drain(self) -> None:
+        """Wait until nothing is left to be handed over."""
+
+    def _match(self, message: m.Matched) -> None:
+        self._matches[message.other] = Match(message.node, message.gid, message.qos, message.route)
+        self._total_matches += 1
+        for number, waiter in self._match_waiters:
+            if len(self._matches) >= number and not waiter.done():
+                waiter.set_result(None)
+        self._tell_match(1, message.node)
+
+    def _unmatch(self, other: int) -> None:
+        gone = self._matches.pop(other, None)
+        if gone is not None:
+            self._tell_match(-1, gone.node)
+
+    def _tell_match(self, change: int, node: str) -> None:
+        event = MatchedChange(len(self._matches), change, self._total_matches, max(change, 0), node)
+        self._tell(self._events.matched, event)
+
+    def _report_incompatible(self, message: m.Incompatible) -> None:
+        if message.policy == "TYPE":
+            self._incompatible_types += 1
+            event: Any = IncompatibleType(self._incompatible_types, 1, message.text, message.node)
+            callback: Callable[[Any], object] | None = self._events.incompatible_type
+            text = self._type_warning()
+        else:
+            self._incompatible_qos += 1
+            event = IncompatibleQoS(self._incompatible_qos, 1, message.policy, message.text, message.node)
+            callback = self._events.incompatible_qos
+            text = self._qos_warning(message.policy)
+        if callback is not None:
+            self._tell(callback, event)
+        else:
+            self._logger.warning(f"{text} (node {message.node}: {message.text.rstrip(';')})")
+
+    def _type_warning(self) -> str:
+        raise NotImplementedError
+
+    def _qos_warning(self, policy: str) -> str:
+        raise NotImplementedError
+
+    def _watch_deadline(self) -> None:
+        """Start to look for gaps longer than the QoS deadline."""
+        if self.qos.deadline is not None and self._deadline is None:
+            self._last_ns = monotonic_ns()
+            self._arm_deadline()
+
+    def _arm_deadline(self) -> None:
+        due_ns = self._last_ns + self.qos.deadline_ns - monotonic_ns()
+        self._deadline = self._link.loop.call_later(max(due_ns, 0) / 1e9, self._check_deadline)
+
+    def _check_deadline(self) -> None:
+        now_ns = monotonic_ns()
+        if now_ns - self._last_ns >= self.qos.deadline_ns:
+            self._last_ns = now_ns
+            self._missed_deadlines += 1
+            self._tell(self._events.deadline_missed, DeadlineMissed(self._missed_deadlines, 1))
+        self._arm_deadline()
+
+    def _tell(self, callback: Callable[[Any], object] | None, event: Any) -> None:
+        if callback is not None:
+            try:
+                callback(event)
+            except Exception as error:
+                self._on_error(error)
+
+    def _check_size(self, size: int, limit: int) -> None:
+        if size > limit:
+            raise PayloadTooLarge(self.topic_name, size_bytes=size, limit_bytes=limit)

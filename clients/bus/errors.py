@@ -1,0 +1,94 @@
+"""Every error of busd, as a tree.
+
+    BusError
+    ├── ConfigurationError (ValueError)   a bad name, QoS profile, remap rule or configuration
+    ├── MessageTypeError (TypeError)      a message of the wrong class, or a field of the wrong type
+    ├── PayloadTooLarge (ValueError)      size_bytes, limit_bytes
+    ├── QuotaExceeded                     resource, used, limit
+    ├── ProtocolError
+    │   ├── LocalProtocolError            this side asked for something that is not allowed now
+    │   └── RemoteProtocolError           the other side broke the protocol
+    ├── ConnectionClosed (ConnectionError)
+    │   └── BrokerUnavailable             no busd answers at the socket
+    └── ForkError (RuntimeError)          a node was used in a child of the process that made it
+
+Errors are for faults. What is expected to happen on a bus (nothing to take, a message replaced because a
+queue was full, no room to publish) is a return value or a counter. Timeouts are the built-in TimeoutError.
+"""
+
+__all__ = [
+    "BrokerUnavailable",
+    "BusError",
+    "ConfigurationError",
+    "ConnectionClosed",
+    "ForkError",
+    "LocalProtocolError",
+    "MessageTypeError",
+    "PayloadTooLarge",
+    "ProtocolError",
+    "QuotaExceeded",
+    "RemoteProtocolError",
+]
+
+
+class BusError(Exception):
+    """Base of every error that busd raises on purpose."""
+
+
+class ConfigurationError(BusError, ValueError):
+    """A value that the user gave is not allowed.
+
+    `index` is the offset of the first offending character where the value is a name, else None.
+    """
+
+    def __init__(self, message: str, *, index: int | None = None) -> None:
+        super().__init__(message)
+        self.index = index
+
+
+class MessageTypeError(BusError, TypeError):
+    """A message does not have the type of its topic; the text names the field's path."""
+
+
+class PayloadTooLarge(BusError, ValueError):
+    """An encoded message is larger than the topic allows."""
+
+    def __init__(self, topic: str, *, size_bytes: int, limit_bytes: int) -> None:
+        super().__init__(f"message on '{topic}' has {size_bytes} bytes, the limit is {limit_bytes}")
+        self.topic = topic
+        self.size_bytes = size_bytes
+        self.limit_bytes = limit_bytes
+
+
+class QuotaExceeded(BusError):
+    """The broker refused because this process already holds as much of a resource as it may."""
+
+    def __init__(self, resource: str, *, used: int, limit: int) -> None:
+        super().__init__(f"{resource}: {used} of {limit} in use; busd's limit can be raised in busd.toml")
+        self.resource = resource
+        self.used = used
+        self.limit = limit
+
+
+class ProtocolError(BusError):
+    """The rules of the wire were broken; see the two subclasses for by whom."""
+
+
+class LocalProtocolError(ProtocolError):
+    """This side asked for something that is not allowed in the present state."""
+
+
+class RemoteProtocolError(ProtocolError):
+    """The other side sent something that is not allowed."""
+
+
+class ConnectionClosed(BusError, ConnectionError):
+    """The connection to the broker is gone, or the object was closed."""
+
+
+class BrokerUnavailable(ConnectionClosed):
+    """No broker answers at the socket, and none could or should be started."""
+
+
+class ForkError(BusError, RuntimeError):
+    """A node was used after fork() in the child; connections do not survive a fork."""

@@ -1,0 +1,103 @@
+"""The graph as a client sees it: nodes, endpoints, matches, with look-ups by name. Values only."""
+
+from typing import Self
+
+import msgspec
+
+from bus.names import join_node_name
+from bus.qos import QoSProfile
+from bus.wire import messages as m
+
+EndpointStatistics = m.EndpointStatistics
+
+
+class GraphNode(msgspec.Struct, frozen=True):
+    """A node of some process."""
+
+    id: int
+    name: str
+    namespace: str
+    pid: int
+
+    @property
+    def full_name(self) -> str:
+        return join_node_name(self.namespace, self.name)
+
+
+class GraphEndpoint(msgspec.Struct, frozen=True):
+    """A publisher or a subscription of some node (`kind` tells); `statistics` only where they were asked for."""
+
+    id: int
+    kind: str
+    node: GraphNode
+    topic: str
+    type_name: str
+    type_hash: str
+    gid: bytes
+    qos: QoSProfile
+    statistics: EndpointStatistics | None = None
+
+
+class GraphMatch(msgspec.Struct, frozen=True):
+    """A publisher and a subscription between which messages flow, and the route they take."""
+
+    publisher: int
+    subscription: int
+    route: str
+
+
+class Graph(msgspec.Struct, frozen=True):
+    """Everything that the broker knew at one moment."""
+
+    revision: int
+    broker_pid: int
+    nodes: tuple[GraphNode, ...]
+    publishers: tuple[GraphEndpoint, ...]
+    subscriptions: tuple[GraphEndpoint, ...]
+    matches: tuple[GraphMatch, ...]
+
+    @classmethod
+    def from_snapshot(cls, snapshot: m.Graph) -> Self:
+        """From the broker's answer."""
+        nodes = {
+            node.id: GraphNode(id=node.id, name=node.name, namespace=node.namespace, pid=node.pid)
+            for node in snapshot.nodes
+        }
+        endpoints = [
+            GraphEndpoint(
+                id=one.id,
+                kind=one.kind,
+                node=nodes[one.node],
+                topic=one.topic,
+                type_name=one.type_name,
+                type_hash=one.type_hash,
+                gid=one.gid,
+                qos=one.qos,
+                statistics=one.statistics,
+            )
+            for one in snapshot.endpoints
+        ]
+        return cls(
+            revision=snapshot.revision,
+            broker_pid=snapshot.pid,
+            nodes=tuple(nodes.values()),
+            publishers=tuple(one for one in endpoints if one.kind == "publisher"),
+            subscriptions=tuple(one for one in endpoints if one.kind == "subscription"),
+            matches=tuple(
+                GraphMatch(publisher=match.publisher, subscription=match.subscription, route=match.route)
+                for match in snapshot.matches
+            ),
+        )
+
+    def topics(self) -> dict[str, list[str]]:
+        """Each topic with the names of its types (more than one is a conflict), sorted."""
+        found: dict[str, set[str]] = {}
+        for endpoint in (*self.publishers, *self.subscriptions):
+            found.setdefault(endpoint.topic, set()).add(endpoint.type_name)
+        return {topic: sorted(found[topic]) for topic in sorted(found)}
+
+    def publishers_of(self, topic: str) -> list[GraphEndpoint]:
+        return [endpoint for endpoint in self.publishers if endpoint.topic == topic]
+
+    def subscriptions_of(self, topic: str) -> list[GraphEndpoint]:
+        return [endpoint for endpoint in self.subscriptions if endpoint.topic == topic]

@@ -1,0 +1,448 @@
+"""The link of a process to its broker: what is declared there, samples both ways, and recovery.
+
+Nodes of one event loop that use the same socket share a link. It declares everything again when the broker
+comes back. Knows nodes and endpoints only by the methods that `Declared` and `Endpoint` name.
+"""
+
+import asyncio
+import os
+import weakref
+from collections.abc import Awaitable, Callable, Iterator
+from pathlib import Path
+from threading import get_ident
+from time import monotonic_ns, time_ns
+from typing import Any, Protocol
+
+from bus.connection import Connection
+from bus.errors import BrokerUnavailable, BusError, ConnectionClosed, ForkError
+from bus.logger import get_logger
+from bus.qos import QoSProfile
+from bus.typesupport import TypeSupport
+from bus.wire import messages as m
+from bus.wire.runs import Run, RunQueue
+
+_REPORT_S = 0.5
+_RETRY_S = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+
+_log = get_logger("bus")
+
+
+class Declared(Protocol):
+    """What the broker gives an id to."""
+
+    id: int
+
+    def declaration(self, request: int, node: int) -> m.Message: ...
+
+    def declared(self, answer: m.Created) -> None: ...
+
+
+class Endpoint(Declared, Protocol):
+    """A publisher or a subscription, as the link sees it."""
+
+    kind: str
+    qos: QoSProfile
+    support: TypeSupport[Any]
+    refusal: BusError | None
+
+    def disconnected(self) -> None: ...
+
+    def handle(self, message: Any) -> None: ...
+
+    def hand_over(self) -> None: ...
+
+    def receive_run(self, run: Run) -> None: ...
+
+    def wake(self) -> None: ...
+
+    def totals(self) -> m.Report: ...
+
+    def end(self, reason: BusError) -> None: ...
+
+
+class Link:
+    """Got by `Link.acquire`, given back with `release`."""
+
+    _links: "weakref.WeakSet[Link]" = weakref.WeakSet()
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.loop = asyncio.get_running_loop()
+        self.thread = get_ident()
+        self.wall_offset_ns = time_ns() - monotonic_ns()
+        self.is_corked = False
+        self.failure: BusError | None = None
+        self._users = 0
+        self._connection: Connection | None = None
+        self._opening: asyncio.Task[None] | None = None
+        self._nodes: dict[Declared, dict[Endpoint, None]] = {}
+        self._endpoints: dict[int, Endpoint] = {}
+        self._admissions: dict[int, Callable[[m.Created], None]] = {}
+        self._gathered: set[Endpoint] = set()
+        self._touched: set[Endpoint] = set()
+        self._reports: set[Endpoint] = set()
+        self._report_timer: asyncio.TimerHandle | None = None
+        self._drain_waiters: list[tuple[RunQueue, asyncio.Future[None]]] = []
+        self._observers: list[Callable[[m.Graph | m.GraphChanged], None]] = []
+        Link._links.add(self)
+
+    # --- making and ending
+
+    @classmethod
+    async def acquire(cls, path: Path) -> "Link":
+        """The link of this event loop to the socket `path`, connected.
+
+        Raises BrokerUnavailable where no broker answers and none could be started.
+        """
+        loop = asyncio.get_running_loop()
+        for link in cls._links:
+            if link.path == path and link.loop is loop and link.failure is None:
+                break
+        else:
+            link = cls(path)
+            link._opening = loop.create_task(link._open(), name="connect to busd")
+        link._users += 1
+        try:
+            if link._opening is not None:
+                await asyncio.shield(link._opening)
+        except BaseException:
+            link.release()
+            raise
+        return link
+
+    def release(self) -> None:
+        """One user less; the last one closes the connection."""
+        self._users -= 1
+        if self._users or self.failure is not None:
+            return
+        self.failure = ConnectionClosed("the connection to busd is closed")
+        if self._opening is not None:
+            self._opening.cancel()
+        if self._report_timer is not None:
+            self._report_timer.cancel()
+            self._send_reports()
+        if self._connection is not None:
+            self._connection.close()
+        self._fail_drains(self.failure)
+
+    @property
+    def broker_pid(self) -> int:
+        """The broker's process; 0 while it is away."""
+        return self._connection.pid if self._connection is not None else 0
+
+    # --- what is declared
+
+    async def declare_node(self, node: Declared) -> None:
+        """Make `node` known to the broker, now and after each reconnection."""
+        await self._when_connected(lambda connection: self._declare_node(connection, node))
+        self._nodes[node] = {}
+
+    async def declare(self, node: Declared, endpoint: Endpoint) -> None:
+        """Make an endpoint of `node` known to the broker, now and after each reconnection.
+
+        Raises ConfigurationError or QuotaExceeded where the broker refuses it. Cancellation: not declared.
+        """
+        await self._when_connected(lambda connection: self._declare_endpoint(connection, node, endpoint))
+        self._nodes[node][endpoint] = None
+        self._set_heartbeat()
+
+    def forget(self, endpoint: Endpoint) -> None:
+        """Take an endpoint out of the graph."""
+        for endpoints in self._nodes.values():
+            endpoints.pop(endpoint, None)
+        self._gathered.discard(endpoint)
+        if endpoint in self._reports:
+            self._reports.discard(endpoint)
+            self.send_about(endpoint, endpoint.totals())
+        self._endpoints.pop(endpoint.id, None)
+        self.send_about(endpoint, m.DestroyEndpoint(endpoint=endpoint.id))
+
+    def forget_node(self, node: Declared) -> None:
+        """Take a node out of the graph; its endpoints must have been closed."""
+        if self._nodes.pop(node, None) is not None:
+            self.send_about(node, m.DestroyNode(node=node.id))
+
+    def send_about(self, what: Declared, message: m.Message) -> None:
+        """Send a message about `what`; nothing where the broker does not know it at the moment."""
+        if what.id and self._connection is not None:
+            self._connection.send(message)
+
+    async def request(self, make: Callable[[int], m.Message]) -> Any:
+        """Ask the broker something; see `Connection.request`. Waits for a broker that is away."""
+        return await (await self._connected()).request(make)
+
+    async def observe(self, tell: Callable[[m.Graph | m.GraphChanged], None]) -> None:
+        """Call `tell` with the graph as it is and then with every change, also after a reconnection."""
+        self._observers.append(tell)
+        tell(await self.request(lambda number: m.Observe(request=number)))
+
+    def stop_observing(self, tell: Callable[[m.Graph | m.GraphChanged], None]) -> None:
+        self._observers.remove(tell)
+        if not self._observers and self._connection is not None:
+            self._connection.send(m.Observe(request=0, on=False))
+
+    # --- samples out
+
+    def gather(self, publisher: Endpoint) -> None:
+        """`publisher` has begun a run, which leaves with the others when the turn of the loop ends."""
+        self._gathered.add(publisher)
+
+    def cork(self) -> None:
+        """Send now what was gathered, and gather what follows until the next turn of the loop."""
+        self._hand_over()
+        if not self.is_corked:
+            self.is_corked = True
+            self.loop.call_soon(self._uncork)
+
+    def make_ready(self, queue: RunQueue) -> None:
+        """`queue` has runs for the broker."""
+        if self._connection is not None:
+            self._connection.outbox.make_ready(queue)
+
+    def flush(self) -> None:
+        """Send what waits, as far as the socket takes it."""
+        if self._connection is not None:
+            self._connection.flush()
+
+    async def wait_for_drain(self, queue: RunQueue) -> None:
+        """Wait until `queue` is empty. Raises ConnectionClosed where the link ends first."""
+        while queue.runs:
+            if self.failure is not None:
+                raise self.failure
+            waiter = self.loop.create_future()
+            self._drain_waiters.append((queue, waiter))
+            await waiter
+
+    def report(self, endpoint: Endpoint) -> None:
+        """The counters of `endpoint` have changed; the broker is told soon."""
+        self._reports.add(endpoint)
+        if self._report_timer is None:
+            self._report_timer = self.loop.call_later(_REPORT_S, self._send_reports)
+
+    def _hand_over(self) -> None:
+        gathered, self._gathered = self._gathered, set()
+        for publisher in gathered:
+            publisher.hand_over()
+        self.flush()
+
+    def _uncork(self) -> None:
+        self.is_corked = False
+        if self._gathered:
+            self._hand_over()
+
+    def _wrote(self) -> None:
+        """The socket took all that was chosen; who waits for that may look again after the next choice."""
+        self.loop.call_soon(self._look_at_drains)
+
+    def _look_at_drains(self) -> None:
+        waiters, self._drain_waiters = self._drain_waiters, []
+        for queue, waiter in waiters:
+            if queue.runs:
+                self._drain_waiters.append((queue, waiter))
+            elif not waiter.done():
+                waiter.set_result(None)
+
+    def _fail_drains(self, reason: BusError) -> None:
+        for _, waiter in self._drain_waiters:
+            if not waiter.done():
+                waiter.set_exception(reason)
+        self._drain_waiters.clear()
+
+    def _send_reports(self) -> None:
+        self._report_timer = None
+        reports, self._reports = self._reports, set()
+        for endpoint in reports:
+            self.send_about(endpoint, endpoint.totals())
+
+    # --- what comes in
+
+    def _received(self, items: Iterator[Any]) -> None:
+        received_ns = time_ns()
+        self.wall_offset_ns = received_ns - monotonic_ns()
+        endpoints, touched = self._endpoints, self._touched
+        try:
+            for item in items:
+                if item.__class__ is Run:
+                    subscription = endpoints.get(item.endpoint)
+                    if subscription is not None:  # else it was closed a moment ago
+                        item.received_ns = received_ns
+                        subscription.receive_run(item)
+                        touched.add(subscription)
+                else:
+                    self._handle(item)
+        finally:
+            while touched:
+                touched.pop().wake()
+
+    def _handle(self, message: Any) -> None:
+        if isinstance(message, m.Created) and message.request in self._admissions:
+            # At once, and not when the request's task runs: news and samples may stand in the same read.
+            self._admissions.pop(message.request)(message)
+        connection = self._connection
+        if connection is None or connection.resolve(message):
+            return
+        match message:
+            case m.GraphChanged():
+                for tell in tuple(self._observers):
+                    tell(message)
+                return
+            case m.Matched(endpoint=number) | m.Unmatched(endpoint=number) | m.Incompatible(endpoint=number):
+                pass
+            case m.Dropped(subscription=number) | m.LivelinessChanged(subscription=number):
+                pass
+            case m.Credit(publisher=number) | m.LivelinessLost(publisher=number):
+                pass
+            case _:
+                return
+        endpoint = self._endpoints.get(number)
+        if endpoint is not None:
+            endpoint.handle(message)
+
+    # --- connecting
+
+    async def _open(self) -> None:
+        try:
+            await self._connect()
+        except BaseException as error:
+            self.failure = error if isinstance(error, BusError) else BrokerUnavailable(str(error))
+            raise
+        finally:
+            self._opening = None
+
+    async def _connect(self) -> None:
+        connection = Connection(on_received=self._received, on_lost=self._lost, on_wrote=self._wrote)
+        self._connection = connection
+        try:
+            await connection.open(self.path)
+        except BaseException:
+            self._connection = None
+            raise
+        self._set_heartbeat()
+
+    def _lost(self, reason: BusError) -> None:
+        self._connection = None
+        self._admissions.clear()
+        for endpoints in self._nodes.values():
+            for endpoint in endpoints:
+                endpoint.disconnected()
+        self._endpoints.clear()
+        if self.failure is None and self._opening is None:
+            _log.warning(f"lost busd ({reason}); reconnecting")
+            self._opening = self.loop.create_task(self._reconnect(), name="reconnect to busd")
+
+    async def _reconnect(self) -> None:
+        pauses = iter(_RETRY_S)
+        pause_s = 0.0
+        try:
+            while True:
+                pause_s = next(pauses, pause_s)
+                await asyncio.sleep(pause_s)
+                try:
+                    await self._connect()
+                    await self._declare_again()
+                except (OSError, BusError) as error:
+                    _log.debug(f"busd is not back yet: {error}")
+                    if self._connection is not None:
+                        self._connection.close()
+                        self._connection = None
+                    continue
+                _log.info(f"busd is back (pid {self.broker_pid})")
+                return
+        finally:
+            self._opening = None
+
+    async def _connected(self) -> Connection:
+        while True:
+            if self.failure is not None:
+                raise self.failure
+            if self._opening is not None:
+                await asyncio.shield(self._opening)
+            elif self._connection is not None:
+                return self._connection
+
+    async def _when_connected(self, action: Callable[[Connection], Awaitable[None]]) -> None:
+        while True:
+            connection = await self._connected()
+            try:
+                await action(connection)
+                return
+            except ConnectionClosed:
+                if self._opening is None:
+                    raise
+
+    async def _declare_node(self, connection: Connection, node: Declared) -> None:
+        await self._declare(
+            connection,
+            lambda number: node.declaration(number, 0),
+            node.declared,
+            lambda answer: m.DestroyNode(node=answer.id),
+        )
+
+    async def _declare_endpoint(self, connection: Connection, node: Declared, endpoint: Endpoint) -> None:
+        def admit(answer: m.Created) -> None:
+            endpoint.declared(answer)
+            self._endpoints[answer.id] = endpoint
+
+        connection.declare_type(endpoint.support)
+        await self._declare(
+            connection,
+            lambda number: endpoint.declaration(number, node.id),
+            admit,
+            lambda answer: m.DestroyEndpoint(endpoint=answer.id),
+        )
+
+    async def _declare(
+        self,
+        connection: Connection,
+        make: Callable[[int], m.Message],
+        admit: Callable[[m.Created], None],
+        undo: Callable[[m.Created], m.Message],
+    ) -> None:
+        requests: list[int] = []
+
+        def declaration(number: int) -> m.Message:
+            requests.append(number)
+            self._admissions[number] = admit
+            return make(number)
+
+        try:
+            await connection.request(declaration)
+        finally:
+            if requests and requests[0] in self._admissions:
+                # Nobody waits for the answer any more: what it creates is not wanted.
+                self._admissions[requests[0]] = lambda answer: connection.send(undo(answer))
+
+    async def _declare_again(self) -> None:
+        connection = self._connection
+        assert connection is not None
+        await asyncio.gather(*(self._declare_node(connection, node) for node in self._nodes))
+        for node, endpoints in self._nodes.items():
+            await asyncio.gather(
+                *(self._declare_endpoint(connection, node, endpoint) for endpoint in endpoints)
+            )
+        for tell in self._observers:
+            tell(await connection.request(lambda number: m.Observe(request=number)))
+
+    def _set_heartbeat(self) -> None:
+        if self._connection is None or not self._connection.lease_s:
+            return
+        leases = [
+            endpoint.qos.liveliness_lease_duration
+            for endpoints in self._nodes.values()
+            for endpoint in endpoints
+            if endpoint.kind == "publisher" and endpoint.qos.liveliness_lease_duration is not None
+        ]
+        self._connection.beat(min([self._connection.lease_s, *leases]) / 3)
+
+
+def _forked() -> None:
+    for link in tuple(Link._links):
+        link.failure = ForkError(
+            "this node was made before a fork; make a node of its own in the child process"
+        )
+        for endpoints in link._nodes.values():
+            for endpoint in endpoints:
+                endpoint.refusal = link.failure
+
+
+os.register_at_fork(after_in_child=_forked)

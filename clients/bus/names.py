@@ -1,0 +1,254 @@
+"""Names of nodes, namespaces and topics: what is allowed, and how a topic as typed becomes a full name.
+
+Owns the rules and texts of rcl/validate_topic_name.c, rcl/expand_topic_name.c and rmw/validate_*.c. Must not
+know about remapping (`bus.arguments`) or the graph.
+
+A validator returns nothing and raises ConfigurationError, which carries the index of the first offending
+character and the text that rclpy would print, with a caret under that character.
+"""
+
+import re
+
+from bus.errors import ConfigurationError
+
+__all__ = [
+    "MAX_NAMESPACE_LENGTH",
+    "MAX_NODE_NAME_LENGTH",
+    "MAX_TOPIC_NAME_LENGTH",
+    "absolute_namespace",
+    "expand_topic_name",
+    "is_hidden_node",
+    "is_hidden_topic",
+    "join_node_name",
+    "logger_name",
+    "split_node_name",
+    "validate_full_topic_name",
+    "validate_namespace",
+    "validate_node_name",
+    "validate_topic_name",
+]
+
+MAX_NODE_NAME_LENGTH = 255
+MAX_TOPIC_NAME_LENGTH = 247
+"""DDS allows 255, of which ROS 2 takes 8 for prefixes and suffixes of its own."""
+MAX_NAMESPACE_LENGTH = 245
+"""Leaves room for a slash and a node or topic of one letter."""
+
+_NODE_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_FULL_NAME = re.compile(r"(?:/[A-Za-z_][A-Za-z0-9_]*)+")
+_NOT_WORD = re.compile(r"[^A-Za-z0-9_]")
+_NOT_WORD_OR_SLASH = re.compile(r"[^A-Za-z0-9_/]")
+_BAD_TOKEN_START = re.compile(r"/[/0-9]")
+_NUMBER_AFTER_SLASH = re.compile(r"/[0-9]")
+_SUBSTITUTION = re.compile(r"\{([^{}]*)\}")
+_SHOWN_LENGTH = 256
+_DIGITS = frozenset("0123456789")
+
+_ENDS_WITH_SLASH = "must not end with a '/'"
+_UNMATCHED_BRACE = "topic name must not have unmatched (unbalanced) curly braces '{}'"
+
+# A fault is the broken rule in ROS's words and the index of the first character that breaks it.
+_Fault = tuple[str, int]
+
+
+def validate_node_name(name: str) -> None:
+    """A node's base name: `[A-Za-z_][A-Za-z0-9_]*`, without namespace."""
+    _require_text("node name", name)
+    fault = _node_name_fault(name)
+    if fault is not None:
+        raise _invalid("node name", name, fault)
+
+
+def validate_namespace(namespace: str) -> None:
+    """A namespace: "/", or tokens that each follow a slash."""
+    _require_text("namespace", namespace)
+    fault = _namespace_fault(namespace)
+    if fault is not None:
+        raise _invalid("namespace", namespace, fault)
+
+
+def validate_topic_name(name: str) -> None:
+    """A topic as people type it: relative or absolute, with `~` and `{substitutions}`."""
+    _require_text("topic name", name)
+    fault = _typed_topic_fault(name)
+    if fault is not None:
+        raise _invalid("topic name", name, fault)
+
+
+def validate_full_topic_name(name: str) -> None:
+    """A topic as it stands in the graph: absolute, nothing left to expand."""
+    _require_text("topic name", name)
+    fault = _full_topic_fault(name)
+    if fault is not None:
+        raise _invalid("topic name", name, fault)
+
+
+def expand_topic_name(name: str, node: str, namespace: str) -> str:
+    """The full name of a topic typed in `node`, which lives in `namespace`.
+
+    A leading `~` is the node's full name; then `{node}`, `{ns}` and `{namespace}` are put in; a name that is
+    still relative gets the namespace in front. Absolute names without substitutions stay as they are.
+
+    Raises ConfigurationError where any of the three, or the result, breaks its rules.
+    """
+    validate_topic_name(name)
+    validate_node_name(node)
+    validate_namespace(namespace)
+    known = {"node": node, "ns": namespace, "namespace": namespace}
+    for found in _SUBSTITUTION.finditer(name):
+        if found[1] not in known:
+            raise _invalid("topic name", name, (f"unknown substitution: {found[0]}", found.start()))
+
+    full = join_node_name(namespace, node) + name[1:] if name[0] == "~" else name
+    full = _SUBSTITUTION.sub(lambda found: known[found[1]], full)
+    if full[0] != "/":
+        full = join_node_name(namespace, full)
+    fault = _full_topic_fault(full)
+    if fault is not None:
+        raise _invalid("topic name", full, fault, typed=name)
+    return full
+
+
+def absolute_namespace(namespace: str) -> str:
+    """The namespace with the leading slash that users may leave out; "" is the root (rcl/node.c)."""
+    full = namespace if namespace.startswith("/") else "/" + namespace
+    validate_namespace(full)
+    return full
+
+
+def join_node_name(namespace: str, name: str) -> str:
+    """`/ns` and `node` make `/ns/node`; `/` and `node` make `/node`."""
+    return f"/{name}" if namespace == "/" else f"{namespace}/{name}"
+
+
+def split_node_name(full_name: str) -> tuple[str, str]:
+    """Namespace and base name of a node's full name; the leading slash may be missing."""
+    namespace, _, name = full_name.rpartition("/")
+    return absolute_namespace(namespace), name
+
+
+def logger_name(namespace: str, name: str) -> str:
+    """The name of a node's logger: the full name with dots for slashes (rcl/logging_rosout.c)."""
+    return join_node_name(namespace, name)[1:].replace("/", ".")
+
+
+def is_hidden_topic(name: str) -> bool:
+    """Whether any token begins with `_`: tools leave such topics out of their lists."""
+    return any(token.startswith("_") for token in name.split("/"))
+
+
+def is_hidden_node(name: str) -> bool:
+    """Whether a node's base name (of a base or full name) begins with `_`, as the tools' own nodes do."""
+    return name.rpartition("/")[2].startswith("_")
+
+
+def _node_name_fault(name: str) -> _Fault | None:
+    if len(name) > MAX_NODE_NAME_LENGTH:
+        return f"node name length should not exceed '{MAX_NODE_NAME_LENGTH}'", MAX_NODE_NAME_LENGTH - 1
+    if _NODE_NAME.fullmatch(name):
+        return None
+    if not name:
+        return "node name must not be empty", 0
+    if bad := _NOT_WORD.search(name):
+        return "node name must not contain characters other than alphanumerics or '_'", bad.start()
+    return "node name must not start with a number", 0
+
+
+def _namespace_fault(namespace: str) -> _Fault | None:
+    if namespace == "/":
+        return None
+    if len(namespace) > MAX_NAMESPACE_LENGTH:
+        return f"namespace should not exceed '{MAX_NAMESPACE_LENGTH}'", MAX_NAMESPACE_LENGTH - 1
+    fault = _absolute_name_fault(namespace)
+    if fault is None:
+        return None
+    rule, index = fault
+    exception = ", unless only a '/'" if rule == _ENDS_WITH_SLASH else ""
+    return f"namespace {rule}{exception}", index
+
+
+def _full_topic_fault(name: str) -> _Fault | None:
+    if len(name) > MAX_TOPIC_NAME_LENGTH:
+        return f"topic length should not exceed '{MAX_TOPIC_NAME_LENGTH}'", MAX_TOPIC_NAME_LENGTH - 1
+    fault = _absolute_name_fault(name)
+    return None if fault is None else (f"topic name {fault[0]}", fault[1])
+
+
+def _absolute_name_fault(name: str) -> _Fault | None:
+    """The rules that topics and namespaces share, without the noun in front."""
+    if _FULL_NAME.fullmatch(name):
+        return None
+    if not name:
+        return "must not be empty", 0
+    if name[0] != "/":
+        return "must be absolute, it must lead with a '/'", 0
+    if name[-1] == "/":
+        return _ENDS_WITH_SLASH, len(name) - 1
+    if bad := _NOT_WORD_OR_SLASH.search(name):
+        return "must not contain characters other than alphanumerics, '_', or '/'", bad.start()
+    bad = _BAD_TOKEN_START.search(name)
+    assert bad is not None, name
+    if bad[0] == "//":
+        return "must not contain repeated '/'", bad.start() + 1
+    return "must not have a token that starts with a number", bad.start() + 1
+
+
+def _typed_topic_fault(name: str) -> _Fault | None:
+    if not name:
+        return "topic name must not be empty string", 0
+    if name[0] in _DIGITS:
+        return "topic name token must not start with a number", 0
+    if name[-1] == "/":
+        return "topic name must not end with a forward slash", len(name) - 1
+    if fault := _character_fault(name):
+        return fault
+    # rcl lets a two-letter name such as `~a` pass by accident; the rule says otherwise.
+    if name[0] == "~" and len(name) > 1 and name[1] != "/":
+        return "topic name must not have a tilde '~' that is not followed by a forward slash '/'", 1
+    bad = _NUMBER_AFTER_SLASH.search(name)
+    return None if bad is None else ("topic name token must not start with a number", bad.start() + 1)
+
+
+def _character_fault(name: str) -> _Fault | None:
+    opened: int | None = None
+    for found in re.finditer(r"[^A-Za-z0-9_]|(?<=\{)[0-9]", name):
+        character, index = found[0], found.start()
+        if character in _DIGITS:
+            return "substitution name must not start with a number", index
+        if character == "~":
+            if index > 0:
+                return "topic name must not have tilde '~' unless it is the first character", index
+        elif character == "}":
+            if opened is None:
+                return _UNMATCHED_BRACE, index
+            opened = None
+        elif opened is not None:
+            return "substitution name must not contain characters other than alphanumerics or '_'", index
+        elif character == "{":
+            opened = index
+        elif character != "/":
+            return (
+                "topic name must not contain characters other than alphanumerics, '_', '~', '{', or '}'",
+                index,
+            )
+    return None if opened is None else (_UNMATCHED_BRACE, opened)
+
+
+def _require_text(what: str, value: object) -> None:
+    if not isinstance(value, str):
+        raise ConfigurationError(f"{what} must be a string, not {type(value).__name__} {value!r}")
+
+
+def _invalid(what: str, name: str, fault: _Fault, *, typed: str | None = None) -> ConfigurationError:
+    rule, index = fault
+    # Names come from the wire too: show enough for the caret, not a megabyte.
+    length = max(index + 1, _SHOWN_LENGTH)
+    # One column per character, so that the caret stands where it should.
+    shown = "".join(
+        letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in name[:length]
+    )
+    cut = "..." if len(name) > length else ""
+    origin = f" (expanded from '{typed}')" if typed not in (None, name) else ""
+    return ConfigurationError(
+        f"Invalid {what}: {rule}:\n  '{shown}{cut}'{origin}\n   {' ' * index}^", index=index
+    )

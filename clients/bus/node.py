@@ -1,0 +1,290 @@
+"""Nodes: named participants in the graph, owners of publishers, subscriptions and timers."""
+
+import asyncio
+import sys
+from collections.abc import Callable, Sequence
+from os import PathLike
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+import msgspec
+
+from bus import names
+from bus.address import socket_path
+from bus.arguments import Arguments
+from bus.errors import ConnectionClosed, ForkError
+from bus.events import PublisherEvents, SubscriptionEvents
+from bus.graph import Graph
+from bus.link import Link
+from bus.logger import LogEntry, Logger, get_logger
+from bus.publisher import Publisher
+from bus.qos import QoS, profile, rosout_default
+from bus.schema import build
+from bus.subscription import Subscription
+from bus.timer import Timer
+from bus.typesupport import type_support
+from bus.wire import messages as m
+
+M = TypeVar("M", bound=msgspec.Struct)
+
+
+class NodeStatistics(msgspec.Struct, frozen=True):
+    """Totals of one node."""
+
+    published: int
+    delivered: int
+    dropped: int
+    publishers: int
+    subscriptions: int
+
+
+class Node:
+    """A node named `name` in `namespace`; use it as `async with bus.Node("talker") as node:`.
+
+    `arguments` are command-line arguments of which those after --ros-args are obeyed (remapping of topics,
+    of the node's name and namespace, log level); by default the program's own. `socket` and `domain` choose
+    the bus, by default as `busd --help` says. `rosout=False` keeps log lines off the topic /rosout.
+
+    An exception in a callback or timer cancels the body of the `async with`, which then raises it.
+
+    Raises ConfigurationError for a name that breaks the rules; on entering, BrokerUnavailable.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        namespace: str = "",
+        arguments: Sequence[str] | None = None,
+        socket: str | PathLike[str] | None = None,
+        domain: int | None = None,
+        rosout: bool = True,
+    ) -> None:
+        names.validate_node_name(name)
+        self._arguments = Arguments.parse(sys.argv[1:] if arguments is None else arguments)
+        self.name = self._arguments.node_name(name)
+        self.namespace = self._arguments.namespace(names.absolute_namespace(namespace), self.name)
+        self.id = 0
+        self._path = socket_path(socket, domain)
+        self._logger = get_logger(names.logger_name(self.namespace, self.name))
+        for level in self._arguments.log_levels:
+            (get_logger(level.logger) if level.logger else self._logger).set_level(level.severity)
+        self._link: Link | None = None
+        self._endpoints: list[Publisher[Any] | Subscription[Any]] = []
+        self._timers: list[Timer] = []
+        self._body: asyncio.Task[Any] | None = None
+        self._error: BaseException | None = None
+        self._wants_rosout = rosout and self._arguments.log_to_rosout
+        self._rosout: Publisher[Any] | None = None
+
+    @property
+    def full_name(self) -> str:
+        """Namespace and name, as the graph shows them."""
+        return names.join_node_name(self.namespace, self.name)
+
+    async def open(self) -> None:
+        """Connect and appear in the graph; `async with` does it.
+
+        Raises BrokerUnavailable where no busd answers and none could be started.
+        """
+        self._link = await Link.acquire(self._path)
+        try:
+            await self._link.declare_node(self)
+            if self._wants_rosout:
+                await self._open_rosout()
+        except BaseException:
+            self._link.release()
+            self._link = None
+            raise
+
+    async def close(self) -> None:
+        """Stop the timers, hand over what was published, leave the graph. Closing twice is allowed."""
+        link, self._link = self._link, None
+        if link is None:
+            return
+        for timer in self._timers:
+            timer.close()
+        self._logger.remove_sink(self._publish_log)
+        if not isinstance(link.failure, ForkError):
+            for endpoint in self._endpoints:
+                await endpoint.close()
+            link.forget_node(self)
+        link.release()
+
+    async def __aenter__(self) -> Self:
+        await self.open()
+        self._body = asyncio.current_task()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        body, self._body = self._body, None
+        await self.close()
+        if self._error is not None and isinstance(error, asyncio.CancelledError | None):
+            if error is not None and body is not None:
+                body.uncancel()
+            raise self._error
+
+    async def create_publisher(
+        self, message_type: type[M], topic: str, qos: QoS = 10, *, events: PublisherEvents | None = None
+    ) -> Publisher[M]:
+        """A publisher of `message_type` on `topic`; an int as `qos` is keep last with that depth.
+
+        On return every subscription that existed is matched. Raises ConfigurationError for a bad name, type
+        or QoS, QuotaExceeded above busd's limits. Cancellation: not created.
+        """
+        link = self._opened()
+        publisher: Publisher[M] = Publisher(
+            link,
+            self.full_name,
+            self.resolve_topic_name(topic),
+            type_support(message_type),
+            profile(qos),
+            events or PublisherEvents(),
+            self._logger,
+            self._fail,
+        )
+        await self._declare(link, publisher)
+        return publisher
+
+    async def create_subscription(
+        self,
+        message_type: type[M],
+        topic: str,
+        qos: QoS = 10,
+        callback: Callable[..., Any] | None = None,
+        *,
+        events: SubscriptionEvents | None = None,
+    ) -> Subscription[M]:
+        """A subscription to `message_type` on `topic`.
+
+        `callback` is `def` or `async def`, of (message) or (message, info). Calls of one subscription never
+        overlap. Without a callback, iterate: `async for message in subscription`.
+
+        On return it gets every message whose publish begins later, within its depth. Raises as
+        `create_publisher`. Cancellation: not created.
+        """
+        link = self._opened()
+        subscription: Subscription[M] = Subscription(
+            link,
+            self.full_name,
+            self.resolve_topic_name(topic),
+            type_support(message_type),
+            profile(qos),
+            events or SubscriptionEvents(),
+            self._logger,
+            self._fail,
+            callback,
+        )
+        await self._declare(link, subscription)
+        return subscription
+
+    def create_timer(self, period_s: float, callback: Callable[[], Any]) -> Timer:
+        """Call `callback`, `def` or `async def`, every `period_s` seconds; see `Timer`."""
+        self._opened()
+        timer = Timer(period_s, callback, self._fail)
+        self._timers.append(timer)
+        return timer
+
+    def get_logger(self) -> Logger:
+        """The logger of this node; it writes ROS 2's log lines to stderr, and to the topic /rosout."""
+        return self._logger
+
+    def resolve_topic_name(self, topic: str) -> str:
+        """The full name of `topic` as this node means it, after expansion and remapping."""
+        full = names.expand_topic_name(topic, self.name, self.namespace)
+        return self._arguments.topic(full, self.name, self.namespace)
+
+    async def graph(self, *, statistics: bool = False) -> Graph:
+        """All nodes, endpoints and matches now; with the endpoints' live counters if asked."""
+        snapshot: m.Graph = await self._opened().request(
+            lambda number: m.GetGraph(request=number, statistics=statistics)
+        )
+        return Graph.from_snapshot(snapshot)
+
+    async def get_type(self, type_name: str, type_hash: str) -> type[msgspec.Struct]:
+        """The message class of a type that is on the bus, made from the description that travels with it.
+
+        Raises ConfigurationError where no endpoint has that type.
+        """
+        answer: m.TypeDescription = await self._opened().request(
+            lambda number: m.GetType(request=number, type_name=type_name, type_hash=type_hash)
+        )
+        return build(msgspec.msgpack.decode(answer.schema))
+
+    def statistics(self) -> NodeStatistics:
+        publishers = [one.statistics() for one in self._endpoints if isinstance(one, Publisher)]
+        subscriptions = [one.statistics() for one in self._endpoints if isinstance(one, Subscription)]
+        return NodeStatistics(
+            published=sum(one.published for one in publishers),
+            delivered=sum(one.delivered for one in subscriptions),
+            dropped=sum(sum(one.dropped.values()) for one in subscriptions),
+            publishers=len(publishers),
+            subscriptions=len(subscriptions),
+        )
+
+    # --- for the link
+
+    def declaration(self, request: int, node: int) -> m.Message:
+        return m.CreateNode(request=request, name=self.name, namespace=self.namespace)
+
+    def declared(self, answer: m.Created) -> None:
+        self.id = answer.id
+
+    # --- inside
+
+    def _opened(self) -> Link:
+        if self._link is None:
+            raise ConnectionClosed(
+                f"node {self.full_name} is not open; use: async with bus.Node(...) as node"
+            )
+        if self._link.failure is not None:
+            raise self._link.failure
+        return self._link
+
+    async def _declare(self, link: Link, endpoint: Publisher[Any] | Subscription[Any]) -> None:
+        try:
+            await link.declare(self, endpoint)
+        except BaseException as error:
+            endpoint.end(ConnectionClosed(f"not created: {error}"))
+            raise
+        self._endpoints = [one for one in self._endpoints if one.refusal is None]
+        self._endpoints.append(endpoint)
+
+    def _fail(self, error: BaseException) -> None:
+        """A callback raised: end the body of the `async with`, or tell the event loop where there is none."""
+        if self._error is not None:
+            return
+        if self._body is not None:
+            self._error = error
+            self._body.cancel()
+        else:
+            asyncio.get_running_loop().call_exception_handler(
+                {"message": f"exception in a callback of {self.full_name}", "exception": error}
+            )
+
+    async def _open_rosout(self) -> None:
+        from bus.msg.rcl_interfaces import Log
+
+        self._rosout = await self.create_publisher(Log, "/rosout", rosout_default)
+        self._logger.add_sink(self._publish_log)
+
+    def _publish_log(self, entry: LogEntry) -> None:
+        from bus.msg.builtin_interfaces import Time
+        from bus.msg.rcl_interfaces import Log
+
+        rosout = self._rosout
+        if rosout is not None and rosout.refusal is None:
+            sec, nanosec = divmod(entry.stamp_ns, 1_000_000_000)
+            rosout.publish(
+                Log(
+                    stamp=Time(sec=sec, nanosec=nanosec),
+                    level=int(entry.severity),
+                    name=entry.name,
+                    msg=entry.text,
+                    file=entry.file,
+                    function=entry.function,
+                    line=entry.line,
+                )
+            )

@@ -1,0 +1,356 @@
+"""Publishers: typed messages in, runs of samples out.
+
+A message is checked, encoded and stamped in `publish`. The first one of a turn of the event loop leaves at
+once; those that follow in the same turn are gathered into runs, which leave when they are full or when the
+turn ends. So a paced publisher has the latency of one system call, and a flood its throughput.
+"""
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from threading import get_ident
+from time import monotonic_ns
+from typing import Any, TypeVar
+
+import msgspec
+
+from bus.endpoint import Endpoint
+from bus.errors import ConnectionClosed
+from bus.events import LivelinessLost, PublisherEvents
+from bus.link import Link
+from bus.logger import Logger
+from bus.qos import Durability, History, QoSProfile, Reliability
+from bus.typesupport import TypeSupport, wrong_class
+from bus.wire import messages as m
+from bus.wire.layout import MAX_MESSAGE_BYTES, RECORD_HEAD, RECORD_HEAD_BYTES
+from bus.wire.runs import Account, Buffer, Run, RunQueue
+
+M = TypeVar("M", bound=msgspec.Struct)
+
+_RUN_BYTES = 64 << 10
+_DRAIN_S = 5.0
+_pack_record = RECORD_HEAD.pack
+
+
+class PublisherStatistics(msgspec.Struct, frozen=True):
+    """Totals of one publisher."""
+
+    published: int
+    """Messages that `publish` accepted."""
+    bytes: int
+    """Their encoded size."""
+    queued: int
+    """Messages not yet handed over to the broker."""
+    replaced: int
+    """Messages that the depth replaced before they could be handed over."""
+    refused: int
+    """Calls of `publish` that found no room (reliable + keep all)."""
+    subscriptions: int
+    """Subscriptions matched now."""
+
+
+class Publisher(Endpoint[M]):
+    """Publishes messages of one type on one topic; made by `Node.create_publisher`."""
+
+    kind = "publisher"
+
+    def __init__(
+        self,
+        link: Link,
+        node: str,
+        topic: str,
+        support: TypeSupport[M],
+        qos: QoSProfile,
+        events: PublisherEvents,
+        logger: Logger,
+        on_error: Callable[[BaseException], None],
+    ) -> None:
+        super().__init__(link, node, topic, support, qos, events, logger, on_error)
+        keeps_all = qos.history is History.KEEP_ALL
+        depth = 0 if keeps_all else qos.depth
+        account = Account(1 << 62)
+        self._encode = support.encode
+        self._is_valid = support.is_valid
+        self._max_bytes = MAX_MESSAGE_BYTES
+        self._queue = RunQueue(depth, account)
+        self._history = RunQueue(depth, account) if qos.durability is Durability.TRANSIENT_LOCAL else None
+        self._next_seq = 1
+        # The run that is being gathered: heads and payloads in turn.
+        self._parts: list[Buffer] = []
+        self._open_samples = 0
+        self._open_bytes = 0
+        self._full_samples = depth or 1 << 30
+        self._replaced = 0
+        self._refused = 0
+        self._lost_liveliness = 0
+        # Back-pressure: what was handed over and not yet taken by all.
+        self._is_windowed = keeps_all and qos.reliability is Reliability.RELIABLE
+        self._window_samples = 0
+        self._window_bytes = 0
+        self._credited = 0
+        self._flying_bytes = 0
+        self._flying: deque[tuple[int, int]] = deque()
+        self._room_waiters: deque[asyncio.Future[None]] = deque()
+        self._from_threads: deque[tuple[bytes, int]] = deque()
+        self._is_collecting = False
+        self._watch_deadline()
+
+    def publish(self, message: M) -> bool:
+        """Publish `message`; never blocks, and may be called from any thread.
+
+        Returns False only where the QoS is reliable + keep all and there is no room until the subscriptions
+        have taken more: then the message was not published, and that is counted (see `send`).
+
+        Raises MessageTypeError for a message of another class or with a field of the wrong type,
+        PayloadTooLarge above the topic's limit, ConnectionClosed after `close`.
+        """
+        if message.__class__ is not self.type:
+            raise wrong_class(self.type, message)
+        if not self._is_valid(message):
+            error = self.support.explain(message)
+            if error is not None:
+                raise error
+        try:
+            payload = self._encode(message)
+        except (ValueError, TypeError, RecursionError) as error:  # text with lone surrogates, for one
+            raise self.support.explain(message) or error from None
+        return self.publish_encoded(payload)
+
+    def publish_encoded(self, payload: Buffer) -> bool:
+        """Publish a message that is encoded already; as `publish`, but nothing checks its type here."""
+        if self.refusal is not None:
+            raise self.refusal
+        size = len(payload)
+        if size > self._max_bytes:
+            self._check_size(size, self._max_bytes)
+        stamp_ns = monotonic_ns()
+        link = self._link
+        if get_ident() != link.thread:
+            return self._publish_from_thread(bytes(payload), stamp_ns)
+        if self._is_windowed and not self._has_room(size):
+            self._refused += 1
+            return False
+        parts = self._parts
+        if not parts:
+            link.gather(self)
+        parts.append(_pack_record(size, stamp_ns))
+        parts.append(payload)
+        self._open_samples += 1
+        self._open_bytes += size + RECORD_HEAD_BYTES
+        if not link.is_corked:
+            link.cork()
+        elif self._open_samples >= self._full_samples or self._open_bytes >= _RUN_BYTES:
+            self.hand_over()
+            link.flush()
+        return True
+
+    async def send(self, message: M) -> None:
+        """Publish `message`, and wait for room first where the QoS is reliable + keep all.
+
+        Cancellation: the message was not published. Raises what `publish` raises.
+        """
+        while not self.publish(message):
+            self._refused -= 1
+            await self._wait_for_room()
+
+    async def flush(self) -> None:
+        """Wait until everything published has been handed to the broker's socket."""
+        self.hand_over()
+        await self._drain()
+
+    async def wait_for_subscriptions(self, number: int = 1) -> None:
+        """Wait until at least `number` subscriptions are matched. Cancellation leaves nothing behind."""
+        await self._wait_for_matches(number)
+
+    def get_subscription_count(self) -> int:
+        """Subscriptions matched now."""
+        return len(self._matches)
+
+    def assert_liveliness(self) -> None:
+        """Say that this publisher lives, without publishing (liveliness manual by topic)."""
+        if self.refusal is not None:
+            raise self.refusal
+        self._link.send_about(self, m.AssertLiveliness(publisher=self.id))
+
+    def statistics(self) -> PublisherStatistics:
+        return PublisherStatistics(
+            published=self.samples + self._open_samples,
+            bytes=self.bytes + self._open_bytes - self._open_samples * RECORD_HEAD_BYTES,
+            queued=self._queue.count + self._open_samples,
+            replaced=self._replaced,
+            refused=self._refused,
+            subscriptions=len(self._matches),
+        )
+
+    # --- for the link
+
+    def hand_over(self) -> None:
+        """Turn what was gathered into a run and queue it for the broker."""
+        samples = self._open_samples
+        if not samples:
+            return
+        body = b"".join(self._parts)
+        run = Run(0, 0, self._next_seq, samples, body)
+        self._parts.clear()
+        self._open_samples = self._open_bytes = 0
+        self._next_seq += samples
+        self.samples += samples
+        self.bytes += len(body) - samples * RECORD_HEAD_BYTES
+        if self._history is not None:
+            self._history.push(run)
+        if self._is_windowed:
+            self._flying.append((self._next_seq - 1, len(body)))
+            self._flying_bytes += len(body)
+        if self.qos.deadline is not None:
+            self._last_ns = monotonic_ns()
+        self._replaced += self._queue.push(run)
+        if self.id:
+            self._link.make_ready(self._queue)
+        self._link.report(self)
+
+    def declaration(self, request: int, node: int) -> m.Message:
+        return m.CreatePublisher(
+            request=request,
+            node=node,
+            topic=self.topic_name,
+            type_name=self.support.name,
+            type_hash=self.support.hash,
+            qos=self.qos,
+            gid=self.gid,
+            next_seq=self._first_seq_to_send(),
+        )
+
+    def declared(self, answer: m.Created) -> None:
+        super().declared(answer)
+        self._max_bytes = answer.max_message_bytes
+        self._window_samples = answer.window_samples
+        self._window_bytes = answer.window_bytes
+        self._full_samples = answer.depth or 1 << 30
+        self._queue.depth = answer.depth
+        self._queue.endpoint = answer.id
+        if self._history is not None:
+            # What waits is the end of the history, so the history alone tells a new broker everything.
+            self._queue.clear()
+            for run in self._history.newest(0, 0):
+                run.is_replay = False
+                self._queue.push(run)
+        self._credit(self._first_seq_to_send() - 1)
+        if self._queue.runs:
+            self._link.make_ready(self._queue)
+
+    def disconnected(self) -> None:
+        super().disconnected()
+        self.id = 0
+
+    def handle(self, message: Any) -> None:
+        match message:
+            case m.Credit(seq=seq):
+                self._credit(seq)
+            case m.LivelinessLost():
+                self._lost_liveliness += 1
+                self._tell(self._events.liveliness_lost, LivelinessLost(self._lost_liveliness, 1))
+            case _:
+                super().handle(message)
+
+    def totals(self) -> m.Report:
+        """This publisher's counters, for the graph."""
+        dropped = {"replaced": self._replaced} if self._replaced else {}
+        return m.Report(
+            endpoint=self.id,
+            samples=self.samples,
+            bytes=self.bytes,
+            queued=self._queue.count,
+            dropped=dropped,
+        )
+
+    def end(self, reason: Any) -> None:
+        super().end(reason)
+        while self._room_waiters:
+            waiter = self._room_waiters.popleft()
+            if not waiter.done():
+                waiter.set_exception(reason)
+
+    # --- inside
+
+    def _first_seq_to_send(self) -> int:
+        waiting = self._history if self._history is not None else self._queue
+        return waiting.runs[0].first_seq + waiting.skipped if waiting.runs else self._next_seq
+
+    def _has_room(self, size: int) -> bool:
+        flying = self._next_seq + self._open_samples - 1 - self._credited
+        return not flying or (
+            flying < self._window_samples
+            and self._flying_bytes + self._open_bytes + size + RECORD_HEAD_BYTES <= self._window_bytes
+        )
+
+    def _credit(self, seq: int) -> None:
+        self._credited = max(self._credited, seq)
+        while self._flying and self._flying[0][0] <= seq:
+            self._flying_bytes -= self._flying.popleft()[1]
+        while self._room_waiters:
+            waiter = self._room_waiters.popleft()
+            if not waiter.done():
+                waiter.set_result(None)
+
+    async def _wait_for_room(self) -> None:
+        self.hand_over()
+        self._link.flush()
+        if self._has_room(1):
+            return
+        waiter = asyncio.get_running_loop().create_future()
+        self._room_waiters.append(waiter)
+        await waiter
+
+    def _publish_from_thread(self, payload: bytes, stamp_ns: int) -> bool:
+        if self._is_windowed and not self._has_room(len(payload)):
+            self._refused += 1
+            return False
+        waiting = self._from_threads
+        waiting.append((payload, stamp_ns))
+        if len(waiting) > self._full_samples:
+            try:
+                waiting.popleft()
+                self._replaced += 1
+            except IndexError:
+                pass  # the event loop was faster
+        # The collector lowers the flag before it looks, so whoever sees it raised will be looked at.
+        if not self._is_collecting:
+            self._is_collecting = True
+            self._link.loop.call_soon_threadsafe(self._collect_from_threads)
+        return True
+
+    def _collect_from_threads(self) -> None:
+        self._is_collecting = False
+        while self._from_threads and self.refusal is None:
+            payload, stamp_ns = self._from_threads.popleft()
+            if not self._parts:
+                self._link.gather(self)
+            self._parts += (_pack_record(len(payload), stamp_ns), payload)
+            self._open_samples += 1
+            self._open_bytes += len(payload) + RECORD_HEAD_BYTES
+            if self._open_samples >= self._full_samples or self._open_bytes >= _RUN_BYTES:
+                self.hand_over()
+        self._link.cork()
+
+    async def _drain(self) -> None:
+        if self._from_threads:
+            self._collect_from_threads()
+        self.hand_over()
+        self._link.flush()
+        if self._queue.runs and self.id:
+            try:
+                async with asyncio.timeout(_DRAIN_S):
+                    await self._link.wait_for_drain(self._queue)
+            except (TimeoutError, ConnectionClosed):
+                self._logger.warning(
+                    f"{self._queue.count} messages on '{self.topic_name}' could not be handed over before closing"
+                )
+
+    def _type_warning(self) -> str:
+        return f"Incompatible type on topic '{self.topic_name}', no messages will be sent to it."
+
+    def _qos_warning(self, policy: str) -> str:
+        return (
+            f"New subscription discovered on topic '{self.topic_name}', requesting incompatible QoS. "
+            f"No messages will be sent to it. Last incompatible policy: {policy}"
+        )

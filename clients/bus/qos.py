@@ -1,0 +1,319 @@
+"""QoS profiles: what a publisher offers, what a subscription requests, and whether the two match.
+
+Owns the policies, their defaults and presets (rmw/qos_profiles.h), and the rule of compatibility with its
+texts (rmw_dds_common/qos.cpp). Must not know how a policy is carried out.
+
+A profile is frozen and always valid: whoever holds one need not check it again. It travels on the wire as it
+is, where a field that has its default is left out.
+"""
+
+import operator
+from collections.abc import Mapping
+from enum import IntEnum, StrEnum
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias, TypeVar
+
+import msgspec
+
+from bus.errors import ConfigurationError
+
+__all__ = [
+    "MAX_DEPTH",
+    "PRESETS",
+    "Durability",
+    "History",
+    "Incompatibility",
+    "Liveliness",
+    "Policy",
+    "QoS",
+    "QoSProfile",
+    "Reliability",
+    "action_status_default",
+    "check_compatible",
+    "default",
+    "describe_incompatibilities",
+    "describe_profile",
+    "parameter_events",
+    "parameters",
+    "profile",
+    "rosout_default",
+    "sensor_data",
+    "services_default",
+    "system_default",
+]
+
+MAX_DEPTH = 2**31 - 1
+_NS_PER_S = 1_000_000_000
+_MAX_DURATION_NS = 2**63 - 1
+
+
+class History(StrEnum):
+    """How many samples an endpoint keeps: the last `depth`, or all within its quota."""
+
+    KEEP_LAST = "keep_last"
+    KEEP_ALL = "keep_all"
+
+
+class Reliability(StrEnum):
+    """Whether a sample may be lost on the way to the subscription's queue."""
+
+    RELIABLE = "reliable"
+    BEST_EFFORT = "best_effort"
+
+
+class Durability(StrEnum):
+    """Whether late joiners get the samples that the publisher still keeps."""
+
+    VOLATILE = "volatile"
+    TRANSIENT_LOCAL = "transient_local"
+
+
+class Liveliness(StrEnum):
+    """What counts as a sign of life: any publisher of the node, or this topic's own."""
+
+    AUTOMATIC = "automatic"
+    MANUAL_BY_TOPIC = "manual_by_topic"
+
+
+class Policy(IntEnum):
+    """The policies that can keep a match from being made; numbers and names are rclpy's QoSPolicyKind."""
+
+    DURABILITY = 1 << 1
+    DEADLINE = 1 << 2
+    LIVELINESS = 1 << 3
+    RELIABILITY = 1 << 4
+    LIVELINESS_LEASE_DURATION = 1 << 8
+
+
+_Choice = TypeVar("_Choice", bound=StrEnum)
+
+
+class QoSProfile(msgspec.Struct, frozen=True, omit_defaults=True):
+    """The policies of one endpoint. Enums may be given by name, in any case.
+
+    Durations are seconds, above zero; None (or infinity) means infinite. `depth` counts messages and is
+    ignored under keep all.
+
+    Raises ConfigurationError for an unknown name or a value out of range.
+    """
+
+    depth: int = 10
+    history: History = History.KEEP_LAST
+    reliability: Reliability = Reliability.RELIABLE
+    durability: Durability = Durability.VOLATILE
+    deadline: float | None = None
+    """Longest expected gap between two samples."""
+    lifespan: float | None = None
+    """Age after which a sample is no longer delivered."""
+    liveliness: Liveliness = Liveliness.AUTOMATIC
+    liveliness_lease_duration: float | None = None
+    """Time without a sign of life after which the publisher counts as not alive."""
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            depth: int = 10,
+            *,
+            history: History | str = History.KEEP_LAST,
+            reliability: Reliability | str = Reliability.RELIABLE,
+            durability: Durability | str = Durability.VOLATILE,
+            deadline: float | None = None,
+            lifespan: float | None = None,
+            liveliness: Liveliness | str = Liveliness.AUTOMATIC,
+            liveliness_lease_duration: float | None = None,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        settle = msgspec.structs.force_setattr
+        settle(self, "history", _choice(History, "history", self.history))
+        settle(self, "reliability", _choice(Reliability, "reliability", self.reliability))
+        settle(self, "durability", _choice(Durability, "durability", self.durability))
+        settle(self, "liveliness", _choice(Liveliness, "liveliness", self.liveliness))
+        settle(self, "depth", _depth(self.depth, 0 if self.history is History.KEEP_ALL else 1))
+        for field in ("deadline", "lifespan", "liveliness_lease_duration"):
+            settle(self, field, _seconds(field, getattr(self, field)))
+
+    @property
+    def deadline_ns(self) -> int:
+        """0 = infinite."""
+        return _nanoseconds(self.deadline)
+
+    @property
+    def lifespan_ns(self) -> int:
+        """0 = infinite."""
+        return _nanoseconds(self.lifespan)
+
+    @property
+    def lease_ns(self) -> int:
+        """0 = infinite."""
+        return _nanoseconds(self.liveliness_lease_duration)
+
+
+QoS: TypeAlias = int | QoSProfile | str
+"""What users may pass for a profile: a depth, a profile, or a preset's name."""
+
+
+def profile(value: QoS) -> QoSProfile:
+    """The profile that `value` stands for: an int is keep last with that depth, a str the name of a preset.
+
+    Raises ConfigurationError for anything else, and for a name that is no preset's.
+    """
+    if isinstance(value, QoSProfile):
+        return value
+    if isinstance(value, str):
+        preset = PRESETS.get(value.lower())
+        if preset is None:
+            raise ConfigurationError(_unknown("QoS preset", value, PRESETS))
+        return preset
+    if isinstance(value, bool) or not hasattr(value, "__index__"):
+        kind = type(value).__name__
+        raise ConfigurationError(
+            f"QoS must be a depth (int), a QoSProfile or the name of a preset, not {kind} {value!r}"
+        )
+    return QoSProfile(depth=value)
+
+
+class Incompatibility(NamedTuple):
+    """One reason why a publisher and a subscription don't match, in ROS's words."""
+
+    policy: Policy
+    text: str
+
+
+def check_compatible(offered: QoSProfile, requested: QoSProfile) -> list[Incompatibility]:
+    """Everything that keeps `offered` from serving `requested`; an empty list is a match."""
+    found = []
+    if (offered.reliability, requested.reliability) == (Reliability.BEST_EFFORT, Reliability.RELIABLE):
+        found.append(_BEST_EFFORT)
+    if (offered.durability, requested.durability) == (Durability.VOLATILE, Durability.TRANSIENT_LOCAL):
+        found.append(_VOLATILE)
+    if requested.deadline_ns:
+        if not offered.deadline_ns:
+            found.append(_NO_DEADLINE)
+        elif requested.deadline_ns < offered.deadline_ns:
+            found.append(_DEADLINE_LESS)
+    if (offered.liveliness, requested.liveliness) == (Liveliness.AUTOMATIC, Liveliness.MANUAL_BY_TOPIC):
+        found.append(_AUTOMATIC)
+    if requested.lease_ns:
+        if not offered.lease_ns:
+            found.append(_NO_LEASE)
+        elif requested.lease_ns < offered.lease_ns:
+            found.append(_LEASE_LESS)
+    return found
+
+
+def describe_incompatibilities(found: list[Incompatibility]) -> str:
+    """All reasons as one text, joined as rmw_dds_common does."""
+    return "".join(reason.text for reason in found)
+
+
+def describe_profile(qos: QoSProfile) -> list[str]:
+    """The lines of `QoS profile:` in `topic info -v`, as rclpy's TopicEndpointInfo prints them."""
+    depth = f" ({qos.depth})" if qos.history is History.KEEP_LAST else ""
+    return [
+        "QoS profile:",
+        f"  Reliability: {qos.reliability.name}",
+        f"  History (Depth): {qos.history.name}{depth}",
+        f"  Durability: {qos.durability.name}",
+        f"  Lifespan: {_duration_text(qos.lifespan_ns)}",
+        f"  Deadline: {_duration_text(qos.deadline_ns)}",
+        f"  Liveliness: {qos.liveliness.name}",
+        f"  Liveliness lease duration: {_duration_text(qos.lease_ns)}",
+    ]
+
+
+_BEST_EFFORT = Incompatibility(Policy.RELIABILITY, "ERROR: Best effort publisher and reliable subscription;")
+_VOLATILE = Incompatibility(Policy.DURABILITY, "ERROR: Volatile publisher and transient local subscription;")
+_NO_DEADLINE = Incompatibility(Policy.DEADLINE, "ERROR: Subscription has a deadline, but publisher does not;")
+_DEADLINE_LESS = Incompatibility(
+    Policy.DEADLINE, "ERROR: Subscription deadline is less than publisher deadline;"
+)
+_AUTOMATIC = Incompatibility(
+    Policy.LIVELINESS, "ERROR: Publisher's liveliness is automatic and subscription's is manual by topic;"
+)
+_NO_LEASE = Incompatibility(
+    Policy.LIVELINESS_LEASE_DURATION,
+    "ERROR: Subscription has a liveliness lease duration, but publisher does not;",
+)
+_LEASE_LESS = Incompatibility(
+    Policy.LIVELINESS_LEASE_DURATION,
+    "ERROR: Subscription liveliness lease duration is less than publisher;",
+)
+
+
+def _choice(kind: type[_Choice], field: str, value: str) -> _Choice:
+    if isinstance(value, kind):
+        return value
+    if not isinstance(value, str):
+        raise ConfigurationError(f"QoS {field} must be a name, not {type(value).__name__} {value!r}")
+    try:
+        return kind(value.lower())
+    except ValueError:
+        raise ConfigurationError(_unknown(f"QoS {field}", value, [member.value for member in kind])) from None
+
+
+def _unknown(what: str, value: str, allowed: Mapping[str, object] | list[str]) -> str:
+    from difflib import get_close_matches  # slow to import, and needed for mistakes only
+
+    near = get_close_matches(value.lower(), list(allowed), n=1, cutoff=0.4)
+    hint = f"; did you mean '{near[0]}'?" if near else ""
+    return f"unknown {what} '{value}'{hint} (allowed: {', '.join(allowed)})"
+
+
+def _depth(value: int, least: int) -> int:
+    if isinstance(value, bool) or not hasattr(value, "__index__"):
+        raise ConfigurationError(f"QoS depth must be an int, not {type(value).__name__} {value!r}")
+    depth = operator.index(value)
+    if not least <= depth <= MAX_DEPTH:
+        raise ConfigurationError(f"QoS depth must be from {least} to {MAX_DEPTH}, not {depth}")
+    return depth
+
+
+def _seconds(field: str, value: float | None) -> float | None:
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ConfigurationError(
+            f"QoS {field} must be seconds (float) or None, not {type(value).__name__} {value!r}"
+        )
+    if value == float("inf"):
+        return None
+    # Bounds in nanoseconds: what rounds to 0 would read as infinite. NaN fails both comparisons.
+    if not 1 <= value * _NS_PER_S <= _MAX_DURATION_NS:
+        raise ConfigurationError(
+            f"QoS {field} must be above zero and at most {_MAX_DURATION_NS} nanoseconds, "
+            f"not {value!r} seconds (None means infinite)"
+        )
+    return float(value)
+
+
+def _nanoseconds(seconds: float | None) -> int:
+    return 0 if seconds is None else round(seconds * _NS_PER_S)
+
+
+def _duration_text(duration_ns: int) -> str:
+    return f"{duration_ns} nanoseconds" if duration_ns else "Infinite"
+
+
+default = QoSProfile()
+system_default = default
+sensor_data = QoSProfile(depth=5, reliability=Reliability.BEST_EFFORT)
+services_default = QoSProfile()
+parameters = QoSProfile(depth=1000)
+parameter_events = QoSProfile(depth=1000)
+rosout_default = QoSProfile(depth=1000, durability=Durability.TRANSIENT_LOCAL, lifespan=10.0)
+action_status_default = QoSProfile(depth=1, durability=Durability.TRANSIENT_LOCAL)
+
+PRESETS: Mapping[str, QoSProfile] = MappingProxyType(
+    {
+        "default": default,
+        "system_default": system_default,
+        "sensor_data": sensor_data,
+        "services_default": services_default,
+        "parameters": parameters,
+        "parameter_events": parameter_events,
+        "rosout_default": rosout_default,
+        "action_status_default": action_status_default,
+    }
+)

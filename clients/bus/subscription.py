@@ -1,0 +1,449 @@
+"""Subscriptions: runs of samples in, typed messages out, by iteration or to a callback.
+
+Samples wait undecoded in a queue of the subscription's depth and are decoded when they are taken, so that
+what is replaced costs next to nothing. One wake-up handles everything that has arrived.
+"""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from inspect import iscoroutinefunction, signature
+from time import monotonic_ns
+from typing import Any, NamedTuple, TypeVar
+
+import msgspec
+
+from bus.endpoint import Endpoint
+from bus.errors import ConnectionClosed
+from bus.events import LivelinessChanged, MessageLost, SubscriptionEvents
+from bus.link import Link
+from bus.logger import Logger
+from bus.qos import Durability, History, QoSProfile, Reliability
+from bus.typesupport import TypeSupport
+from bus.wire import messages as m
+from bus.wire.runs import Account, Run, RunQueue
+
+M = TypeVar("M", bound=msgspec.Struct)
+
+_INBOX_BYTES = 256 << 20
+_TURN_NS = 5_000_000
+_ACK_DELAY_S = 0.02
+
+
+class MessageInfo(NamedTuple):
+    """About one message. Timestamps are nanoseconds of the wall clock; sequence numbers begin at 1."""
+
+    source_timestamp: int
+    received_timestamp: int
+    publication_sequence_number: int
+    reception_sequence_number: int
+    publisher_gid: bytes
+
+
+class SubscriptionStatistics(msgspec.Struct, frozen=True):
+    """Totals of one subscription. Published to it = delivered + queued + sum of dropped, at a quiet moment."""
+
+    delivered: int
+    """Messages taken by the program."""
+    bytes: int
+    """Their encoded size."""
+    queued: int
+    """Messages in this process that wait to be taken."""
+    dropped: dict[str, int]
+    """Messages lost, by reason: replaced, publisher_queue, expired, too_large, undecodable, memory_limit, disconnected."""
+    publishers: int
+    """Publishers matched now."""
+
+
+class _Source:
+    """A publisher that this subscription hears."""
+
+    __slots__ = ("gid", "is_alive", "last_seq", "lifespan_ns", "needs_ack", "taken_bytes", "taken_seq")
+
+    def __init__(self, gid: bytes, last_seq: int, lifespan_ns: int, *, needs_ack: bool) -> None:
+        self.gid = gid
+        self.last_seq = last_seq
+        self.lifespan_ns = lifespan_ns
+        self.needs_ack = needs_ack
+        self.is_alive = True
+        self.taken_seq = last_seq
+        self.taken_bytes = 0
+
+
+class Subscription(Endpoint[M]):
+    """Receives messages of one type on one topic; made by `Node.create_subscription`.
+
+    Without a callback: `async for message in subscription`, or `take`.
+    """
+
+    kind = "subscription"
+
+    def __init__(
+        self,
+        link: Link,
+        node: str,
+        topic: str,
+        support: TypeSupport[M],
+        qos: QoSProfile,
+        events: SubscriptionEvents,
+        logger: Logger,
+        on_error: Callable[[BaseException], None],
+        callback: Callable[..., Any] | None = None,
+    ) -> None:
+        super().__init__(link, node, topic, support, qos, events, logger, on_error)
+        keeps_all = qos.history is History.KEEP_ALL
+        self._decode = support.decode
+        self._inbox = RunQueue(0 if keeps_all else qos.depth, Account(_INBOX_BYTES))
+        self._is_lossless = keeps_all and qos.reliability is Reliability.RELIABLE
+        self._sources: dict[int, _Source] = {}
+        self._last_seqs: dict[bytes, int] = {}
+        self._dropped: dict[str, int] = {}
+        self._dropped_by_broker: dict[str, int] = {}
+        self._dropped_by_earlier_brokers: dict[str, int] = {}
+        self._lost_told = 0
+        self._current: tuple[Run, memoryview, int, int] | None = None
+        self._ack_bytes = 1
+        self._ack_samples = 1
+        self._ack_timer: asyncio.TimerHandle | None = None
+        self._waiters: list[asyncio.Future[None]] = []
+        self._callback = callback
+        self._wants_info = callback is not None and _takes_info(callback)
+        self._is_async = callback is not None and iscoroutinefunction(_unwrapped(callback))
+        self._is_dispatching = False
+        self._task: asyncio.Task[None] | None = None
+        if self._is_async:
+            self._task = asyncio.create_task(self._run_async_callback(), name=f"callback of {topic}")
+
+    def take(self) -> tuple[M, MessageInfo] | None:
+        """The oldest waiting message and its info; None where none waits. Never blocks."""
+        message = self._next()
+        return None if message is None else (message, self._info())
+
+    async def receive(self) -> tuple[M, MessageInfo]:
+        """Wait for the next message; returns it with its info.
+
+        Cancellation: no message is lost. Raises ConnectionClosed once the subscription is closed.
+        """
+        while (message := self._next()) is None:
+            await self._wait()
+        return message, self._info()
+
+    def __aiter__(self) -> AsyncIterator[M]:
+        return self
+
+    async def __anext__(self) -> M:
+        while (message := self._next()) is None:
+            if type(self.refusal) is ConnectionClosed:
+                raise StopAsyncIteration
+            await self._wait()
+        return message
+
+    async def wait_for_publishers(self, number: int = 1) -> None:
+        """Wait until at least `number` publishers are matched. Cancellation leaves nothing behind."""
+        await self._wait_for_matches(number)
+
+    def get_publisher_count(self) -> int:
+        """Publishers matched now."""
+        return len(self._matches)
+
+    def statistics(self) -> SubscriptionStatistics:
+        return SubscriptionStatistics(
+            delivered=self.samples,
+            bytes=self.bytes,
+            queued=self._inbox.count,
+            dropped=self._all_dropped(),
+            publishers=len(self._matches),
+        )
+
+    # --- for the link
+
+    def receive_run(self, run: Run) -> None:
+        """A run has come; it is not delivered before `wake`, but for a callback that would lose it."""
+        source = self._sources.get(run.source)
+        if source is not None:
+            run.lifespan_ns = source.lifespan_ns
+            if run.first_seq != source.last_seq + 1 and not self._check_numbers(run, source):
+                return
+            source.last_seq = run.first_seq + run.count - 1
+        if self._inbox.append(run):
+            if self._callback is not None and not self._is_async:
+                self._dispatch()
+            replaced = self._inbox.trim()
+            if replaced:
+                self._drop("replaced", replaced)
+            over = self._inbox.drop_over_quota()
+            if over:
+                self._drop("memory_limit", over)
+
+    def wake(self) -> None:
+        """All that has come is in the queue: deliver it."""
+        if self.qos.deadline is not None:
+            self._last_ns = monotonic_ns()
+        if self._callback is not None and not self._is_async:
+            self._dispatch()
+        elif self._waiters:
+            self._release_waiters()
+        self._link.report(self)
+
+    def declaration(self, request: int, node: int) -> m.Message:
+        return m.CreateSubscription(
+            request=request,
+            node=node,
+            topic=self.topic_name,
+            type_name=self.support.name,
+            type_hash=self.support.hash,
+            qos=self.qos,
+            gid=self.gid,
+            last_seqs=self._last_seqs,
+        )
+
+    def declared(self, answer: m.Created) -> None:
+        super().declared(answer)
+        self._inbox.depth = answer.depth
+        self._ack_bytes = answer.window_bytes // 8
+        self._ack_samples = answer.window_samples // 8
+        self._watch_deadline()
+
+    def disconnected(self) -> None:
+        self._last_seqs |= {source.gid: source.last_seq for source in self._sources.values()}
+        super().disconnected()
+        for reason, count in self._dropped_by_broker.items():
+            self._dropped_by_earlier_brokers[reason] = self._dropped_by_earlier_brokers.get(reason, 0) + count
+        self._dropped_by_broker = {}
+        self.id = 0
+
+    def handle(self, message: Any) -> None:
+        match message:
+            case m.Matched():
+                self._sources[message.other] = self._make_source(message)
+                super().handle(message)
+            case m.Unmatched(other=other):
+                source = self._sources.get(other)
+                if source is not None and not source.is_alive:
+                    self._tell_liveliness(0, -1)
+                super().handle(message)
+            case m.LivelinessChanged(publisher=publisher, alive=alive):
+                source = self._sources.get(publisher)
+                if source is not None and source.is_alive is not alive:
+                    source.is_alive = alive
+                    self._tell_liveliness(1 if alive else -1, -1 if alive else 1)
+            case m.Dropped(dropped=dropped):
+                self._dropped_by_broker = dropped
+                self._tell_lost()
+            case _:
+                super().handle(message)
+
+    def totals(self) -> m.Report:
+        """This subscription's counters, for the graph."""
+        return m.Report(
+            endpoint=self.id,
+            samples=self.samples,
+            bytes=self.bytes,
+            queued=self._inbox.count,
+            dropped=self._dropped,
+        )
+
+    def end(self, reason: Any) -> None:
+        super().end(reason)
+        self._release_waiters()
+        if self._ack_timer is not None:
+            self._ack_timer.cancel()
+        if self._task is not None and self._task is not asyncio.current_task():
+            self._task.cancel()
+
+    # --- inside
+
+    async def _wait(self) -> None:
+        if self.refusal is not None:
+            raise self.refusal
+        waiter = self._link.loop.create_future()
+        self._waiters.append(waiter)
+        try:
+            await waiter
+        finally:
+            if waiter in self._waiters:
+                self._waiters.remove(waiter)
+
+    def _release_waiters(self) -> None:
+        waiters, self._waiters = self._waiters, []
+        for waiter in waiters:
+            if not waiter.done():
+                waiter.set_result(None)
+
+    def _next(self) -> M | None:
+        """Take and decode the oldest sample that can be delivered."""
+        while (sample := self._inbox.take()) is not None:
+            run, payload, stamp_ns, seq = sample
+            if self._is_lossless:
+                self._note_taken(run.source, seq, len(payload))
+            if stamp_ns < 0:
+                # The run was shorter than it claimed; what it still claimed is gone with it.
+                self._drop("undecodable", run.first_seq + run.count - seq)
+                continue
+            if run.lifespan_ns and stamp_ns + run.lifespan_ns < monotonic_ns():
+                self._drop("expired", 1)
+                continue
+            try:
+                message = self._decode(payload)
+            except (ValueError, RecursionError) as error:
+                self._reject(payload, error)
+                continue
+            self.samples += 1
+            self.bytes += len(payload)
+            self._current = sample
+            return message
+        return None
+
+    def _info(self) -> MessageInfo:
+        """About the message that `_next` gave last."""
+        assert self._current is not None
+        run, _, stamp_ns, seq = self._current
+        source = self._sources.get(run.source)
+        return MessageInfo(
+            stamp_ns + self._link.wall_offset_ns,
+            run.received_ns,
+            seq,
+            self.samples,
+            source.gid if source is not None else b"",
+        )
+
+    def _dispatch(self) -> None:
+        if self._is_dispatching:
+            return
+        self._is_dispatching = True
+        callback, end_ns = self._callback, monotonic_ns() + _TURN_NS
+        assert callback is not None
+        try:
+            while self.refusal is None and (message := self._next()) is not None:
+                if self._wants_info:
+                    callback(message, self._info())
+                else:
+                    callback(message)
+                if monotonic_ns() > end_ns:
+                    # Let timers and sockets have their turn: a slow callback must not see stale messages.
+                    if self._inbox.count:
+                        self._link.loop.call_soon(self._dispatch)
+                    break
+        except Exception as error:
+            self._on_error(error)
+        finally:
+            self._is_dispatching = False
+
+    async def _run_async_callback(self) -> None:
+        callback = self._callback
+        assert callback is not None
+        try:
+            while True:
+                message, info = await self.receive()
+                await (callback(message, info) if self._wants_info else callback(message))
+        except ConnectionClosed:
+            return
+        except Exception as error:
+            self._on_error(error)
+
+    def _make_source(self, matched: m.Matched) -> _Source:
+        last_seq = matched.next_seq - 1
+        known_seq = self._last_seqs.pop(matched.gid, None)
+        if known_seq is not None:
+            if known_seq < last_seq and self.qos.durability is Durability.VOLATILE:
+                self._drop("disconnected", last_seq - known_seq)
+            # A publisher that tells a new broker its history again repeats what we know.
+            last_seq = max(last_seq, known_seq)
+        needs_ack = self._is_lossless and (
+            matched.qos.history is History.KEEP_ALL and matched.qos.reliability is Reliability.RELIABLE
+        )
+        return _Source(matched.gid, last_seq, matched.qos.lifespan_ns, needs_ack=needs_ack)
+
+    def _check_numbers(self, run: Run, source: _Source) -> bool:
+        """Numbers don't follow on: drop what was received before a reconnection, count what is missing."""
+        if run.is_replay:
+            # The history may begin before the match; a replay comes first and its numbers ascend.
+            return True
+        if run.first_seq + run.count - 1 <= source.last_seq:
+            return False
+        if run.first_seq <= source.last_seq:
+            known = source.last_seq + 1 - run.first_seq
+            queue = RunQueue(0, Account(_INBOX_BYTES))
+            queue.append(run)
+            (rest,) = queue.newest(run.count - known, 0)
+            run.first_seq, run.count, run.body = rest.first_seq, rest.count, rest.body
+        return True
+
+    def _note_taken(self, number: int, seq: int, size: int) -> None:
+        source = self._sources.get(number)
+        if source is None or not source.needs_ack:
+            return
+        source.taken_bytes += size
+        source.taken_seq, before = seq, source.taken_seq
+        if source.taken_bytes >= self._ack_bytes or (seq // self._ack_samples != before // self._ack_samples):
+            source.taken_bytes = 0
+            self._link.send_about(self, m.Ack(subscription=self.id, source=number, seq=seq))
+        elif self._ack_timer is None:
+            self._ack_timer = self._link.loop.call_later(_ACK_DELAY_S, self._ack_all)
+
+    def _ack_all(self) -> None:
+        self._ack_timer = None
+        for number, source in self._sources.items():
+            if source.needs_ack and number in self._matches:
+                source.taken_bytes = 0
+                self._link.send_about(self, m.Ack(subscription=self.id, source=number, seq=source.taken_seq))
+
+    def _drop(self, reason: str, count: int) -> None:
+        self._dropped[reason] = self._dropped.get(reason, 0) + count
+        self._tell_lost()
+
+    def _reject(self, payload: memoryview, error: Exception) -> None:
+        self._logger.warning(
+            f"a message of {len(payload)} bytes on '{self.topic_name}' is no {self.support.name}: {error}",
+            throttle_duration_sec=5.0,
+        )
+        self._drop("undecodable", 1)
+
+    def _all_dropped(self) -> dict[str, int]:
+        total = dict(self._dropped)
+        for part in (self._dropped_by_broker, self._dropped_by_earlier_brokers):
+            for reason, count in part.items():
+                total[reason] = total.get(reason, 0) + count
+        return total
+
+    def _tell_lost(self) -> None:
+        callback = self._events.message_lost
+        if callback is not None:
+            reasons = self._all_dropped()
+            total = sum(reasons.values())
+            if total > self._lost_told:
+                change, self._lost_told = total - self._lost_told, total
+                self._tell(callback, MessageLost(total, change, reasons))
+
+    def _tell_liveliness(self, alive_change: int, not_alive_change: int) -> None:
+        lost = sum(not self._sources[other].is_alive for other in self._matches if other in self._sources)
+        alive = len(self._matches) - lost
+        self._tell(
+            self._events.liveliness_changed, LivelinessChanged(alive, lost, alive_change, not_alive_change)
+        )
+
+    def _type_warning(self) -> str:
+        return f"Incompatible type on topic '{self.topic_name}', no messages will be received from it."
+
+    def _qos_warning(self, policy: str) -> str:
+        return (
+            f"New publisher discovered on topic '{self.topic_name}', offering incompatible QoS. "
+            f"No messages will be received from it. Last incompatible policy: {policy}"
+        )
+
+
+def _unwrapped(callback: Callable[..., Any]) -> Callable[..., Any]:
+    call = getattr(callback, "__call__", callback)  # noqa: B004
+    return callback if iscoroutinefunction(callback) or not iscoroutinefunction(call) else call
+
+
+def _takes_info(callback: Callable[..., Any]) -> bool:
+    try:
+        parameters = signature(callback).parameters.values()
+    except (TypeError, ValueError):
+        return False
+    places = [
+        p
+        for p in parameters
+        if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) and p.default is p.empty
+    ]
+    return len(places) >= 2

@@ -1,0 +1,90 @@
+"""Timers: periodic calls that keep their phase and skip what they missed, as ROS 2's do."""
+
+import asyncio
+from collections.abc import Callable
+from inspect import iscoroutinefunction
+from time import monotonic_ns
+from typing import Any
+
+from bus.errors import ConfigurationError
+
+
+class Timer:
+    """Calls `callback()` every `period_s` seconds; made by `Node.create_timer`.
+
+    The first call comes after one period. The next call's time advances by whole periods: no drift, and calls
+    that could not be made in time are skipped and counted in `missed`, never made up for in a burst. An async
+    callback that still runs when the next call is due makes that call a missed one.
+    """
+
+    def __init__(
+        self, period_s: float, callback: Callable[[], Any], on_error: Callable[[BaseException], None]
+    ) -> None:
+        if not 0 <= period_s < 1e9:
+            raise ConfigurationError(f"timer period {period_s!r} is not a number of seconds from 0")
+        self.period_s = period_s
+        self.calls = 0
+        self.missed = 0
+        self._period_ns = round(period_s * 1e9)
+        self._callback = callback
+        self._is_async = iscoroutinefunction(callback)
+        self._on_error = on_error
+        self._loop = asyncio.get_running_loop()
+        self._handle: asyncio.TimerHandle | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._next_ns = 0
+        self.reset()
+
+    @property
+    def is_canceled(self) -> bool:
+        return self._handle is None
+
+    def cancel(self) -> None:
+        """No more calls, until `reset`. An async callback that runs is left to end."""
+        if self._handle is not None:
+            self._handle.cancel()
+            self._handle = None
+
+    def reset(self) -> None:
+        """The next call comes one period from now."""
+        self.cancel()
+        self._next_ns = monotonic_ns() + self._period_ns
+        self._arm(self._period_ns)
+
+    def close(self) -> None:
+        """Cancel, also an async callback that runs."""
+        self.cancel()
+        if self._task is not None:
+            self._task.cancel()
+
+    def _arm(self, delay_ns: int) -> None:
+        self._handle = self._loop.call_later(max(delay_ns, 0) / 1e9, self._fire)
+
+    def _fire(self) -> None:
+        now_ns = monotonic_ns()
+        if now_ns < self._next_ns:
+            self._arm(self._next_ns - now_ns)  # the loop's clock is coarser than ours
+            return
+        self._next_ns += self._period_ns
+        if self._next_ns <= now_ns and self._period_ns:
+            skipped = (now_ns - self._next_ns) // self._period_ns + 1
+            self.missed += skipped
+            self._next_ns += skipped * self._period_ns
+        self._arm(self._next_ns - monotonic_ns())
+        if self._task is not None and not self._task.done():
+            self.missed += 1
+            return
+        self.calls += 1
+        if self._is_async:
+            self._task = self._loop.create_task(self._run(), name="timer callback")
+            return
+        try:
+            self._callback()
+        except Exception as error:
+            self._on_error(error)
+
+    async def _run(self) -> None:
+        try:
+            await self._callback()
+        except Exception as error:
+            self._on_error(error)

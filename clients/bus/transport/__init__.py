@@ -1,0 +1,1 @@
+"""Bytes between processes, on the event loop."""

@@ -1,0 +1,122 @@
+"""One UNIX stream socket on the event loop: reads into a Session, sends from an Outbox.
+
+Works on the bare descriptor with add_reader and add_writer, because what is published shall leave at once
+and not at the end of the loop's turn. Must not know what the messages mean.
+"""
+
+import asyncio
+import socket
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from bus.errors import RemoteProtocolError
+from bus.wire.outbox import Outbox
+from bus.wire.runs import Buffer
+from bus.wire.session import Session
+
+
+class Stream:
+    """Takes over `sock`, a connected non-blocking socket.
+
+    `on_received(items)` gets the messages and runs of one read, in order; iterating may raise
+    RemoteProtocolError, which is handed to `on_lost` where `on_received` lets it pass. `on_lost(error)` is
+    called once when the connection ends for any reason but `close`; None means that the peer closed it.
+    """
+
+    def __init__(
+        self,
+        sock: socket.socket,
+        session: Session,
+        outbox: Outbox,
+        *,
+        on_received: Callable[[Iterator[Any]], None],
+        on_lost: Callable[[Exception | None], None],
+    ) -> None:
+        self.session = session
+        self.outbox = outbox
+        self.is_closed = False
+        self.is_blocked = False
+        self._loop = asyncio.get_running_loop()
+        self._sock = sock
+        self._on_received = on_received
+        self._on_lost = on_lost
+        self._rest: list[Buffer] = []
+        self._before_write: Callable[[], None] | None = None
+        self._loop.add_reader(sock.fileno(), self._read)
+
+    def before_write(self, action: Callable[[], None]) -> None:
+        """Run `action` each time that the socket takes bytes again, before the next are chosen."""
+        self._before_write = action
+
+    def flush(self) -> None:
+        """Send what waits, as far as the socket takes it; the rest goes when it can."""
+        while not self.is_blocked and not self.is_closed:
+            buffers, size = self.outbox.take()
+            if not size:
+                return
+            self._send(buffers, size)
+
+    def close(self) -> None:
+        """Send what the socket still takes and close it; what the socket does not take is lost."""
+        if not self.is_closed:
+            self.flush()
+        if not self.is_closed:
+            self._close()
+
+    def _read(self) -> None:
+        try:
+            count = self._sock.recv_into(self.session.reader.get_buffer())
+            if count:
+                self._on_received(self.session.received(count))
+            else:
+                self._lose(None)
+        except (BlockingIOError, InterruptedError):
+            return
+        except (OSError, RemoteProtocolError) as error:
+            self._lose(error)
+
+    def _send(self, buffers: list[Buffer], size: int) -> None:
+        try:
+            sent = self._sock.sendmsg(buffers)
+        except (BlockingIOError, InterruptedError):
+            sent = 0
+        except OSError as error:
+            self._lose(error)
+            return
+        if sent == size:
+            return
+        self._rest = _unsent(buffers, sent)
+        if not self.is_blocked:
+            self.is_blocked = True
+            self._loop.add_writer(self._sock.fileno(), self._write)
+
+    def _write(self) -> None:
+        rest, self._rest = self._rest, []
+        self._send(rest, sum(map(len, rest)))
+        if self._rest or self.is_closed:
+            return
+        self.is_blocked = False
+        self._loop.remove_writer(self._sock.fileno())
+        if self._before_write is not None:
+            self._before_write()
+        self.flush()
+
+    def _lose(self, error: Exception | None) -> None:
+        if not self.is_closed:
+            self._close()
+            self._on_lost(error)
+
+    def _close(self) -> None:
+        self.is_closed = True
+        self._loop.remove_reader(self._sock.fileno())
+        if self.is_blocked:
+            self._loop.remove_writer(self._sock.fileno())
+        self._sock.close()
+
+
+def _unsent(buffers: list[Buffer], sent: int) -> list[Buffer]:
+    for index, buffer in enumerate(buffers):
+        if sent < len(buffer):
+            return [memoryview(buffer)[sent:], *buffers[index + 1 :]]
+        sent -= len(buffer)
+    return []

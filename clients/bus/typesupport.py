@@ -1,0 +1,194 @@
+"""What the bus needs to know of a message class: name, hash and schema, how to encode, decode and check it.
+
+Owns: `TypeSupport`, one per class, and the texts of type errors. Must not know: topics, the wire. Doesn't import
+the ready-made classes of bus.msg before `find_type` asks for one.
+"""
+
+import re
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from typing import Any, Generic, TypeVar, cast
+
+import msgspec
+from msgspec import Struct
+
+from bus.errors import MessageTypeError
+from bus.msg import PACKAGES
+from bus.schema import Node, Schema, describe, type_name
+from bus.typecheck import predicate
+from bus.typehash import schema_hash
+
+__all__ = ["TypeSupport", "find_type", "type_hash", "type_name", "type_support", "wrong_class"]
+
+M = TypeVar("M", bound=Struct)
+
+_encoder = msgspec.msgpack.Encoder()
+_ENCODE_ERRORS = (AttributeError, BufferError, OverflowError, RecursionError, TypeError, ValueError)
+_PATH = re.compile(r"\$[^`]*")
+_STEP = re.compile(r"\[\.\.\.\]|\[(\d+)\]|\.([^.\[]+)")
+
+
+class TypeSupport(Generic[M]):
+    """Everything about one message class; get it from `type_support(cls)`.
+
+    To publish: check `type(message) is cls` (else `wrong_class`), then `is_valid(message)`. Where that is False,
+    `explain(message)` gives the error to raise, or None because the message is right after all. `encode` itself
+    may raise too (text with lone surrogates); then `explain` has the path as well.
+    """
+
+    __slots__ = ("cls", "decode", "encode", "hash", "is_valid", "name", "schema")
+
+    cls: type[M]
+    name: str
+    """`std_msgs/msg/String`"""
+    hash: str
+    schema: Schema
+    encode: Callable[[M], bytes]
+    decode: Callable[[bytes | bytearray | memoryview], M]
+    """Raises msgspec.DecodeError for bytes that are no such message."""
+    is_valid: Callable[[M], bool]
+    """True: the fields are surely right. False: ask `explain`."""
+
+    def __init__(self, cls: type[M]) -> None:
+        self.schema = describe(cls)
+        self.cls = cls
+        self.name = type_name(cls)
+        self.hash = schema_hash(self.schema)
+        self.encode = _encoder.encode
+        try:
+            self.decode = msgspec.msgpack.Decoder(cls).decode
+        except TypeError as error:
+            raise MessageTypeError(f"{self.name}: {error}") from error
+        # No code is made from names that another process chose.
+        self.is_valid = _unsure if vars(cls).get("__foreign__") else predicate(cls)
+
+    def __repr__(self) -> str:
+        return f"TypeSupport({self.name})"
+
+    def explain(self, message: M) -> MessageTypeError | None:
+        """The error that names the wrong field and its path, or None if the message is right after all."""
+        if not isinstance(message, self.cls):
+            return wrong_class(self.cls, message)
+        try:
+            data = self.encode(message)
+        except _ENCODE_ERRORS as error:
+            return MessageTypeError(f"{self.name}: {error} - at `{_path_of(error, message)}`")
+        try:
+            self.decode(data)
+        except msgspec.DecodeError as error:
+            return MessageTypeError(f"{self.name}: {self._with_names(str(error))}")
+        return None
+
+    def _with_names(self, text: str) -> str:
+        return _PATH.sub(lambda match: self._named_path(match[0]), text)
+
+    def _named_path(self, path: str) -> str:
+        """`$[0][2]` as `$.header.frame_id`: arrays of fields have no names on the wire."""
+        named, node = "$", cast(Node, self.schema["root"])
+        for step in _STEP.finditer(path):
+            name, node = self._step(node, step)
+            named += name
+        return named
+
+    def _step(self, node: Node, step: re.Match[str]) -> tuple[str, Node]:
+        if isinstance(node, list) and node[0] == "union":
+            members = [member for member in node[1:] if member not in ("none", "unset")]
+            node = members[0] if len(members) == 1 else "any"
+        index = int(step[1]) if step[1] else None
+        if isinstance(node, str):
+            described = self.schema["types"].get(node, {"fields": []})
+            fields = described["fields"]
+            if index is not None and described.get("array"):
+                index -= described.get("tag") is not None
+                fields = fields[index : index + 1]
+            else:
+                fields = [field for field in fields if field.get("key", field["name"]) == step[2]]
+            return (f".{fields[0]['name']}", fields[0]["type"]) if fields else (step[0], "any")
+        match node:
+            case ["list", item, *_] | ["dict", _, item]:
+                return step[0], item
+            case ["tuple", *items] if index is not None and index < len(items):
+                return step[0], items[index]
+        return step[0], "any"
+
+
+_supports: dict[type[Struct], TypeSupport[Any]] = {}
+
+
+def type_support(cls: type[M]) -> TypeSupport[M]:
+    """The TypeSupport of a message class, made once.
+
+    Raises MessageTypeError for what is no message class, ConfigurationError for a bad type name.
+    """
+    found = _supports.get(cls) if isinstance(cls, type) else None
+    return found or _supports.setdefault(cls, TypeSupport(cls))
+
+
+def type_hash(cls: type[Struct]) -> str:
+    """ROS 2's hash of the type (`RIHS01_...`) where ROS 2 can describe it, else our own (`BUS01_...`)."""
+    return schema_hash(describe(cls))
+
+
+def wrong_class(cls: type[Struct], message: object) -> MessageTypeError:
+    """The error for publishing an object of another class."""
+    expected = f"{type_name(cls)}: expected a {_full_name(cls)}, got "
+    if isinstance(message, type):
+        return MessageTypeError(f"{expected}the class {message.__qualname__}; write {message.__name__}()")
+    hint = ""
+    if len(cls.__struct_fields__) == 1 and not isinstance(message, Struct):
+        hint = f"; write {cls.__name__}({cls.__struct_fields__[0]}=...)"
+    return MessageTypeError(f"{expected}{_full_name(type(message))}{hint}")
+
+
+def find_type(name: str) -> type[Struct] | None:
+    """The ready-made class of a ROS name, `std_msgs/msg/String` or `std_msgs/String`; None if there is none."""
+    package, _, rest = name.partition("/")
+    if package not in PACKAGES:
+        return None
+    class_name = rest.removeprefix("msg/")
+    cls = getattr(import_module(f"bus.msg.{package}"), class_name, None)
+    if not isinstance(cls, type) or not issubclass(cls, Struct):
+        return None
+    # A module also holds the classes that it imported from its neighbours.
+    return cls if type_name(cls) == f"{package}/msg/{class_name}" else None
+
+
+def _full_name(cls: type) -> str:
+    return cls.__qualname__ if cls.__module__ == "builtins" else f"{cls.__module__}.{cls.__qualname__}"
+
+
+def _unsure(_: object) -> bool:
+    return False
+
+
+def _path_of(error: Exception, value: object) -> str:
+    """Path of the innermost part of `value` that can't be encoded; `error` is what the encoder said of it all."""
+    path = "$"
+    # A value that contains itself has no innermost part.
+    while not isinstance(error, RecursionError):
+        for step, part in _parts(value):
+            try:
+                _encoder.encode(part)
+            except _ENCODE_ERRORS as inner:
+                path, value, error = path + step, part, inner
+                break
+        else:
+            break
+    return path
+
+
+def _parts(value: object) -> Iterator[tuple[str, object]]:
+    if isinstance(value, Struct):
+        for name in value.__struct_fields__:
+            yield f".{name}", getattr(value, name, _Unset())
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            yield "[...]", key
+            yield f"[{key!r:.40}]", item
+    elif isinstance(value, list | tuple | set | frozenset):
+        for index, item in enumerate(value):
+            yield f"[{index}]", item
+
+
+class _Unset:
+    """Stands for a field that was deleted; the encoder refuses it."""

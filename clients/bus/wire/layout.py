@@ -1,0 +1,52 @@
+"""Where the bytes of a frame stand.
+
+Owns offsets, sizes and numbers of the wire. Everything is little-endian.
+
+    frame     0        4      5      6       8
+              | length | kind | flags| zero  | rest of the frame ...
+                u32      u8     u8     u16     (length counts the bytes after itself)
+
+    control   8
+              | one control message, MessagePack ...
+
+    data      8          12       16          24      28      32
+              | endpoint | source | first_seq | count | zero  | `count` records ...
+                u32        u32      u64         u32     u32
+
+    record    0              4           12
+              | payload size | stamp ns  | payload ...
+                u32            i64
+
+A data frame carries a *run*: samples of one publisher with consecutive sequence numbers. `endpoint` is the
+publisher on the way to the broker and the subscription on the way from it; `source` is the publisher (on the
+way to the broker: 0). Stamps are CLOCK_MONOTONIC, which all processes of a machine share.
+"""
+
+import struct
+from typing import Final
+
+VERSION: Final = 1
+
+CONTROL: Final = 1
+DATA: Final = 2
+
+REPLAY: Final = 1
+"""Flag of a data frame: its samples were published before the subscription was made (transient local)."""
+
+FRAME_HEAD: Final = struct.Struct("<IBBH")
+DATA_HEAD: Final = struct.Struct("<IBBHIIQII")
+RECORD_HEAD: Final = struct.Struct("<Iq")
+
+LENGTH_BYTES: Final = 4
+FRAME_HEAD_BYTES: Final = FRAME_HEAD.size
+DATA_HEAD_BYTES: Final = DATA_HEAD.size
+RECORD_HEAD_BYTES: Final = RECORD_HEAD.size
+
+MAX_CONTROL_BYTES: Final = 1 << 20
+"""Longest control message towards the broker; snapshots of a graph are longer, and only a broker sends them."""
+
+MAX_SNAPSHOT_BYTES: Final = 256 << 20
+"""Longest control message that a client takes from its broker."""
+
+MAX_MESSAGE_BYTES: Final = 1 << 30
+"""No configuration may allow a longer encoded message."""

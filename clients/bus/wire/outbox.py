@@ -1,0 +1,66 @@
+"""What waits to be sent over one connection, and in which order.
+
+Control frames go first, in their order; then the ready queues of runs, each in turn, so that one flooded
+queue does not hold up the others. Pure: gives out buffers, never sends.
+"""
+
+from collections import deque
+
+from bus.wire.runs import Buffer, RunQueue
+
+TAKE_BYTES = 256 << 10
+_TURN_BYTES = 64 << 10
+_MAX_BUFFERS = 512  # sendmsg takes 1,024 at most
+
+
+class Outbox:
+    """Control frames and ready queues of one connection."""
+
+    __slots__ = ("_control", "_ready", "control_bytes")
+
+    def __init__(self) -> None:
+        self._control: deque[bytes] = deque()
+        self._ready: deque[RunQueue] = deque()
+        self.control_bytes = 0
+
+    def put(self, frame: bytes) -> None:
+        """Queue a control frame."""
+        self._control.append(frame)
+        self.control_bytes += len(frame)
+
+    def make_ready(self, queue: RunQueue) -> None:
+        """Say that `queue` has something to send; it is looked at until it is empty."""
+        if not queue.is_ready:
+            queue.is_ready = True
+            self._ready.append(queue)
+
+    def take(self) -> tuple[list[Buffer], int]:
+        """Buffers to send now and their size, about TAKE_BYTES; nothing where nothing waits."""
+        buffers: list[Buffer] = []
+        size = 0
+        control = self._control
+        while control and size < TAKE_BYTES and len(buffers) < _MAX_BUFFERS:
+            frame = control.popleft()
+            self.control_bytes -= len(frame)
+            size += len(frame)
+            buffers.append(frame)
+        if control:
+            return buffers, size
+        ready = self._ready
+        while ready and size < TAKE_BYTES and len(buffers) < _MAX_BUFFERS:
+            queue = ready[0]
+            turn_end = size + _TURN_BYTES
+            while queue.runs and size < turn_end and len(buffers) < _MAX_BUFFERS:
+                head, body = queue.pop_frame()
+                buffers.append(head)
+                buffers.append(body)
+                size += len(head) + len(body)
+            ready.popleft()
+            if queue.runs:
+                ready.append(queue)
+            else:
+                queue.is_ready = False
+        return buffers, size
+
+    def __bool__(self) -> bool:
+        return bool(self._control or self._ready)

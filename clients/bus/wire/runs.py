@@ -1,0 +1,281 @@
+"""Runs of samples, and the one bounded queue of the bus.
+
+A `Run` is what a data frame carries. A `RunQueue` holds the runs that wait at one of three places: at a
+publisher (to be handed over), in the broker (to be sent to one subscription) and in a subscription (to be
+taken). It counts samples, not runs, and drops the oldest first; whoever calls learns how many went.
+
+Cost: pushing and popping a run is O(1) whatever the number of samples in it; trimming walks the samples that
+it drops. Knows no I/O and no clock.
+"""
+
+from collections import deque
+from collections.abc import Iterator
+
+from bus.wire.layout import (
+    DATA,
+    DATA_HEAD,
+    DATA_HEAD_BYTES,
+    LENGTH_BYTES,
+    RECORD_HEAD,
+    RECORD_HEAD_BYTES,
+    REPLAY,
+)
+
+Buffer = bytes | bytearray | memoryview
+
+_unpack_record = RECORD_HEAD.unpack_from
+_OVERHEAD_BYTES = DATA_HEAD_BYTES - LENGTH_BYTES
+
+
+class Run:
+    """Samples of one publisher with consecutive sequence numbers, immutable and shared by all its queues.
+
+    `body` is `count` records back to back. `lifespan_ns` is the publisher's (0: for ever), `received_ns` when
+    the subscription's process got the run (wall clock). A replay carries
+    samples that were published before the subscription was there; they don't count against its depth.
+    """
+
+    __slots__ = (
+        "body",
+        "count",
+        "endpoint",
+        "first_seq",
+        "is_replay",
+        "lifespan_ns",
+        "received_ns",
+        "source",
+    )
+
+    def __init__(
+        self, endpoint: int, source: int, first_seq: int, count: int, body: Buffer, is_replay: bool = False
+    ) -> None:
+        self.endpoint = endpoint
+        self.source = source
+        self.first_seq = first_seq
+        self.count = count
+        self.body = body
+        self.is_replay = is_replay
+        self.lifespan_ns = 0
+        self.received_ns = 0
+
+    def records(self) -> Iterator[tuple[memoryview, int]]:
+        """Each payload with its stamp; stops early where the body is shorter than it claims."""
+        offset, body = 0, memoryview(self.body)
+        for _ in range(self.count):
+            start = offset + RECORD_HEAD_BYTES
+            if start > len(body):
+                return
+            size, stamp_ns = _unpack_record(body, offset)
+            offset = start + size
+            if offset > len(body):
+                return
+            yield body[start:offset], stamp_ns
+
+
+def frame_record(payload: Buffer, stamp_ns: int) -> bytes:
+    """One record: its head and its payload."""
+    return b"".join((RECORD_HEAD.pack(len(payload), stamp_ns), payload))
+
+
+def _walk(body: Buffer, offset: int, count: int) -> int:
+    """The offset `count` records on; the end of the body where it is shorter than it claims."""
+    for _ in range(count):
+        if offset + RECORD_HEAD_BYTES > len(body):
+            break
+        offset += RECORD_HEAD_BYTES + _unpack_record(body, offset)[0]
+    return min(offset, len(body))
+
+
+class Account:
+    """What one holder keeps of a resource, in bytes, and how much it may keep."""
+
+    __slots__ = ("limit", "used")
+
+    def __init__(self, limit: int) -> None:
+        self.limit = limit
+        self.used = 0
+
+
+class RunQueue:
+    """A first-in first-out queue of samples, bounded by `depth` samples (0: not bounded by number).
+
+    `endpoint` is what the frames made from it are addressed to. Bytes held are charged to `account`.
+    """
+
+    __slots__ = (
+        "account",
+        "bytes",
+        "count",
+        "depth",
+        "endpoint",
+        "extra",
+        "is_ready",
+        "offset",
+        "runs",
+        "skipped",
+    )
+
+    def __init__(self, depth: int, account: Account, endpoint: int = 0) -> None:
+        self.depth = depth
+        self.account = account
+        self.endpoint = endpoint
+        self.runs: deque[Run] = deque()
+        self.count = 0
+        self.bytes = 0
+        self.extra = 0  # room beyond the depth, for replayed samples, until the queue is empty again
+        # The head run may have been used up in part: bytes and samples of it that are gone.
+        self.offset = 0
+        self.skipped = 0
+        self.is_ready = False  # in the ready list of an Outbox
+
+    def append(self, run: Run) -> bool:
+        """Append `run`; returns whether the queue now exceeds its depth or quota and must be trimmed."""
+        self.runs.append(run)
+        size = len(run.body)
+        self.bytes += size
+        self.count += run.count
+        account = self.account
+        account.used += size
+        if run.is_replay:
+            self.extra += run.count
+        return (self.count > self.depth + self.extra and self.depth > 0) or account.used > account.limit
+
+    def trim(self) -> int:
+        """Drop the oldest samples beyond the depth; returns how many."""
+        excess = self.count - self.depth - self.extra
+        return self.drop(excess) if self.depth and excess > 0 else 0
+
+    def push(self, run: Run) -> int:
+        """Append `run`; returns how many of the oldest samples were replaced because of the depth."""
+        return self.trim() if self.append(run) else 0
+
+    def drop(self, count: int) -> int:
+        """Drop the `count` oldest samples; returns how many went (less only where fewer were held)."""
+        left = count
+        while left and self.runs:
+            run = self.runs[0]
+            held = run.count - self.skipped
+            if held <= left:
+                left -= held
+                self._forget_head(run, held)
+            else:
+                self._skip(run, left)
+                left = 0
+        return count - left
+
+    def drop_expired(self, now_ns: int) -> int:
+        """Drop samples from the head that are older than their publisher's lifespan; returns how many."""
+        dropped = 0
+        while self.runs:
+            run = self.runs[0]
+            if not run.lifespan_ns:
+                break
+            stamp_ns = self.peek_stamp()
+            if stamp_ns is not None and stamp_ns + run.lifespan_ns >= now_ns:
+                break
+            dropped += self.drop(1)
+        return dropped
+
+    def drop_over_quota(self) -> int:
+        """Drop whole runs, oldest first, until the account is within its limit; returns the samples dropped."""
+        dropped = 0
+        while self.runs and self.account.used > self.account.limit:
+            run = self.runs[0]
+            held = run.count - self.skipped
+            dropped += held
+            self._forget_head(run, held)
+        return dropped
+
+    def peek_stamp(self) -> int | None:
+        """Stamp of the oldest sample; None where there is none or its run is malformed."""
+        if not self.runs or self.offset + RECORD_HEAD_BYTES > len(self.runs[0].body):
+            return None
+        stamp_ns: int = _unpack_record(self.runs[0].body, self.offset)[1]
+        return stamp_ns
+
+    def pop_frame(self) -> tuple[bytes, Buffer]:
+        """Take what is left of the oldest run, as the header and the body of a frame to `endpoint`."""
+        run = self.runs[0]
+        held = run.count - self.skipped
+        body: Buffer = run.body
+        if self.offset:
+            body = memoryview(body)[self.offset :]
+        head = DATA_HEAD.pack(
+            _OVERHEAD_BYTES + len(body),
+            DATA,
+            REPLAY if run.is_replay else 0,
+            0,
+            self.endpoint,
+            run.source,
+            run.first_seq + self.skipped,
+            held,
+            0,
+        )
+        self._forget_head(run, held)
+        return head, body
+
+    def take(self) -> tuple[Run, memoryview, int, int] | None:
+        """Take the oldest sample: its run, payload, stamp and sequence number; None where there is none.
+
+        A run whose body is shorter than it claims gives an empty payload with the stamp -1, once, and is
+        dropped with all that it still claimed.
+        """
+        if not self.runs:
+            return None
+        run = self.runs[0]
+        offset, body = self.offset, run.body
+        start = offset + RECORD_HEAD_BYTES
+        if start <= len(body):
+            size, stamp_ns = _unpack_record(body, offset)
+            end = start + size
+            if end <= len(body):
+                seq = run.first_seq + self.skipped
+                if self.skipped + 1 == run.count:
+                    self._forget_head(run, 1)
+                else:
+                    self.offset = end
+                    self.skipped += 1
+                    self.count -= 1
+                return run, memoryview(body)[start:end], stamp_ns, seq
+        seq = run.first_seq + self.skipped
+        self._forget_head(run, run.count - self.skipped)
+        return run, memoryview(b""), -1, seq
+
+    def clear(self) -> int:
+        """Drop everything; returns how many samples went."""
+        return self.drop(self.count)
+
+    def newest(self, count: int, after_seq: int) -> Iterator[Run]:
+        """Replays of the newest `count` samples (0: of all) whose number is above `after_seq`.
+
+        Only for a queue with the samples of one publisher.
+        """
+        surplus = max(0, self.count - count) if count else 0
+        offset, skipped = self.offset, self.skipped
+        for run in self.runs:
+            held = run.count - skipped
+            first_seq = run.first_seq + skipped
+            seen = min(held, max(surplus, after_seq + 1 - first_seq))
+            if seen < held:
+                offset = _walk(run.body, offset, seen)
+                body = memoryview(run.body)[offset:]
+                replay = Run(0, run.source, first_seq + seen, held - seen, body, is_replay=True)
+                replay.lifespan_ns = run.lifespan_ns
+                yield replay
+            surplus = max(0, surplus - held)
+            offset = skipped = 0
+
+    def _skip(self, run: Run, count: int) -> None:
+        self.offset = _walk(run.body, self.offset, count)
+        self.skipped += count
+        self.count -= count
+
+    def _forget_head(self, run: Run, held: int) -> None:
+        self.runs.popleft()
+        self.count -= held
+        size = len(run.body)
+        self.bytes -= size
+        self.account.used -= size
+        self.offset = self.skipped = 0
+        if not self.runs:
+            self.extra = 0

@@ -1,0 +1,86 @@
+"""The state of one connection, the same rules for both ends: Hello first, once, in a version we speak.
+
+    state     a Hello comes   another frame comes
+    NEW       OPEN            (error)
+    OPEN      (error)         OPEN
+
+Bytes in, messages and runs out; no I/O. After an error the session is CLOSED and gives nothing more.
+"""
+
+from collections.abc import Iterator
+from enum import Enum, auto
+from typing import Any
+
+from bus.errors import RemoteProtocolError
+from bus.wire.framing import FrameReader
+from bus.wire.layout import MAX_CONTROL_BYTES, MAX_MESSAGE_BYTES, MAX_SNAPSHOT_BYTES, VERSION
+from bus.wire.messages import Hello, from_broker, from_client
+from bus.wire.runs import Run
+
+
+class Role(Enum):
+    """Which end of the connection we are."""
+
+    CLIENT = auto()
+    BROKER = auto()
+
+
+class State(Enum):
+    NEW = auto()
+    OPEN = auto()
+    CLOSED = auto()
+
+
+_AFTER_HELLO = {State.NEW: State.OPEN}
+_AFTER_OTHER = {State.OPEN: State.OPEN}
+
+
+class Session:
+    """Turns the bytes of a peer into messages (`bus.wire.messages`) and runs.
+
+    `max_data_bytes` bounds the body of a data frame.
+    """
+
+    def __init__(self, role: Role, *, max_data_bytes: int = MAX_MESSAGE_BYTES) -> None:
+        max_control_bytes = MAX_CONTROL_BYTES if role is Role.BROKER else MAX_SNAPSHOT_BYTES
+        self.state = State.NEW
+        self.reader = FrameReader(max_control_bytes=max_control_bytes, max_data_bytes=max_data_bytes)
+        self.peer: Hello | None = None
+        self._decode = (from_client if role is Role.BROKER else from_broker).decode
+
+    def received(self, count: int) -> Iterator[Any]:
+        """What came with the `count` bytes now in the reader's buffer, in order.
+
+        Raises RemoteProtocolError where the peer broke a rule; all that came before it was given out.
+        """
+        try:
+            for frame in self.reader.received(count):
+                if frame.__class__ is Run:
+                    self._step(_AFTER_OTHER, "a data frame")
+                    yield frame
+                else:
+                    message = self._decode(frame)  # type: ignore[arg-type]
+                    if message.__class__ is Hello:
+                        self._step(_AFTER_HELLO, "a Hello")
+                        self._check(message)
+                    else:
+                        self._step(_AFTER_OTHER, f"a {type(message).__name__}")
+                    yield message
+        except RemoteProtocolError:
+            self.state = State.CLOSED
+            raise
+
+    def _step(self, table: dict[State, State], what: str) -> None:
+        try:
+            self.state = table[self.state]
+        except KeyError:
+            order = "before Hello" if self.state is State.NEW else "a second time"
+            raise RemoteProtocolError(f"{what} came {order}") from None
+
+    def _check(self, hello: Hello) -> None:
+        if hello.version != VERSION:
+            raise RemoteProtocolError(
+                f"protocol version {hello.version} offered, this side speaks {VERSION}; "
+                "the two programs have different versions of busd"
+            )
+        self.peer = hello
