@@ -38,7 +38,7 @@ class Connection:
         self._host = host
         self.stream = Stream(
             sock,
-            Session(Role.BROKER, max_data_bytes=host.limits.message_bytes),
+            Session(Role.BROKER, max_message_bytes=host.limits.message_bytes),
             Outbox(),
             on_received=self._received,
             on_lost=self._lost,

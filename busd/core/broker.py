@@ -55,7 +55,7 @@ class Broker:
             emit,
             lease_ns=int(self.limits.lease_s * 1e9),
             is_attached=lambda peer: peer.id in self._peers,
-            evict=self._evict,
+            evict=self._cut,
         )
         self._declarations = Declarations(self.graph, self.limits, rules, self._leases)
         self._handlers: dict[type[m.Message], Callable[[int, Peer, Any, list[Effect]], None]] = {
@@ -97,11 +97,9 @@ class Broker:
 
     def detach(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
         """The connection is gone: so is all that the peer had."""
-        peer = self._peers.pop(peer_id, None)
+        peer = self._peers.get(peer_id)
         if peer is not None:
-            for node in tuple(peer.nodes.values()):
-                self._declarations.remove_node(now_ns, node, self._out)
-            self.graph.forget_types(peer, list(self._peers.values()))
+            self._forget(now_ns, peer)
         return self._take_effects()
 
     def handle(self, now_ns: int, peer_id: PeerId, message: Any) -> list[Effect]:
@@ -184,14 +182,17 @@ class Broker:
         else:
             self._emit(Send(peer.id, m.Refused(request=request, text=text, **quota)))
 
-    def _evict(self, now_ns: int, peer: Peer, reason: str) -> None:
-        self._cut(now_ns, peer, reason)
-
     def _cut(self, now_ns: int, peer: Peer, reason: str) -> None:
         self._emit(Send(peer.id, m.Fault(text=reason)))
         self._emit(Disconnect(peer.id, reason))
         self._emit(Note(logging.WARNING, f"cut off {peer.describe()}: {reason}"))
-        self._out += self.detach(now_ns, peer.id)
+        self._forget(now_ns, peer)
+
+    def _forget(self, now_ns: int, peer: Peer) -> None:
+        del self._peers[peer.id]
+        for node in tuple(peer.nodes.values()):
+            self._declarations.remove_node(now_ns, node, self._out)
+        self.graph.forget_types(peer, list(self._peers.values()))
 
     def _on_ping(self, now_ns: int, peer: Peer, message: m.Ping, out: list[Effect]) -> None:
         out.append(Send(peer.id, m.Pong(number=message.number)))

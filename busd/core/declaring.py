@@ -52,7 +52,8 @@ class Declarations:
                     f"type name or hash of {len(text)} characters, the limit is {_MAX_TYPE_NAME}"
                 )
         kind = (message.type_name, message.type_hash)
-        _check_quota("types of a process", len(peer.types), self._limits.endpoints_per_peer)
+        if kind not in peer.types:
+            self._check_types(peer)
         peer.types.add(kind)
         self._graph.types.setdefault(kind, msgspec.Raw(bytes(message.schema)))
 
@@ -80,8 +81,6 @@ class Declarations:
     ) -> None:
         node, kind, rule = self._check_endpoint(peer, message)
         qos = self._check_depth(rule.cap(message.qos))
-        if message.next_seq < 1:
-            raise RemoteProtocolError(f"next_seq is {message.next_seq}, the first sample has number 1")
         publisher = Publisher(
             id=EndpointId(self._graph.next_id()),
             node=node,
@@ -176,15 +175,19 @@ class Declarations:
     ) -> tuple[Node, MessageType, TopicCaps]:
         node = self._own_node(peer, message.node)
         names.validate_full_topic_name(message.topic)
-        kind = (message.type_name, message.type_hash)
-        if kind not in peer.types:
-            raise RemoteProtocolError(f"type {message.type_name} was not declared on this connection")
         if len(message.gid) != _GID_BYTES:
             raise RemoteProtocolError(f"gid of {len(message.gid)} bytes, a gid has {_GID_BYTES}")
         _check_quota("endpoints of a process", len(peer.endpoints), self._limits.endpoints_per_peer)
+        kind = (message.type_name, message.type_hash)
+        if kind not in peer.types:
+            self._check_types(peer)  # then it was declared, and there was no room for it
+            raise RemoteProtocolError(f"type {message.type_name} was not declared on this connection")
         if message.topic not in self._graph.topics:
             _check_quota("topics", len(self._graph.topics), self._limits.topics)
         return node, kind, rules_for(message.topic, self._rules)
+
+    def _check_types(self, peer: Peer) -> None:
+        _check_quota("types of a process", len(peer.types), self._limits.endpoints_per_peer)
 
     def _check_depth(self, qos: QoSProfile) -> QoSProfile:
         if qos.history is History.KEEP_LAST and qos.depth > self._limits.depth:

@@ -17,6 +17,7 @@ from msgspec import Meta, structs
 
 from bus.errors import ConfigurationError
 from bus.qos import MAX_DEPTH, History, QoSProfile
+from bus.wire.layout import MAX_MESSAGE_BYTES
 
 __all__ = ["Limits", "TopicCaps", "TopicRule", "checked", "rules_for"]
 
@@ -24,10 +25,8 @@ _Cap = TypeVar("_Cap", int, float)
 
 _KiB = 1024
 _MiB = 1024 * _KiB
-_GiB = 1024 * _MiB
 
-# A frame's length is a u32 and its header needs room too, so no message may come near 4 GiB.
-_MessageBytes = Annotated[int, Meta(ge=_KiB, le=2 * _GiB)]
+_MessageBytes = Annotated[int, Meta(ge=_KiB, le=MAX_MESSAGE_BYTES)]
 _Bytes = Annotated[int, Meta(ge=_KiB, le=2**40)]
 _Count = Annotated[int, Meta(ge=1, le=2**20)]
 _Depth = Annotated[int, Meta(ge=1, le=MAX_DEPTH)]

@@ -38,7 +38,7 @@ class Leases:
     def watch_publisher(self, now_ns: int, publisher: Publisher) -> None:
         """Watch the lease of `publisher`, where it has one."""
         if publisher.lease_ns:
-            self._timers.add(now_ns + publisher.lease_ns, lambda now: self._check_publisher(now, publisher))
+            self._look_at(now_ns, now_ns + publisher.lease_ns, publisher)
 
     def hear_peer(self, now_ns: int, peer: Peer) -> None:
         """Anything came from `peer`: its automatic publishers are alive."""
@@ -62,13 +62,18 @@ class Leases:
         else:
             self._evict(now_ns, peer, f"no sign of life for {silence_ns / 1e9:.1f} s")
 
+    def _look_at(self, now_ns: int, due_ns: int, publisher: Publisher) -> None:
+        # A timer keeps its publisher in memory: not for the rest of a long lease after it has gone.
+        due_ns = min(due_ns, now_ns + self._lease_ns)
+        self._timers.add(due_ns, lambda now: self._check_publisher(now, publisher))
+
     def _check_publisher(self, now_ns: int, publisher: Publisher) -> None:
         peer = publisher.node.peer
         if publisher.id not in peer.endpoints or not publisher.is_alive:
             return
         sign_ns = publisher.last_sign_ns if publisher.is_manual else peer.last_heard_ns
         if now_ns - sign_ns < publisher.lease_ns:
-            self.watch_publisher(sign_ns, publisher)
+            self._look_at(now_ns, sign_ns + publisher.lease_ns, publisher)
             return
         publisher.is_alive = False
         if not publisher.is_manual:

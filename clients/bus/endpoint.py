@@ -12,7 +12,7 @@ from typing import Any, Generic, TypeVar
 
 import msgspec
 
-from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
+from bus.errors import BusError, ConnectionClosed
 from bus.events import (
     DeadlineMissed,
     IncompatibleQoS,
@@ -228,7 +228,3 @@ class Endpoint(Generic[M]):
                 callback(event)
             except Exception as error:
                 self._on_error(error)
-
-    def _check_size(self, size: int, limit: int) -> None:
-        if size > limit:
-            raise PayloadTooLarge(self.topic_name, size_bytes=size, limit_bytes=limit)

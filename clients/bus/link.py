@@ -11,7 +11,7 @@ from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 from threading import get_ident
 from time import monotonic_ns, time_ns
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from bus.connection import Connection
 from bus.errors import BrokerUnavailable, BusError, ConnectionClosed, ForkError
@@ -63,7 +63,7 @@ class Endpoint(Declared, Protocol):
 class Link:
     """Got by `Link.acquire`, given back with `release`."""
 
-    _links: "weakref.WeakSet[Link]" = weakref.WeakSet()
+    _links: "ClassVar[weakref.WeakSet[Link]]" = weakref.WeakSet()
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -169,7 +169,9 @@ class Link:
 
     async def request(self, make: Callable[[int], m.Message]) -> Any:
         """Ask the broker something; see `Connection.request`. Waits for a broker that is away."""
-        return await (await self._connected()).request(make)
+        connection = await self._connected()
+        self._hand_over()
+        return await connection.request(make)
 
     async def observe(self, tell: Callable[[m.Graph | m.GraphChanged], None]) -> None:
         """Call `tell` with the graph as it is and then with every change, also after a reconnection."""
@@ -405,6 +407,7 @@ class Link:
             self._admissions[number] = admit
             return make(number)
 
+        self._hand_over()  # what was published before must not seem to come after
         try:
             await connection.request(declaration)
         finally:

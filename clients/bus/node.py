@@ -12,7 +12,7 @@ import msgspec
 from bus import names
 from bus.address import socket_path
 from bus.arguments import Arguments
-from bus.errors import ConnectionClosed, ForkError
+from bus.errors import ConfigurationError, ConnectionClosed, ForkError
 from bus.events import PublisherEvents, SubscriptionEvents
 from bus.graph import Graph
 from bus.link import Link
@@ -211,7 +211,13 @@ class Node:
         answer: m.TypeDescription = await self._opened().request(
             lambda number: m.GetType(request=number, type_name=type_name, type_hash=type_hash)
         )
-        return build(msgspec.msgpack.decode(answer.schema))
+        try:
+            schema = msgspec.msgpack.decode(answer.schema)
+        except (ValueError, RecursionError) as error:
+            raise ConfigurationError(
+                f"the description of {type_name} on the bus is broken: {error}"
+            ) from None
+        return build(schema)
 
     def statistics(self) -> NodeStatistics:
         publishers = [one.statistics() for one in self._endpoints if isinstance(one, Publisher)]

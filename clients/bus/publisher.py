@@ -15,20 +15,21 @@ from typing import Any, TypeVar
 import msgspec
 
 from bus.endpoint import Endpoint
-from bus.errors import ConnectionClosed
+from bus.errors import ConnectionClosed, PayloadTooLarge
 from bus.events import LivelinessLost, PublisherEvents
 from bus.link import Link
 from bus.logger import Logger
 from bus.qos import Durability, History, QoSProfile, Reliability
 from bus.typesupport import TypeSupport, wrong_class
 from bus.wire import messages as m
-from bus.wire.layout import MAX_MESSAGE_BYTES, RECORD_HEAD, RECORD_HEAD_BYTES
+from bus.wire.layout import MAX_MESSAGE_BYTES, RECORD_HEAD, RECORD_HEAD_BYTES, RUN_BYTES
 from bus.wire.runs import Account, Buffer, Run, RunQueue
 
 M = TypeVar("M", bound=msgspec.Struct)
 
-_RUN_BYTES = 64 << 10
+_MOST_PARTS = 2 * 512
 _DRAIN_S = 5.0
+_ENCODE_ERRORS = (ValueError, TypeError, AttributeError, BufferError, OverflowError, RecursionError)
 _pack_record = RECORD_HEAD.pack
 
 
@@ -75,11 +76,11 @@ class Publisher(Endpoint[M]):
         self._queue = RunQueue(depth, account)
         self._history = RunQueue(depth, account) if qos.durability is Durability.TRANSIENT_LOCAL else None
         self._next_seq = 1
-        # The run that is being gathered: heads and payloads in turn.
+        # The run that is open: heads and payloads in turn, and how many more bytes may go into it.
         self._parts: list[Buffer] = []
-        self._open_samples = 0
-        self._open_bytes = 0
-        self._full_samples = depth or 1 << 30
+        self._budget = 0
+        self._full_parts = 2 * depth or 1 << 30
+        self._thread = link.thread
         self._replaced = 0
         self._refused = 0
         self._lost_liveliness = 0
@@ -112,37 +113,21 @@ class Publisher(Endpoint[M]):
                 raise error
         try:
             payload = self._encode(message)
-        except (ValueError, TypeError, RecursionError) as error:  # text with lone surrogates, for one
+        except _ENCODE_ERRORS as error:
             raise self.support.explain(message) or error from None
-        return self.publish_encoded(payload)
+        size = len(payload)
+        # The short way, for a sample that goes into a run which is open and has room: all other questions
+        # were answered when the run was opened. It is what a flood consists of, hence without a call more.
+        budget, parts = self._budget - size, self._parts
+        if budget < 0 or len(parts) >= self._full_parts or get_ident() != self._thread:
+            return self._put(payload, size)
+        self._budget = budget - RECORD_HEAD_BYTES
+        parts += (_pack_record(size, monotonic_ns()), payload)
+        return True
 
     def publish_encoded(self, payload: Buffer) -> bool:
         """Publish a message that is encoded already; as `publish`, but nothing checks its type here."""
-        if self.refusal is not None:
-            raise self.refusal
-        size = len(payload)
-        if size > self._max_bytes:
-            self._check_size(size, self._max_bytes)
-        stamp_ns = monotonic_ns()
-        link = self._link
-        if get_ident() != link.thread:
-            return self._publish_from_thread(bytes(payload), stamp_ns)
-        if self._is_windowed and not self._has_room(size):
-            self._refused += 1
-            return False
-        parts = self._parts
-        if not parts:
-            link.gather(self)
-        parts.append(_pack_record(size, stamp_ns))
-        parts.append(payload)
-        self._open_samples += 1
-        self._open_bytes += size + RECORD_HEAD_BYTES
-        if not link.is_corked:
-            link.cork()
-        elif self._open_samples >= self._full_samples or self._open_bytes >= _RUN_BYTES:
-            self.hand_over()
-            link.flush()
-        return True
+        return self._put(payload, len(payload))
 
     async def send(self, message: M) -> None:
         """Publish `message`, and wait for room first where the QoS is reliable + keep all.
@@ -150,7 +135,7 @@ class Publisher(Endpoint[M]):
         Cancellation: the message was not published. Raises what `publish` raises.
         """
         while not self.publish(message):
-            self._refused -= 1
+            self._refused -= 1  # it is not given up
             await self._wait_for_room()
 
     async def flush(self) -> None:
@@ -174,9 +159,9 @@ class Publisher(Endpoint[M]):
 
     def statistics(self) -> PublisherStatistics:
         return PublisherStatistics(
-            published=self.samples + self._open_samples,
-            bytes=self.bytes + self._open_bytes - self._open_samples * RECORD_HEAD_BYTES,
-            queued=self._queue.count + self._open_samples,
+            published=self.samples + len(self._parts) // 2,
+            bytes=self.bytes + sum(map(len, self._parts[1::2])),
+            queued=self._queue.count + len(self._parts) // 2,
             replaced=self._replaced,
             refused=self._refused,
             subscriptions=len(self._matches),
@@ -186,13 +171,13 @@ class Publisher(Endpoint[M]):
 
     def hand_over(self) -> None:
         """Turn what was gathered into a run and queue it for the broker."""
-        samples = self._open_samples
+        samples = len(self._parts) // 2
         if not samples:
             return
         body = b"".join(self._parts)
         run = Run(0, 0, self._next_seq, samples, body)
         self._parts.clear()
-        self._open_samples = self._open_bytes = 0
+        self._budget = 0
         self._next_seq += samples
         self.samples += samples
         self.bytes += len(body) - samples * RECORD_HEAD_BYTES
@@ -225,7 +210,7 @@ class Publisher(Endpoint[M]):
         self._max_bytes = answer.max_message_bytes
         self._window_samples = answer.window_samples
         self._window_bytes = answer.window_bytes
-        self._full_samples = answer.depth or 1 << 30
+        self._full_parts = 2 * answer.depth or 1 << 30
         self._queue.depth = answer.depth
         self._queue.endpoint = answer.id
         if self._history is not None:
@@ -265,6 +250,8 @@ class Publisher(Endpoint[M]):
 
     def end(self, reason: Any) -> None:
         super().end(reason)
+        self._parts.clear()
+        self._budget = 0
         while self._room_waiters:
             waiter = self._room_waiters.popleft()
             if not waiter.done():
@@ -276,12 +263,35 @@ class Publisher(Endpoint[M]):
         waiting = self._history if self._history is not None else self._queue
         return waiting.runs[0].first_seq + waiting.skipped if waiting.runs else self._next_seq
 
-    def _has_room(self, size: int) -> bool:
-        flying = self._next_seq + self._open_samples - 1 - self._credited
-        return not flying or (
-            flying < self._window_samples
-            and self._flying_bytes + self._open_bytes + size + RECORD_HEAD_BYTES <= self._window_bytes
-        )
+    def _put(self, payload: Buffer, size: int) -> bool:
+        """Publish a sample as the first of a new run, after all that can stand against it was looked at."""
+        if self.refusal is not None:
+            raise self.refusal
+        if size > self._max_bytes:
+            raise PayloadTooLarge(self.topic_name, size_bytes=size, limit_bytes=self._max_bytes)
+        stamp_ns = monotonic_ns()
+        if get_ident() != self._thread:
+            return self._publish_from_thread(bytes(payload), stamp_ns)
+        self.hand_over()
+        room = self._room() if self._is_windowed else RUN_BYTES
+        if room < size + RECORD_HEAD_BYTES and self._is_windowed and self._flying:
+            self._refused += 1
+            return False
+        self._budget = max(0, min(room, RUN_BYTES, self._max_bytes) - size - 2 * RECORD_HEAD_BYTES)
+        self._parts += (_pack_record(size, stamp_ns), payload)
+        link = self._link
+        link.gather(self)
+        if link.is_corked:
+            link.flush()
+        else:
+            link.cork()
+        return True
+
+    def _room(self) -> int:
+        """Bytes that a keep-all publisher may still hand over before somebody takes something."""
+        if self._next_seq - 1 - self._credited >= self._window_samples:
+            return 0
+        return self._window_bytes - self._flying_bytes
 
     def _credit(self, seq: int) -> None:
         self._credited = max(self._credited, seq)
@@ -293,21 +303,20 @@ class Publisher(Endpoint[M]):
                 waiter.set_result(None)
 
     async def _wait_for_room(self) -> None:
+        # There is none because something is on its way: hand it over, and credit will come.
         self.hand_over()
         self._link.flush()
-        if self._has_room(1):
-            return
         waiter = asyncio.get_running_loop().create_future()
         self._room_waiters.append(waiter)
         await waiter
 
     def _publish_from_thread(self, payload: bytes, stamp_ns: int) -> bool:
-        if self._is_windowed and not self._has_room(len(payload)):
+        if self._is_windowed and self._flying and self._room() < len(payload) + RECORD_HEAD_BYTES:
             self._refused += 1
             return False
         waiting = self._from_threads
         waiting.append((payload, stamp_ns))
-        if len(waiting) > self._full_samples:
+        if len(waiting) > self._full_parts // 2:
             try:
                 waiting.popleft()
                 self._replaced += 1
@@ -321,16 +330,14 @@ class Publisher(Endpoint[M]):
 
     def _collect_from_threads(self) -> None:
         self._is_collecting = False
+        self.hand_over()
         while self._from_threads and self.refusal is None:
             payload, stamp_ns = self._from_threads.popleft()
-            if not self._parts:
-                self._link.gather(self)
             self._parts += (_pack_record(len(payload), stamp_ns), payload)
-            self._open_samples += 1
-            self._open_bytes += len(payload) + RECORD_HEAD_BYTES
-            if self._open_samples >= self._full_samples or self._open_bytes >= _RUN_BYTES:
+            if len(self._parts) >= min(self._full_parts, _MOST_PARTS) or len(payload) >= RUN_BYTES:
                 self.hand_over()
-        self._link.cork()
+        self.hand_over()
+        self._link.flush()
 
     async def _drain(self) -> None:
         if self._from_threads:
@@ -343,7 +350,7 @@ class Publisher(Endpoint[M]):
                     await self._link.wait_for_drain(self._queue)
             except (TimeoutError, ConnectionClosed):
                 self._logger.warning(
-                    f"{self._queue.count} messages on '{self.topic_name}' could not be handed over before closing"
+                    f"{self._queue.count} messages on '{self.topic_name}' could not be handed over before the end"
                 )
 
     def _type_warning(self) -> str:

@@ -28,7 +28,7 @@ from collections.abc import Callable, Mapping
 from enum import Flag
 from functools import partial
 from keyword import iskeyword
-from typing import Annotated, Any, Final, Literal, Union
+from typing import Annotated, Any, Final, Literal, Union, get_args, get_origin
 
 import msgspec
 from msgspec import NODEFAULT, UNSET, Meta, Struct, UnsetType, inspect
@@ -63,7 +63,9 @@ def describe(cls: type[Struct]) -> Schema:
         raise MessageTypeError(f"{cls.__module__}.{cls.__qualname__}: {error}") from error
     assert isinstance(info, inspect.StructType)
     describer = _Describer()
-    schema = Form(root=str(describer.struct(info)), types=describer.types)
+    root = str(describer.struct(info))
+    needed = _needed(root, describer.types)
+    schema = Form(root, {name: type_ for name, type_ in describer.types.items() if name in needed})
     plain: Schema = msgspec.to_builtins(schema, builtin_types=(bytes,))
     return plain
 
@@ -80,7 +82,7 @@ def build(schema: Mapping[str, Any]) -> type[Struct]:
         msgspec.msgpack.Decoder(cls)
     except ConfigurationError:
         raise
-    except (TypeError, ValueError, LookupError, OverflowError, RecursionError) as error:
+    except (TypeError, ValueError, LookupError, OverflowError, RuntimeError) as error:
         raise ConfigurationError(f"schema: {error}") from error
     return cls
 
@@ -199,6 +201,20 @@ _INTEGERS: Final = frozenset(name for name in PRIMITIVES if "int" in name and "[
 _PURE: Final = (list, zero, msgspec.msgpack.decode)
 
 
+def _needed(root: str, types: dict[str, Type]) -> set[str]:
+    """The types that are reached from the root; one beside `any` in a union is not."""
+    needed = {root}
+    todo: list[Any] = [field.type for field in types[root].fields]
+    while todo:
+        node = todo.pop()
+        if isinstance(node, list):
+            todo += node[1:] if node[0] != "literal" else []
+        elif isinstance(node, str) and "/" in node and node not in needed:
+            needed.add(node)
+            todo += [field.type for field in types[node].fields]
+    return needed
+
+
 def _union(nodes: list[Node]) -> Node:
     members: list[Node] = []
     for node in nodes:
@@ -295,7 +311,9 @@ class _Builder:
                 return _of(dict, inners), 1
             case ["union", _, *_]:
                 inners, sizes = self._nodes_of(node[1:], depth)
-                return _of(Union, inners), max(sizes)
+                inner = _of(Union, inners)
+                _check_union(inner)
+                return inner, max(sizes)
             case ["literal", *values] if values and all(v is None or type(v) in (int, str) for v in values):
                 self._nodes += len(values)
                 return _of(Literal, tuple(values)), 1
@@ -308,6 +326,19 @@ class _Builder:
 
 def _of(generic: Any, arguments: Any) -> Any:
     return generic[arguments]
+
+
+def _check_union(union: Any) -> None:
+    """Refuse what makes msgspec (0.22 at least) read memory that isn't its own, until the process crashes."""
+    members = get_args(union) if get_origin(union) is Union else ()
+    limits = (
+        getattr(meta, name)
+        for member in members
+        for meta in getattr(member, "__metadata__", ())
+        for name in ("ge", "le", "min_length", "max_length")
+    )
+    if any(get_origin(member) is tuple for member in members) and any(limit is not None for limit in limits):
+        raise ConfigurationError("schema: a tuple and a type with limits can't be in one union")
 
 
 def _check_field_name(type_: str, name: str) -> None:

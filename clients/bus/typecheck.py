@@ -3,12 +3,12 @@
 Owns: the source text of one function per class, compiled as dataclasses does it. It is made only from a class
 that the program itself has, never from a foreign schema. Must not know: errors, schemas, topics.
 
-A check that says True is sure; False only means "look closer": a subclass of str, a tuple for a list, or a type
-that no code is made for. Text with lone surrogates and buffers with holes pass here and fail in the encoder.
+A check that says True is sure; False only means "look closer": a scalar of numpy, a tuple for a list, or a
+type that no code is made for. Text with lone surrogates passes here and fails in the encoder.
 
-Lists of numbers are judged by their encoding, which takes 3 ns per element instead of 17: a double is 0xcb and 8
-bytes, so a list of n doubles has 0xcb at every ninth place, and one that has it at the first n of these places
-can't be anything else. In the same way a small integer is its own single byte.
+Lists of numbers are judged by their encoding, which takes 3 ns per element instead of 17: a double is 0xcb
+and 8 bytes, so a list of n doubles has 0xcb at every ninth place, and one that has it at the first n of these
+places can't be anything else. In the same way a small integer is its own single byte.
 """
 
 from collections.abc import Callable
@@ -62,6 +62,10 @@ def _is_whole(value: object) -> bool:
     return type(value) is int and _INT64_MIN <= value <= _UINT64_MAX
 
 
+def _is_buffer(value: object) -> bool:
+    return type(value) is bytearray or (type(value) is memoryview and value.c_contiguous)
+
+
 def _are_numbers(values: Any) -> bool:
     # Only for what has been encoded, so no integer has more than 64 bits.
     return _NUMBERS.issuperset(map(type, values))
@@ -101,7 +105,7 @@ class _Source:
             "_is_whole": _is_whole,
             "_are_numbers": _are_numbers,
             "_double": _DOUBLE,
-            "_buffers": frozenset((bytearray, memoryview)),
+            "_is_buffer": _is_buffer,
         }
         self._indent = 2
         self._variables = 0
@@ -109,7 +113,8 @@ class _Source:
 
     def fields(self, info: inspect.Type, value: str) -> None:
         assert isinstance(info, inspect.StructType)
-        if info.cls in self._open:
+        # No code is made from names that another process chose.
+        if info.cls in self._open or getattr(info.cls, "__foreign__", False):
             raise _NoCode
         self._open.append(info.cls)
         for field in info.fields:
@@ -161,7 +166,7 @@ class _Source:
     ) -> None:
         name = self._variable()
         if info.min_length is None and info.max_length is None:
-            self._refuse(f"type({name} := {value}) is not bytes and type({name}) not in _buffers")
+            self._refuse(f"type({name} := {value}) is not bytes and not _is_buffer({name})")
         else:
             self._refuse(f"type({name} := {value}) is not bytes{_or_wrong_length(info, name)}")
 

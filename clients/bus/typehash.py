@@ -10,7 +10,7 @@ a type that a real ROS 2 system has too gets the hash that it has there.
 import re
 from typing import Any, Final
 
-from bus.schema import Node, Schema
+from bus.schemaform import Node, Schema
 
 __all__ = ["schema_hash"]
 

@@ -1,7 +1,7 @@
 """What the bus needs to know of a message class: name, hash and schema, how to encode, decode and check it.
 
-Owns: `TypeSupport`, one per class, and the texts of type errors. Must not know: topics, the wire. Doesn't import
-the ready-made classes of bus.msg before `find_type` asks for one.
+Owns: `TypeSupport`, one per class, and the texts of type errors. Must not know: topics, the wire. It doesn't
+import the ready-made classes of bus.msg before `find_type` asks for one.
 """
 
 import re
@@ -22,18 +22,33 @@ __all__ = ["TypeSupport", "find_type", "type_hash", "type_name", "type_support",
 
 M = TypeVar("M", bound=Struct)
 
-_encoder = msgspec.msgpack.Encoder()
+
+def _as_plain(value: object) -> object:
+    """What the encoder takes for a value of a type that it doesn't know: subclasses of the plain types and
+    whatever is a list on request, as numpy's scalars and arrays are."""
+    if isinstance(value, float):
+        return float(value)
+    if isinstance(value, int):
+        return int(value)
+    if isinstance(value, str):
+        return str.__str__(value)
+    if callable(as_list := getattr(value, "tolist", None)):
+        return as_list()
+    raise TypeError(f"Encoding objects of type {_full_name(type(value))} is unsupported")
+
+
+_encoder = msgspec.msgpack.Encoder(enc_hook=_as_plain)
 _ENCODE_ERRORS = (AttributeError, BufferError, OverflowError, RecursionError, TypeError, ValueError)
-_PATH = re.compile(r"\$[^`]*")
+_PATH = re.compile(r"(?<=`)\$[^`]*(?=`)")
 _STEP = re.compile(r"\[\.\.\.\]|\[(\d+)\]|\.([^.\[]+)")
 
 
 class TypeSupport(Generic[M]):
     """Everything about one message class; get it from `type_support(cls)`.
 
-    To publish: check `type(message) is cls` (else `wrong_class`), then `is_valid(message)`. Where that is False,
-    `explain(message)` gives the error to raise, or None because the message is right after all. `encode` itself
-    may raise too (text with lone surrogates); then `explain` has the path as well.
+    To publish: check `type(message) is cls` (else `wrong_class`), then `is_valid(message)`. Where that is
+    False, `explain(message)` gives the error to raise, or None because the message is right after all. And
+    `encode` itself may raise (ValueError for text with lone surrogates); then `explain` has the path as well.
     """
 
     __slots__ = ("cls", "decode", "encode", "hash", "is_valid", "name", "schema")
@@ -59,8 +74,7 @@ class TypeSupport(Generic[M]):
             self.decode = msgspec.msgpack.Decoder(cls).decode
         except TypeError as error:
             raise MessageTypeError(f"{self.name}: {error}") from error
-        # No code is made from names that another process chose.
-        self.is_valid = _unsure if vars(cls).get("__foreign__") else predicate(cls)
+        self.is_valid = predicate(cls)
 
     def __repr__(self) -> str:
         return f"TypeSupport({self.name})"
@@ -74,9 +88,12 @@ class TypeSupport(Generic[M]):
         except _ENCODE_ERRORS as error:
             return MessageTypeError(f"{self.name}: {error} - at `{_path_of(error, message)}`")
         try:
-            self.decode(data)
+            decoded = self.decode(data)
         except msgspec.DecodeError as error:
             return MessageTypeError(f"{self.name}: {self._with_names(str(error))}")
+        for path, found, expected in _mistaken(message, decoded):
+            wanted = f"Expected `{type_name(expected)}`, got `{_full_name(found)}`"
+            return MessageTypeError(f"{self.name}: {wanted} - at `{path}`")
         return None
 
     def _with_names(self, text: str) -> str:
@@ -120,8 +137,9 @@ def type_support(cls: type[M]) -> TypeSupport[M]:
 
     Raises MessageTypeError for what is no message class, ConfigurationError for a bad type name.
     """
-    found = _supports.get(cls) if isinstance(cls, type) else None
-    return found or _supports.setdefault(cls, TypeSupport(cls))
+    if not isinstance(cls, type) or getattr(cls, "__foreign__", False):
+        return TypeSupport(cls)  # raises, or is for a class that isn't here for long
+    return _supports.get(cls) or _supports.setdefault(cls, TypeSupport(cls))
 
 
 def type_hash(cls: type[Struct]) -> str:
@@ -141,7 +159,7 @@ def wrong_class(cls: type[Struct], message: object) -> MessageTypeError:
 
 
 def find_type(name: str) -> type[Struct] | None:
-    """The ready-made class of a ROS name, `std_msgs/msg/String` or `std_msgs/String`; None if there is none."""
+    """The ready-made class called `std_msgs/msg/String` (or `std_msgs/String`), or None."""
     package, _, rest = name.partition("/")
     if package not in PACKAGES:
         return None
@@ -157,12 +175,8 @@ def _full_name(cls: type) -> str:
     return cls.__qualname__ if cls.__module__ == "builtins" else f"{cls.__module__}.{cls.__qualname__}"
 
 
-def _unsure(_: object) -> bool:
-    return False
-
-
 def _path_of(error: Exception, value: object) -> str:
-    """Path of the innermost part of `value` that can't be encoded; `error` is what the encoder said of it all."""
+    """Path of the innermost part of `value` that can't be encoded; `error` is what the encoder said."""
     path = "$"
     # A value that contains itself has no innermost part.
     while not isinstance(error, RecursionError):
@@ -188,6 +202,15 @@ def _parts(value: object) -> Iterator[tuple[str, object]]:
     elif isinstance(value, list | tuple | set | frozenset):
         for index, item in enumerate(value):
             yield f"[{index}]", item
+
+
+def _mistaken(value: object, decoded: object, path: str = "$") -> Iterator[tuple[str, type, type[Struct]]]:
+    """Where a part isn't of the class it was decoded as: a Point for a Vector3 is the same on the wire."""
+    if isinstance(decoded, Struct) and not isinstance(value, type(decoded)):
+        yield path, type(value), type(decoded)
+    elif isinstance(decoded, Struct | list | tuple | dict):
+        for (step, part), (_, decoded_part) in zip(_parts(value), _parts(decoded), strict=False):
+            yield from _mistaken(part, decoded_part, path + step)
 
 
 class _Unset:

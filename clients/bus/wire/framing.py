@@ -18,7 +18,7 @@ from bus.wire.layout import (
     FRAME_HEAD,
     FRAME_HEAD_BYTES,
     LENGTH_BYTES,
-    RECORD_HEAD_BYTES,
+    MAX_COUNT,
     REPLAY,
 )
 from bus.wire.runs import Run
@@ -93,14 +93,14 @@ class FrameReader:
     def _check_length(self, view: memoryview, start: int) -> int:
         length, kind, flags, zero = FRAME_HEAD.unpack_from(view, start)
         if kind == DATA:
-            least, most = DATA_HEAD_BYTES - LENGTH_BYTES, self.max_data_bytes + DATA_HEAD_BYTES
+            least, room = DATA_HEAD_BYTES - LENGTH_BYTES, self.max_data_bytes
         elif kind == CONTROL:
-            least, most = FRAME_HEAD_BYTES - LENGTH_BYTES, self.max_control_bytes + FRAME_HEAD_BYTES
+            least, room = FRAME_HEAD_BYTES - LENGTH_BYTES, self.max_control_bytes
         else:
             raise RemoteProtocolError(f"frame of unknown kind {kind}")
-        if not least <= length <= most:
+        if not least <= length <= least + room:
             raise RemoteProtocolError(
-                f"frame of {length} bytes; a frame of kind {kind} has {least} to {most}"
+                f"frame of {length} bytes; a frame of kind {kind} has {least} to {least + room}"
             )
         if zero or flags & ~(REPLAY if kind == DATA else 0):
             raise RemoteProtocolError(f"frame with unknown flags {flags:#x}")
@@ -112,6 +112,8 @@ class FrameReader:
             return bytes(view[start + FRAME_HEAD_BYTES : stop])
         _, _, flags, _, endpoint, source, first_seq, count, _ = DATA_HEAD.unpack_from(view, start)
         body = view[start + DATA_HEAD_BYTES : stop]
-        if not 0 < count <= len(body) // RECORD_HEAD_BYTES:
-            raise RemoteProtocolError(f"data frame claims {count} samples in {len(body)} bytes")
+        if not count:
+            raise RemoteProtocolError("data frame without samples")
+        if first_seq + count - 1 > MAX_COUNT:
+            raise RemoteProtocolError(f"sample {first_seq + count - 1}; the last number is {MAX_COUNT}")
         return Run(endpoint, source, first_seq, count, bytes(body) if copy else body, bool(flags & REPLAY))

@@ -50,3 +50,9 @@ MAX_SNAPSHOT_BYTES: Final = 256 << 20
 
 MAX_MESSAGE_BYTES: Final = 1 << 30
 """No configuration may allow a longer encoded message."""
+
+RUN_BYTES: Final = 64 << 10
+"""A publisher ends a run that has reached this size, so a body is shorter than this and one record more."""
+
+MAX_COUNT: Final = (1 << 62) - 1
+"""Largest sequence number and counter; the sum of any two fits into 64 bits."""

@@ -4,13 +4,19 @@ Fields may be added with a default in a later version; a receiver ignores those 
 number is chosen by the client and comes back in the one answer to it. Ids are given by the broker.
 """
 
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
+from msgspec import Meta
 
 from bus.errors import RemoteProtocolError
 from bus.qos import QoSProfile
-from bus.wire.layout import CONTROL, FRAME_HEAD, FRAME_HEAD_BYTES, LENGTH_BYTES
+from bus.wire.layout import CONTROL, FRAME_HEAD, FRAME_HEAD_BYTES, LENGTH_BYTES, MAX_COUNT
+
+Count = Annotated[int, Meta(ge=0, le=MAX_COUNT)]
+Seq = Annotated[int, Meta(ge=1, le=MAX_COUNT)]
+Drops = Annotated[dict[Annotated[str, Meta(max_length=32)], Count], Meta(max_length=16)]
+"""Samples dropped, by reason."""
 
 
 class Message(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="m", tag=True):
@@ -74,7 +80,7 @@ class CreatePublisher(Message, frozen=True, tag="pub+"):
     type_hash: str
     qos: QoSProfile
     gid: bytes
-    next_seq: int = 1
+    next_seq: Seq = 1
 
 
 class CreateSubscription(Message, frozen=True, tag="sub+"):
@@ -110,10 +116,10 @@ class Report(Message, frozen=True, tag="report"):
     """Totals that only the endpoint's process knows; sent when they change, twice a second at most."""
 
     endpoint: int
-    samples: int
-    bytes: int
-    queued: int = 0
-    dropped: dict[str, int] = {}
+    samples: Count
+    bytes: Count
+    queued: Count = 0
+    dropped: Drops = {}
 
 
 class GetGraph(Message, frozen=True, tag="graph?"):

@@ -214,32 +214,15 @@ class RunQueue:
         self._forget_head(run, held)
         return head, body
 
-    def take(self) -> tuple[Run, memoryview, int, int] | None:
-        """Take the oldest sample: its run, payload, stamp and sequence number; None where there is none.
-
-        A run whose body is shorter than it claims gives an empty payload with the stamp -1, once, and is
-        dropped with all that it still claimed.
-        """
-        if not self.runs:
-            return None
+    def advance(self, count: int, offset: int) -> None:
+        """The first `count` samples of what is left of the oldest run are used up; `offset` is after them."""
         run = self.runs[0]
-        offset, body = self.offset, run.body
-        start = offset + RECORD_HEAD_BYTES
-        if start <= len(body):
-            size, stamp_ns = _unpack_record(body, offset)
-            end = start + size
-            if end <= len(body):
-                seq = run.first_seq + self.skipped
-                if self.skipped + 1 == run.count:
-                    self._forget_head(run, 1)
-                else:
-                    self.offset = end
-                    self.skipped += 1
-                    self.count -= 1
-                return run, memoryview(body)[start:end], stamp_ns, seq
-        seq = run.first_seq + self.skipped
-        self._forget_head(run, run.count - self.skipped)
-        return run, memoryview(b""), -1, seq
+        if self.skipped + count == run.count:
+            self._forget_head(run, count)
+        else:
+            self.offset = offset
+            self.skipped += count
+            self.count -= count
 
     def clear(self) -> int:
         """Drop everything; returns how many samples went."""

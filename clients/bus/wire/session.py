@@ -13,7 +13,14 @@ from typing import Any
 
 from bus.errors import RemoteProtocolError
 from bus.wire.framing import FrameReader
-from bus.wire.layout import MAX_CONTROL_BYTES, MAX_MESSAGE_BYTES, MAX_SNAPSHOT_BYTES, VERSION
+from bus.wire.layout import (
+    MAX_CONTROL_BYTES,
+    MAX_MESSAGE_BYTES,
+    MAX_SNAPSHOT_BYTES,
+    RECORD_HEAD_BYTES,
+    RUN_BYTES,
+    VERSION,
+)
 from bus.wire.messages import Hello, from_broker, from_client
 from bus.wire.runs import Run
 
@@ -33,18 +40,21 @@ class State(Enum):
 
 _AFTER_HELLO = {State.NEW: State.OPEN}
 _AFTER_OTHER = {State.OPEN: State.OPEN}
+_WHEN = {State.NEW: "before Hello", State.OPEN: "a second time", State.CLOSED: "after an error"}
 
 
 class Session:
     """Turns the bytes of a peer into messages (`bus.wire.messages`) and runs.
 
-    `max_data_bytes` bounds the body of a data frame.
+    `max_message_bytes` bounds an encoded message; a run may have others before it (`RUN_BYTES`).
     """
 
-    def __init__(self, role: Role, *, max_data_bytes: int = MAX_MESSAGE_BYTES) -> None:
-        max_control_bytes = MAX_CONTROL_BYTES if role is Role.BROKER else MAX_SNAPSHOT_BYTES
+    def __init__(self, role: Role, *, max_message_bytes: int = MAX_MESSAGE_BYTES) -> None:
         self.state = State.NEW
-        self.reader = FrameReader(max_control_bytes=max_control_bytes, max_data_bytes=max_data_bytes)
+        self.reader = FrameReader(
+            max_control_bytes=MAX_CONTROL_BYTES if role is Role.BROKER else MAX_SNAPSHOT_BYTES,
+            max_data_bytes=RUN_BYTES + RECORD_HEAD_BYTES + max_message_bytes,
+        )
         self.peer: Hello | None = None
         self._decode = (from_client if role is Role.BROKER else from_broker).decode
 
@@ -74,8 +84,7 @@ class Session:
         try:
             self.state = table[self.state]
         except KeyError:
-            order = "before Hello" if self.state is State.NEW else "a second time"
-            raise RemoteProtocolError(f"{what} came {order}") from None
+            raise RemoteProtocolError(f"{what} came {_WHEN[self.state]}") from None
 
     def _check(self, hello: Hello) -> None:
         if hello.version != VERSION:

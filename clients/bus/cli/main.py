@@ -1,0 +1,169 @@
+"""The program `bus`: its commands and verbs, their parsers, exit codes.
+
+Imports only the module of the chosen verb, so that what needs no event loop starts without one. A verb's
+module has `add_arguments(parser)` and `main(args)`, which returns the exit code and raises CommandError (or a
+BusError) with the text that the user shall read.
+"""
+
+import io
+import os
+import sys
+from argparse import SUPPRESS, ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Any
+
+from bus.cli.output import CommandError
+from bus.errors import BusError
+
+EXIT_ERROR = 1
+EXIT_INTERRUPTED = 2
+"""After Ctrl-C: SIGINT's number, as ros2 does."""
+
+COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
+    "topic": (
+        "Various topic related sub-commands",
+        {
+            "bw": "Display bandwidth used by topic",
+            "delay": "Display delay of topic from timestamp in header",
+            "echo": "Output messages from a topic",
+            "find": "Output a list of available topics of a given type",
+            "hz": "Print the average receiving rate to screen",
+            "info": "Print information about a topic",
+            "list": "Output a list of available topics",
+            "pub": "Publish a message to a topic",
+            "type": "Print a topic's type",
+        },
+    ),
+    "node": (
+        "Various node related sub-commands",
+        {
+            "info": "Output information about a node",
+            "list": "Output a list of available nodes",
+        },
+    ),
+    "daemon": (
+        "Various daemon related sub-commands",
+        {
+            "start": "Start the daemon if it isn't running",
+            "status": "Output the status of the daemon",
+            "stop": "Stop the daemon if it is running",
+        },
+    ),
+    "doctor": ("Check the set-up and say what to do where something is wrong", {}),
+    "completion": ("Print the shell code that completes bus commands", {}),
+}
+"""Command -> what it does, and its verbs. One without verbs is a verb itself."""
+
+_EPILOG = """\
+exit status: 0 done, 1 an error (its text is on stderr), 2 wrong usage or Ctrl-C, 15 ended by SIGTERM
+see also: busd --help
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns its exit code."""
+    words = sys.argv[1:] if arguments is None else list(arguments)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)
+    try:
+        code = _run(words)
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:
+        # Whoever read us has seen enough. Nothing is left to say when Python flushes at the end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return 0
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+    except (CommandError, BusError, TimeoutError) as error:
+        print(error, file=sys.stderr)
+        return EXIT_ERROR
+
+
+def _run(words: list[str]) -> int:
+    if "_ARGCOMPLETE" in os.environ:
+        _complete()
+    args = make_parser(words).parse_args(words)
+    if args.version:
+        print(f"bus {version()}")
+        return 0
+    code: int = args.main(args) or 0
+    return code
+
+
+def make_parser(words: Sequence[str]) -> ArgumentParser:
+    """The parser for `words`: it has all commands, but arguments only for the verbs that stand in `words`."""
+    parser = ArgumentParser(
+        prog="bus",
+        description="Look at and take part in the message bus of this machine.",
+        epilog=_EPILOG,
+        formatter_class=RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="store_true", help="print the version and exit")
+    _add_common_options(parser, None)
+    parser.set_defaults(main=_print_help(parser), json=False, include_hidden_topics=False)
+    commands = parser.add_subparsers(title="commands", metavar="command")
+    for command, (text, verbs) in COMMANDS.items():
+        below = commands.add_parser(command, help=text, description=text)
+        if command not in words:
+            continue
+        if not verbs:
+            _fill(below, f"bus.cli.{command}")
+            continue
+        below.set_defaults(main=_print_help(below))
+        _add_common_options(below, SUPPRESS)
+        choices = below.add_subparsers(title="verbs", metavar="verb")
+        for verb, what in verbs.items():
+            leaf = choices.add_parser(verb, help=what, description=what)
+            if verb in words:
+                _fill(leaf, f"bus.cli.{command}.{verb}")
+    return parser
+
+
+def version() -> str:
+    """Of the installed distribution."""
+    from importlib.metadata import PackageNotFoundError
+    from importlib.metadata import version as installed
+
+    try:
+        return installed("busd")
+    except PackageNotFoundError:
+        return "(not installed)"
+
+
+def _fill(parser: ArgumentParser, module: str) -> None:
+    verb: Any = import_module(module)
+    verb.add_arguments(parser)
+    _add_common_options(parser, SUPPRESS)
+    parser.set_defaults(main=verb.main)
+
+
+def _add_common_options(parser: ArgumentParser, default: str | None) -> None:
+    """What every verb takes. SUPPRESS as default leaves what was given further left."""
+    group = parser.add_argument_group("common options")
+    group.add_argument("--socket", metavar="PATH", default=default, help="busd's socket ($BUSD_SOCKET)")
+    group.add_argument(
+        "--domain", metavar="N", type=int, default=default, help="a bus of its own on this machine ($BUSD_DOMAIN)"
+    )
+    group.add_argument("--json", action="store_true", default=SUPPRESS, help="print one JSON object per line")
+    group.add_argument("--include-hidden-topics", action="store_true", default=SUPPRESS, help="hidden topics too")
+    # ros2's, which mean nothing here.
+    group.add_argument("--no-daemon", action="store_true", default=SUPPRESS, help=SUPPRESS)
+    group.add_argument("--spin-time", metavar="S", type=float, default=SUPPRESS, help=SUPPRESS)
+    group.add_argument("-s", "--use-sim-time", action="store_true", default=SUPPRESS, help=SUPPRESS)
+
+
+def _print_help(parser: ArgumentParser) -> Any:
+    def print_help(args: Namespace) -> int:
+        parser.print_help()
+        return 0
+
+    return print_help
+
+
+def _complete() -> None:
+    import argcomplete
+
+    words = os.environ.get("COMP_LINE", "").split()
+    argcomplete.autocomplete(make_parser(words))

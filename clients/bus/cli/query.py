@@ -1,0 +1,135 @@
+"""A small blocking client of the broker, for verbs that ask one thing and end. Needs no event loop."""
+
+import os
+import socket
+from argparse import Namespace
+from collections.abc import Callable, Iterator
+from itertools import count
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from bus import names
+from bus.address import socket_path
+from bus.errors import BrokerUnavailable, ConfigurationError, ConnectionClosed, RemoteProtocolError
+from bus.graph import Graph
+from bus.wire import messages as m
+from bus.wire.layout import VERSION
+from bus.wire.session import Role, Session
+
+ANSWER_S = 10.0
+
+
+class NotRunning(BrokerUnavailable):
+    """No broker listens, and none was to be started."""
+
+
+class Query:
+    """A connection to the broker at `path`. With `may_start`, one is started where none runs.
+
+    Raises BrokerUnavailable; of that NotRunning without `may_start`.
+    """
+
+    def __init__(self, path: Path, *, may_start: bool = True) -> None:
+        self.path = path
+        self._socket = _connect(path) or _start(path, may_start=may_start)
+        self._socket.settimeout(ANSWER_S)
+        self._session = Session(Role.CLIENT)
+        self._items: Iterator[Any] = iter(())
+        self._numbers = count(1)
+        try:
+            self._send(m.Hello(version=VERSION, pid=os.getpid(), program="bus"))
+            self.broker: m.Hello = self._receive()
+        except BaseException:
+            self.close()
+            raise
+
+    def request(self, make: Callable[[int], m.Message]) -> Any:
+        """Send the message that `make` gives for a request number; returns the answer.
+
+        Raises ConfigurationError where the broker refuses, ConnectionClosed where it ends.
+        """
+        number = next(self._numbers)
+        self._send(make(number))
+        while True:
+            message = self._receive()
+            if getattr(message, "request", None) == number:
+                if isinstance(message, m.Refused):
+                    raise ConfigurationError(message.text)
+                return message
+
+    def graph(self, *, statistics: bool = False) -> Graph:
+        """The graph now."""
+        return Graph.from_snapshot(
+            self.request(lambda number: m.GetGraph(request=number, statistics=statistics))
+        )
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _send(self, message: m.Message) -> None:
+        try:
+            self._socket.sendall(m.encode_frame(message))
+        except OSError as error:
+            raise ConnectionClosed(f"lost busd at {self.path}: {error.strerror or error}") from None
+
+    def _receive(self) -> Any:
+        while (message := next(self._items, None)) is None:
+            try:
+                size = self._socket.recv_into(self._session.reader.get_buffer())
+            except TimeoutError:
+                raise BrokerUnavailable(
+                    f"busd at {self.path} took the connection but does not answer"
+                ) from None
+            except OSError as error:
+                raise ConnectionClosed(f"lost busd at {self.path}: {error.strerror or error}") from None
+            if not size:
+                raise ConnectionClosed(f"busd at {self.path} closed the connection")
+            self._items = self._session.received(size)
+        if isinstance(message, m.Fault):
+            raise RemoteProtocolError(message.text)
+        return message
+
+
+def get_graph(args: Namespace, *, statistics: bool = False, may_start: bool = True) -> Graph:
+    """The graph of the broker that the command line names."""
+    with Query(socket_path(args.socket, args.domain), may_start=may_start) as query:
+        return query.graph(statistics=statistics)
+
+
+def full_topic_name(name: str) -> str:
+    """The topic that a user of the command line means: a relative name is in the root namespace."""
+    return names.expand_topic_name(name, "_bus_cli", "/")
+
+
+def _connect(path: Path) -> socket.socket | None:
+    """None where no broker listens."""
+    sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        sock.settimeout(ANSWER_S)
+        sock.connect(str(path))
+        return sock
+    except (FileNotFoundError, ConnectionRefusedError):
+        sock.close()
+        return None
+    except OSError as error:
+        sock.close()
+        raise BrokerUnavailable(f"cannot connect to busd at {path}: {error.strerror or error}") from None
+
+
+def _start(path: Path, *, may_start: bool) -> socket.socket:
+    if not may_start:
+        raise NotRunning(f"no busd listens on {path}")
+    import asyncio
+
+    from bus.autostart import open_socket
+
+    return asyncio.run(open_socket(path))

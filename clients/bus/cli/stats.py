@@ -1,0 +1,117 @@
+"""What hz, bw and delay compute: windows over the last messages, and what a topic's publishers have sent.
+
+Pure: times come in as arguments. The rules are those of ros2topic's verbs.
+"""
+
+import math
+from collections import deque
+from collections.abc import Iterable
+from typing import NamedTuple
+
+__all__ = ["Bandwidth", "Delays", "Intervals", "PublishedCount", "Spread", "spread"]
+
+_NS_PER_S = 1_000_000_000
+
+
+class Spread(NamedTuple):
+    """Mean, least, most and population deviation of `count` values."""
+
+    mean: float
+    least: float
+    most: float
+    deviation: float
+    count: int
+
+
+def spread(values: Iterable[float]) -> Spread:
+    """Of at least one value."""
+    known = tuple(values)
+    mean = math.fsum(known) / len(known)
+    deviation = math.sqrt(math.fsum((value - mean) ** 2 for value in known) / len(known))
+    return Spread(mean, min(known), max(known), deviation, len(known))
+
+
+class Intervals:
+    """The gaps between messages, in nanoseconds, and when it is time to print them."""
+
+    def __init__(self, window: int) -> None:
+        self._gaps: deque[int] = deque(maxlen=window)
+        self._last_ns = 0
+        self._printed_ns = 0
+
+    def add(self, now_ns: int) -> None:
+        """A message came."""
+        if self._last_ns:
+            self._gaps.append(now_ns - self._last_ns)
+        self._last_ns = now_ns
+
+    def due(self) -> Spread | None:
+        """The gaps, where a message came a second or more after what was printed last; else None."""
+        if not self._gaps:
+            return None
+        if not self._printed_ns:
+            self._printed_ns = self._last_ns
+            return None
+        if self._last_ns < self._printed_ns + _NS_PER_S:
+            return None
+        self._printed_ns = self._last_ns
+        return spread(self._gaps)
+
+
+class Bandwidth:
+    """Sizes of messages, in bytes, with their times."""
+
+    def __init__(self, window: int) -> None:
+        self._samples: deque[tuple[int, int]] = deque(maxlen=window)
+
+    def add(self, now_ns: int, size: int) -> None:
+        """A message of `size` bytes came."""
+        self._samples.append((now_ns, size))
+
+    def rate(self, now_ns: int) -> tuple[float, Spread] | None:
+        """Bytes per second from the first message of the window until now, and the sizes; None below two."""
+        if len(self._samples) < 2 or now_ns <= self._samples[0][0]:
+            return None
+        sizes = spread(size for _, size in self._samples)
+        return sizes.mean * sizes.count * _NS_PER_S / (now_ns - self._samples[0][0]), sizes
+
+
+class Delays:
+    """Times between a message's stamp and its arrival, in nanoseconds. As in ros2, the first does not count."""
+
+    def __init__(self, window: int) -> None:
+        self._delays: deque[int] = deque(maxlen=window)
+        self._has_begun = False
+        self._is_new = False
+
+    def add(self, delay_ns: int) -> None:
+        if self._has_begun:
+            self._delays.append(delay_ns)
+            self._is_new = True
+        self._has_begun = True
+
+    @property
+    def is_empty(self) -> bool:
+        return not self._delays
+
+    def due(self) -> Spread | None:
+        """The delays; None where nothing came since the last call."""
+        if not self._is_new:
+            return None
+        self._is_new = False
+        return spread(self._delays)
+
+
+class PublishedCount:
+    """Messages that the publishers of a topic have sent since the first look, also those that have left."""
+
+    def __init__(self) -> None:
+        self.total = 0
+        self._known: dict[int, int] | None = None
+
+    def look(self, samples: Iterable[tuple[int, int]]) -> None:
+        """`samples` are the publishers' ids and totals now."""
+        now = dict(samples)
+        if self._known is not None:
+            self.total += sum(count - self._known.get(number, 0) for number, count in now.items())
+        self._known = {**(self._known or {}), **now}

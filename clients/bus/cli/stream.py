@@ -1,0 +1,151 @@
+"""What the verbs that stay have in common: a hidden node, types found on the bus, exit codes of signals."""
+
+import asyncio
+import os
+import signal
+from argparse import ArgumentTypeError, Namespace
+from collections.abc import Callable, Coroutine
+from typing import Any, cast
+
+import msgspec
+
+from bus.cli.output import CommandError, complain
+from bus.graph import Graph
+from bus.node import Node
+from bus.runner import run
+from bus.subscription import Subscription
+from bus.typesupport import find_type, type_hash, type_support
+
+__all__ = [
+    "as_payloads",
+    "find_class",
+    "non_negative",
+    "open_node",
+    "positive",
+    "positive_int",
+    "run_stream",
+    "wait_for_class",
+]
+
+_LOOK_S = 0.2
+_EXIT_CODES = {signal.SIGINT: 2, signal.SIGTERM: 15}
+
+
+def run_stream(main: Coroutine[Any, Any, int]) -> int:
+    """Run a verb on an event loop; returns its exit code, or the one of the signal that ended it."""
+    return cast(int, run(_until_signal(main)))
+
+
+async def _until_signal(main: Coroutine[Any, Any, int]) -> int:
+    loop, task = asyncio.get_running_loop(), asyncio.current_task()
+    assert task is not None
+    received: list[signal.Signals] = []
+
+    def end(number: signal.Signals) -> None:
+        received.append(number)
+        task.cancel()
+
+    for number in _EXIT_CODES:
+        loop.add_signal_handler(number, end, number)
+    try:
+        return await main
+    except asyncio.CancelledError:
+        if not received:
+            raise
+        return _EXIT_CODES[received[0]]
+    finally:
+        for number in _EXIT_CODES:
+            loop.remove_signal_handler(number)
+
+
+def open_node(args: Namespace, name: str | None = None) -> Node:
+    """A node of the tool, hidden unless it is given a name."""
+    return Node(
+        name or f"_bus_cli_{os.getpid()}", arguments=(), socket=args.socket, domain=args.domain, rosout=False
+    )
+
+
+def full_type_name(text: str) -> str:
+    """`std_msgs/String` as `std_msgs/msg/String`."""
+    package, *middle, name = text.split("/")
+    if len(middle) > 1 or not all((package, *middle, name)) or package == text:
+        raise CommandError("The passed message type is invalid")
+    return "/".join((package, *(middle or ["msg"]), name))
+
+
+async def find_class(
+    node: Node, graph: Graph, topic: str, type_name: str | None = None
+) -> type[msgspec.Struct] | None:
+    """The class for `topic`'s messages, made from the schema on the bus where there is no ready-made one.
+
+    Without `type_name` the topic's type; None where nobody has the topic. Raises CommandError where the topic
+    has several types, or where nothing knows the type that was named.
+    """
+    everywhere = [(one.topic, (one.type_name, one.type_hash)) for one in (*graph.publishers, *graph.subscriptions)]
+    here = list(dict.fromkeys(kind for where, kind in everywhere if where == topic))
+    if type_name is None:
+        if len(here) > 1:
+            types = ", ".join(f"{name} ({hash})" if here[0][0] == here[-1][0] else name for name, hash in here)
+            raise CommandError(f"Cannot echo topic '{topic}', as it contains more than one type: [{types}]")
+        kinds = here
+        if not kinds:
+            return None
+    else:
+        name = full_type_name(type_name)
+        kinds = [kind for kind in (*here, *(kind for _, kind in everywhere)) if kind[0] == name]
+        ready_made = find_type(name)
+        if ready_made is not None and not kinds:
+            return ready_made
+        if not kinds:
+            raise CommandError("The passed message type is invalid")
+    ready_made = find_type(kinds[0][0])
+    if ready_made is not None and type_hash(ready_made) == kinds[0][1]:
+        return ready_made
+    return await node.get_type(*kinds[0])
+
+
+def not_published(topic: str) -> None:
+    complain(f"WARNING: topic [{topic}] does not appear to be published yet")
+
+
+async def wait_for_class(node: Node, topic: str) -> type[msgspec.Struct]:
+    """The class for `topic`'s messages, as soon as somebody has the topic."""
+    found = await find_class(node, await node.graph(), topic)
+    if found is None:
+        not_published(topic)
+    while found is None:
+        await asyncio.sleep(_LOOK_S)
+        found = await find_class(node, await node.graph(), topic)
+    return found
+
+
+def as_payloads(message_type: type[msgspec.Struct]) -> None:
+    """Let subscriptions to `message_type` made from now on deliver what came, as a memoryview, undecoded."""
+    cast(Any, type_support(message_type)).decode = memoryview
+
+
+async def for_ever() -> None:
+    """Until a signal ends the verb, or a callback fails."""
+    await asyncio.get_running_loop().create_future()
+
+
+def positive_int(text: str) -> int:
+    return _number(int, text, lambda value: value > 0, "a positive integer")
+
+
+def unsigned_int(text: str) -> int:
+    return _number(int, text, lambda value: value >= 0, "non-negative integer")
+
+
+def positive(text: str) -> float:
+    return _number(float, text, lambda value: 0 < value < 1e9, "a positive number")
+
+
+def _number(kind: Callable[[str], Any], text: str, is_right: Callable[[Any], bool], what: str) -> Any:
+    try:
+        value = kind(text)
+    except ValueError:
+        value = -1
+    if not is_right(value):
+        raise ArgumentTypeError(f"value must be {what}")
+    return value

@@ -1,0 +1,38 @@
+"""`bus topic find`."""
+
+from argparse import ArgumentParser, Namespace
+
+from bus.cli.completion import completed_by, types
+from bus.cli.output import print_json
+from bus.cli.query import get_graph
+from bus.names import is_hidden_topic
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    completed_by(
+        parser.add_argument("topic_type", help="Name of the type to filter for (e.g. 'std_msgs/msg/String')"), types
+    )
+    parser.add_argument(
+        "-c", "--count-topics", action="store_true", help="Only display the number of topics discovered"
+    )
+
+
+def main(args: Namespace) -> int:
+    wanted = args.topic_type if args.topic_type.count("/") > 1 else args.topic_type.replace("/", "/msg/")
+    found = [
+        topic
+        for topic, types in get_graph(args).topics().items()
+        if wanted in types and (args.include_hidden_topics or not is_hidden_topic(topic))
+    ]
+    if args.count_topics:
+        if args.json:
+            print_json({"count": len(found)})
+        else:
+            print(len(found))
+        return 0
+    for topic in found:
+        if args.json:
+            print_json({"topic": topic, "type": wanted})
+        else:
+            print(topic)
+    return 0

@@ -1,0 +1,105 @@
+"""`bus topic info`: a topic's type and endpoints; with -v their QoS, what they lost, and how they are matched."""
+
+from argparse import ArgumentParser, Namespace
+from typing import Any
+
+from bus.cli.completion import completed_by, topics
+from bus.cli.mismatch import mismatch
+from bus.cli.output import CommandError, dropped_text, print_json, size_text
+from bus.cli.query import full_topic_name, get_graph
+from bus.graph import EndpointStatistics, Graph, GraphEndpoint
+from bus.qos import History, describe_profile
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    completed_by(
+        parser.add_argument("topic_name", help="Name of the topic to get info (e.g. '/chatter')"), topics
+    )
+    parser.add_argument(
+        "-v",
+        "--verbose",
+        action="store_true",
+        help="Prints detailed information like the node name, node namespace, topic type, topic type hash, GUID, "
+        "QoS profile, message counts, queue, drops and matches of the publishers and subscriptions of this topic",
+    )
+
+
+def main(args: Namespace) -> int:
+    topic = full_topic_name(args.topic_name)
+    graph = get_graph(args, statistics=args.verbose)
+    types = graph.topics().get(topic)
+    if types is None:
+        raise CommandError(f"Unknown topic '{args.topic_name}'")
+    sides = (("Publisher", graph.publishers_of(topic)), ("Subscription", graph.subscriptions_of(topic)))
+    if args.json:
+        record: dict[str, Any] = {"topic": topic, "types": types}
+        for name, endpoints in sides:
+            record[f"{name.lower()}_count"] = len(endpoints)
+            if args.verbose:
+                record[f"{name.lower()}s"] = [_record(graph, endpoint) for endpoint in endpoints]
+        print_json(record)
+        return 0
+    end = "\n\n" if args.verbose else "\n"
+    print(f"Type: {types[0] if len(types) == 1 else types}", end=end)
+    for name, endpoints in sides:
+        print(f"{name} count: {len(endpoints)}", end=end)
+        if args.verbose:
+            for endpoint in endpoints:
+                print("\n".join(_block(graph, endpoint)), end=end)
+    return 0
+
+
+def _block(graph: Graph, endpoint: GraphEndpoint) -> list[str]:
+    counters = endpoint.statistics or EndpointStatistics()
+    lines = [
+        f"Node name: {endpoint.node.name}",
+        f"Node namespace: {endpoint.node.namespace}",
+        f"Topic type: {endpoint.type_name}",
+        f"Topic type hash: {endpoint.type_hash}",
+        f"Endpoint type: {endpoint.kind.upper()}",
+        f"GID: {endpoint.gid.hex('.')}",
+        *describe_profile(endpoint.qos),
+        f"Messages: {counters.samples} ({size_text(counters.bytes)})",
+    ]
+    if endpoint.kind == "subscription":
+        bound = f" of {endpoint.qos.depth}" if endpoint.qos.history is History.KEEP_LAST else ""
+        lines.append(f"Queue: {counters.queued}{bound}")
+    lines.append(f"Dropped: {dropped_text(counters.dropped)}")
+    matches = _matches(graph, endpoint)
+    lines.append(f"Matches: {sum('route' in match for match in matches)}")
+    for match in matches:
+        how = f"by {match['route']}" if "route" in match else f"no match: {match['reason']}"
+        lines.append(f"  {match['node']}: {how}")
+    return lines
+
+
+def _matches(graph: Graph, endpoint: GraphEndpoint) -> list[dict[str, str]]:
+    """Every endpoint on the other side, with the route of the match or the reason why there is none."""
+    routes = {(match.publisher, match.subscription): match.route for match in graph.matches}
+    found = []
+    is_publisher = endpoint.kind == "publisher"
+    for other in graph.subscriptions_of(endpoint.topic) if is_publisher else graph.publishers_of(endpoint.topic):
+        publisher, subscription = (endpoint, other) if is_publisher else (other, endpoint)
+        route = routes.get((publisher.id, subscription.id))
+        how = {"reason": mismatch(publisher, subscription) or "unknown"} if route is None else {"route": route}
+        found.append({"node": other.node.full_name, **how})
+    return found
+
+
+def _record(graph: Graph, endpoint: GraphEndpoint) -> dict[str, Any]:
+    from msgspec import to_builtins
+
+    qos, counters = endpoint.qos, endpoint.statistics or EndpointStatistics()
+    return {
+        "node": endpoint.node.full_name,
+        "pid": endpoint.node.pid,
+        "type": endpoint.type_name,
+        "type_hash": endpoint.type_hash,
+        "gid": endpoint.gid.hex("."),
+        "qos": {name: to_builtins(getattr(qos, name)) for name in qos.__struct_fields__},
+        "messages": counters.samples,
+        "bytes": counters.bytes,
+        "queued": counters.queued,
+        "dropped": counters.dropped,
+        "matches": _matches(graph, endpoint),
+    }

@@ -1,0 +1,25 @@
+"""`bus topic type`."""
+
+from argparse import ArgumentParser, Namespace
+
+from bus.cli.completion import completed_by, topics
+from bus.cli.output import print_json
+from bus.cli.query import full_topic_name, get_graph
+from bus.names import is_hidden_topic
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    completed_by(parser.add_argument("topic_name", help="Name of the topic to get type (e.g. '/chatter')"), topics)
+
+
+def main(args: Namespace) -> int:
+    topic = full_topic_name(args.topic_name)
+    if is_hidden_topic(topic) and not args.include_hidden_topics:
+        return 1
+    types = get_graph(args).topics().get(topic, [])
+    for name in types:
+        if args.json:
+            print_json({"topic": topic, "type": name})
+        else:
+            print(name)
+    return 0 if types else 1

@@ -1,0 +1,128 @@
+"""Fixtures of all tests: a daemon of its own for each test, and a look at what is left behind."""
+
+import asyncio
+import gc
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+WAIT_S = 20.0 * float(os.environ.get("BUSD_TESTS_TIMEOUT_FACTOR", "1"))
+"""No test waits longer for anything."""
+
+
+class Daemon:
+    """A busd process on a socket of its own."""
+
+    def __init__(self, path: Path, *arguments: str) -> None:
+        self.path = path
+        self.arguments = arguments
+        self.log = path.with_suffix(".stderr")
+        self.process = self._start()
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        with self.log.open("ab") as log:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "busd", "--socket", str(self.path), *self.arguments],
+                stderr=log,
+                env={**os.environ, "PYTHONASYNCIODEBUG": "0"},
+            )
+        self._wait_until_ready(process)
+        return process
+
+    def _wait_until_ready(self, process: subprocess.Popen[bytes]) -> None:
+        end = time.monotonic() + WAIT_S
+        while time.monotonic() < end:
+            with socket.socket(socket.AF_UNIX) as probe:
+                try:
+                    probe.connect(str(self.path))
+                    return
+                except OSError:
+                    if process.poll() is not None:
+                        raise RuntimeError(f"busd ended: {self.log.read_text()}") from None
+                    time.sleep(0.01)
+        raise TimeoutError("busd did not become ready")
+
+    @property
+    def pid(self) -> int:
+        return self.process.pid
+
+    def kill(self) -> None:
+        """kill -9"""
+        self.process.kill()
+        self.process.wait(WAIT_S)
+
+    def restart(self) -> None:
+        self.process = self._start()
+
+    def stop(self) -> str:
+        """End it in order; returns its log."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGCONT)
+            self.process.terminate()
+        self.process.wait(WAIT_S)
+        return self.log.read_text()
+
+
+@pytest.fixture
+def socket_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A path for a daemon's socket, which is the default for this process and its children."""
+    path = tmp_path / "busd.sock"
+    monkeypatch.setenv("BUSD_SOCKET", str(path))
+    monkeypatch.setenv("BUSD_AUTOSTART", "0")
+    return path
+
+
+@pytest.fixture
+def start_daemon(socket_path: Path) -> Iterator[Callable[..., Daemon]]:
+    """Starts the test's daemon with the given arguments; at the end it must have no traceback in its log."""
+    daemons: list[Daemon] = []
+
+    def start(*arguments: str) -> Daemon:
+        daemons.append(Daemon(socket_path, *arguments))
+        return daemons[-1]
+
+    yield start
+    for daemon in daemons:
+        log = daemon.stop()
+        assert "Traceback" not in log, log
+        assert daemon.process.returncode in (0, -signal.SIGKILL), log
+
+
+@pytest.fixture
+def daemon(start_daemon: Callable[..., Daemon]) -> Daemon:
+    return start_daemon()
+
+
+@pytest.fixture(autouse=True)
+def no_descriptors_left() -> Iterator[None]:
+    """Each test closes what it opens."""
+    before = _descriptors()
+    yield
+    gc.collect()
+    left = {fd: what for fd, what in _descriptors().items() if before.get(fd) != what}
+    assert not left, f"descriptors left open: {left}"
+
+
+def _descriptors() -> dict[str, str]:
+    found = {}
+    for fd in os.listdir("/proc/self/fd"):
+        try:
+            what = os.readlink(f"/proc/self/fd/{fd}")
+        except OSError:
+            continue
+        if what.startswith(("socket:", "anon_inode:", "/memfd")) or "busd" in what:
+            found[fd] = what
+    return found
+
+
+def pytest_asyncio_loop_factories(config: pytest.Config, item: pytest.Item) -> object:
+    import uvloop
+
+    return {"asyncio": asyncio.new_event_loop, "uvloop": uvloop.new_event_loop}

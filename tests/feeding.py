@@ -1,0 +1,20 @@
+"""Bytes into a FrameReader or a Session, as a socket would bring them. Knows nothing of messages."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from bus.wire.framing import FrameReader
+from bus.wire.session import Session
+
+
+def feed(receiver: FrameReader | Session, data: bytes, chunks: Iterable[int] = ()) -> Iterator[Any]:
+    """What `receiver` gives for `data` read in pieces of the given sizes, the rest as large as they fit."""
+    reader = receiver.reader if isinstance(receiver, Session) else receiver
+    sizes, at = iter(chunks), 0
+    while at < len(data):
+        buffer = reader.get_buffer()
+        assert len(buffer) > 0
+        count = min(len(buffer), len(data) - at, next(sizes, len(data)))
+        buffer[:count] = data[at : at + count]
+        at += count
+        yield from receiver.received(count)

@@ -1,0 +1,442 @@
+"""What messages do, end to end through a real daemon, on every route and both event loops."""
+
+import asyncio
+import threading
+import time
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import bus
+import msgspec
+import pytest
+from bus.events import DeadlineMissed, IncompatibleQoS, LivelinessChanged, MatchedChange, MessageLost
+from bus.msg.geometry_msgs import Twist, Vector3
+from bus.msg.std_msgs import Int32, String
+
+from conftest import WAIT_S, Daemon
+
+KEEP_ALL = bus.QoSProfile(history="keep_all")
+LATCHED = bus.QoSProfile(5, durability="transient_local")
+
+
+class Wheel(msgspec.Struct):
+    """A user's own type."""
+
+    __type_name__: ClassVar[str] = "robot/msg/Wheel"
+    name: str = ""
+    speeds: list[float] = []
+
+
+async def until(condition: Callable[[], Any]) -> None:
+    """Wait for `condition` to hold; only the bound is a time."""
+    async with asyncio.timeout(WAIT_S):
+        while not condition():
+            await asyncio.sleep(0.002)
+
+
+@pytest.fixture(autouse=True)
+def running(daemon: Daemon) -> Daemon:
+    return daemon
+
+
+@pytest.fixture
+async def node() -> Any:
+    async with asyncio.timeout(WAIT_S), bus.Node("tester", arguments=[]) as node:
+        yield node
+
+
+class TestDelivery:
+    async def test_iteration_gives_messages_in_order(self, node: bus.Node) -> None:
+        subscription = await node.create_subscription(String, "topic", 10)
+        publisher = await node.create_publisher(String, "topic", 10)
+        for number in range(5):
+            publisher.publish(String(data=f"Hello World: {number}"))
+        heard = []
+        async for message in subscription:
+            heard.append(message.data)
+            if len(heard) == 5:
+                break
+        assert heard == [f"Hello World: {number}" for number in range(5)]
+
+    async def test_callbacks_of_every_kind(self, node: bus.Node) -> None:
+        heard: dict[str, list[Any]] = {"plain": [], "info": [], "async": [], "async info": []}
+
+        async def hear(message: String) -> None:
+            await asyncio.sleep(0)
+            heard["async"].append(message.data)
+
+        async def hear_info(message: String, info: bus.MessageInfo) -> None:
+            heard["async info"].append((message.data, info.publication_sequence_number))
+
+        await node.create_subscription(String, "t", 10, lambda message: heard["plain"].append(message.data))
+        await node.create_subscription(
+            String, "t", 10, lambda message, info: heard["info"].append((message.data, info))
+        )
+        await node.create_subscription(String, "t", 10, hear)
+        await node.create_subscription(String, "t", 10, hear_info)
+        publisher = await node.create_publisher(String, "t", 10)
+        before = time.time_ns()
+        publisher.publish(String(data="a"))
+        publisher.publish(String(data="b"))
+        await until(lambda: all(len(one) == 2 for one in heard.values()))
+        assert heard["plain"] == heard["async"] == ["a", "b"]
+        assert heard["async info"] == [("a", 1), ("b", 2)]
+        (_, first), (_, second) = heard["info"]
+        assert (first.publication_sequence_number, second.publication_sequence_number) == (1, 2)
+        assert (first.reception_sequence_number, second.reception_sequence_number) == (1, 2)
+        assert first.publisher_gid == publisher.gid
+        margin = 1_000_000  # the wall clock may be slewed
+        assert before - margin <= first.source_timestamp <= first.received_timestamp + margin
+
+    async def test_an_empty_string_is_a_message(self, node: bus.Node) -> None:
+        subscription = await node.create_subscription(String, "topic", 10)
+        (await node.create_publisher(String, "topic", 10)).publish(String())
+        assert (await subscription.receive())[0] == String(data="")
+
+    async def test_large_messages_arrive_whole(self, node: bus.Node) -> None:
+        subscription = await node.create_subscription(String, "topic", KEEP_ALL)
+        publisher = await node.create_publisher(String, "topic", KEEP_ALL)
+        texts = [chr(ord("a") + number) * (300_000 * (number + 1)) for number in range(6)]
+        sending = asyncio.create_task(send_all(publisher, [String(data=text) for text in texts]))
+        for text in texts:
+            assert (await subscription.receive())[0].data == text
+        await sending
+
+    async def test_a_users_own_struct(self, node: bus.Node) -> None:
+        subscription = await node.create_subscription(Wheel, "wheel", 10)
+        publisher = await node.create_publisher(Wheel, "wheel", 10)
+        publisher.publish(Wheel("left", [1.0, 2.5]))
+        assert (await subscription.receive())[0] == Wheel("left", [1.0, 2.5])
+
+    async def test_a_callback_that_keeps_up_loses_nothing_of_a_burst(self, node: bus.Node) -> None:
+        heard: list[int] = []
+        subscription = await node.create_subscription(
+            Int32, "t", 10, lambda message: heard.append(message.data)
+        )
+        publisher = await node.create_publisher(Int32, "t", 1000)
+        for number in range(1000):
+            publisher.publish(Int32(data=number))
+        await until(lambda: accounted(subscription) == 1000)
+        assert heard == sorted(heard)
+        assert heard[-1] == 999
+
+
+class TestDepth:
+    async def test_a_slow_subscription_keeps_the_newest_and_counts_the_rest(self, node: bus.Node) -> None:
+        lost: list[MessageLost] = []
+        subscription = await node.create_subscription(
+            Int32, "t", 10, events=bus.SubscriptionEvents(message_lost=lost.append)
+        )
+        publisher = await node.create_publisher(Int32, "t", 100)
+        for number in range(100):
+            publisher.publish(Int32(data=number))
+        await until(lambda: accounted(subscription) == 100)
+        kept = []
+        while taken := subscription.take():
+            kept.append(taken[0].data)
+        assert kept == list(range(90, 100))
+        assert subscription.statistics().dropped == {"replaced": 90}
+        assert lost[-1].total_count == 90
+
+    async def test_order_is_kept_under_flood(self, node: bus.Node) -> None:
+        subscription = await node.create_subscription(Int32, "t", 5)
+        publisher = await node.create_publisher(Int32, "t", 5)
+        heard = []
+        for number in range(5000):
+            publisher.publish(Int32(data=number))
+            if number % 100 == 0:
+                await asyncio.sleep(0)
+            while taken := subscription.take():
+                heard.append(taken[0].data)
+        await until(lambda: accounted(subscription) + publisher.statistics().queued == 5000)
+        while taken := subscription.take():
+            heard.append(taken[0].data)
+        assert heard == sorted(set(heard))
+        assert heard[-1] == 4999
+
+    async def test_keep_all_loses_nothing_and_holds_the_publisher_back(self, node: bus.Node) -> None:
+        subscription = await node.create_subscription(Int32, "t", KEEP_ALL)
+        publisher = await node.create_publisher(Int32, "t", KEEP_ALL)
+        sent = 0
+        while publisher.publish(Int32(data=sent)):
+            sent += 1
+            if sent % 1000 == 0:
+                await asyncio.sleep(0)
+        assert publisher.statistics().refused == 1
+        sending = asyncio.create_task(publisher.send(Int32(data=sent)))
+        await asyncio.sleep(0)
+        assert not sending.done()
+        for number in range(sent + 1):
+            assert (await subscription.receive())[0].data == number
+        await sending
+        assert subscription.statistics().dropped == {}
+
+    async def test_a_cancelled_send_was_not_published(self, node: bus.Node) -> None:
+        subscription = await node.create_subscription(Int32, "t", KEEP_ALL)
+        publisher = await node.create_publisher(Int32, "t", KEEP_ALL)
+        sent = 0
+        while publisher.publish(Int32(data=sent)):
+            sent += 1
+        sending = asyncio.create_task(publisher.send(Int32(data=-1)))
+        await asyncio.sleep(0)
+        sending.cancel()
+        await asyncio.gather(sending, return_exceptions=True)
+        heard = [(await subscription.receive())[0].data for _ in range(sent)]
+        assert heard == list(range(sent))
+        await publisher.send(Int32(data=-2))
+        assert (await subscription.receive())[0].data == -2
+
+    async def test_a_slow_keep_all_subscription_that_leaves_releases_the_publisher(
+        self, node: bus.Node
+    ) -> None:
+        subscription = await node.create_subscription(Int32, "t", KEEP_ALL)
+        publisher = await node.create_publisher(Int32, "t", KEEP_ALL)
+        while publisher.publish(Int32()):
+            pass
+        sending = asyncio.create_task(publisher.send(Int32(data=7)))
+        await subscription.close()
+        await sending
+
+
+class TestLateJoiners:
+    async def test_transient_local_gives_the_last_ones_in_order_before_new_ones(self, node: bus.Node) -> None:
+        publishers = [await node.create_publisher(Int32, "t", LATCHED) for _ in range(2)]
+        for number in range(8):
+            for index, publisher in enumerate(publishers):
+                publisher.publish(Int32(data=100 * index + number))
+        late = await node.create_subscription(Int32, "t", bus.QoSProfile(3, durability="transient_local"))
+        publishers[0].publish(Int32(data=50))
+        heard: list[int] = []
+        async for message in late:
+            heard.append(message.data)
+            if len(heard) == 7:
+                break
+        assert [one for one in heard if one < 100] == [5, 6, 7, 50]
+        assert [one for one in heard if one >= 100] == [105, 106, 107]
+
+    async def test_volatile_late_joiners_get_only_what_is_new(self, node: bus.Node) -> None:
+        publisher = await node.create_publisher(Int32, "t", LATCHED)
+        publisher.publish(Int32(data=1))
+        late = await node.create_subscription(Int32, "t", 10)
+        publisher.publish(Int32(data=2))
+        assert (await late.receive())[0].data == 2
+
+
+class TestEvents:
+    async def test_matches_come_and_go(self, node: bus.Node) -> None:
+        told: list[MatchedChange] = []
+        publisher = await node.create_publisher(
+            String, "t", 10, events=bus.PublisherEvents(matched=told.append)
+        )
+        subscription = await node.create_subscription(String, "t", 10)
+        await publisher.wait_for_subscriptions(1)
+        assert publisher.get_subscription_count() == 1
+        await subscription.close()
+        await until(lambda: len(told) == 2)
+        assert told == [MatchedChange(1, 1, 1, 1, "/tester"), MatchedChange(0, -1, 1, 0, "/tester")]
+
+    async def test_incompatible_qos_is_said_at_once_to_both(self, node: bus.Node, capfd: Any) -> None:
+        told: list[IncompatibleQoS] = []
+        publisher = await node.create_publisher(String, "t", bus.qos.sensor_data)
+        await node.create_subscription(
+            String, "t", 10, events=bus.SubscriptionEvents(incompatible_qos=told.append)
+        )
+        await until(lambda: told)
+        assert told[0].policy == "RELIABILITY"
+        assert told[0].text == "ERROR: Best effort publisher and reliable subscription;"
+        assert told[0].node == "/tester"
+        assert publisher.get_subscription_count() == 0
+        warning = (
+            "[tester]: New subscription discovered on topic '/t', requesting incompatible QoS. "
+            "No messages will be sent to it. Last incompatible policy: RELIABILITY"
+        )
+        assert warning in capfd.readouterr().err
+
+    async def test_two_types_on_one_topic_do_not_match(self, node: bus.Node, capfd: Any) -> None:
+        subscription = await node.create_subscription(String, "t", 10)
+        publisher = await node.create_publisher(Int32, "t", 10)
+        publisher.publish(Int32(data=1))
+        errors = ""
+        async with asyncio.timeout(WAIT_S):
+            while errors.count("Incompatible type on topic '/t'") < 2:
+                errors += capfd.readouterr().err
+                await asyncio.sleep(0.002)
+        assert "the publisher has std_msgs/msg/Int32, the subscription std_msgs/msg/String" in errors
+        assert subscription.get_publisher_count() == 0
+
+    async def test_deadlines_are_watched_on_both_sides(self, node: bus.Node) -> None:
+        missed: dict[str, list[DeadlineMissed]] = {"publisher": [], "subscription": []}
+        qos = bus.QoSProfile(deadline=0.02)
+        subscription = await node.create_subscription(
+            String, "t", qos, events=bus.SubscriptionEvents(deadline_missed=missed["subscription"].append)
+        )
+        publisher = await node.create_publisher(
+            String, "t", qos, events=bus.PublisherEvents(deadline_missed=missed["publisher"].append)
+        )
+        publisher.publish(String())
+        await subscription.receive()
+        await until(lambda: len(missed["publisher"]) >= 2 and len(missed["subscription"]) >= 2)
+        assert missed["publisher"][1] == DeadlineMissed(2, 1)
+
+    async def test_what_outlived_its_lifespan_is_dropped_and_counted(self, node: bus.Node) -> None:
+        subscription = await node.create_subscription(Int32, "t", 10)
+        publisher = await node.create_publisher(Int32, "t", bus.QoSProfile(lifespan=0.05))
+        publisher.publish(Int32(data=1))
+        await until(lambda: subscription.statistics().queued == 1)
+        await asyncio.sleep(0.06)  # the lifespan itself
+        publisher.publish(Int32(data=2))
+        assert (await subscription.receive())[0].data == 2
+        assert subscription.statistics().dropped == {"expired": 1}
+
+    async def test_manual_liveliness_is_lost_and_taken_up_again(self, node: bus.Node) -> None:
+        told: list[LivelinessChanged] = []
+        qos = bus.QoSProfile(liveliness="manual_by_topic", liveliness_lease_duration=0.05)
+        await node.create_subscription(
+            Int32, "t", qos, events=bus.SubscriptionEvents(liveliness_changed=told.append)
+        )
+        lost: list[Any] = []
+        publisher = await node.create_publisher(
+            Int32, "t", qos, events=bus.PublisherEvents(liveliness_lost=lost.append)
+        )
+        await until(lambda: told and lost)
+        assert (told[0].alive_count, told[0].not_alive_count) == (0, 1)
+        publisher.assert_liveliness()
+        await until(lambda: len(told) >= 2)
+        assert (told[1].alive_count, told[1].alive_count_change) == (1, 1)
+
+    async def test_automatic_liveliness_is_kept_up_by_the_library(self, node: bus.Node) -> None:
+        told: list[LivelinessChanged] = []
+        qos = bus.QoSProfile(liveliness_lease_duration=0.15)
+        await node.create_subscription(
+            Int32, "t", qos, events=bus.SubscriptionEvents(liveliness_changed=told.append)
+        )
+        await node.create_publisher(Int32, "t", qos)
+        await asyncio.sleep(0.5)  # three leases
+        assert told == []
+
+
+class TestMistakes:
+    async def test_a_wrong_field_is_named_with_its_path(self, node: bus.Node) -> None:
+        publisher = await node.create_publisher(Twist, "cmd", 10)
+        wrong = Twist(linear=Vector3(x="fast"))  # type: ignore[arg-type]
+        with pytest.raises(bus.MessageTypeError, match=r"geometry_msgs/msg/Twist.*\$\.linear\.x"):
+            publisher.publish(wrong)
+        assert publisher.statistics().published == 0
+
+    async def test_another_class_is_refused(self, node: bus.Node) -> None:
+        publisher = await node.create_publisher(String, "t", 10)
+        with pytest.raises(bus.MessageTypeError, match="std_msgs/msg/String"):
+            publisher.publish(Int32(data=1))  # type: ignore[arg-type]
+
+    async def test_bytes_that_do_not_decode_are_counted_and_the_stream_goes_on(
+        self, node: bus.Node, capfd: Any
+    ) -> None:
+        subscription = await node.create_subscription(String, "t", 10)
+        publisher = await node.create_publisher(String, "t", 10)
+        publisher.publish_encoded(b"\xc1 no message")
+        publisher.publish(String(data="after"))
+        assert (await subscription.receive())[0].data == "after"
+        assert subscription.statistics().dropped == {"undecodable": 1}
+        assert "is no std_msgs/msg/String" in capfd.readouterr().err
+
+    @pytest.mark.parametrize("name", ["", "a//b", "1st", "a b", "trailing/", "{unknown}"])
+    async def test_bad_topic_names(self, node: bus.Node, name: str) -> None:
+        with pytest.raises(bus.ConfigurationError):
+            await node.create_publisher(String, name, 10)
+
+    async def test_no_struct_is_no_message_type(self, node: bus.Node) -> None:
+        with pytest.raises(bus.MessageTypeError, match="int"):
+            await node.create_publisher(int, "t", 10)  # type: ignore[type-var]
+
+    async def test_closed_endpoints_say_so(self, node: bus.Node) -> None:
+        publisher = await node.create_publisher(String, "t", 10)
+        await publisher.close()
+        await publisher.close()
+        with pytest.raises(bus.ConnectionClosed, match="'/t'"):
+            publisher.publish(String())
+
+    async def test_iteration_ends_when_the_subscription_is_closed(self, node: bus.Node) -> None:
+        subscription = await node.create_subscription(String, "t", 10)
+        asyncio.get_running_loop().call_soon(asyncio.ensure_future, subscription.close())
+        assert [message async for message in subscription] == []
+
+    async def test_an_exception_in_a_callback_ends_the_body(self) -> None:
+        def fail(message: String) -> None:
+            raise ValueError("broken callback")
+
+        with pytest.raises(ValueError, match="broken callback"):
+            async with asyncio.timeout(WAIT_S), bus.Node("failing", arguments=[]) as node:
+                await node.create_subscription(String, "t", 10, fail)
+                (await node.create_publisher(String, "t", 10)).publish(String())
+                await asyncio.Event().wait()
+
+
+class TestThreads:
+    async def test_publish_from_other_threads(self, node: bus.Node) -> None:
+        subscription = await node.create_subscription(Int32, "t", KEEP_ALL)
+        publisher = await node.create_publisher(Int32, "t", KEEP_ALL)
+
+        def work(first: int) -> None:
+            for number in range(first, first + 500):
+                assert publisher.publish(Int32(data=number))
+
+        threads = [threading.Thread(target=work, args=(1000 * index,)) for index in range(4)]
+        for thread in threads:
+            thread.start()
+        heard = [(await subscription.receive())[0].data for _ in range(2000)]
+        for thread in threads:
+            thread.join()
+        for index in range(4):
+            mine = [number for number in heard if number // 1000 == index]
+            assert mine == list(range(1000 * index, 1000 * index + 500))
+
+
+class TestNames:
+    async def test_remapping_by_argument(self) -> None:
+        arguments = ["--ros-args", "-r", "topic:=other", "-r", "__node:=renamed", "-r", "__ns:=/fleet"]
+        async with asyncio.timeout(WAIT_S), bus.Node("original", arguments=arguments) as node:
+            publisher = await node.create_publisher(String, "topic", 10)
+            assert publisher.topic_name == "/fleet/other"
+            assert node.full_name == "/fleet/renamed"
+            graph = await node.graph()
+            assert [one.full_name for one in graph.nodes] == ["/fleet/renamed"]
+            private = await node.create_publisher(String, "~/state", 10)
+            assert private.topic_name == "/fleet/renamed/state"
+
+    async def test_the_graph_shows_endpoints_matches_and_counters(self, node: bus.Node) -> None:
+        subscription = await node.create_subscription(String, "t", 10)
+        publisher = await node.create_publisher(String, "t", 10)
+        publisher.publish(String(data="x"))
+        await subscription.receive()
+        graph = await node.graph(statistics=True)
+        assert graph.topics()["/t"] == ["std_msgs/msg/String"]
+        (mine,) = graph.publishers_of("/t")
+        assert (mine.gid, mine.node.full_name, mine.qos) == (publisher.gid, "/tester", publisher.qos)
+        assert mine.statistics is not None
+        assert mine.statistics.samples == 1
+        assert [(match.publisher, match.route) for match in graph.matches] == [(mine.id, "socket")]
+
+    async def test_a_type_can_be_had_from_the_bus(self, node: bus.Node) -> None:
+        publisher = await node.create_publisher(Wheel, "wheel", 10)
+        foreign = await node.get_type(publisher.support.name, publisher.support.hash)
+        data = publisher.support.encode(Wheel("front", [0.5]))
+        rebuilt = msgspec.msgpack.decode(data, type=foreign)
+        assert (rebuilt.name, rebuilt.speeds) == ("front", [0.5])  # type: ignore[attr-defined]
+
+    async def test_logs_go_to_rosout(self, node: bus.Node) -> None:
+        from bus.msg.rcl_interfaces import Log
+
+        rosout = await node.create_subscription(Log, "/rosout", LATCHED)
+        node.get_logger().info("hello log")
+        message, _ = await rosout.receive()
+        assert (message.msg, message.name, message.level) == ("hello log", "tester", 20)
+
+
+def accounted(subscription: bus.Subscription[Any]) -> int:
+    statistics = subscription.statistics()
+    return statistics.delivered + statistics.queued + sum(statistics.dropped.values())
+
+
+async def send_all(publisher: bus.Publisher[Any], messages: list[Any]) -> None:
+    for message in messages:
+        await publisher.send(message)

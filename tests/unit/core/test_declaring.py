@@ -1,0 +1,233 @@
+"""busd.core.declaring: what may be made, under which rules and limits."""
+
+import msgspec
+import pytest
+from broker_world import NUMBER, TEXT, Process, Refusal, World
+
+from bus.qos import QoSProfile
+from bus.wire import messages as m
+from busd.core.limits import Limits, TopicRule
+
+ONE_KIB = 1024
+
+
+def refused(action: object, *arguments: object, **more: object) -> m.Refused:
+    with pytest.raises(Refusal) as caught:
+        action(*arguments, **more)  # type: ignore[operator]
+    return caught.value.answer
+
+
+class TestNames:
+    @pytest.mark.parametrize(
+        ("name", "namespace", "text"),
+        [
+            ("", "/", "node name must not be empty"),
+            ("1node", "/", "must not start with a number"),
+            ("a/b", "/", "must not contain characters other than alphanumerics or '_'"),
+            ("a" * 256, "/", "255"),
+            ("a", "ns", "namespace"),
+            ("a", "/ns/", "namespace"),
+            ("a", "", "namespace"),
+        ],
+    )
+    def test_of_nodes(self, name: str, namespace: str, text: str) -> None:
+        process = World().process()
+        assert text in refused(process.node, name, namespace).text
+        assert process.cut_reason is None
+        process.node("after_that")
+
+    @pytest.mark.parametrize("topic", ["", "relative", "/", "/a/", "/a//b", "/1a", "~/a", "/{node}", "/ä", "/" + 247 * "a"])
+    @pytest.mark.parametrize("kind", ["publisher", "subscription"])
+    def test_of_topics(self, topic: str, kind: str) -> None:
+        world = World()
+        process = world.process()
+        answer = refused(getattr(process, kind), topic)
+        assert "topic name" in answer.text
+        assert answer.resource == ""
+        assert process.cut_reason is None
+        assert not world.broker.graph.topics
+
+    def test_two_nodes_of_one_name_are_allowed_and_noted(self) -> None:
+        world = World()
+        world.process().node("twin", "/a")
+        world.process().node("twin")
+        assert not world.notes
+        world.process().node("twin", "/a")
+        assert world.notes == ["there is more than one node named /a/twin"]
+
+
+class TestQuotas:
+    def test_nodes(self) -> None:
+        world = World(Limits(nodes_per_peer=2))
+        greedy, modest = world.process(), world.process()
+        greedy.node("a")
+        greedy.node("b")
+        answer = refused(greedy.node, "c")
+        assert (answer.resource, answer.used, answer.limit) == ("nodes of a process", 2, 2)
+        assert answer.text == "nodes of a process: 2 of 2 in use; busd's limit can be raised in busd.toml"
+        modest.node("c")
+
+    def test_what_was_destroyed_does_not_count(self) -> None:
+        process = World(Limits(nodes_per_peer=1, endpoints_per_peer=1)).process()
+        for _ in range(5):
+            node = process.node()
+            node.publisher("/topic").destroy()
+            node.subscription("/topic")
+            node.destroy()
+
+    def test_endpoints(self) -> None:
+        world = World(Limits(endpoints_per_peer=3))
+        greedy, modest = world.process(), world.process()
+        for at in range(3):
+            greedy.publisher(f"/topic_{at}")
+        for make in (greedy.publisher, greedy.subscription):
+            answer = refused(make, "/more")
+            assert (answer.resource, answer.used, answer.limit) == ("endpoints of a process", 3, 3)
+        assert "/more" not in world.broker.graph.topics
+        modest.subscription("/topic_0")
+
+    def test_topics(self) -> None:
+        world = World(Limits(topics=2))
+        process = world.process()
+        process.publisher("/a")
+        second = process.publisher("/b")
+        answer = refused(world.process().publisher, "/c")
+        assert (answer.resource, answer.used, answer.limit) == ("topics", 2, 2)
+        world.process().subscription("/a")
+        second.destroy()
+        world.process().publisher("/c")
+
+    def test_ten_thousand_endpoints(self) -> None:
+        world = World()
+        flood = world.process()
+        node = flood.node()
+        flood.declare_type(TEXT)
+        message = m.CreatePublisher(
+            request=1, node=node.id, topic="/flood", type_name=TEXT[0], type_hash=TEXT[1], qos=QoSProfile(), gid=bytes(16)
+        )
+        before = len(flood.messages)
+        flood.send_bytes(m.encode_frame(message) * 10_000)
+        answers = flood.messages[before:]
+        assert sum(isinstance(one, m.Created) for one in answers) == world.broker.limits.endpoints_per_peer
+        assert sum(isinstance(one, m.Refused) for one in answers) == 10_000 - world.broker.limits.endpoints_per_peer
+        assert flood.cut_reason is None
+
+    def test_the_depth(self) -> None:
+        process = World(Limits(depth=100)).process()
+        process.publisher("/topic", QoSProfile(depth=100))
+        for make in (process.publisher, process.subscription):
+            answer = refused(make, "/topic", QoSProfile(depth=101))
+            assert answer.text == "depth 101 is more than busd's limit of 100"
+        process.subscription("/topic", QoSProfile(history="keep_all"))
+
+
+class TestTypes:
+    def test_too_many_for_their_endpoints(self) -> None:
+        """A program that uses one type more than it may have endpoints is refused, not cut off."""
+        process = World(Limits(endpoints_per_peer=2)).process()
+        process.publisher("/a", kind=("a", "1"))
+        process.publisher("/b", kind=("b", "1"))
+        answer = refused(process.publisher, "/c", kind=("c", "1"))
+        assert answer.resource == "endpoints of a process"
+        assert process.cut_reason is None
+
+    def test_too_many(self) -> None:
+        process = World(Limits(endpoints_per_peer=2)).process()
+        process.publisher("/a", kind=("a", "1")).destroy()
+        process.publisher("/b", kind=("b", "1")).destroy()
+        answer = refused(process.publisher, "/c", kind=("c", "1"))
+        assert (answer.resource, answer.used, answer.limit) == ("types of a process", 2, 2)
+        process.publisher("/b", kind=("b", "1"))
+
+    def test_said_again_a_type_needs_no_more_room(self) -> None:
+        world = World(Limits(endpoints_per_peer=1))
+        process = world.process()
+        for _ in range(3):
+            process.tell(m.DeclareType(type_name="a", type_hash="1"))
+        assert not world.notes
+
+    def test_a_schema_that_is_too_long(self) -> None:
+        process = World(Limits(schema_bytes=ONE_KIB)).process()
+        process.tell(m.DeclareType(type_name="a", type_hash="1", schema=msgspec.Raw(b"\xd9\xff" + b"x" * 255)))
+        assert process.cut_reason is None
+        long = msgspec.Raw(msgspec.msgpack.encode("x" * ONE_KIB))
+        process.tell(m.DeclareType(type_name="b", type_hash="1", schema=long))
+        assert process.cut_reason == "schema of 1027 bytes, the limit is 1024"
+
+    def test_the_first_schema_of_a_type_stays(self) -> None:
+        world = World()
+        one, other = world.process(), world.process()
+        for process, schema in ((one, "first"), (other, "second")):
+            raw = msgspec.Raw(msgspec.msgpack.encode(schema))
+            process.tell(m.DeclareType(type_name="a", type_hash="1", schema=raw))
+        answer = other.request(m.GetType(request=0, type_name="a", type_hash="1"), m.TypeDescription)
+        assert msgspec.msgpack.decode(answer.schema) == "first"
+
+
+class TestRules:
+    RULES = (
+        TopicRule(pattern="/camera/**", max_depth=3, max_lifespan_s=1.0),
+        TopicRule(pattern="/camera/raw", max_message_bytes=2 * ONE_KIB),
+    )
+
+    def process(self) -> Process:
+        return World(rules=self.RULES).process()
+
+    @pytest.mark.parametrize("kind", ["publisher", "subscription"])
+    def test_the_answer_says_what_holds(self, kind: str) -> None:
+        made = getattr(self.process(), kind)("/camera/raw", QoSProfile(depth=50)).created
+        assert (made.depth, made.max_message_bytes) == (3, 2 * ONE_KIB)
+
+    def test_other_topics_keep_the_limits(self) -> None:
+        world = World(rules=self.RULES)
+        limits = world.broker.limits
+        made = world.process().publisher("/other", QoSProfile(depth=50)).created
+        assert made == m.Created(
+            request=made.request,
+            id=made.id,
+            depth=50,
+            max_message_bytes=limits.message_bytes,
+            window_samples=limits.keep_all_window_messages,
+            window_bytes=limits.keep_all_window_bytes,
+        )
+
+    def test_keep_all_has_no_depth(self) -> None:
+        made = self.process().publisher("/camera/raw", QoSProfile(history="keep_all")).created
+        assert made.depth == 0
+
+    def test_a_smaller_depth_stays(self) -> None:
+        assert self.process().subscription("/camera/raw", QoSProfile(depth=2)).created.depth == 2
+
+    def test_a_depth_above_the_limit_that_a_rule_caps(self) -> None:
+        process = World(Limits(depth=100), self.RULES).process()
+        assert process.subscription("/camera/raw", QoSProfile(depth=1000)).created.depth == 3
+
+    def test_the_match_and_the_graph_say_it_too(self) -> None:
+        process = self.process()
+        process.publisher("/camera/raw", QoSProfile(depth=50))
+        subscription = process.subscription("/camera/raw")
+        (matched,) = subscription.got(m.Matched)
+        assert (matched.qos.depth, matched.qos.lifespan) == (3, 1.0)
+        assert {record.qos.depth for record in process.graph().endpoints} == {3}
+
+    def test_it_is_carried_out(self) -> None:
+        world = World(rules=self.RULES)
+        listener = world.process()
+        subscription = listener.subscription("/camera/raw", QoSProfile(depth=50))
+        publisher = world.process().publisher("/camera/raw", QoSProfile(depth=50))
+        listener.is_blocked = True
+        publisher.publish_many("abcdef")
+        listener.unblock()
+        assert subscription.payloads == ["d", "e", "f"]
+
+
+def test_ids_are_never_used_twice() -> None:
+    world = World()
+    seen = set()
+    for _ in range(3):
+        process = world.process()
+        node = process.node()
+        for made in (node, node.publisher("/a"), node.subscription("/a", kind=NUMBER)):
+            assert made.id not in seen
+            seen.add(made.id)
+        process.die()

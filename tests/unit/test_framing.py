@@ -1,0 +1,206 @@
+"""bus.wire.framing: frames out of bytes, whatever the pieces, and what is refused."""
+
+from collections.abc import Iterable
+
+import pytest
+from feeding import feed
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bus.errors import RemoteProtocolError
+from bus.wire.framing import BUFFER_BYTES, FrameReader
+from bus.wire.layout import (
+    CONTROL,
+    DATA,
+    DATA_HEAD,
+    DATA_HEAD_BYTES,
+    FRAME_HEAD,
+    FRAME_HEAD_BYTES,
+    LENGTH_BYTES,
+    MAX_COUNT,
+    REPLAY,
+)
+from bus.wire.runs import Run, frame_record
+
+MAX_CONTROL = 4 << 20
+MAX_DATA = 16 << 20
+
+
+def reader(*, max_control: int = MAX_CONTROL, max_data: int = MAX_DATA) -> FrameReader:
+    return FrameReader(max_control_bytes=max_control, max_data_bytes=max_data)
+
+
+def control(body: bytes) -> bytes:
+    return FRAME_HEAD.pack(FRAME_HEAD_BYTES - LENGTH_BYTES + len(body), CONTROL, 0, 0) + body
+
+
+def data(body: bytes, *, count: int = 1, first_seq: int = 1, flags: int = 0, zero: int = 0) -> bytes:
+    length = DATA_HEAD_BYTES - LENGTH_BYTES + len(body)
+    return DATA_HEAD.pack(length, DATA, flags, 0, 7, 8, first_seq, count, zero) + body
+
+
+def record(size: int) -> bytes:
+    return frame_record(bytes(size), 5)
+
+
+def values(items: Iterable[bytes | Run]) -> list[bytes | tuple[object, ...]]:
+    return [
+        item
+        if isinstance(item, bytes)
+        else (item.endpoint, item.source, item.first_seq, item.count, bytes(item.body), item.is_replay)
+        for item in items
+    ]
+
+
+def refusal(frame: bytes, **limits: int) -> str:
+    with pytest.raises(RemoteProtocolError) as caught:
+        list(feed(reader(**limits), frame))
+    return str(caught.value)
+
+
+class TestWhatComesOut:
+    def test_a_control_body(self) -> None:
+        assert values(feed(reader(), control(b"abc"))) == [b"abc"]
+
+    def test_an_empty_control_body(self) -> None:
+        assert values(feed(reader(), control(b""))) == [b""]
+
+    def test_a_run(self) -> None:
+        body = frame_record(b"one", 5) + frame_record(b"", 6)
+        frame = data(body, count=2, first_seq=9, flags=REPLAY)
+        assert values(feed(reader(), frame)) == [(7, 8, 9, 2, body, True)]
+
+    @pytest.mark.parametrize("size", [0, 1, BUFFER_BYTES - DATA_HEAD_BYTES - 12, BUFFER_BYTES, 3 * BUFFER_BYTES])
+    def test_a_run_survives_what_comes_after_it(self, size: int) -> None:
+        """The body must not be a view of a buffer that is used again."""
+        frames = reader()
+        (first,) = feed(frames, data(record(size)))
+        list(feed(frames, control(b"\xff" * (BUFFER_BYTES - 100)) * 3))
+        assert isinstance(first, Run)
+        assert bytes(first.body) == record(size)
+
+    @pytest.mark.parametrize("size", range(BUFFER_BYTES - 2 * DATA_HEAD_BYTES, BUFFER_BYTES + 2, 7))
+    def test_sizes_around_the_buffer(self, size: int) -> None:
+        frames = [data(record(size)), control(b"between"), data(record(size))]
+        assert len(values(feed(reader(), b"".join(frames)))) == 3
+
+    def test_frames_before_a_bad_one_come_out_first(self) -> None:
+        items = feed(reader(), control(b"good") + b"\xff" * 32)
+        assert next(items) == b"good"
+        with pytest.raises(RemoteProtocolError):
+            next(items)
+
+
+@st.composite
+def streams(draw: st.DrawFn) -> tuple[list[bytes], list[int]]:
+    """Frames (some longer than the buffer) and the sizes of the pieces they come in."""
+    small = st.integers(0, 200)
+    large = st.sampled_from([BUFFER_BYTES - 50, BUFFER_BYTES, BUFFER_BYTES + 1, 5 << 20])
+    size = st.one_of(small, small, small, large)
+    kind = st.sampled_from(["control", "data"])
+    frames = [
+        control(bytes([at]) * (size % MAX_CONTROL)) if what == "control" else data(record(size), first_seq=at + 1)
+        for at, (what, size) in enumerate(draw(st.lists(st.tuples(kind, size), max_size=6)))
+    ]
+    piece = st.one_of(st.integers(1, 12), st.integers(1, 2 * BUFFER_BYTES))
+    return frames, draw(st.lists(piece, max_size=30))
+
+
+@given(streams())
+def test_the_pieces_do_not_matter(stream: tuple[list[bytes], list[int]]) -> None:
+    frames, pieces = stream
+    whole = [one for frame in frames for one in values(feed(reader(), frame))]
+    assert values(feed(reader(), b"".join(frames), pieces)) == whole
+    assert len(whole) == len(frames)
+
+
+def test_byte_by_byte() -> None:
+    frames = [control(b"abc"), data(record(40)), control(b""), data(record(0) * 3, count=3)]
+    stream = b"".join(frames)
+    assert len(values(feed(reader(), stream, [1] * len(stream)))) == len(frames)
+
+
+class TestMemory:
+    def test_a_lying_length_takes_little(self) -> None:
+        """Only what arrives makes the buffer grow."""
+        frames = reader(max_data=1 << 30)
+        head = DATA_HEAD.pack((1 << 30) + 20, DATA, 0, 0, 1, 0, 1, 1, 0)
+        assert list(feed(frames, head)) == []
+        assert len(frames.get_buffer()) <= 4 << 20
+
+    def test_a_large_frame_is_not_read_beyond(self) -> None:
+        """So that the body of a large frame needs no second copy."""
+        frames = reader()
+        frame = data(record(6 << 20))
+        assert list(feed(frames, frame[:-10])) == []
+        assert len(frames.get_buffer()) == 10
+
+    def test_the_buffer_is_never_empty(self) -> None:
+        frames = reader()
+        stream = control(b"x" * (BUFFER_BYTES - FRAME_HEAD_BYTES)) + data(record(5 << 20))
+        at = 0
+        while at < len(stream):
+            space = frames.get_buffer()
+            assert len(space) > 0
+            count = min(len(space), len(stream) - at)
+            space[:count] = stream[at : at + count]
+            list(frames.received(count))
+            at += count
+
+
+class TestRefusals:
+    @pytest.mark.parametrize("kind", [0, 3, 255])
+    def test_an_unknown_kind(self, kind: int) -> None:
+        assert refusal(FRAME_HEAD.pack(4, kind, 0, 0)) == f"frame of unknown kind {kind}"
+
+    @pytest.mark.parametrize("flags", [REPLAY, 2, 128])
+    def test_flags_on_a_control_frame(self, flags: int) -> None:
+        assert "flags" in refusal(FRAME_HEAD.pack(4, CONTROL, flags, 0))
+
+    @pytest.mark.parametrize("flags", [2, REPLAY | 4, 255])
+    def test_unknown_flags_on_a_data_frame(self, flags: int) -> None:
+        assert "flags" in refusal(data(record(1), flags=flags))
+
+    def test_bytes_that_are_to_be_zero(self) -> None:
+        assert "flags" in refusal(FRAME_HEAD.pack(4, CONTROL, 0, 1))
+
+    @pytest.mark.parametrize("length", [0, 3])
+    def test_a_control_frame_that_is_too_short(self, length: int) -> None:
+        assert f"frame of {length} bytes" in refusal(FRAME_HEAD.pack(length, CONTROL, 0, 0))
+
+    @pytest.mark.parametrize("length", [0, 4, 27])
+    def test_a_data_frame_that_is_too_short(self, length: int) -> None:
+        assert f"frame of {length} bytes" in refusal(FRAME_HEAD.pack(length, DATA, 0, 0))
+
+    def test_the_length_is_checked_before_the_rest_comes(self) -> None:
+        assert "frame of 4294967295 bytes" in refusal(FRAME_HEAD.pack(2**32 - 1, DATA, 0, 0))
+
+    def test_the_limit_of_control_bodies_is_exact(self) -> None:
+        assert values(feed(reader(max_control=100), control(bytes(100)))) == [bytes(100)]
+        assert "frame of 105 bytes" in refusal(control(bytes(101)), max_control=100)
+
+    def test_the_limit_of_data_bodies_is_exact(self) -> None:
+        assert len(list(feed(reader(max_data=100), data(record(88))))) == 1
+        assert "frame of 129 bytes" in refusal(data(record(89)), max_data=100)
+
+    def test_a_run_without_samples(self) -> None:
+        assert refusal(data(record(1), count=0)) == "data frame without samples"
+
+    @pytest.mark.parametrize("first_seq", [MAX_COUNT, 2**64 - 1])
+    def test_a_number_that_no_publisher_reaches(self, first_seq: int) -> None:
+        """The next number would not fit into its field any more."""
+        assert str(MAX_COUNT) in refusal(data(record(1) * 2, count=2, first_seq=first_seq))
+
+    def test_the_last_number(self) -> None:
+        assert len(list(feed(reader(), data(record(1), first_seq=MAX_COUNT)))) == 1
+
+
+@given(st.binary(max_size=200), st.lists(st.integers(1, 9), max_size=20))
+def test_garbage_is_refused_or_waits(garbage: bytes, pieces: list[int]) -> None:
+    """Nothing but RemoteProtocolError, and never more than came."""
+    frames = reader()
+    try:
+        size = sum(len(item) if isinstance(item, bytes) else len(item.body) for item in feed(frames, garbage, pieces))
+    except RemoteProtocolError:
+        return
+    assert size <= len(garbage)

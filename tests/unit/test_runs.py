@@ -1,0 +1,282 @@
+"""bus.wire.runs: what a queue keeps, drops and gives out. The model in tests/property looks further."""
+
+import pytest
+from feeding import feed
+
+from bus.wire.framing import FrameReader
+from bus.wire.layout import DATA_HEAD, REPLAY
+from bus.wire.runs import Account, Run, RunQueue, frame_record
+
+RECORD_BYTES = 13  # of a payload of one letter
+
+
+def run(letters: str, first_seq: int = 1, *, source: int = 9, stamp_ns: int = 100, replay: bool = False) -> Run:
+    """A run with a sample for each letter."""
+    body = b"".join(frame_record(letter.encode(), stamp_ns + at) for at, letter in enumerate(letters))
+    return Run(0, source, first_seq, len(letters), body, replay)
+
+
+def malformed(letters: str, first_seq: int = 1, *, claims: int, tail: bytes = b"") -> Run:
+    """A run that claims more samples than it holds."""
+    good = run(letters, first_seq)
+    return Run(0, good.source, first_seq, claims, bytes(good.body) + tail)
+
+
+def queue(depth: int = 0, limit: int = 1 << 30) -> RunQueue:
+    return RunQueue(depth, Account(limit), endpoint=4)
+
+
+def frame(waiting: RunQueue) -> tuple[Run, int]:
+    """The next frame as its reader gets it, and its flags."""
+    head, body = waiting.pop_frame()
+    (made,) = feed(FrameReader(max_control_bytes=0, max_data_bytes=1000), head + bytes(body))
+    assert isinstance(made, Run)
+    return made, DATA_HEAD.unpack(head)[2]
+
+
+def taken(waiting: RunQueue) -> str:
+    found = ""
+    while waiting.runs:
+        found += "".join(bytes(payload).decode() for payload, _ in frame(waiting)[0].records())
+    return found
+
+
+def use_up(waiting: RunQueue, number: int) -> None:
+    """As a subscription does that has decoded so many samples of the oldest run."""
+    waiting.advance(number, waiting.offset + number * RECORD_BYTES)
+
+
+def replayed(waiting: RunQueue, count: int, after_seq: int = 0) -> list[tuple[int, str]]:
+    found = []
+    for one in waiting.newest(count, after_seq):
+        assert one.is_replay
+        letters = "".join(bytes(payload).decode() for payload, _ in one.records())
+        assert len(letters) == one.count
+        found.append((one.first_seq, letters))
+    return found
+
+
+class TestRecords:
+    def test_payloads_and_stamps(self) -> None:
+        assert [(bytes(payload), stamp) for payload, stamp in run("ab").records()] == [(b"a", 100), (b"b", 101)]
+
+    def test_it_stops_where_the_body_is_too_short(self) -> None:
+        for tail in (b"", b"\1\0\0\0", frame_record(b"abc", 1)[:-1]):
+            assert len(list(malformed("ab", claims=5, tail=tail).records())) == 2
+
+    def test_an_empty_payload(self) -> None:
+        assert list(Run(0, 0, 1, 1, frame_record(b"", -5)).records()) == [(memoryview(b""), -5)]
+
+
+class TestDepth:
+    @pytest.mark.parametrize(("depth", "left"), [(0, "abcdef"), (1, "f"), (4, "cdef"), (6, "abcdef")])
+    def test_the_oldest_go(self, depth: int, left: str) -> None:
+        waiting = queue(depth)
+        replaced = waiting.push(run("abc")) + waiting.push(run("def", 4))
+        assert replaced == 6 - len(left)
+        assert waiting.count == len(left)
+        assert taken(waiting) == left
+
+    def test_a_run_longer_than_the_depth(self) -> None:
+        waiting = queue(2)
+        assert waiting.push(run("abcde")) == 3
+        assert taken(waiting) == "de"
+
+    def test_append_only_says_that_it_is_too_much(self) -> None:
+        waiting = queue(2)
+        assert not waiting.append(run("ab"))
+        assert waiting.append(run("c", 3))
+        assert waiting.count == 3
+        assert waiting.trim() == 1
+        assert waiting.trim() == 0
+
+    def test_replays_do_not_count(self) -> None:
+        """Each publisher's history has room beside the depth."""
+        waiting = queue(2)
+        for source in (1, 2):
+            assert not waiting.append(run("ab", source=source, replay=True))
+        assert waiting.push(run("xy")) == 0
+        assert waiting.push(run("z", 3)) == 1
+        assert taken(waiting) == "babxyz"
+
+    def test_replays_have_no_room_after_the_queue_was_empty(self) -> None:
+        waiting = queue(2)
+        waiting.append(run("ab", replay=True))
+        waiting.pop_frame()
+        assert waiting.push(run("xyz")) == 1
+
+
+class TestQuota:
+    def test_whole_runs_go_oldest_first(self) -> None:
+        waiting = queue(limit=4 * RECORD_BYTES)
+        assert not waiting.append(run("abc"))
+        assert waiting.append(run("def", 4))
+        assert waiting.drop_over_quota() == 3
+        assert waiting.account.used == waiting.bytes == 3 * RECORD_BYTES
+        assert taken(waiting) == "def"
+
+    def test_a_run_that_was_used_in_part_counts_whole_until_it_goes(self) -> None:
+        waiting = queue(limit=3 * RECORD_BYTES)
+        waiting.append(run("abc"))
+        use_up(waiting, 1)
+        assert waiting.account.used == 3 * RECORD_BYTES
+        assert waiting.append(run("d", 4))
+        assert waiting.drop_over_quota() == 2
+        assert taken(waiting) == "d"
+
+    def test_other_queues_of_the_holder_count(self) -> None:
+        account = Account(2 * RECORD_BYTES)
+        one, other = RunQueue(0, account), RunQueue(0, account)
+        one.append(run("ab"))
+        assert other.append(run("c"))
+        assert other.drop_over_quota() == 1
+        assert account.used == 2 * RECORD_BYTES
+
+    @pytest.mark.parametrize("empty", ["advance", "pop_frame", "clear", "drop"])
+    def test_what_leaves_is_not_charged(self, empty: str) -> None:
+        waiting = queue()
+        waiting.append(run("abc"))
+        match empty:
+            case "advance":
+                use_up(waiting, 2)
+                use_up(waiting, 1)
+            case "pop_frame":
+                waiting.pop_frame()
+            case "clear":
+                assert waiting.clear() == 3
+            case "drop":
+                assert waiting.drop(99) == 3
+        assert (waiting.count, waiting.bytes, waiting.account.used) == (0, 0, 0)
+
+
+class TestFrames:
+    def test_a_whole_run(self) -> None:
+        waiting = queue()
+        waiting.append(run("abc", 5))
+        made, flags = frame(waiting)
+        assert (made.endpoint, made.source, made.first_seq, made.count) == (4, 9, 5, 3)
+        assert flags == 0
+        assert not waiting.runs
+
+    def test_what_is_left_of_a_run(self) -> None:
+        waiting = queue()
+        waiting.append(run("abcd", 5))
+        use_up(waiting, 1)
+        waiting.drop(1)
+        made, _ = frame(waiting)
+        assert (made.first_seq, made.count) == (7, 2)
+        assert [bytes(payload) for payload, _ in made.records()] == [b"c", b"d"]
+
+    def test_a_replay_is_marked(self) -> None:
+        waiting = queue()
+        waiting.append(run("a", replay=True))
+        made, flags = frame(waiting)
+        assert made.is_replay
+        assert flags == REPLAY
+
+    @pytest.mark.parametrize("tail", [b"", b"\1", b"\xff" * 12])
+    @pytest.mark.parametrize("dropped", range(6))
+    def test_what_is_left_of_a_malformed_run_can_be_read(self, dropped: int, tail: bytes) -> None:
+        """A publisher that lies must not break the connection of those who hear it."""
+        waiting = queue()
+        waiting.append(malformed("ab", claims=6, tail=tail))
+        waiting.drop(dropped)
+        made, _ = frame(waiting)
+        assert made.count == 6 - dropped
+
+
+class TestAdvance:
+    def test_within_a_run(self) -> None:
+        waiting = queue()
+        waiting.append(run("abc"))
+        waiting.append(run("d", 4))
+        use_up(waiting, 2)
+        assert waiting.count == 2
+        assert taken(waiting) == "cd"
+
+    def test_a_whole_run(self) -> None:
+        waiting = queue()
+        waiting.append(run("abc"))
+        waiting.append(run("d", 4))
+        use_up(waiting, 1)
+        use_up(waiting, 2)
+        assert (waiting.count, waiting.bytes) == (1, RECORD_BYTES)
+        assert taken(waiting) == "d"
+
+
+class TestExpiry:
+    def old(self, letters: str, stamp_ns: int, lifespan_ns: int) -> Run:
+        made = run(letters, stamp_ns=stamp_ns)
+        made.lifespan_ns = lifespan_ns
+        return made
+
+    @pytest.mark.parametrize(("now_ns", "dropped"), [(0, 0), (110, 0), (111, 1), (112, 2), (10**6, 3)])
+    def test_from_the_head(self, now_ns: int, dropped: int) -> None:
+        waiting = queue()
+        waiting.append(self.old("abc", 100, 10))
+        assert waiting.drop_expired(now_ns) == dropped
+        assert taken(waiting) == "abc"[dropped:]
+
+    def test_without_a_lifespan_nothing_expires(self) -> None:
+        waiting = queue()
+        waiting.append(self.old("abc", 0, 0))
+        assert waiting.drop_expired(10**18) == 0
+
+    def test_what_is_behind_a_sample_without_lifespan_stays(self) -> None:
+        """It is looked at again when it is at the head, and when it is taken."""
+        waiting = queue()
+        waiting.append(self.old("a", 0, 0))
+        waiting.append(self.old("b", 0, 1))
+        assert waiting.drop_expired(10**18) == 0
+
+    def test_a_malformed_run_goes(self) -> None:
+        waiting = queue()
+        bad = malformed("a", claims=4)
+        bad.lifespan_ns = 10**9
+        waiting.append(bad)
+        assert waiting.drop_expired(0) == 0
+        use_up(waiting, 1)
+        assert waiting.drop_expired(0) == 3
+
+
+class TestNewest:
+    def history(self) -> RunQueue:
+        """b to g, numbers 2 to 7, the head used up in part."""
+        waiting = queue()
+        for letters, first_seq in (("abc", 1), ("d", 4), ("efg", 5)):
+            waiting.append(run(letters, first_seq))
+        waiting.drop(1)
+        return waiting
+
+    @pytest.mark.parametrize(
+        ("count", "after_seq", "expected"),
+        [
+            (0, 0, [(2, "bc"), (4, "d"), (5, "efg")]),
+            (6, 0, [(2, "bc"), (4, "d"), (5, "efg")]),
+            (99, 0, [(2, "bc"), (4, "d"), (5, "efg")]),
+            (5, 0, [(3, "c"), (4, "d"), (5, "efg")]),
+            (3, 0, [(5, "efg")]),
+            (1, 0, [(7, "g")]),
+            (0, 2, [(3, "c"), (4, "d"), (5, "efg")]),
+            (0, 5, [(6, "fg")]),
+            (5, 5, [(6, "fg")]),
+            (1, 5, [(7, "g")]),
+            (0, 7, []),
+            (0, 100, []),
+        ],
+    )
+    def test_the_last_ones_in_order(self, count: int, after_seq: int, expected: list[tuple[int, str]]) -> None:
+        waiting = self.history()
+        assert replayed(waiting, count, after_seq) == expected
+        assert waiting.count == 6, "the history keeps them"
+
+    def test_an_empty_history(self) -> None:
+        assert replayed(queue(), 5) == []
+
+    def test_lifespan_and_source_go_along(self) -> None:
+        waiting = queue()
+        old = run("ab")
+        old.lifespan_ns = 77
+        waiting.append(old)
+        (again,) = waiting.newest(1, 0)
+        assert (again.source, again.lifespan_ns) == (9, 77)

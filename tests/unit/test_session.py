@@ -1,0 +1,177 @@
+"""bus.wire.session: the table of states, for both roles, and what a peer may not do."""
+
+from typing import Any
+
+import msgspec
+import pytest
+from feeding import feed
+
+from bus.errors import RemoteProtocolError
+from bus.wire import messages as m
+from bus.wire.layout import (
+    CONTROL,
+    DATA,
+    DATA_HEAD,
+    DATA_HEAD_BYTES,
+    FRAME_HEAD,
+    FRAME_HEAD_BYTES,
+    LENGTH_BYTES,
+    MAX_CONTROL_BYTES,
+    RUN_BYTES,
+    VERSION,
+)
+from bus.wire.runs import Run, frame_record
+from bus.wire.session import Role, Session, State
+
+HELLO = m.encode_frame(m.Hello(version=VERSION, pid=7, program="talker"))
+PING = m.encode_frame(m.Ping(number=1))
+
+
+def control(body: bytes) -> bytes:
+    return FRAME_HEAD.pack(FRAME_HEAD_BYTES - LENGTH_BYTES + len(body), CONTROL, 0, 0) + body
+
+
+def data(body: bytes, count: int = 1) -> bytes:
+    length = DATA_HEAD_BYTES - LENGTH_BYTES + len(body)
+    return DATA_HEAD.pack(length, DATA, 0, 0, 1, 0, 1, count, 0) + body
+
+
+RUN = data(frame_record(b"payload", 5))
+
+
+def session(role: Role, state: State) -> Session:
+    made = Session(role)
+    if state is not State.NEW:
+        list(feed(made, HELLO))
+    if state is State.CLOSED:
+        with pytest.raises(RemoteProtocolError):
+            list(feed(made, HELLO))
+    assert made.state is state
+    return made
+
+
+def refusal(made: Session, frames: bytes) -> str:
+    with pytest.raises(RemoteProtocolError) as caught:
+        list(feed(made, frames))
+    assert made.state is State.CLOSED
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("role", Role)
+class TestStates:
+    def test_hello_opens(self, role: Role) -> None:
+        made = session(role, State.NEW)
+        assert list(feed(made, HELLO)) == [m.Hello(version=VERSION, pid=7, program="talker")]
+        assert made.state is State.OPEN
+        assert made.peer == m.Hello(version=VERSION, pid=7, program="talker")
+
+    def test_what_comes_when_open(self, role: Role) -> None:
+        ping, run = feed(session(role, State.OPEN), PING + RUN)
+        assert ping == m.Ping(number=1)
+        assert isinstance(run, Run)
+
+    @pytest.mark.parametrize(
+        ("state", "frame", "text"),
+        [
+            (State.NEW, PING, "a Ping came before Hello"),
+            (State.NEW, RUN, "a data frame came before Hello"),
+            (State.OPEN, HELLO, "a Hello came a second time"),
+            (State.CLOSED, HELLO, "a Hello came after an error"),
+            (State.CLOSED, PING, "a Ping came after an error"),
+            (State.CLOSED, RUN, "a data frame came after an error"),
+        ],
+        ids=lambda value: "" if isinstance(value, bytes) else str(value),
+    )
+    def test_what_is_refused(self, role: Role, state: State, frame: bytes, text: str) -> None:
+        assert refusal(session(role, state), frame) == text
+
+    @pytest.mark.parametrize("version", [VERSION - 1, VERSION + 1, -1, 2**63])
+    def test_another_version(self, role: Role, version: int) -> None:
+        made = Session(role)
+        text = refusal(made, m.encode_frame(m.Hello(version=version)))
+        assert text.startswith(f"protocol version {version} offered, this side speaks {VERSION};")
+        assert made.peer is None
+
+    def test_a_later_hello_may_say_more(self, role: Role) -> None:
+        body = msgspec.msgpack.encode({"m": "hello", "version": VERSION, "colour": "blue"})
+        (hello,) = feed(Session(role), control(body))
+        assert hello == m.Hello(version=VERSION)
+
+    def test_a_broken_frame_closes(self, role: Role) -> None:
+        assert refusal(session(role, State.OPEN), b"\xff" * 8) == "frame of unknown kind 255"
+
+    def test_what_came_before_the_mistake_is_given_out(self, role: Role) -> None:
+        items = feed(session(role, State.OPEN), PING + HELLO)
+        assert next(items) == m.Ping(number=1)
+        with pytest.raises(RemoteProtocolError):
+            next(items)
+
+
+class TestRoles:
+    def test_a_broker_takes_no_answers(self) -> None:
+        text = refusal(session(Role.BROKER, State.OPEN), m.encode_frame(m.Created(request=1, id=1)))
+        assert text.startswith("control message not understood: ")
+        assert "created" in text
+
+    def test_a_client_takes_no_requests(self) -> None:
+        text = refusal(session(Role.CLIENT, State.OPEN), m.encode_frame(m.CreateNode(request=1, name="a")))
+        assert "node+" in text
+
+    def test_only_a_client_takes_long_control_messages(self) -> None:
+        frame = m.encode_frame(m.Fault(text="x" * MAX_CONTROL_BYTES))
+        assert len(list(feed(session(Role.CLIENT, State.OPEN), frame))) == 1
+        assert "frame of" in refusal(session(Role.BROKER, State.OPEN), frame)
+
+
+class TestLimitOfAMessage:
+    """A publisher is told the largest message; a run with such a message must get through."""
+
+    LIMIT = 100_000
+
+    def take(self, *sizes: int) -> list[Any]:
+        made = Session(Role.BROKER, max_message_bytes=self.LIMIT)
+        list(feed(made, HELLO))
+        return list(feed(made, data(b"".join(frame_record(bytes(size), 5) for size in sizes), len(sizes))))
+
+    def test_the_largest_message(self) -> None:
+        assert len(self.take(self.LIMIT)) == 1
+
+    def test_after_others_in_one_run(self) -> None:
+        """A publisher ends a run when it has reached RUN_BYTES, not before."""
+        assert len(self.take(RUN_BYTES - 13, self.LIMIT)) == 1
+
+    def test_too_large(self) -> None:
+        with pytest.raises(RemoteProtocolError, match="frame of"):
+            self.take(self.LIMIT + RUN_BYTES + 1)
+
+
+def nested(depth: int, tip: bytes = b"\xc0") -> bytes:
+    return b"\x91" * depth + tip
+
+
+BOMBS = {
+    "depth in place of a message": nested(500_000),
+    "depth without an end": nested(500_000, b""),
+    "depth in a field": b"\x82\xa1m\xa5hello\xa7version" + nested(500_000),
+    "depth in a field nobody knows": b"\x82\xa1m\xa4ping\xa1x" + nested(500_000),
+    "depth in a raw schema": b"\x84\xa1m\xa4type\xa9type_name\xa1a\xa9type_hash\xa1a\xa6schema" + nested(500_000),
+    "a map that claims 4 G entries": b"\xdf\xff\xff\xff\xff",
+    "an array that claims 4 G entries": b"\x82\xa1m\xa5hello\xaccapabilities\xdd\xff\xff\xff\xff",
+    "a string that claims 4 GB": b"\x81\xa1m\xdb\xff\xff\xff\xff",
+    "text that is not UTF-8": b"\x82\xa1m\xa5hello\xa7program\xa2\xff\xff",
+    "no tag": msgspec.msgpack.encode({"version": 1}),
+    "an unknown tag": msgspec.msgpack.encode({"m": "zzz"}),
+    "a tag that is a number": msgspec.msgpack.encode({"m": 1}),
+    "a missing field": msgspec.msgpack.encode({"m": "node+", "request": 1}),
+    "a wrong type": msgspec.msgpack.encode({"m": "ping", "number": "one"}),
+    "a number beyond 64 bits": b"\x82\xa1m\xa4ping\xa6number\xca\x7f\x80\x00\x00",
+    "bytes after the message": msgspec.msgpack.encode({"m": "ping"}) + b"\xc0",
+    "an array": msgspec.msgpack.encode(["ping"]),
+    "nothing": b"",
+}
+
+
+@pytest.mark.parametrize("body", BOMBS.values(), ids=BOMBS.keys())
+def test_control_messages_that_are_none(body: bytes) -> None:
+    """Each is refused in words, and none takes the interpreter down."""
+    assert refusal(session(Role.BROKER, State.OPEN), control(body)).startswith("control message not understood: ")

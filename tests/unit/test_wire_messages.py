@@ -1,0 +1,108 @@
+"""bus.wire.messages: how control messages stand on the wire, and which values are refused."""
+
+from typing import Any, get_args
+
+import msgspec
+import pytest
+
+from bus.errors import RemoteProtocolError
+from bus.qos import QoSProfile
+from bus.wire import messages as m
+from bus.wire.layout import FRAME_HEAD, FRAME_HEAD_BYTES, MAX_COUNT
+
+FROM_CLIENT = get_args(m.FromClient)
+FROM_BROKER = get_args(m.FromBroker)
+EVERY = sorted({*FROM_CLIENT, *FROM_BROKER}, key=lambda kind: kind.__name__)
+BOTH_WAYS = {m.Hello, m.Ping, m.Pong}
+
+
+def body_of(message: m.Message) -> dict[str, Any]:
+    found: dict[str, Any] = msgspec.msgpack.decode(m.encode_frame(message)[FRAME_HEAD_BYTES:])
+    return found
+
+
+def decode(**fields: Any) -> Any:
+    return m.from_client.decode(msgspec.msgpack.encode(fields))
+
+
+def refusal(**fields: Any) -> str:
+    with pytest.raises(RemoteProtocolError) as caught:
+        decode(**fields)
+    return str(caught.value)
+
+
+class TestTags:
+    def test_each_message_has_one_of_its_own(self) -> None:
+        tags = [kind.__struct_config__.tag for kind in EVERY]
+        assert len(set(tags)) == len(tags)
+
+    def test_both_unions_together_hold_every_message(self) -> None:
+        assert set(EVERY) == set(m.Message.__subclasses__())
+        assert set(FROM_CLIENT) & set(FROM_BROKER) == BOTH_WAYS
+
+    def test_every_request_has_an_answer_that_carries_its_number(self) -> None:
+        requests = [kind for kind in FROM_CLIENT if "request" in kind.__struct_fields__]
+        answers = [kind for kind in FROM_BROKER if "request" in kind.__struct_fields__]
+        assert {kind.__name__ for kind in requests} == {
+            "CreateNode", "CreatePublisher", "CreateSubscription", "GetGraph", "GetType", "Observe", "StopBroker",
+        }  # fmt: skip
+        assert {kind.__name__ for kind in answers} == {"Created", "Done", "Refused", "Graph", "TypeDescription"}
+
+
+class TestEncoding:
+    def test_length_counts_what_follows_it(self) -> None:
+        frame = m.encode_frame(m.Ping(number=300))
+        assert FRAME_HEAD.unpack_from(frame)[0] == len(frame) - 4
+
+    def test_a_tagged_map_without_defaults(self) -> None:
+        assert body_of(m.CreateNode(request=3, name="talker")) == {"m": "node+", "request": 3, "name": "talker"}
+
+    def test_a_qos_profile_says_what_differs_from_the_default(self) -> None:
+        message = m.Matched(endpoint=1, other=2, node="/a", gid=b"", qos=QoSProfile(depth=3))
+        assert body_of(message)["qos"] == {"depth": 3}
+
+    def test_a_schema_travels_untouched(self) -> None:
+        schema = msgspec.Raw(msgspec.msgpack.encode({"fields": [1, None]}))
+        message = m.from_client.decode(
+            m.encode_frame(m.DeclareType(type_name="a", type_hash="b", schema=schema))[FRAME_HEAD_BYTES:]
+        )
+        assert bytes(message.schema) == bytes(schema)
+
+    def test_a_schema_that_is_left_out_is_nil(self) -> None:
+        assert bytes(decode(m="type", type_name="a", type_hash="b").schema) == b"\xc0"
+
+
+class TestValues:
+    """What would break busd later, when it counts or encodes again, is refused at the door."""
+
+    REPORT: dict[str, Any] = {"m": "report", "endpoint": 1, "samples": 0, "bytes": 0}
+
+    @pytest.mark.parametrize("field", ["samples", "bytes", "queued"])
+    @pytest.mark.parametrize("value", [-1, MAX_COUNT + 1, 2**64 - 1])
+    def test_counters_of_a_report(self, field: str, value: int) -> None:
+        assert f"$.{field}" in refusal(**(self.REPORT | {field: value}))
+
+    @pytest.mark.parametrize("value", [-1, MAX_COUNT + 1])
+    def test_drops_of_a_report(self, value: int) -> None:
+        assert "$.dropped" in refusal(**self.REPORT, dropped={"replaced": value})
+
+    def test_a_report_cannot_be_long(self) -> None:
+        """busd keeps the last one of each endpoint."""
+        assert "$.dropped" in refusal(**self.REPORT, dropped={f"reason {n}": 1 for n in range(100)})
+        assert "$.dropped" in refusal(**self.REPORT, dropped={"x" * 1000: 1})
+
+    def test_the_largest_report(self) -> None:
+        report = decode(**(self.REPORT | {"samples": MAX_COUNT}), dropped={"memory_limit": MAX_COUNT})
+        assert report.samples == report.dropped["memory_limit"] == MAX_COUNT
+
+    @pytest.mark.parametrize("value", [-1, 0, MAX_COUNT + 1])
+    def test_the_first_number_of_a_publisher(self, value: int) -> None:
+        text = refusal(
+            m="pub+", request=1, node=1, topic="/a", type_name="a", type_hash="b", qos={}, gid=b"", next_seq=value
+        )
+        assert "$.next_seq" in text
+
+    def test_a_qos_profile_that_is_none(self) -> None:
+        for qos in ({"depth": 0}, {"depth": -1}, {"history": "keep_some"}, {"deadline": -1.0}, {"lifespan": float("nan")}):
+            text = refusal(m="sub+", request=1, node=1, topic="/a", type_name="a", type_hash="b", qos=qos, gid=b"")
+            assert "$.qos" in text
