@@ -3,7 +3,8 @@
 import asyncio
 import os
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterable
+from functools import partial
 from typing import Any, Protocol
 
 from bus.errors import RemoteProtocolError
@@ -24,7 +25,7 @@ class PeerHost(Protocol):
 
     def greet(self, connection: "Connection", hello: Hello) -> PeerId: ...
 
-    def receive(self, connection: "Connection", items: Iterator[Any]) -> None: ...
+    def receive(self, connection: "Connection", items: Iterable[Any]) -> None: ...
 
     def lose(self, connection: "Connection", reason: str) -> None: ...
 
@@ -57,6 +58,8 @@ class Connection:
     def refuse(self, reason: str) -> None:
         """Tell the peer why, and cut the connection."""
         if not self.stream.is_closed:
+            if self.id is None:
+                self._greet()  # the first frame is a Hello, also for one that goes again
             self.stream.outbox.put(encode_frame(Fault(text=reason)))
             self._end(reason)
 
@@ -65,22 +68,25 @@ class Connection:
         self._handshake.cancel()
         self.stream.close()
 
-    def _received(self, items: Iterator[Any]) -> None:
+    def _received(self, items: Iterable[Any]) -> None:
+        """The first read; later ones go to the host directly."""
+        items = iter(items)
         try:
-            if self.id is None:
-                hello = next(items, None)
-                if hello is None:
-                    return
-                self._handshake.cancel()
-                self.id = self._host.greet(self, hello)
-                reply = Hello(
-                    version=VERSION, pid=os.getpid(), program="busd", lease_s=self._host.limits.lease_s
-                )
-                self.send(reply)
-                self.stream.flush()
-            self._host.receive(self, items)
+            hello = next(items, None)
         except RemoteProtocolError as error:
             self.refuse(str(error))
+            return
+        if hello is not None:
+            self._handshake.cancel()
+            self.id = self._host.greet(self, hello)
+            self.stream.on_received = partial(self._host.receive, self)
+            self._greet()
+            self.stream.flush()
+            self._host.receive(self, items)
+
+    def _greet(self) -> None:
+        hello = Hello(version=VERSION, pid=os.getpid(), program="busd", lease_s=self._host.limits.lease_s)
+        self.stream.outbox.put(encode_frame(hello))
 
     def _lost(self, error: Exception | None) -> None:
         self._handshake.cancel()

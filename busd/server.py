@@ -3,16 +3,18 @@
 import asyncio
 import logging
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from time import monotonic_ns
 from typing import Any
 
+from bus.errors import RemoteProtocolError
 from bus.ids import PeerId
 from bus.wire.messages import Hello
 from bus.wire.runs import Run
 from busd.core.broker import Broker
 from busd.core.effects import Disconnect, Effect, Flush, Note, Send, Stop
 from busd.core.limits import Limits
+from busd.core.timers import NEVER_NS
 from busd.credentials import peer_credentials
 from busd.peer import Connection
 
@@ -35,7 +37,7 @@ class Server:
         self._peers: dict[PeerId, Connection] = {}
         self._dirty: set[Connection] = set()
         self._timer: asyncio.TimerHandle | None = None
-        self._timer_ns = 0
+        self._timer_ns = NEVER_NS
         self._idle_s = idle_s
         self._idle_timer: asyncio.TimerHandle | None = None
         self._loop.add_reader(listener.fileno(), self._accept)
@@ -63,14 +65,16 @@ class Server:
         self._arm_timer()
         return peer
 
-    def receive(self, connection: Connection, items: Iterator[Any]) -> None:
+    def receive(self, connection: Connection, items: Iterable[Any]) -> None:
         broker, peer = self._broker, connection.id
         assert peer is not None
         now_ns = monotonic_ns()
         try:
             for item in items:
                 if item.__class__ is Run:
-                    self._carry_out(broker.route(now_ns, peer, item))
+                    effects = broker.route(now_ns, peer, item)
+                    if effects:
+                        self._carry_out(effects)
                     if broker.is_overfull:
                         self._flush()
                         self._carry_out(broker.trim(now_ns))
@@ -78,9 +82,12 @@ class Server:
                     self._carry_out(broker.handle(now_ns, peer, item))
                 if connection.stream.is_closed:
                     break
+        except RemoteProtocolError as error:
+            connection.refuse(str(error))
         finally:
             self._flush()
-            self._arm_timer()
+            if broker.timers.earliest_ns < self._timer_ns:
+                self._arm_timer()
 
     def lose(self, connection: Connection, reason: str) -> None:
         self._connections.discard(connection)
@@ -97,11 +104,12 @@ class Server:
 
     def _carry_out(self, effects: list[Effect]) -> None:
         for effect in effects:
+            if effect.__class__ is Flush:  # the hot one: cheaper to ask for than to match
+                if connection := self._peers.get(effect.peer):
+                    connection.stream.outbox.make_ready(effect.queue)
+                    self._dirty.add(connection)
+                continue
             match effect:
-                case Flush(peer, queue):
-                    if connection := self._peers.get(peer):
-                        connection.stream.outbox.make_ready(queue)
-                        self._dirty.add(connection)
                 case Send(peer, message):
                     if connection := self._peers.get(peer):
                         connection.send(message)
@@ -122,18 +130,16 @@ class Server:
             self._dirty.pop().stream.flush()
 
     def _arm_timer(self) -> None:
-        due_ns = self._broker.next_deadline_ns()
-        if due_ns is None or self.stopped.done():
+        due_ns = self._broker.timers.earliest_ns
+        if due_ns >= self._timer_ns or self.stopped.done():
             return
         if self._timer is not None:
-            if self._timer_ns <= due_ns:
-                return
             self._timer.cancel()
         self._timer_ns = due_ns
         self._timer = self._loop.call_later(max(0, due_ns - monotonic_ns()) / 1e9, self._tick)
 
     def _tick(self) -> None:
-        self._timer = None
+        self._timer_ns = NEVER_NS
         self._carry_out(self._broker.tick(monotonic_ns()))
         self._flush()
         self._arm_timer()
@@ -169,7 +175,9 @@ class Server:
 
     def _before_write(self, connection: Connection) -> None:
         if connection.id is not None:
-            self._broker.expire(monotonic_ns(), connection.id)
+            self._carry_out(self._broker.expire(monotonic_ns(), connection.id))
+            self._flush()
+            self._arm_timer()
 
     def _watch_idle(self) -> None:
         if self._idle_s is None or self.stopped.done():

@@ -8,58 +8,22 @@ every message.
 import argparse
 import asyncio
 import os
-import re
 import signal
 import sys
-from collections import defaultdict
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-import bus
 from launch import START_S, Failure, Launch, run
+from transcript import Transcript
+
+import bus
 
 EXAMPLES = Path(__file__).parent
 TOPIC = "/topic"
 TALKER = "minimal_publisher"
 LISTENERS = ("listener_1", "listener_2")
-SAID = re.compile(r'\[(\w+)\]: (?:Publishing|I heard): "(.*)"')
 LAST_MESSAGE_S = 10.0
-
-
-class Transcript:
-    """What the programs say: all through one pipe, so that their lines keep their order."""
-
-    def __init__(self) -> None:
-        self.texts: dict[str, list[str]] = defaultdict(list)
-        """The messages that each node published or heard."""
-        self._source, self.sink = os.pipe()
-        os.set_blocking(self._source, False)
-        asyncio.get_running_loop().add_reader(self._source, self.read)
-        self._news = asyncio.Event()
-        self._rest = b""
-
-    def read(self) -> None:
-        """Pass on and remember everything that was said until now."""
-        try:
-            while True:
-                *lines, self._rest = (self._rest + os.read(self._source, 65536)).split(b"\n")
-                for line in lines:
-                    text = line.decode(errors="replace")
-                    print(text, flush=True)
-                    if said := SAID.search(text):
-                        self.texts[said[1]].append(said[2])
-        except BlockingIOError:
-            self._news.set()
-        except BrokenPipeError:  # nobody reads our lines any more: end as on Ctrl-C
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            signal.raise_signal(signal.SIGTERM)
-
-    async def wait_until(self, condition: Callable[[], bool]) -> None:
-        """Wait until what was said makes `condition` true."""
-        while not condition():
-            self._news.clear()
-            await self._news.wait()
 
 
 async def demonstrate(seconds: float | None) -> int:
@@ -72,9 +36,9 @@ async def demonstrate(seconds: float | None) -> int:
             for name in LISTENERS:
                 rename = ("--ros-args", "-r", f"__node:={name}")
                 await launch.start(name, EXAMPLES / "listener.py", *rename, stderr=transcript.sink)
-            await launch.during(both_listeners_subscribe(node), limit_s=START_S)
+            await launch.during(until(node, listeners_subscribe), "both subscriptions", limit_s=START_S)
             await launch.start("talker", EXAMPLES / "talker.py", stderr=transcript.sink)
-            await launch.during(both_listeners_are_matched(node), limit_s=START_S)
+            await launch.during(until(node, listeners_match), "the matches", limit_s=START_S)
             await launch.during(asyncio.sleep(seconds) if seconds is not None else asyncio.Event().wait())
             if status := await launch.stop("talker", signal.SIGINT):
                 raise Failure(f"the talker exited with {status} at SIGINT")
@@ -88,18 +52,20 @@ async def demonstrate(seconds: float | None) -> int:
     return 1 if problem else 0
 
 
-async def both_listeners_subscribe(node: bus.Node) -> None:
-    while len((await node.graph()).subscriptions_of(TOPIC)) < len(LISTENERS):
-        await asyncio.sleep(0.02)
-
-
-async def both_listeners_are_matched(node: bus.Node) -> None:
+async def until(node: bus.Node, is_met: Callable[[bus.Graph], bool]) -> None:
     while True:
-        graph = await node.graph()
-        publishers = {endpoint.id for endpoint in graph.publishers_of(TOPIC)}
-        if sum(match.publisher in publishers for match in graph.matches) == len(LISTENERS):
+        if is_met(await node.graph()):
             return
         await asyncio.sleep(0.02)
+
+
+def listeners_subscribe(graph: bus.Graph) -> bool:
+    return len(graph.subscriptions_of(TOPIC)) == len(LISTENERS)
+
+
+def listeners_match(graph: bus.Graph) -> bool:
+    publishers = {endpoint.id for endpoint in graph.publishers_of(TOPIC)}
+    return sum(match.publisher in publishers for match in graph.matches) == len(LISTENERS)
 
 
 async def everything_is_heard(transcript: Transcript) -> None:
@@ -126,7 +92,9 @@ def judge(texts: dict[str, list[str]]) -> str | None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("seconds", nargs="?", type=float, metavar="SECONDS")
     seconds = parser.parse_args().seconds
     return run(demonstrate(seconds), if_interrupted=0 if seconds is None else 130)

@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
-from typing import IO, Any, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import bus
 
@@ -40,13 +40,13 @@ class Launch:
         self.folder = Path(self._folder.name)
         self.socket = self.folder / "busd.sock"
         self.ended: asyncio.Queue[str] = asyncio.Queue()
-        """A sentence for every program that ended without being told to."""
+        """Of each program that ended without being told to, its name and how it ended."""
         self._programs: dict[str, Process] = {}
         self._stopping: set[str] = set()
         self._watchers: list[asyncio.Task[None]] = []
 
-    async def start(self, name: str, *command: str | Path, stderr: int | IO[bytes] | None = None) -> None:
-        """Start `python <command>`; `name` is for messages only."""
+    async def start(self, name: str, *command: str | Path, stderr: int | None = None) -> None:
+        """Start `python <command>`, its stderr going to a descriptor if one is given."""
         # A session of its own: Ctrl-C in the terminal reaches only us, who end the programs in order.
         process = await asyncio.create_subprocess_exec(
             sys.executable, *command, stdin=asyncio.subprocess.DEVNULL, stderr=stderr, start_new_session=True
@@ -66,15 +66,17 @@ class Launch:
             process.kill()
             return await process.wait()
 
-    async def during(self, work: Coroutine[Any, Any, T], *, limit_s: float | None = None) -> T:
-        """The result of `work`; raises Failure if a program ends first, or it takes longer than `limit_s`."""
+    async def during(
+        self, work: Coroutine[Any, Any, T], what: str = "", *, limit_s: float | None = None
+    ) -> T:
+        """The result of `work`, a wait for `what`; raises Failure if a program ends, or after `limit_s`."""
         task, ended = asyncio.create_task(work), asyncio.create_task(self.ended.get())
         try:
             await asyncio.wait({task, ended}, timeout=limit_s, return_when=asyncio.FIRST_COMPLETED)
             if ended.done():
                 raise Failure(ended.result())
             if not task.done():
-                raise Failure(f"waited for {limit_s:g} s in vain: {work.__name__.replace('_', ' ')}")
+                raise Failure(f"waited {limit_s:g} s in vain for {what}")
             return task.result()
         finally:
             task.cancel()
@@ -111,7 +113,7 @@ class Launch:
             os.environ["NOTIFY_SOCKET"] = str(notify)
             await self.start("busd", "-m", "busd", "--log-level", "warn")
             del os.environ["NOTIFY_SOCKET"]
-            await self.during(asyncio.get_running_loop().sock_recv(ready, 4096), limit_s=START_S)
+            await self.during(asyncio.get_running_loop().sock_recv(ready, 4096), "busd", limit_s=START_S)
 
     async def _watch(self, name: str, process: Process) -> None:
         status = await process.wait()

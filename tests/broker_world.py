@@ -186,8 +186,7 @@ class Process:
     def unblock(self) -> None:
         """The socket takes bytes again, and the process reads all of them."""
         self.is_blocked = False
-        self.world.broker.expire(self.world.now_ns, self.id)
-        self.read()
+        self.world.carry_out(self.world.broker.expire(self.world.now_ns, self.id))
 
     def cut(self, reason: str) -> None:
         self.cut_reason = reason

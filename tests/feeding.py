@@ -18,3 +18,5 @@ def feed(receiver: FrameReader | Session, data: bytes, chunks: Iterable[int] = (
         buffer[:count] = data[at : at + count]
         at += count
         yield from receiver.received(count)
+        if isinstance(receiver, FrameReader) and receiver.fault is not None:
+            raise receiver.fault

@@ -41,23 +41,23 @@ class Broker:
         self._pid = pid
         self._peers: dict[PeerId, Peer] = {}
         self._peer_ids = count(1)
-        self._timers = Timers()
+        self.timers = Timers()
         self._out: list[Effect] = []
         emit = self._emit
         self._router = Router(
-            self._timers,
+            self.timers,
             emit,
             window_bytes=self.limits.keep_all_window_bytes,
             window_samples=self.limits.keep_all_window_messages,
         )
         self._leases = Leases(
-            self._timers,
+            self.timers,
             emit,
             lease_ns=int(self.limits.lease_s * 1e9),
             is_attached=lambda peer: peer.id in self._peers,
             evict=self._cut,
         )
-        self._declarations = Declarations(self.graph, self.limits, rules, self._leases)
+        self._declarations = Declarations(self.graph, self.limits, rules, self._leases, self._router)
         self._handlers: dict[type[m.Message], Callable[[int, Peer, Any, list[Effect]], None]] = {
             m.Ping: self._on_ping,
             m.Pong: self._on_nothing,
@@ -126,7 +126,9 @@ class Broker:
         peer = self._peers.get(peer_id)
         if peer is None:
             return []
-        self._leases.hear_peer(now_ns, peer)
+        peer.last_heard_ns = now_ns
+        if peer.silent:
+            self._leases.hear_peer(now_ns, peer)
         out: list[Effect] = []
         publisher = peer.endpoints.get(EndpointId(run.endpoint))
         try:
@@ -147,20 +149,21 @@ class Broker:
         self._router.trim(now_ns)
         return self._take_effects()
 
-    def expire(self, now_ns: int, peer_id: PeerId) -> None:
+    def expire(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
         """Drop samples that outlived their lifespan while they waited for this peer."""
         peer = self._peers.get(peer_id)
         for endpoint in peer.endpoints.values() if peer else ():
             if isinstance(endpoint, Subscription) and endpoint.has_lifespan:
                 self._router.expire(now_ns, endpoint)
+        return self._take_effects()
 
     def next_deadline_ns(self) -> int | None:
         """When `tick` must be called next; None: not before something else happens."""
-        return self._timers.next_due_ns()
+        return self.timers.next_due_ns()
 
     def tick(self, now_ns: int) -> list[Effect]:
         """Carry out what is due."""
-        for action in self._timers.due(now_ns):
+        for action in self.timers.due(now_ns):
             action(now_ns)
         return self._take_effects()
 
@@ -208,13 +211,15 @@ class Broker:
         publisher = subscription.matches.get(EndpointId(message.source))
         # A publisher that has just gone may still be acknowledged.
         if publisher is not None and subscription.id in publisher.acked:
-            known = publisher.acked[subscription.id]
-            if not known <= message.seq < publisher.next_seq:
+            if message.seq >= publisher.next_seq:
                 raise RemoteProtocolError(
-                    f"sample {message.seq} acknowledged, of {known} to {publisher.next_seq - 1}"
+                    f"sample {message.seq} of publisher {publisher.id} acknowledged, "
+                    f"the last one is {publisher.next_seq - 1}"
                 )
-            publisher.acked[subscription.id] = message.seq
-            give_credit(publisher, out)
+            # A replayed sample is below what counts as taken, and so may be one before a drop.
+            if message.seq > publisher.acked[subscription.id]:
+                publisher.acked[subscription.id] = message.seq
+                give_credit(publisher, out.append)
 
     def _on_report(self, now_ns: int, peer: Peer, message: m.Report, out: list[Effect]) -> None:
         self._declarations.own_endpoint(peer, message.endpoint).report = message

@@ -28,6 +28,7 @@ from busd.core.graph import Graph
 from busd.core.limits import Limits, TopicCaps, TopicRule, rules_for
 from busd.core.liveliness import Leases
 from busd.core.matching import connect, disconnect
+from busd.core.routing import Router
 
 _GID_BYTES = 16
 _MAX_TYPE_NAME = 255
@@ -36,11 +37,19 @@ _MAX_TYPE_NAME = 255
 class Declarations:
     """Carries out Create..., Destroy... and DeclareType on the graph."""
 
-    def __init__(self, graph: Graph, limits: Limits, rules: tuple[TopicRule, ...], leases: Leases) -> None:
+    def __init__(
+        self,
+        graph: Graph,
+        limits: Limits,
+        rules: tuple[TopicRule, ...],
+        leases: Leases,
+        router: Router,
+    ) -> None:
         self._graph = graph
         self._limits = limits
         self._rules = rules
         self._leases = leases
+        self._router = router
 
     def declare_type(self, now_ns: int, peer: Peer, message: m.DeclareType, out: list[Effect]) -> None:
         size = len(message.schema)
@@ -102,7 +111,7 @@ class Declarations:
         out.append(Send(peer.id, self._created(message.request, publisher)))
         self._leases.watch_publisher(now_ns, publisher)
         for subscription in publisher.topic.subscriptions.values():
-            connect(self._graph, publisher, subscription, out)
+            connect(now_ns, self._graph, publisher, subscription, out)
 
     def create_subscription(
         self, now_ns: int, peer: Peer, message: m.CreateSubscription, out: list[Effect]
@@ -124,8 +133,9 @@ class Declarations:
         self._graph.add_endpoint(subscription)
         out.append(Send(peer.id, self._created(message.request, subscription)))
         for publisher in subscription.topic.publishers.values():
-            connect(self._graph, publisher, subscription, out)
+            connect(now_ns, self._graph, publisher, subscription, out)
         subscription.last_seqs = {}
+        self._router.bound(now_ns, subscription)
 
     def destroy_endpoint(
         self, now_ns: int, peer: Peer, message: m.DestroyEndpoint, out: list[Effect]

@@ -6,6 +6,7 @@ from bus.ids import EndpointId, NodeId, PeerId
 from bus.qos import Durability, History, Liveliness, QoSProfile, Reliability
 from bus.wire.messages import EndpointRecord, EndpointStatistics, NodeRecord, Report
 from bus.wire.runs import Account, RunQueue
+from busd.core.effects import Flush
 
 MessageType = tuple[str, str]
 """A type's name and hash."""
@@ -135,8 +136,13 @@ class Subscription(Endpoint):
     dropped: dict[str, int] = field(default_factory=dict)
     is_drop_report_due: bool = False
     has_lifespan: bool = False
+    flush: Flush = field(init=False)
+    """The effect that says that the queue is no longer empty; made once, because each run needs it."""
 
     kind = "subscription"
+
+    def __post_init__(self) -> None:
+        self.flush = Flush(self.node.peer.id, self.queue)
 
     def statistics(self) -> EndpointStatistics:
         mine = self.report

@@ -4,11 +4,12 @@ A match starts with the replay of a transient local publisher's history, before 
 """
 
 import logging
+from collections.abc import Callable
 
 from bus.qos import check_compatible
-from bus.wire.messages import Credit, Incompatible, Matched, Unmatched
+from bus.wire.messages import Credit, Incompatible, LivelinessChanged, Matched, Unmatched
 from bus.wire.runs import RunQueue
-from busd.core.effects import Effect, Flush, Note, Send
+from busd.core.effects import Effect, Note, Send
 from busd.core.entities import Publisher, Subscription, keeps_history
 from busd.core.graph import Graph
 
@@ -29,7 +30,9 @@ def incompatibility(publisher: Publisher, subscription: Subscription) -> tuple[s
     return found[-1].policy.name, "".join(f"ERROR: {one.text.removeprefix('ERROR: ')}" for one in found)
 
 
-def connect(graph: Graph, publisher: Publisher, subscription: Subscription, out: list[Effect]) -> None:
+def connect(
+    now_ns: int, graph: Graph, publisher: Publisher, subscription: Subscription, out: list[Effect]
+) -> None:
     """Make the match, or tell both why there is none."""
     reason = incompatibility(publisher, subscription)
     if reason is not None:
@@ -49,7 +52,11 @@ def connect(graph: Graph, publisher: Publisher, subscription: Subscription, out:
             next_seq=publisher.next_seq,
         )
         out.append(Send(mine.node.peer.id, message))
+    if not publisher.is_alive:
+        lost = LivelinessChanged(subscription=subscription.id, publisher=publisher.id, alive=False)
+        out.append(Send(subscription.node.peer.id, lost))
     if publisher.history is not None and keeps_history(subscription.qos):
+        publisher.history.drop_expired(now_ns)
         _replay(publisher, publisher.history, subscription, out)
 
 
@@ -59,16 +66,16 @@ def disconnect(graph: Graph, publisher: Publisher, subscription: Subscription, o
     out.append(Send(publisher.node.peer.id, Unmatched(endpoint=publisher.id, other=subscription.id)))
     out.append(Send(subscription.node.peer.id, Unmatched(endpoint=subscription.id, other=publisher.id)))
     if publisher.acked.pop(subscription.id, None) is not None:
-        give_credit(publisher, out)
+        give_credit(publisher, out.append)
 
 
-def give_credit(publisher: Publisher, out: list[Effect]) -> None:
+def give_credit(publisher: Publisher, emit: Callable[[Effect], None]) -> None:
     """Tell a keep-all publisher what all that must take have taken, where that has grown."""
     seq = min(publisher.acked.values(), default=publisher.next_seq - 1)
     if seq > publisher.credited:
         publisher.credited = seq
         publisher.uncredited_bytes = 0
-        out.append(Send(publisher.node.peer.id, Credit(publisher=publisher.id, seq=seq)))
+        emit(Send(publisher.node.peer.id, Credit(publisher=publisher.id, seq=seq)))
 
 
 def _refuse(
@@ -88,4 +95,4 @@ def _replay(publisher: Publisher, history: RunQueue, subscription: Subscription,
     for run in history.newest(queue.depth, subscription.last_seqs.get(publisher.gid, 0)):
         queue.append(run)
     if queue.runs:
-        out.append(Flush(subscription.node.peer.id, queue))
+        out.append(subscription.flush)

@@ -8,9 +8,11 @@ then calls `trim`, so that a subscriber that keeps up loses nothing to batching.
 from collections.abc import Callable
 
 from bus.errors import RemoteProtocolError
+from bus.ids import EndpointId
+from bus.wire.layout import MAX_COUNT, RECORD_HEAD_BYTES
 from bus.wire.messages import Dropped
 from bus.wire.runs import Run
-from busd.core.effects import Effect, Flush, Send
+from busd.core.effects import Effect, Send
 from busd.core.entities import Publisher, Subscription
 from busd.core.matching import give_credit
 from busd.core.timers import Timers
@@ -34,18 +36,24 @@ class Router:
     def route(self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect]) -> bool:
         """Queue `run` for every matched subscription; returns whether `trim` is to be called.
 
-        Raises RemoteProtocolError where the publisher's numbers go back.
+        Raises RemoteProtocolError where the publisher's numbers go back, or a run claims too many samples.
         """
+        size = len(run.body)
+        payload_bytes = size - run.count * RECORD_HEAD_BYTES
+        if payload_bytes < 0:
+            raise RemoteProtocolError(f"data frame claims {run.count} samples in {size} bytes")
         gap = run.first_seq - publisher.next_seq
         if gap:
             self._miss(now_ns, publisher, gap)
         publisher.next_seq = run.first_seq + run.count
-        size = len(run.body)
         publisher.samples += run.count
-        publisher.bytes += size
-        if size > publisher.max_message_bytes and self._is_too_large(run, publisher.max_message_bytes):
+        publisher.bytes += payload_bytes
+        limit = publisher.max_message_bytes
+        if payload_bytes > limit and self._is_too_large(run, limit):
             for subscription in publisher.matches.values():
                 self.drop(now_ns, subscription, "too_large", run.count)
+                if publisher.id not in _sources(subscription):
+                    self._release(publisher, subscription)
             return False
         run.source = publisher.id
         run.lifespan_ns = publisher.lifespan_ns
@@ -58,14 +66,14 @@ class Router:
             if queue.append(run):
                 self._overfull.append(subscription)
             if not queue.is_ready:
-                out.append(Flush(subscription.node.peer.id, queue))
+                out.append(subscription.flush)
         if publisher.is_windowed and not publisher.acked:
             publisher.uncredited_bytes += size
             if (
                 publisher.uncredited_bytes >= self._credit_bytes
                 or publisher.next_seq - publisher.credited > self._credit_samples
             ):
-                give_credit(publisher, out)
+                give_credit(publisher, out.append)
         return bool(self._overfull)
 
     def trim(self, now_ns: int) -> None:
@@ -77,20 +85,20 @@ class Router:
             replaced = queue.trim()
             if replaced:
                 self.drop(now_ns, subscription, "replaced", replaced)
-            over = queue.drop_over_quota()
-            if over:
-                self.drop(now_ns, subscription, "memory_limit", over)
+            self.bound(now_ns, subscription)
         self._overfull.clear()
+
+    def bound(self, now_ns: int, subscription: Subscription) -> None:
+        """Drop the oldest that wait for the subscription while its process is over its quota."""
+        self._shed(now_ns, subscription, "memory_limit", subscription.queue.drop_over_quota)
 
     def expire(self, now_ns: int, subscription: Subscription) -> None:
         """Drop what has outlived its lifespan at the head of the subscription's queue."""
-        expired = subscription.queue.drop_expired(now_ns)
-        if expired:
-            self.drop(now_ns, subscription, "expired", expired)
+        self._shed(now_ns, subscription, "expired", lambda: subscription.queue.drop_expired(now_ns))
 
     def drop(self, now_ns: int, subscription: Subscription, reason: str, count: int) -> None:
         """Count `count` samples that `subscription` lost, and see to it that its process learns of it."""
-        subscription.dropped[reason] = subscription.dropped.get(reason, 0) + count
+        subscription.dropped[reason] = min(subscription.dropped.get(reason, 0) + count, MAX_COUNT)
         if not subscription.is_drop_report_due:
             subscription.is_drop_report_due = True
             self._timers.add(now_ns + DROP_REPORT_NS, lambda _: self.report_drops(subscription))
@@ -102,6 +110,24 @@ class Router:
             self._emit(
                 Send(peer.id, Dropped(subscription=subscription.id, dropped=dict(subscription.dropped)))
             )
+
+    def _shed(
+        self, now_ns: int, subscription: Subscription, reason: str, drop: Callable[[], int]
+    ) -> None:
+        before = _sources(subscription)
+        count = drop()
+        if count:
+            self.drop(now_ns, subscription, reason, count)
+            for source in before - _sources(subscription):
+                publisher = subscription.matches.get(EndpointId(source))
+                if publisher is not None:
+                    self._release(publisher, subscription)
+
+    def _release(self, publisher: Publisher, subscription: Subscription) -> None:
+        """The newest samples were dropped, so that no acknowledgement will ever cover them."""
+        if subscription.id in publisher.acked:
+            publisher.acked[subscription.id] = publisher.next_seq - 1
+            give_credit(publisher, self._emit)
 
     def _miss(self, now_ns: int, publisher: Publisher, gap: int) -> None:
         if gap < 0:
@@ -115,3 +141,8 @@ class Router:
     @staticmethod
     def _is_too_large(run: Run, limit: int) -> bool:
         return any(len(payload) > limit for payload, _ in run.records())
+
+
+def _sources(subscription: Subscription) -> set[int]:
+    """The publishers that a lossless subscription has samples of in its queue."""
+    return {run.source for run in subscription.queue.runs} if subscription.is_lossless else set()

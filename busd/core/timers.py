@@ -5,16 +5,24 @@ from collections.abc import Callable, Iterator
 from itertools import count
 
 
+NEVER_NS = 1 << 63
+
+
 class Timers:
-    """`next_due_ns` says when to call `due`. There is no cancelling: an action looks whether it still matters."""
+    """`earliest_ns` says when to call `due` (NEVER_NS: nothing waits).
+
+    There is no cancelling: an action looks whether it still matters.
+    """
 
     def __init__(self) -> None:
+        self.earliest_ns = NEVER_NS
         self._heap: list[tuple[int, int, Callable[[int], None]]] = []
         self._numbers = count()
 
     def add(self, due_ns: int, action: Callable[[int], None]) -> None:
         """`action(now_ns)` is to run at `due_ns` or later."""
         heapq.heappush(self._heap, (due_ns, next(self._numbers), action))
+        self.earliest_ns = self._heap[0][0]
 
     def next_due_ns(self) -> int | None:
         return self._heap[0][0] if self._heap else None
@@ -22,4 +30,6 @@ class Timers:
     def due(self, now_ns: int) -> Iterator[Callable[[int], None]]:
         """Takes out what is due at `now_ns`."""
         while self._heap and self._heap[0][0] <= now_ns:
-            yield heapq.heappop(self._heap)[2]
+            action = heapq.heappop(self._heap)[2]
+            self.earliest_ns = self._heap[0][0] if self._heap else NEVER_NS
+            yield action

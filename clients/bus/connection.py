@@ -6,7 +6,7 @@ Does not come back after a loss; that is the link's work. Hands samples and news
 import asyncio
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -43,7 +43,7 @@ class Connection:
     def __init__(
         self,
         *,
-        on_received: Callable[[Iterator[Any]], None],
+        on_received: Callable[[Iterable[Any]], None],
         on_lost: Callable[[BusError], None],
         on_wrote: Callable[[], None],
     ) -> None:
@@ -94,6 +94,10 @@ class Connection:
         """Send what waits, as far as the socket takes it."""
         if self._stream is not None:
             self._stream.flush()
+
+    def send_now(self, frame: bytes) -> bool:
+        """Send a data frame at once, where nothing waits to be sent; returns whether it was taken over."""
+        return self._stream is not None and self._stream.send_now(frame)
 
     async def request(self, make: Callable[[int], m.Message]) -> Any:
         """Send the message that `make` gives for a request number; returns the answer.

@@ -7,7 +7,7 @@ comes back. Knows nodes and endpoints only by the methods that `Declared` and `E
 import asyncio
 import os
 import weakref
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterable
 from pathlib import Path
 from threading import get_ident
 from time import monotonic_ns, time_ns
@@ -190,11 +190,13 @@ class Link:
         self._gathered.add(publisher)
 
     def cork(self) -> None:
-        """Send now what was gathered, and gather what follows until the next turn of the loop."""
-        self._hand_over()
-        if not self.is_corked:
-            self.is_corked = True
-            self.loop.call_soon(self._uncork)
+        """From now to the next turn of the loop, what is published is gathered."""
+        self.is_corked = True
+        self.loop.call_soon(self._uncork)
+
+    def send_now(self, frame: bytes) -> bool:
+        """Send a data frame at once, where nothing waits to be sent; returns whether it was taken over."""
+        return self._connection is not None and self._connection.send_now(frame)
 
     def make_ready(self, queue: RunQueue) -> None:
         """`queue` has runs for the broker."""
@@ -252,15 +254,15 @@ class Link:
 
     def _send_reports(self) -> None:
         self._report_timer = None
+        self.wall_offset_ns = time_ns() - monotonic_ns()  # the wall clock may have been set
         reports, self._reports = self._reports, set()
         for endpoint in reports:
             self.send_about(endpoint, endpoint.totals())
 
     # --- what comes in
 
-    def _received(self, items: Iterator[Any]) -> None:
-        received_ns = time_ns()
-        self.wall_offset_ns = received_ns - monotonic_ns()
+    def _received(self, items: Iterable[Any]) -> None:
+        received_ns = monotonic_ns()
         endpoints, touched = self._endpoints, self._touched
         try:
             for item in items:

@@ -23,11 +23,12 @@ from bus.qos import Durability, History, QoSProfile, Reliability
 from bus.typesupport import TypeSupport, wrong_class
 from bus.wire import messages as m
 from bus.wire.layout import MAX_MESSAGE_BYTES, RECORD_HEAD, RECORD_HEAD_BYTES, RUN_BYTES
-from bus.wire.runs import Account, Buffer, Run, RunQueue
+from bus.wire.runs import Account, Buffer, Run, RunQueue, data_head
 
 M = TypeVar("M", bound=msgspec.Struct)
 
 _MOST_PARTS = 2 * 512
+_SHORT_BYTES = 4096
 _DRAIN_S = 5.0
 _ENCODE_ERRORS = (ValueError, TypeError, AttributeError, BufferError, OverflowError, RecursionError)
 _pack_record = RECORD_HEAD.pack
@@ -170,28 +171,34 @@ class Publisher(Endpoint[M]):
     # --- for the link
 
     def hand_over(self) -> None:
-        """Turn what was gathered into a run and queue it for the broker."""
+        """End the open run and send it, or queue it where the broker does not take it now."""
         samples = len(self._parts) // 2
         if not samples:
             return
         body = b"".join(self._parts)
-        run = Run(0, 0, self._next_seq, samples, body)
+        first_seq = self._next_seq
         self._parts.clear()
         self._budget = 0
         self._next_seq += samples
         self.samples += samples
         self.bytes += len(body) - samples * RECORD_HEAD_BYTES
-        if self._history is not None:
-            self._history.push(run)
         if self._is_windowed:
             self._flying.append((self._next_seq - 1, len(body)))
             self._flying_bytes += len(body)
         if self.qos.deadline is not None:
             self._last_ns = monotonic_ns()
-        self._replaced += self._queue.push(run)
+        link = self._link
+        link.report(self)
+        if self._history is not None:
+            self._history.push(Run(0, 0, first_seq, samples, body))
+        if self.id and not self._queue.runs and len(body) < _SHORT_BYTES:
+            # Nothing waits: past the queues, which is most of what one message costs at a moderate rate.
+            if link.send_now(data_head(self.id, first_seq, samples, len(body)) + body):
+                return
+        self._replaced += self._queue.push(Run(0, 0, first_seq, samples, body))
         if self.id:
-            self._link.make_ready(self._queue)
-        self._link.report(self)
+            link.make_ready(self._queue)
+            link.flush()
 
     def declaration(self, request: int, node: int) -> m.Message:
         return m.CreatePublisher(
@@ -272,18 +279,19 @@ class Publisher(Endpoint[M]):
         stamp_ns = monotonic_ns()
         if get_ident() != self._thread:
             return self._publish_from_thread(bytes(payload), stamp_ns)
-        self.hand_over()
+        if self._parts:
+            self.hand_over()
         room = self._room() if self._is_windowed else RUN_BYTES
         if room < size + RECORD_HEAD_BYTES and self._is_windowed and self._flying:
             self._refused += 1
             return False
-        self._budget = max(0, min(room, RUN_BYTES, self._max_bytes) - size - 2 * RECORD_HEAD_BYTES)
         self._parts += (_pack_record(size, stamp_ns), payload)
         link = self._link
-        link.gather(self)
         if link.is_corked:
-            link.flush()
+            self._budget = max(0, min(room, RUN_BYTES, self._max_bytes) - size - 2 * RECORD_HEAD_BYTES)
+            link.gather(self)
         else:
+            self.hand_over()
             link.cork()
         return True
 
@@ -305,7 +313,6 @@ class Publisher(Endpoint[M]):
     async def _wait_for_room(self) -> None:
         # There is none because something is on its way: hand it over, and credit will come.
         self.hand_over()
-        self._link.flush()
         waiter = asyncio.get_running_loop().create_future()
         self._room_waiters.append(waiter)
         await waiter
@@ -337,7 +344,6 @@ class Publisher(Endpoint[M]):
             if len(self._parts) >= min(self._full_parts, _MOST_PARTS) or len(payload) >= RUN_BYTES:
                 self.hand_over()
         self.hand_over()
-        self._link.flush()
 
     async def _drain(self) -> None:
         if self._from_threads:

@@ -338,7 +338,7 @@ class Subscription(Endpoint[M]):
         source = self._sources.get(run.source)
         return MessageInfo(
             stamp_ns + self._link.wall_offset_ns,
-            run.received_ns,
+            run.received_ns + self._link.wall_offset_ns,
             seq,
             self.samples - len(self._ahead),
             source.gid if source is not None else b"",
@@ -364,6 +364,8 @@ class Subscription(Endpoint[M]):
                         callback(self._current[0], self._info())
                     else:
                         callback(self._current[0])
+                if not self._inbox.runs:
+                    return
                 if monotonic_ns() > end_ns:
                     # Let timers and sockets have their turn: a slow callback must not see stale messages.
                     self._link.loop.call_soon(self._dispatch)

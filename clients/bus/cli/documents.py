@@ -4,6 +4,7 @@ Documents are separated by lines of `---`, as echo prints them; a line that is a
 """
 
 import asyncio
+import io
 import sys
 from collections.abc import AsyncIterator, Iterable, Iterator
 from threading import Thread
@@ -20,7 +21,7 @@ def load(text: str) -> Any:
     """One document. Raises CommandError where it is no YAML."""
     try:
         return yaml.safe_load(text)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise CommandError(f"The passed value needs to be a dictionary in YAML format: {error}") from None
 
 
@@ -47,6 +48,8 @@ async def read_documents() -> AsyncIterator[Any]:
 
     def read() -> None:
         try:
+            if isinstance(sys.stdin, io.TextIOWrapper):
+                sys.stdin.reconfigure(errors="replace")
             for document in split(sys.stdin):
                 asyncio.run_coroutine_threadsafe(arrived.put(document), loop).result()
             asyncio.run_coroutine_threadsafe(arrived.put(None), loop).result()

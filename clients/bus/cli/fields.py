@@ -68,7 +68,7 @@ def _step(schema: dict[str, Any], node: Any, step: str | int) -> Any:
             return item
         case ["tuple", *items], int():
             return items[step]
-        case ("uint8[]" | ["bytes", *_]), int():
+        case (("uint8[]" | ["bytes", *_]), int()):
             return "uint8"
         case "byte[]", int():
             return "byte"

@@ -103,8 +103,8 @@ def _compile(node: ast.expr) -> _Evaluate:
             function, parts = _FUNCTIONS[name], [_compile(arg) for arg in args]
             return lambda m: function(*(part(m) for part in parts))
     raise CommandError(
-        f"--filter: not allowed: {ast.unparse(node)} (m.field, indexing, comparisons, arithmetic, and/or/not, "
-        "literals, len, abs, min and max are)"
+        f"--filter: not allowed: {ast.unparse(node)} (allowed are m.field, indexing, comparisons, "
+        "arithmetic, and/or/not, literals, len, abs, min, max)"
     )
 
 

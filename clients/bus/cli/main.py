@@ -8,10 +8,11 @@ BusError) with the text that the user shall read.
 import io
 import os
 import sys
-from argparse import SUPPRESS, ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from argparse import SUPPRESS, ArgumentParser, HelpFormatter, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
+from functools import cache
 from importlib import import_module
-from typing import Any
+from typing import Any, NoReturn
 
 from bus.cli.output import CommandError
 from bus.errors import BusError
@@ -56,40 +57,72 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
 """Command -> what it does, and its verbs. One without verbs is a verb itself."""
 
 _EPILOG = """\
+{verbs}
 exit status: 0 done, 1 an error (its text is on stderr), 2 wrong usage or Ctrl-C, 15 ended by SIGTERM
 see also: busd --help
 """
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns its exit code."""
-    words = sys.argv[1:] if arguments is None else list(arguments)
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(line_buffering=True)
+def main() -> NoReturn:
+    """The program."""
     try:
-        code = _run(words)
+        code = run(sys.argv[1:])
+    except SystemExit as end:  # argparse has said what it had to
+        code = end.code if isinstance(end.code, int) else EXIT_ERROR
+    try:
         sys.stdout.flush()
-        return code
+        sys.stderr.flush()
     except BrokenPipeError:
-        # Whoever read us has seen enough. Nothing is left to say when Python flushes at the end.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        return 0
+        pass
+    # Nothing is left to do, and taking the interpreter down costs as much as a quarter of `bus topic list`.
+    # It would also abort where a thread still reads the standard input.
+    os._exit(code)
+
+
+def run(words: Sequence[str]) -> int:
+    """Run one command line; returns its exit code."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True, errors="backslashreplace")
+    try:
+        return _run(words)
+    except BrokenPipeError:
+        return 0  # whoever read us has seen enough
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
-    except (CommandError, BusError, TimeoutError) as error:
+    except (CommandError, BusError, OSError) as error:
         print(error, file=sys.stderr)
         return EXIT_ERROR
 
 
-def _run(words: list[str]) -> int:
+def _run(words: Sequence[str]) -> int:
     if "_ARGCOMPLETE" in os.environ:
         _complete()
     args = make_parser(words).parse_args(words)
     if args.version:
-        print(f"bus {version()}")
+        print(f"bus {version('busd') or '(not installed)'}")
         return 0
     code: int = args.main(args) or 0
     return code
+
+
+class _Formatter(HelpFormatter):
+    """Asks the terminal for its width without `shutil`, which argparse would import for nothing else."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, width=_help_width())
+
+
+class _RawFormatter(_Formatter, RawDescriptionHelpFormatter):
+    """Leaves the lines of an epilog alone."""
+
+
+@cache
+def _help_width() -> int:
+    try:
+        columns = int(os.environ.get("COLUMNS") or 0) or os.get_terminal_size().columns
+    except (ValueError, OSError):
+        columns = 80
+    return max(columns, 40) - 2
 
 
 def make_parser(words: Sequence[str]) -> ArgumentParser:
@@ -97,15 +130,15 @@ def make_parser(words: Sequence[str]) -> ArgumentParser:
     parser = ArgumentParser(
         prog="bus",
         description="Look at and take part in the message bus of this machine.",
-        epilog=_EPILOG,
-        formatter_class=RawDescriptionHelpFormatter,
+        epilog=_EPILOG.format(verbs=_list_verbs()),
+        formatter_class=_RawFormatter,
     )
     parser.add_argument("--version", action="store_true", help="print the version and exit")
     _add_common_options(parser, None)
     parser.set_defaults(main=_print_help(parser), json=False, include_hidden_topics=False)
-    commands = parser.add_subparsers(title="commands", metavar="command")
+    commands = parser.add_subparsers(title="commands", metavar="command", prog="bus")
     for command, (text, verbs) in COMMANDS.items():
-        below = commands.add_parser(command, help=text, description=text)
+        below = commands.add_parser(command, help=text, description=text, formatter_class=_Formatter)
         if command not in words:
             continue
         if not verbs:
@@ -113,23 +146,32 @@ def make_parser(words: Sequence[str]) -> ArgumentParser:
             continue
         below.set_defaults(main=_print_help(below))
         _add_common_options(below, SUPPRESS)
-        choices = below.add_subparsers(title="verbs", metavar="verb")
+        choices = below.add_subparsers(title="verbs", metavar="verb", prog=f"bus {command}")
         for verb, what in verbs.items():
-            leaf = choices.add_parser(verb, help=what, description=what)
+            leaf = choices.add_parser(verb, help=what, description=what, formatter_class=_Formatter)
             if verb in words:
                 _fill(leaf, f"bus.cli.{command}.{verb}")
     return parser
 
 
-def version() -> str:
-    """Of the installed distribution."""
+def version(distribution: str) -> str | None:
+    """Of an installed distribution; None where it is not installed."""
     from importlib.metadata import PackageNotFoundError
     from importlib.metadata import version as installed
 
     try:
-        return installed("busd")
+        return installed(distribution)
     except PackageNotFoundError:
-        return "(not installed)"
+        return None
+
+
+def _list_verbs() -> str:
+    lines = [
+        f"  {command} {verb:<{20 - len(command)}}  {what}\n"
+        for command, (_, verbs) in COMMANDS.items()
+        for verb, what in verbs.items()
+    ]
+    return f"verbs:\n{''.join(lines)}"
 
 
 def _fill(parser: ArgumentParser, module: str) -> None:
@@ -144,10 +186,16 @@ def _add_common_options(parser: ArgumentParser, default: str | None) -> None:
     group = parser.add_argument_group("common options")
     group.add_argument("--socket", metavar="PATH", default=default, help="busd's socket ($BUSD_SOCKET)")
     group.add_argument(
-        "--domain", metavar="N", type=int, default=default, help="a bus of its own on this machine ($BUSD_DOMAIN)"
+        "--domain",
+        metavar="N",
+        type=int,
+        default=default,
+        help="a bus of its own on this machine ($BUSD_DOMAIN)",
     )
     group.add_argument("--json", action="store_true", default=SUPPRESS, help="print one JSON object per line")
-    group.add_argument("--include-hidden-topics", action="store_true", default=SUPPRESS, help="hidden topics too")
+    group.add_argument(
+        "--include-hidden-topics", action="store_true", default=SUPPRESS, help="hidden topics too"
+    )
     # ros2's, which mean nothing here.
     group.add_argument("--no-daemon", action="store_true", default=SUPPRESS, help=SUPPRESS)
     group.add_argument("--spin-time", metavar="S", type=float, default=SUPPRESS, help=SUPPRESS)

@@ -1,6 +1,6 @@
 """Messages from YAML values, as `ros2 topic pub` takes them (rosidl_runtime_py/set_message.py)."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from time import time_ns
 from typing import Any, get_args, get_type_hints
 
@@ -13,7 +13,6 @@ __all__ = ["Prototype"]
 
 _HEADER = "std_msgs/msg/Header"
 _TIME = "builtin_interfaces/msg/Time"
-_SCALARS: dict[str, Callable[[Any], Any]] = {"string": str, "bool": bool, "float32": float, "float64": float}
 
 
 class Prototype:
@@ -43,15 +42,19 @@ class Prototype:
             time.sec, time.nanosec = sec, nanosec
 
     def _make(self, node: Any, value: Any) -> Any:
-        """What `value` from the YAML means for a field of the type `node`; as it is where nothing is known."""
+        """What `value`, from YAML, means for a field of the type `node`; as it is where nothing is known."""
         match node:
             case str() if "/" in node:
                 return self._struct(node, value)
-            case "string" | "bool" | "float32" | "float64" if isinstance(value, str | int | float):
-                return _SCALARS[node](value)
+            case "string" if value is not None and not isinstance(value, list | dict):
+                return str(value)
+            case "bool" if isinstance(value, int):
+                return bool(value)
+            case "float32" | "float64" if isinstance(value, str | int | float):
+                return float(value)
             case "byte":
                 return _octets([value])
-            case ("uint8[]" | "byte[]" | ["bytes", *_]) if isinstance(value, list | str):
+            case "uint8[]" | "byte[]" | ["bytes", *_] if isinstance(value, list | str):
                 return _octets(value)
             case str() if "int" in node or node == "char":
                 return _integer(value)
@@ -71,9 +74,7 @@ class Prototype:
             self._stamps.append(header.stamp)
             return header
         if not isinstance(value, Mapping):
-            raise TypeError(
-                f"Value '{value}' is expected to be a dictionary but is a {type(value).__name__}"
-            )
+            raise TypeError(f"Value '{value}' is expected to be a dictionary but is a {type(value).__name__}")
         fields = {field["name"]: field["type"] for field in self._schema["types"][name]["fields"]}
         for field in value:
             if field not in fields:
@@ -89,7 +90,9 @@ def _integer(value: Any) -> Any:
 
 def _octets(values: Any) -> bytes:
     """From numbers, or from characters, which is how ros2 echoes octets."""
-    return bytes(ord(value) if isinstance(value, str) and len(value) == 1 else _integer(value) for value in values)
+    return bytes(
+        ord(value) if isinstance(value, str) and len(value) == 1 else _integer(value) for value in values
+    )
 
 
 def _classes(cls: type[msgspec.Struct]) -> dict[str, type[msgspec.Struct]]:

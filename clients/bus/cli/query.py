@@ -11,6 +11,7 @@ from typing import Any, Self
 
 from bus import names
 from bus.address import socket_path
+from bus.cli.output import CommandError
 from bus.errors import BrokerUnavailable, ConfigurationError, ConnectionClosed, RemoteProtocolError
 from bus.graph import Graph
 from bus.wire import messages as m
@@ -93,7 +94,7 @@ class Query:
                 raise ConnectionClosed(f"lost busd at {self.path}: {error.strerror or error}") from None
             if not size:
                 raise ConnectionClosed(f"busd at {self.path} closed the connection")
-            self._items = self._session.received(size)
+            self._items = iter(self._session.received(size))
         if isinstance(message, m.Fault):
             raise RemoteProtocolError(message.text)
         return message
@@ -108,6 +109,14 @@ def get_graph(args: Namespace, *, statistics: bool = False, may_start: bool = Tr
 def full_topic_name(name: str) -> str:
     """The topic that a user of the command line means: a relative name is in the root namespace."""
     return names.expand_topic_name(name, "_bus_cli", "/")
+
+
+def full_type_name(text: str) -> str:
+    """`std_msgs/String` as `std_msgs/msg/String`. Raises CommandError for what is no type's name."""
+    parts = text.split("/")
+    if len(parts) not in (2, 3) or not all(parts):
+        raise CommandError("The passed message type is invalid")
+    return text if len(parts) == 3 else f"{parts[0]}/msg/{parts[1]}"
 
 
 def _connect(path: Path) -> socket.socket | None:

@@ -6,6 +6,7 @@ octet; then written. The rules are those of rosidl_runtime_py/convert.py.
 
 import sys
 from collections.abc import Iterable
+from functools import cache
 from typing import Any
 
 import msgspec
@@ -47,7 +48,9 @@ class View(msgspec.Struct, frozen=True, kw_only=True):
             case ["tuple", *items]:
                 return [self.plain(schema, *pair) for pair in zip(items, value, strict=True)]
             case ["dict", key, item]:
-                return {self.plain(schema, key, name): self.plain(schema, item, of) for name, of in value.items()}
+                return {
+                    self.plain(schema, key, name): self.plain(schema, item, of) for name, of in value.items()
+                }
             case ["union", *_] | "any":
                 return self._anything(value)
         return value
@@ -127,22 +130,18 @@ def _array_text(item: Any, length: int, bounds: list[Any] | None) -> str:
     return f"<sequence type: {name}{'' if most is None else f'[{most}]'}, length: {length}>"
 
 
-_dumpers: list[Any] = []
-
-
+@cache
 def _dumper() -> Any:
-    """PyYAML's, with mappings in their order and always in blocks at the top, as ros2's representer makes them."""
-    if not _dumpers:
-        import yaml
+    """PyYAML's, with mappings in their order and in blocks at the top, as ros2's representer makes them."""
+    import yaml
 
-        class Dumper(yaml.SafeDumper):
-            def ignore_aliases(self, data: object) -> bool:
-                return True
+    class Dumper(yaml.SafeDumper):
+        def ignore_aliases(self, data: object) -> bool:
+            return True
 
-        def represent_mapping(dumper: Any, data: dict[Any, Any]) -> yaml.MappingNode:
-            pairs = [(dumper.represent_data(key), dumper.represent_data(value)) for key, value in data.items()]
-            return yaml.MappingNode("tag:yaml.org,2002:map", pairs)
+    def represent_mapping(dumper: Any, data: dict[Any, Any]) -> yaml.MappingNode:
+        pairs = [(dumper.represent_data(key), dumper.represent_data(value)) for key, value in data.items()]
+        return yaml.MappingNode("tag:yaml.org,2002:map", pairs)
 
-        Dumper.add_representer(dict, represent_mapping)
-        _dumpers.append(Dumper)
-    return _dumpers[0]
+    Dumper.add_representer(dict, represent_mapping)
+    return Dumper

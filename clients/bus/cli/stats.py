@@ -5,22 +5,22 @@ Pure: times come in as arguments. The rules are those of ros2topic's verbs.
 
 import math
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-__all__ = ["Bandwidth", "Delays", "Intervals", "PublishedCount", "Spread", "spread"]
+__all__ = ["Bandwidth", "Delays", "Flow", "Intervals", "Spread", "spread"]
 
 _NS_PER_S = 1_000_000_000
 
 
 class Spread(NamedTuple):
-    """Mean, least, most and population deviation of `count` values."""
+    """Mean, least, most and population deviation of `window` values."""
 
     mean: float
     least: float
     most: float
     deviation: float
-    count: int
+    window: int
 
 
 def spread(values: Iterable[float]) -> Spread:
@@ -73,11 +73,11 @@ class Bandwidth:
         if len(self._samples) < 2 or now_ns <= self._samples[0][0]:
             return None
         sizes = spread(size for _, size in self._samples)
-        return sizes.mean * sizes.count * _NS_PER_S / (now_ns - self._samples[0][0]), sizes
+        return sizes.mean * sizes.window * _NS_PER_S / (now_ns - self._samples[0][0]), sizes
 
 
 class Delays:
-    """Times between a message's stamp and its arrival, in nanoseconds. As in ros2, the first does not count."""
+    """Times from a message's stamp to its arrival, in nanoseconds. As in ros2, the first does not count."""
 
     def __init__(self, window: int) -> None:
         self._delays: deque[int] = deque(maxlen=window)
@@ -102,16 +102,30 @@ class Delays:
         return spread(self._delays)
 
 
-class PublishedCount:
-    """Messages that the publishers of a topic have sent since the first look, also those that have left."""
+class Flow:
+    """How fast a topic's publishers publish and one subscription receives, both since the first look."""
 
     def __init__(self) -> None:
-        self.total = 0
+        self.published = 0
+        self.received = 0
+        self._began_ns = 0
+        self._looked_ns = 0
+        self._received_before = 0
         self._known: dict[int, int] | None = None
 
-    def look(self, samples: Iterable[tuple[int, int]]) -> None:
-        """`samples` are the publishers' ids and totals now."""
-        now = dict(samples)
-        if self._known is not None:
-            self.total += sum(count - self._known.get(number, 0) for number, count in now.items())
-        self._known = {**(self._known or {}), **now}
+    def look(self, now_ns: int, publishers: Mapping[int, int], received: int) -> None:
+        """`publishers` are their totals by id. One that is new began at 0; one that has left still counts."""
+        if self._known is None:
+            self._known = {}
+            self._began_ns, self._received_before = now_ns, received
+        else:
+            self.published += sum(total - self._known.get(number, 0) for number, total in publishers.items())
+        self._known.update(publishers)
+        self._looked_ns, self.received = now_ns, received - self._received_before
+
+    def rates(self) -> tuple[float, float] | None:
+        """Published and received messages per second; None before the second look."""
+        span_ns = self._looked_ns - self._began_ns
+        return (
+            (self.published * _NS_PER_S / span_ns, self.received * _NS_PER_S / span_ns) if span_ns else None
+        )

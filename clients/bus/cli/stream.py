@@ -4,26 +4,28 @@ import asyncio
 import os
 import signal
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Callable, Coroutine
+from collections.abc import Coroutine
 from typing import Any, cast
 
 import msgspec
 
 from bus.cli.output import CommandError, complain
+from bus.cli.query import full_type_name
 from bus.graph import Graph
 from bus.node import Node
 from bus.runner import run
-from bus.subscription import Subscription
 from bus.typesupport import find_type, type_hash, type_support
 
 __all__ = [
     "as_payloads",
     "find_class",
-    "non_negative",
+    "for_ever",
+    "not_published",
     "open_node",
     "positive",
     "positive_int",
     "run_stream",
+    "unsigned_int",
     "wait_for_class",
 ]
 
@@ -33,7 +35,8 @@ _EXIT_CODES = {signal.SIGINT: 2, signal.SIGTERM: 15}
 
 def run_stream(main: Coroutine[Any, Any, int]) -> int:
     """Run a verb on an event loop; returns its exit code, or the one of the signal that ended it."""
-    return cast(int, run(_until_signal(main)))
+    code = run(_until_signal(main))
+    return _EXIT_CODES[signal.SIGINT] if code is None else code
 
 
 async def _until_signal(main: Coroutine[Any, Any, int]) -> int:
@@ -65,14 +68,6 @@ def open_node(args: Namespace, name: str | None = None) -> Node:
     )
 
 
-def full_type_name(text: str) -> str:
-    """`std_msgs/String` as `std_msgs/msg/String`."""
-    package, *middle, name = text.split("/")
-    if len(middle) > 1 or not all((package, *middle, name)) or package == text:
-        raise CommandError("The passed message type is invalid")
-    return "/".join((package, *(middle or ["msg"]), name))
-
-
 async def find_class(
     node: Node, graph: Graph, topic: str, type_name: str | None = None
 ) -> type[msgspec.Struct] | None:
@@ -81,11 +76,15 @@ async def find_class(
     Without `type_name` the topic's type; None where nobody has the topic. Raises CommandError where the topic
     has several types, or where nothing knows the type that was named.
     """
-    everywhere = [(one.topic, (one.type_name, one.type_hash)) for one in (*graph.publishers, *graph.subscriptions)]
+    everywhere = [
+        (one.topic, (one.type_name, one.type_hash)) for one in (*graph.publishers, *graph.subscriptions)
+    ]
     here = list(dict.fromkeys(kind for where, kind in everywhere if where == topic))
     if type_name is None:
         if len(here) > 1:
-            types = ", ".join(f"{name} ({hash})" if here[0][0] == here[-1][0] else name for name, hash in here)
+            types = ", ".join(
+                f"{name} ({hash})" if here[0][0] == here[-1][0] else name for name, hash in here
+            )
             raise CommandError(f"Cannot echo topic '{topic}', as it contains more than one type: [{types}]")
         kinds = here
         if not kinds:
@@ -124,28 +123,32 @@ def as_payloads(message_type: type[msgspec.Struct]) -> None:
     cast(Any, type_support(message_type)).decode = memoryview
 
 
-async def for_ever() -> None:
+async def for_ever() -> int:
     """Until a signal ends the verb, or a callback fails."""
-    await asyncio.get_running_loop().create_future()
+    code: int = await asyncio.get_running_loop().create_future()
+    return code
 
 
 def positive_int(text: str) -> int:
-    return _number(int, text, lambda value: value > 0, "a positive integer")
+    """For argparse."""
+    if not (text.isascii() and text.isdigit() and 0 < len(text) < 10 and int(text)):
+        raise ArgumentTypeError("value must be a positive integer")
+    return int(text)
 
 
 def unsigned_int(text: str) -> int:
-    return _number(int, text, lambda value: value >= 0, "non-negative integer")
+    """For argparse."""
+    if not (text.isascii() and text.isdigit() and len(text) < 10):
+        raise ArgumentTypeError("value must be non-negative integer")
+    return int(text)
 
 
 def positive(text: str) -> float:
-    return _number(float, text, lambda value: 0 < value < 1e9, "a positive number")
-
-
-def _number(kind: Callable[[str], Any], text: str, is_right: Callable[[Any], bool], what: str) -> Any:
+    """For argparse."""
     try:
-        value = kind(text)
+        value = float(text)
     except ValueError:
-        value = -1
-    if not is_right(value):
-        raise ArgumentTypeError(f"value must be {what}")
+        value = 0.0
+    if not 0 < value < 1e9:
+        raise ArgumentTypeError("value must be a positive number")
     return value

@@ -6,13 +6,15 @@ and not at the end of the loop's turn. Must not know what the messages mean.
 
 import asyncio
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from bus.errors import RemoteProtocolError
-from bus.wire.outbox import Outbox
+from bus.wire.outbox import MAX_BUFFERS, TAKE_BYTES, Outbox
 from bus.wire.runs import Buffer
 from bus.wire.session import Session
+
+_SHORT_BYTES = 4096
 
 
 class Stream:
@@ -29,7 +31,7 @@ class Stream:
         session: Session,
         outbox: Outbox,
         *,
-        on_received: Callable[[Iterator[Any]], None],
+        on_received: Callable[[Iterable[Any]], None],
         on_lost: Callable[[Exception | None], None],
     ) -> None:
         self.session = session
@@ -38,7 +40,7 @@ class Stream:
         self.is_blocked = False
         self._loop = asyncio.get_running_loop()
         self._sock = sock
-        self._on_received = on_received
+        self.on_received = on_received
         self._on_lost = on_lost
         self._rest: list[Buffer] = []
         self._before_write: Callable[[], None] | None = None
@@ -52,9 +54,17 @@ class Stream:
         """Send what waits, as far as the socket takes it; the rest goes when it can."""
         while not self.is_blocked and not self.is_closed:
             buffers, size = self.outbox.take()
-            if not size:
-                return
-            self._send(buffers, size)
+            if size:
+                self._send(buffers, size)
+            if size < TAKE_BYTES and len(buffers) < MAX_BUFFERS:
+                return  # that was all
+
+    def send_now(self, frame: bytes) -> bool:
+        """Send `frame` past the outbox, where nothing waits there; returns whether it was taken over."""
+        if self.is_blocked or self.is_closed or self.outbox:
+            return False
+        self._send([frame], len(frame))
+        return True
 
     def close(self) -> None:
         """Send what the socket still takes and close it; what the socket does not take is lost."""
@@ -67,7 +77,7 @@ class Stream:
         try:
             count = self._sock.recv_into(self.session.reader.get_buffer())
             if count:
-                self._on_received(self.session.received(count))
+                self.on_received(self.session.received(count))
             else:
                 self._lose(None)
         except (BlockingIOError, InterruptedError):
@@ -77,7 +87,12 @@ class Stream:
 
     def _send(self, buffers: list[Buffer], size: int) -> None:
         try:
-            sent = self._sock.sendmsg(buffers)
+            if len(buffers) == 1:
+                sent = self._sock.send(buffers[0])
+            elif size < _SHORT_BYTES:
+                sent = self._sock.send(b"".join(buffers))  # cheaper than to describe them to sendmsg
+            else:
+                sent = self._sock.sendmsg(buffers)
         except (BlockingIOError, InterruptedError):
             sent = 0
         except OSError as error:

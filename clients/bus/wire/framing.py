@@ -4,10 +4,8 @@ The shell reads into `get_buffer()` and says how much came with `received(n)`. S
 buffer; a frame that does not fit gets a buffer of its own, which grows with what really arrives, so that a
 lying length costs its sender's word and not our memory.
 
-Raises RemoteProtocolError at the first frame that breaks the layout; frames before it are given out first.
+The first frame that breaks the layout is the reader's `fault`; frames before it are given out.
 """
-
-from collections.abc import Iterator
 
 from bus.errors import RemoteProtocolError
 from bus.wire.layout import (
@@ -21,10 +19,13 @@ from bus.wire.layout import (
     MAX_COUNT,
     REPLAY,
 )
-from bus.wire.runs import Run
+from bus.wire.runs import Buffer, Run
 
 BUFFER_BYTES = 256 << 10
 _FIRST_GROWTH_BYTES = 4 << 20
+
+_unpack_frame_head = FRAME_HEAD.unpack_from
+_unpack_data_head = DATA_HEAD.unpack_from
 
 
 class FrameReader:
@@ -42,6 +43,7 @@ class FrameReader:
         self._large: bytearray | None = None  # the frame that is too long for the buffer
         self._large_length = 0
         self._large_end = 0
+        self.fault: RemoteProtocolError | None = None
 
     @property
     def is_within_frame(self) -> bool:
@@ -58,62 +60,82 @@ class FrameReader:
             self._large = grown
         return memoryview(self._large)[self._large_end :]
 
-    def received(self, count: int) -> Iterator[bytes | Run]:
-        """The frames that are complete now that `count` bytes have come into the buffer."""
+    def received(self, count: int) -> list[bytes | Run]:
+        """The frames that are complete now that `count` bytes have come into the buffer.
+
+        Where a frame breaks the layout, those before it are given out and `fault` is set.
+        """
         if self._large is not None:
-            self._large_end += count
-            if self._large_end == self._large_length:
-                whole, self._large = memoryview(self._large), None
-                yield self._parse(whole, 0, len(whole), copy=False)
-            return
+            return self._received_large(count)
+        frames: list[bytes | Run] = []
         view, start, end = self._view, 0, self._end + count
         self._end = 0
-        while end - start >= FRAME_HEAD_BYTES:
-            stop = start + LENGTH_BYTES + self._check_length(view, start)
-            if stop > end:
-                break
-            yield self._parse(view, start, stop, copy=True)
-            start = stop
-        self._keep(start, end)
+        try:
+            while end - start >= FRAME_HEAD_BYTES:
+                stop = start + self._check_head(view, start)
+                if stop > end:
+                    break
+                frames.append(_parse(view, start, stop))
+                start = stop
+            if start != end:
+                self._keep(start, end)
+        except RemoteProtocolError as error:
+            self.fault = error
+        return frames
+
+    def _received_large(self, count: int) -> list[bytes | Run]:
+        self._large_end += count
+        if self._large is None or self._large_end < self._large_length:
+            return []
+        whole, self._large = memoryview(self._large), None
+        try:
+            return [_parse(whole, 0, len(whole))]
+        except RemoteProtocolError as error:
+            self.fault = error
+            return []
 
     def _keep(self, start: int, end: int) -> None:
         rest = end - start
         if rest >= FRAME_HEAD_BYTES:
-            total = LENGTH_BYTES + self._check_length(self._view, start)
+            total = self._check_head(self._view, start)
             if total > BUFFER_BYTES:
                 self._large_length = total
                 self._large = bytearray(min(total, _FIRST_GROWTH_BYTES))
                 self._large[:rest] = self._view[start:end]
                 self._large_end = rest
                 return
-        if start and rest:
+        if start:
             self._buffer[:rest] = self._buffer[start:end]
         self._end = rest
 
-    def _check_length(self, view: memoryview, start: int) -> int:
-        length, kind, flags, zero = FRAME_HEAD.unpack_from(view, start)
+    def _check_head(self, view: memoryview, start: int) -> int:
+        """The length of the whole frame that begins at `start`."""
+        length, kind, flags, zero = _unpack_frame_head(view, start)
         if kind == DATA:
-            least, room = DATA_HEAD_BYTES - LENGTH_BYTES, self.max_data_bytes
+            least, room, known_flags = DATA_HEAD_BYTES - LENGTH_BYTES, self.max_data_bytes, REPLAY
         elif kind == CONTROL:
-            least, room = FRAME_HEAD_BYTES - LENGTH_BYTES, self.max_control_bytes
+            least, room, known_flags = FRAME_HEAD_BYTES - LENGTH_BYTES, self.max_control_bytes, 0
         else:
             raise RemoteProtocolError(f"frame of unknown kind {kind}")
         if not least <= length <= least + room:
             raise RemoteProtocolError(
                 f"frame of {length} bytes; a frame of kind {kind} has {least} to {least + room}"
             )
-        if zero or flags & ~(REPLAY if kind == DATA else 0):
+        if zero or flags & ~known_flags:
             raise RemoteProtocolError(f"frame with unknown flags {flags:#x}")
-        return int(length)
+        return LENGTH_BYTES + int(length)
 
-    @staticmethod
-    def _parse(view: memoryview, start: int, stop: int, *, copy: bool) -> bytes | Run:
-        if view[start + LENGTH_BYTES] == CONTROL:
-            return bytes(view[start + FRAME_HEAD_BYTES : stop])
-        _, _, flags, _, endpoint, source, first_seq, count, _ = DATA_HEAD.unpack_from(view, start)
-        body = view[start + DATA_HEAD_BYTES : stop]
-        if not count:
-            raise RemoteProtocolError("data frame without samples")
-        if first_seq + count - 1 > MAX_COUNT:
-            raise RemoteProtocolError(f"sample {first_seq + count - 1}; the last number is {MAX_COUNT}")
-        return Run(endpoint, source, first_seq, count, bytes(body) if copy else body, bool(flags & REPLAY))
+
+def _parse(view: memoryview, start: int, stop: int) -> bytes | Run:
+    """The frame from `start` to `stop`, as a copy; a long body stays where it is, in a buffer of its own."""
+    if view[start + LENGTH_BYTES] == CONTROL:
+        return view[start + FRAME_HEAD_BYTES : stop].tobytes()
+    _, _, flags, _, endpoint, source, first_seq, count, _ = _unpack_data_head(view, start)
+    if not count:
+        raise RemoteProtocolError("data frame without samples")
+    if first_seq + count - 1 > MAX_COUNT:
+        raise RemoteProtocolError(f"sample {first_seq + count - 1}; the last number is {MAX_COUNT}")
+    body: Buffer = view[start + DATA_HEAD_BYTES : stop]
+    if stop <= BUFFER_BYTES:
+        body = bytes(body)
+    return Run(endpoint, source, first_seq, count, body, flags == REPLAY)

@@ -10,7 +10,7 @@ from bus.wire.runs import Buffer, RunQueue
 
 TAKE_BYTES = 256 << 10
 _TURN_BYTES = 64 << 10
-_MAX_BUFFERS = 512  # sendmsg takes 1,024 at most
+MAX_BUFFERS = 512  # sendmsg takes 1,024 at most
 
 
 class Outbox:
@@ -39,7 +39,7 @@ class Outbox:
         buffers: list[Buffer] = []
         size = 0
         control = self._control
-        while control and size < TAKE_BYTES and len(buffers) < _MAX_BUFFERS:
+        while control and size < TAKE_BYTES and len(buffers) < MAX_BUFFERS:
             frame = control.popleft()
             self.control_bytes -= len(frame)
             size += len(frame)
@@ -47,10 +47,10 @@ class Outbox:
         if control:
             return buffers, size
         ready = self._ready
-        while ready and size < TAKE_BYTES and len(buffers) < _MAX_BUFFERS:
+        while ready and size < TAKE_BYTES and len(buffers) < MAX_BUFFERS:
             queue = ready[0]
             turn_end = size + _TURN_BYTES
-            while queue.runs and size < turn_end and len(buffers) < _MAX_BUFFERS:
+            while queue.runs and size < turn_end and len(buffers) < MAX_BUFFERS:
                 head, body = queue.pop_frame()
                 buffers.append(head)
                 buffers.append(body)

@@ -31,7 +31,7 @@ class Run:
     """Samples of one publisher with consecutive sequence numbers, immutable and shared by all its queues.
 
     `body` is `count` records back to back. `lifespan_ns` is the publisher's (0: for ever), `received_ns` when
-    the subscription's process got the run (wall clock). A replay carries
+    the subscription's process got the run (monotonic clock). A replay carries
     samples that were published before the subscription was there; they don't count against its depth.
     """
 
@@ -75,6 +75,11 @@ class Run:
 def frame_record(payload: Buffer, stamp_ns: int) -> bytes:
     """One record: its head and its payload."""
     return b"".join((RECORD_HEAD.pack(len(payload), stamp_ns), payload))
+
+
+def data_head(endpoint: int, first_seq: int, count: int, body_bytes: int) -> bytes:
+    """The header of a data frame towards the broker."""
+    return DATA_HEAD.pack(_OVERHEAD_BYTES + body_bytes, DATA, 0, 0, endpoint, 0, first_seq, count, 0)
 
 
 def _walk(body: Buffer, offset: int, count: int) -> int:

@@ -7,7 +7,7 @@
 Bytes in, messages and runs out; no I/O. After an error the session is CLOSED and gives nothing more.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from enum import Enum, auto
 from typing import Any
 
@@ -58,24 +58,33 @@ class Session:
         self.peer: Hello | None = None
         self._decode = (from_client if role is Role.BROKER else from_broker).decode
 
-    def received(self, count: int) -> Iterator[Any]:
+    def received(self, count: int) -> Iterable[Any]:
         """What came with the `count` bytes now in the reader's buffer, in order.
 
-        Raises RemoteProtocolError where the peer broke a rule; all that came before it was given out.
+        Iterating raises RemoteProtocolError where the peer broke a rule, after all that came before.
         """
+        frames = self.reader.received(count)
+        if self.state is State.OPEN and len(frames) == 1 and frames[0].__class__ is Run:
+            if self.reader.fault is None:
+                return frames  # the common case at a moderate rate, without a generator's cost
+        return self._interpret(frames)
+
+    def _interpret(self, frames: list[bytes | Run]) -> Iterator[Any]:
         try:
-            for frame in self.reader.received(count):
-                if frame.__class__ is Run:
+            for frame in frames:
+                if isinstance(frame, Run):
                     self._step(_AFTER_OTHER, "a data frame")
                     yield frame
                 else:
-                    message = self._decode(frame)  # type: ignore[arg-type]
+                    message = self._decode(frame)
                     if message.__class__ is Hello:
                         self._step(_AFTER_HELLO, "a Hello")
                         self._check(message)
                     else:
                         self._step(_AFTER_OTHER, f"a {type(message).__name__}")
                     yield message
+            if self.reader.fault is not None:
+                raise self.reader.fault
         except RemoteProtocolError:
             self.state = State.CLOSED
             raise

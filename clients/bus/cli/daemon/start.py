@@ -21,7 +21,9 @@ _ALREADY_RUNNING = 3  # busd.run.EXIT_ALREADY_RUNNING
 
 def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--config", metavar="FILE", help="limits and topic rules (see busd --help)")
-    parser.add_argument("--log-level", metavar="LEVEL", help="how much busd writes into its log (see busd --help)")
+    parser.add_argument(
+        "--log-level", metavar="LEVEL", help="how much busd writes into its log (see busd --help)"
+    )
 
 
 def main(args: Namespace) -> int:
@@ -54,7 +56,7 @@ def _start(path: Path, options: list[str]) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ready:
         ready.bind("")  # an abstract address that the kernel chooses
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW
-        with open(os.open(log, flags, 0o600), "wb") as stderr:
+        with os.fdopen(os.open(log, flags, 0o600), "wb") as stderr:
             process = Popen(
                 [sys.executable, "-m", "busd", "--socket", str(path), *options],
                 env={**os.environ, "NOTIFY_SOCKET": "@" + ready.getsockname()[1:].decode()},
@@ -65,8 +67,10 @@ def _start(path: Path, options: list[str]) -> None:
             )
         ended = os.pidfd_open(process.pid)
         try:
-            if not select.select([ready, ended], [], [], _START_S)[0]:
-                raise CommandError(f"busd (pid {process.pid}) did not become ready within {_START_S:g} s; see {log}")
+            if not select.select([ready.fileno(), ended], [], [], _START_S)[0]:
+                raise CommandError(
+                    f"busd (pid {process.pid}) did not become ready within {_START_S:g} s; see {log}"
+                )
         finally:
             os.close(ended)
     # Another one may have been faster: then ours is gone, and that one is as good.

@@ -44,7 +44,9 @@ def _stop(path: Path) -> int | None:
         try:
             query.request(lambda number: StopBroker(request=number))
             if not _wait(path, process):
-                raise CommandError(f"busd (pid {pid}) was asked to stop but is still there after {_STOP_S:g} s")
+                raise CommandError(
+                    f"busd (pid {pid}) was asked to stop but is still there after {_STOP_S:g} s"
+                )
         finally:
             if process is not None:
                 os.close(process)

@@ -21,7 +21,9 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(args: Namespace) -> int:
     found = sorted(
-        (node.full_name, node.pid) for node in get_graph(args).nodes if args.all or not is_hidden_node(node.name)
+        (node.full_name, node.pid)
+        for node in get_graph(args).nodes
+        if args.all or not is_hidden_node(node.name)
     )
     if args.count_nodes:
         if args.json:

@@ -4,13 +4,14 @@ from argparse import ArgumentParser, Namespace
 
 from bus.cli.completion import completed_by, types
 from bus.cli.output import print_json
-from bus.cli.query import get_graph
+from bus.cli.query import full_type_name, get_graph
 from bus.names import is_hidden_topic
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     completed_by(
-        parser.add_argument("topic_type", help="Name of the type to filter for (e.g. 'std_msgs/msg/String')"), types
+        parser.add_argument("topic_type", help="Name of the type to filter for (e.g. 'std_msgs/msg/String')"),
+        types,
     )
     parser.add_argument(
         "-c", "--count-topics", action="store_true", help="Only display the number of topics discovered"
@@ -18,7 +19,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    wanted = args.topic_type if args.topic_type.count("/") > 1 else args.topic_type.replace("/", "/msg/")
+    wanted = full_type_name(args.topic_type)
     found = [
         topic
         for topic, types in get_graph(args).topics().items()

@@ -2,15 +2,16 @@
 
 import asyncio
 from argparse import ArgumentParser, Namespace
+from collections.abc import Callable
 from time import monotonic_ns, time_ns
 from typing import Any
 
 from bus.cli.completion import completed_by, topics
 from bus.cli.filter import compile_filter
 from bus.cli.output import dropped_text, print_json, table
-from bus.cli.qosargs import add_qos_arguments, choose_profile
-from bus.cli.stats import Intervals, PublishedCount, Spread
-from bus.cli.stream import as_payloads, for_ever, open_node, positive_int, run_stream, wait_for_class
+from bus.cli.qosargs import add_qos_arguments, given_profile
+from bus.cli.stats import Flow, Intervals, Spread
+from bus.cli.stream import as_payloads, open_node, positive_int, run_stream, wait_for_class
 from bus.node import Node
 from bus.subscription import Subscription
 
@@ -35,7 +36,9 @@ def add_arguments(parser: ArgumentParser) -> None:
         default=_WINDOW,
         help=f"window size, in # of messages, for calculating rate (default: {_WINDOW})",
     )
-    parser.add_argument("--filter", metavar="EXPR", help="only measure messages for which EXPR, over m, is true")
+    parser.add_argument(
+        "--filter", metavar="EXPR", help="only measure messages for which EXPR, over m, is true"
+    )
     parser.add_argument("--wall-time", action="store_true", help="calculate the rate using wall time")
     add_qos_arguments(parser, "subscribe", "sensor_data")
 
@@ -45,41 +48,116 @@ def main(args: Namespace) -> int:
 
 
 async def _measure(args: Namespace) -> int:
+    passes = compile_filter(args.filter) if args.filter else None
     async with open_node(args) as node:
-        meters = [_Meter(node, name, args) for name in dict.fromkeys(args.topic_name)]
+        meters = [
+            _Meter(node, node.resolve_topic_name(name), args) for name in dict.fromkeys(args.topic_name)
+        ]
         for meter in meters:
-            await meter.open(is_one_of_many=len(meters) > 1)
-        await asyncio.gather(*(meter.look() for meter in meters))
-        if len(meters) > 1:
-            node.create_timer(_PERIOD_S, lambda: _print_all(meters, as_json=args.json))
+            await meter.open(passes, on_message=_print_one if len(meters) == 1 else _say_nothing)
+            if len(meters) > 1 and not args.json:
+                print(f"Subscribed to [{meter.topic}]")
         while True:
-            await asyncio.sleep(_PERIOD_S)
             await asyncio.gather(*(meter.look() for meter in meters))
+            await asyncio.sleep(_PERIOD_S)
+            if len(meters) > 1:
+                _print_all(meters)
 
 
 class _Meter:
     """Measures one topic."""
 
-    def __init__(self, node: Node, name: str, args: Namespace) -> None:
-        self.topic = node.resolve_topic_name(name)
+    def __init__(self, node: Node, topic: str, args: Namespace) -> None:
+        self.topic = topic
+        self.intervals = Intervals(args.window)
+        self.flow = Flow()
+        self.as_json: bool = args.json
         self._node = node
         self._args = args
-        self._passes = compile_filter(args.filter) if args.filter else None
-        self._intervals = Intervals(args.window)
-        self._clock = time_ns if args.wall_time else monotonic_ns
-        self._is_alone = True
         self._subscription: Subscription[Any] | None = None
-        self._published = PublishedCount()
-        self._received = 0
-        self._began_ns = self._looked_ns = 0
-        self._samples_then = 0
 
-    async def open(self, *, is_one_of_many: bool) -> None:
-        self._is_alone = not is_one_of_many
+    async def open(
+        self, passes: Callable[[Any], bool] | None, *, on_message: "Callable[[_Meter], None]"
+    ) -> None:
+        """Subscribe as soon as somebody has the topic. Without a filter nothing is decoded."""
+        clock = time_ns if self._args.wall_time else monotonic_ns
+
+        def hear(message: Any) -> None:
+            if passes is None or passes(message):
+                self.intervals.add(clock())
+                on_message(self)
+
         message_type = await wait_for_class(self._node, self.topic)
-        if self._passes is None:
+        if passes is None:
             as_payloads(message_type)
-        profile = choose_profile(await self._node.graph(), self.topic, self._args)
-        self._subscription = await self._node.create_subscription(message_type, self.topic, profile, self._hear)
-        if is_one_of_many and not self._args.json:
-            print(f"Subscribed to [{self.topic}]")
+        self._subscription = await self._node.create_subscription(
+            message_type, self.topic, given_profile(self._args), hear
+        )
+
+    async def look(self) -> None:
+        """Compare what was published with what came."""
+        graph = await self._node.graph(statistics=True)
+        if self._subscription is not None:
+            publishers = {
+                one.id: one.statistics.samples for one in graph.publishers_of(self.topic) if one.statistics
+            }
+            self.flow.look(monotonic_ns(), publishers, self._subscription.samples)
+
+    def record(self, gaps: Spread) -> dict[str, Any]:
+        published, received = self.flow.rates() or (None, None)
+        return {
+            "topic": self.topic,
+            "rate": 1 / (gaps.mean * _NS) if gaps.mean else 0.0,
+            "min_s": gaps.least * _NS,
+            "max_s": gaps.most * _NS,
+            "std_dev_s": gaps.deviation * _NS,
+            "window": gaps.window,
+            "published_hz": published,
+            "received_hz": received,
+            "dropped": self._subscription.statistics().dropped if self._subscription else {},
+        }
+
+
+def _say_nothing(meter: _Meter) -> None:
+    """Several topics are printed together, once a second."""
+
+
+def _print_one(meter: _Meter) -> None:
+    gaps = meter.intervals.due()
+    if gaps is None:
+        return
+    record = meter.record(gaps)
+    if meter.as_json:
+        print_json(record)
+        return
+    text = (
+        f"average rate: {record['rate']:.3f}\n\tmin: {record['min_s']:.3f}s max: {record['max_s']:.3f}s "
+        f"std dev: {record['std_dev_s']:.5f}s window: {record['window']}"
+    )
+    if record["published_hz"] is not None:
+        text += f"\n\tpublished: {record['published_hz']:.3f} received: {record['received_hz']:.3f}"
+        if record["dropped"]:
+            text += f" dropped: {dropped_text(record['dropped'])}"
+    print(text)
+
+
+def _print_all(meters: list[_Meter]) -> None:
+    records = [meter.record(gaps) for meter in meters if (gaps := meter.intervals.due())]
+    if not records:
+        return
+    if meters[0].as_json:
+        for record in records:
+            print_json(record)
+        return
+    rows = [
+        (
+            record["topic"],
+            f"{record['rate']:.3f}",
+            f"{record['min_s']:.3f}",
+            f"{record['max_s']:.3f}",
+            f"{record['std_dev_s']:.5f}",
+            str(record["window"]),
+        )
+        for record in records
+    ]
+    print(table(("topic", "rate", "min_delta", "max_delta", "std_dev", "window"), rows))

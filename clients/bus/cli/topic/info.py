@@ -1,4 +1,4 @@
-"""`bus topic info`: a topic's type and endpoints; with -v their QoS, what they lost, and how they are matched."""
+"""`bus topic info`: a topic's type and endpoints; with -v their QoS, losses and matches."""
 
 from argparse import ArgumentParser, Namespace
 from typing import Any
@@ -19,8 +19,8 @@ def add_arguments(parser: ArgumentParser) -> None:
         "-v",
         "--verbose",
         action="store_true",
-        help="Prints detailed information like the node name, node namespace, topic type, topic type hash, GUID, "
-        "QoS profile, message counts, queue, drops and matches of the publishers and subscriptions of this topic",
+        help="Prints detailed information like the node name, node namespace, topic type, topic type hash, "
+        "GID, QoS profile, message counts, queue, drops and matches of the publishers and subscriptions",
     )
 
 
@@ -68,8 +68,8 @@ def _block(graph: Graph, endpoint: GraphEndpoint) -> list[str]:
     matches = _matches(graph, endpoint)
     lines.append(f"Matches: {sum('route' in match for match in matches)}")
     for match in matches:
-        how = f"by {match['route']}" if "route" in match else f"no match: {match['reason']}"
-        lines.append(f"  {match['node']}: {how}")
+        how = f"route: {match['route']}" if "route" in match else f"no match: {match['reason']}"
+        lines.append(f"  {match['node']} ({how})")
     return lines
 
 
@@ -78,10 +78,14 @@ def _matches(graph: Graph, endpoint: GraphEndpoint) -> list[dict[str, str]]:
     routes = {(match.publisher, match.subscription): match.route for match in graph.matches}
     found = []
     is_publisher = endpoint.kind == "publisher"
-    for other in graph.subscriptions_of(endpoint.topic) if is_publisher else graph.publishers_of(endpoint.topic):
+    for other in (
+        graph.subscriptions_of(endpoint.topic) if is_publisher else graph.publishers_of(endpoint.topic)
+    ):
         publisher, subscription = (endpoint, other) if is_publisher else (other, endpoint)
         route = routes.get((publisher.id, subscription.id))
-        how = {"reason": mismatch(publisher, subscription) or "unknown"} if route is None else {"route": route}
+        how = (
+            {"reason": mismatch(publisher, subscription) or "unknown"} if route is None else {"route": route}
+        )
         found.append({"node": other.node.full_name, **how})
     return found
 

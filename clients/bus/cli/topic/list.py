@@ -16,9 +16,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "-c", "--count-topics", action="store_true", help="Only display the number of topics discovered"
     )
-    parser.add_argument(
-        "-v", "--verbose", action="store_true", help="List full details about each topic"
-    )
+    parser.add_argument("-v", "--verbose", action="store_true", help="List full details about each topic")
 
 
 def main(args: Namespace) -> int:
@@ -55,6 +53,4 @@ def _print_json(rows: Sequence[Row], *, count_only: bool) -> None:
         print_json({"count": len(rows)})
         return
     for topic, types, publishers, subscriptions in rows:
-        print_json(
-            {"topic": topic, "types": types, "publishers": publishers, "subscriptions": subscriptions}
-        )
+        print_json({"topic": topic, "types": types, "publishers": publishers, "subscriptions": subscriptions})

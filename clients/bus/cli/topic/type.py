@@ -9,7 +9,9 @@ from bus.names import is_hidden_topic
 
 
 def add_arguments(parser: ArgumentParser) -> None:
-    completed_by(parser.add_argument("topic_name", help="Name of the topic to get type (e.g. '/chatter')"), topics)
+    completed_by(
+        parser.add_argument("topic_name", help="Name of the topic to get type (e.g. '/chatter')"), topics
+    )
 
 
 def main(args: Namespace) -> int:

@@ -1,0 +1,71 @@
+"""`python -m benchmarks`: measure, print tables, write the result as JSON."""
+
+import argparse
+import signal
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from types import FrameType
+
+from benchmarks import report
+from benchmarks.machine import ROOT, look_at_machine
+from benchmarks.plan import Plan
+
+BENCHMARKS = ("throughput", "latency", "startup", "idle", "check_cost")
+RESULTS = ROOT / "benchmarks" / "results"
+_QUICK_REPETITIONS, _REPETITIONS = 3, 7
+
+
+def main() -> int:
+    """Run; returns 0, or 1 where a measurement failed, or 130 after Ctrl-C."""
+    options = _parser().parse_args()
+    signal.signal(signal.SIGTERM, _interrupt)
+    plan = Plan(options.quick, options.repetitions or (_QUICK_REPETITIONS if options.quick else _REPETITIONS))
+    began, machine = report.began_now(), look_at_machine()
+    print(machine.describe(), end="\n\n", flush=True)
+    sections = []
+    try:
+        for name in options.only or BENCHMARKS:
+            measure: Callable[[Plan], report.Section] = import_module(f"benchmarks.{name}").run
+            section = measure(plan)
+            plan.tell("")
+            print(report.render(section), flush=True)
+            sections.append(section)
+    except KeyboardInterrupt:
+        print("interrupted; nothing saved", file=sys.stderr)
+        return 130
+    result = report.Result(report.FORMAT, began, plan.quick, plan.repetitions, machine, sections)
+    if not options.no_save:
+        path = options.output or RESULTS / report.file_name(result)
+        report.save(result, path)
+        print(f"saved as {path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path}")
+    return 1 if any(section.has_failures for section in sections) else 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks",
+        description="Measure busd with real processes on a bus of their own; see benchmarks/README.md.",
+    )
+    parser.add_argument("--quick", action="store_true", help="fewer and shorter: about two minutes")
+    parser.add_argument("--only", action="append", choices=BENCHMARKS, help="only this one (can be repeated)")
+    parser.add_argument("--repetitions", type=_positive, metavar="N", help="how often each case is measured")
+    parser.add_argument("--output", type=Path, metavar="FILE", help="where the JSON goes")
+    parser.add_argument("--no-save", action="store_true", help="print only")
+    return parser
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not a number above 0")
+    return value
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,55 @@
+"""Repetitions of what is to be compared, in turns, and what came of each."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from benchmarks.figures import Spread
+from benchmarks.harness import Failure
+
+Figures = dict[str, float]
+
+
+class Case(NamedTuple):
+    """One line of a table: `measure` does it once; `missing` says why it can't be done here."""
+
+    name: str
+    measure: Callable[[], Figures]
+    missing: str = ""
+
+
+@dataclass
+class Outcome:
+    """What the repetitions of a case gave, and why there are no more of them where it failed."""
+
+    name: str
+    repetitions: list[Figures] = field(default_factory=list)
+    failure: str = ""
+    missing: str = ""
+
+    def spreads(self) -> dict[str, Spread]:
+        """Each figure over the repetitions."""
+        keys = self.repetitions[0] if self.repetitions else {}
+        return {key: Spread.of(one[key] for one in self.repetitions) for key in keys}
+
+
+def interleave(
+    cases: Sequence[Case], repetitions: int, tell: Callable[[str], None] = lambda _: None
+) -> dict[str, Outcome]:
+    """All cases once, then all once more from the last to the first, and so on.
+
+    So what the machine does meanwhile falls on all of them alike. A case that failed is not tried again: one
+    that hangs would cost its time limit each time.
+    """
+    outcomes = {case.name: Outcome(case.name, missing=case.missing) for case in cases}
+    for number in range(repetitions):
+        for case in cases if number % 2 == 0 else cases[::-1]:
+            outcome = outcomes[case.name]
+            if outcome.failure or outcome.missing:
+                continue
+            tell(f"{number + 1} of {repetitions}: {case.name}")
+            try:
+                outcome.repetitions.append(case.measure())
+            except Failure as error:
+                outcome.failure = str(error)
+    return outcomes

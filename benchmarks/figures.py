@@ -1,0 +1,66 @@
+"""Numbers out of samples: percentiles, spreads over repetitions, rates. Pure; knows no processes and no units."""
+
+import math
+from collections.abc import Iterable, Sequence
+from statistics import median
+
+import msgspec
+
+PERCENTILES = (50.0, 90.0, 99.0, 99.9, 100.0)
+
+
+class Spread(msgspec.Struct, frozen=True):
+    """One figure over all repetitions: its median, and between which values it lay."""
+
+    median: float
+    min: float
+    max: float
+
+    @classmethod
+    def of(cls, values: Iterable[float]) -> "Spread":
+        """Raises ValueError where there are no values."""
+        held = list(values)
+        if not held:
+            raise ValueError("no values to make a spread of")
+        return cls(median=median(held), min=min(held), max=max(held))
+
+
+def percentile(ordered: Sequence[float], percent: float) -> float:
+    """The smallest of the `ordered` samples that at least `percent` % of them don't exceed (nearest rank).
+
+    It is always one that was measured: nothing is interpolated, and 100 gives the largest.
+    Raises ValueError where there are no samples or `percent` is not in 0..100.
+    """
+    if not ordered or not 0 <= percent <= 100:
+        raise ValueError(f"no {percent:g}th percentile of {len(ordered)} samples")
+    # 99.9 % of 1,000 is 999, and 999.0000000000001 in floating point.
+    rank = math.ceil(round(percent * len(ordered) / 100, 9))
+    return ordered[max(rank, 1) - 1]
+
+
+def percentiles(samples: Iterable[float], *, prefix: str = "", scale: float = 1.0) -> dict[str, float]:
+    """`p50`, `p90`, `p99`, `p99.9` and `max` of `samples`, each multiplied by `scale`."""
+    ordered = sorted(samples)
+    return {
+        prefix + ("max" if percent == 100 else f"p{percent:g}"): percentile(ordered, percent) * scale
+        for percent in PERCENTILES
+    }
+
+
+def per_100k(seconds: float, messages: int) -> float:
+    """Seconds spent for each 100,000 messages."""
+    return seconds * 100_000 / messages
+
+
+def ratios(
+    ours: Sequence[dict[str, float]], theirs: Sequence[dict[str, float]], key: str, their_key: str = ""
+) -> list[float]:
+    """`key` of the one over that of the other (or `their_key`), repetition by repetition.
+
+    Neighbours in time share what the machine was doing, so pairs are compared and not medians.
+    """
+    return [
+        our[key] / their[their_key or key]
+        for our, their in zip(ours, theirs, strict=False)
+        if our.get(key) and their.get(their_key or key)
+    ]

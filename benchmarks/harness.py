@@ -1,0 +1,252 @@
+"""The processes of one measurement: started, listened to, and in every case ended and reaped.
+
+A child tells what it has to tell as JSON objects with an `event`, one a line on its stdout, and obeys words
+that come as lines on its stdin; when its stdin ends, so does it. It ends for no other reason: a child that is
+gone earlier, or silent for longer than it may be, is a `Failure` of the measurement.
+"""
+
+import json
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import clock_gettime_ns, monotonic
+from types import TracebackType
+from typing import Any, Self
+
+from benchmarks.machine import ROOT
+
+START_S = 20.0
+"""More than any process needs to start on a busy machine."""
+STOP_S = 5.0
+_READ_BYTES = 1 << 20
+_CPUCLOCK_SCHED = 2
+_CLIENTS = str(ROOT / "clients")
+
+
+class Failure(Exception):
+    """A measurement that came to nothing; the text says why."""
+
+
+class Child:
+    """A process of a `Group`; made by `Group.start`."""
+
+    def __init__(
+        self,
+        name: str,
+        command: Sequence[str],
+        environ: Mapping[str, str],
+        folder: Path,
+        stop_signal: signal.Signals | None,
+    ) -> None:
+        self.name = name
+        self.events: list[dict[str, Any]] = []
+        self._log = folder / f"{name}.log"
+        self.stop_signal = stop_signal
+        self.is_silent = False  # its stdout has ended
+        self._rest = b""
+        with self._log.open("wb") as log:
+            # A session of its own: Ctrl-C in the terminal reaches only us, who end the others in order.
+            self._process = subprocess.Popen(
+                command,
+                bufsize=0,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=log,
+                env=environ,
+                cwd=ROOT,
+                start_new_session=True,
+            )
+        assert self._process.stdout is not None
+        self.stdout = self._process.stdout.fileno()
+        self.pid = self._process.pid
+        self.exit_fd = os.pidfd_open(self.pid)
+
+    def tell(self, word: str) -> None:
+        """Send `word`; who is gone is noticed by whoever waits for the answer."""
+        try:
+            os.write(self._stdin_fd(), word.encode() + b"\n")
+        except BrokenPipeError:
+            pass
+
+    def cpu_ns(self) -> int:
+        """Processor time used so far by all threads, in ns and not in ticks. Raises Failure if it is gone."""
+        try:
+            # The kernel's number for "the CPU clock of process N"; see clock_getcpuclockid(3).
+            return clock_gettime_ns((~self.pid << 3) | _CPUCLOCK_SCHED)
+        except OSError:
+            raise Failure(self.describe_end()) from None
+
+    def read(self) -> None:
+        """Take what it has written, without waiting."""
+        data = os.read(self.stdout, _READ_BYTES)
+        self.is_silent = not data
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        for line in lines:
+            try:
+                self.events.append(json.loads(line))
+            except ValueError:
+                raise Failure(f"{self.name} said what is no JSON: {line[:80]!r}") from None
+
+    def take(self, event: str) -> dict[str, Any] | None:
+        """The oldest event of that name that came, or None."""
+        for index, one in enumerate(self.events):
+            if one.get("event") == event:
+                return self.events.pop(index)
+        return None
+
+    def describe_end(self) -> str:
+        """How it ended, and its last words on stderr."""
+        try:
+            status = self._process.wait(timeout=STOP_S)
+        except subprocess.TimeoutExpired:
+            return f"{self.name} is ending"
+        how = f"was ended by {signal.Signals(-status).name}" if status < 0 else f"exited with {status}"
+        lines = self._log.read_text(errors="replace").strip().splitlines()
+        return f"{self.name} {how}" + (f": {lines[-1]}" if lines else "")
+
+    def ask_to_end(self) -> None:
+        """End its stdin, and send the signal that it obeys if it does not read that."""
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        if self.stop_signal is not None:
+            self._process.send_signal(self.stop_signal)
+
+    def end(self, deadline: float) -> None:
+        """Reap it; kill it where it is still there at `deadline` (of the monotonic clock)."""
+        try:
+            self._process.wait(timeout=max(0.0, deadline - monotonic()))
+        except subprocess.TimeoutExpired:
+            pass
+        finally:
+            self._process.kill()
+            self._process.wait()
+            os.close(self.exit_fd)
+            assert self._process.stdin is not None and self._process.stdout is not None
+            self._process.stdin.close()
+            self._process.stdout.close()
+
+    def _stdin_fd(self) -> int:
+        assert self._process.stdin is not None
+        return self._process.stdin.fileno()
+
+
+class Group:
+    """All processes of one measurement, and a folder for them that goes with them.
+
+    Leaving the `with` ends them in the reverse order of their start, whatever happened inside.
+    """
+
+    def __init__(self) -> None:
+        self._folder = TemporaryDirectory(prefix="busd-bench-")
+        self.folder = Path(self._folder.name)
+        self.environ = {**os.environ, "BUSD_AUTOSTART": "0"}
+        self.environ["PYTHONPATH"] = os.pathsep.join(
+            part for part in (str(ROOT), _CLIENTS, os.environ.get("PYTHONPATH", "")) if part
+        )
+        self.environ.pop("NOTIFY_SOCKET", None)
+        self._children: list[Child] = []
+
+    def start(
+        self,
+        name: str,
+        *command: str,
+        environ: Mapping[str, str] | None = None,
+        stop_signal: signal.Signals | None = None,
+    ) -> Child:
+        """Start `command`. `stop_signal` ends a program that does not speak the protocol of this module."""
+        child = Child(name, command, {**self.environ, **(environ or {})}, self.folder, stop_signal)
+        self._children.append(child)
+        return child
+
+    def start_python(self, name: str, *arguments: str) -> Child:
+        """Start a Python program that speaks the protocol of this module."""
+        return self.start(name, sys.executable, *arguments)
+
+    def expect(self, child: Child, event: str, *, within_s: float) -> dict[str, Any]:
+        """The next `event` of `child`. Raises Failure where it does not come, or any child ends meanwhile."""
+        deadline = monotonic() + within_s
+        while True:
+            found = child.take(event)
+            if found is not None:
+                return found
+            self._wait(deadline, f"{child.name} did not say {event!r} within {within_s:g} s")
+
+    def start_busd(self) -> Child:
+        """A busd of our own on a new socket, which the children started later find; returns when it listens."""
+        path, notify = self.folder / "busd.sock", self.folder / "ready"
+        self.environ["BUSD_SOCKET"] = str(path)
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ready:
+            ready.bind(str(notify))
+            ready.setblocking(False)
+            # Should we be killed, it leaves by itself once the clients have gone.
+            arguments = ("-m", "busd", "--log-level", "warn", "--idle-exit", str(START_S))
+            child = self.start(
+                "busd",
+                sys.executable,
+                *arguments,
+                environ={"NOTIFY_SOCKET": str(notify)},
+                stop_signal=signal.SIGTERM,
+            )
+            deadline = monotonic() + START_S
+            while True:
+                try:
+                    ready.recv(4096)
+                    return child
+                except BlockingIOError:
+                    self._wait(deadline, f"busd is not ready after {START_S:g} s", ready.fileno())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        grace_s = STOP_S if error is None else STOP_S / 5
+        try:
+            for child in self._children:
+                if child.stop_signal is None:
+                    child.ask_to_end()
+        finally:
+            self._reap(grace_s)
+
+    def _reap(self, grace_s: float) -> None:
+        deadline = monotonic() + grace_s
+        try:
+            while self._children:
+                child = self._children.pop()
+                try:
+                    # Servers go last, when nobody needs them any more, and get a time of their own.
+                    if child.stop_signal is not None:
+                        child.ask_to_end()
+                        deadline = monotonic() + grace_s
+                finally:
+                    child.end(deadline)
+        except BaseException:
+            # Interrupted once more: no time is left for anybody.
+            self._reap(0.0)
+            raise
+        finally:
+            self._folder.cleanup()
+
+    def _wait(self, deadline: float, complaint: str, *others: int) -> None:
+        """Until a child writes or ends, or one of the `others` (descriptors) has something to read."""
+        writers = {child.stdout: child for child in self._children if not child.is_silent}
+        enders = {child.exit_fd: child for child in self._children}
+        poller = select.poll()
+        for fd in (*others, *writers, *enders):
+            poller.register(fd, select.POLLIN)
+        ready = [fd for fd, _ in poller.poll(max(0.0, deadline - monotonic()) * 1000)]
+        if not ready:
+            raise Failure(complaint)
+        for fd in ready:
+            if fd in writers:
+                writers[fd].read()
+        for fd in ready:
+            if fd in enders:
+                raise Failure(enders[fd].describe_end())

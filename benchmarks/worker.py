@@ -1,0 +1,71 @@
+"""The child's half of the harness: words come on stdin, events go to stdout, the end of stdin is the end."""
+
+import asyncio
+import json
+import os
+import signal
+import sys
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import msgspec
+
+import bus
+
+LIFE_S = 300
+"""No worker lives longer, whatever happened to the rest."""
+
+
+class Parent:
+    """The process that started us."""
+
+    def __init__(self) -> None:
+        self._words: asyncio.Queue[str] = asyncio.Queue()
+
+    def tell(self, event: str, **values: Any) -> None:
+        """Report `event`."""
+        print(json.dumps({"event": event, **values}), flush=True)
+
+    async def wait_for(self, word: str) -> None:
+        """Wait until it said `word`, and nothing else."""
+        came = await self._words.get()
+        if came != word:
+            raise ValueError(f"expected the word {word!r}, got {came!r}")
+
+    async def listen(self) -> None:
+        """Read its words until there are no more."""
+        reader = asyncio.StreamReader()
+        transport, _ = await asyncio.get_running_loop().connect_read_pipe(
+            lambda: asyncio.StreamReaderProtocol(reader), os.fdopen(0, "rb", buffering=0)
+        )
+        try:
+            while line := await reader.readline():
+                self._words.put_nowait(line.decode().strip())
+        finally:
+            transport.close()
+
+
+def run(main: Callable[[Parent], Awaitable[None]]) -> None:
+    """Run `main` on the loop that the bus uses, until the parent has no more words."""
+    signal.alarm(LIFE_S)
+    bus.run(_serve(main))
+
+
+def options(kind: type[Any]) -> Any:
+    """The last argument of the command line, as the Struct `kind`."""
+    return msgspec.json.decode(sys.argv[-1].encode(), type=kind)
+
+
+async def _serve(main: Callable[[Parent], Awaitable[None]]) -> None:
+    parent = Parent()
+    work = asyncio.ensure_future(main(parent))
+    end = asyncio.ensure_future(parent.listen())
+    try:
+        await asyncio.wait({work, end}, return_when=asyncio.FIRST_COMPLETED)
+        if work.done():
+            work.result()
+            await end
+    finally:
+        for task in (work, end):
+            task.cancel()
+        await asyncio.gather(work, end, return_exceptions=True)

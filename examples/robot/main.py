@@ -1,0 +1,111 @@
+"""The lesson's physical-AI graph: perception, cognition, actuation and monitoring, each a process of its own.
+
+Starts busd on a socket of its own and the layers, and restarts none of them. Ctrl-C ends all. With SECONDS
+it ends by itself, with status 0 only if every topic flowed at 80 % of its rate or more and every layer lived.
+"""
+
+import argparse
+import asyncio
+import sys
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import NoReturn
+
+from common import HEALTH_TOPIC, TOPICS, Health
+
+import bus
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from launch import START_S, Failure, Launch, run
+
+LAYERS = ("perception", "cognition", "actuation", "monitoring")
+LEAST_SHARE = 0.8
+SLACK_S = 5.0
+"""How much later than asked for the last report may come."""
+
+
+async def run_robot(seconds: float | None, stderr: int | None) -> int:
+    """Returns the exit status."""
+    deaths: list[str] = []
+    try:
+        async with Launch() as launch, bus.Node("robot") as node:
+            for layer in LAYERS:
+                await launch.start(layer, Path(__file__).with_name(f"{layer}.py"), stderr=stderr)
+            if seconds is None:
+                await note_deaths(launch, deaths, node.get_logger())
+            reports = await node.create_subscription(Health, HEALTH_TOPIC, 10)
+            await launch.during(everything_flows(reports), "a message on every topic", limit_s=START_S)
+            watcher = asyncio.create_task(note_deaths(launch, deaths, node.get_logger()))
+            health = await collect(reports, seconds)
+            watcher.cancel()
+    except (Failure, bus.BusError) as error:
+        print(f"The robot failed: {error}.", file=sys.stderr)
+        return 1
+    verdicts = [summarise(health, number) for number in range(len(TOPICS))]
+    print("\ntopic              due   sent    got", *(line for line, _ in verdicts), sep="\n")
+    problems = deaths + [problem for _, problem in verdicts if problem]
+    text = "; ".join(problems)
+    print(f"The robot failed: {text}." if text else "Every layer lived, every topic flowed.")
+    return 1 if problems else 0
+
+
+async def everything_flows(reports: bus.Subscription[Health]) -> None:
+    async for health in reports:
+        if all(topic.received for topic in health.topics):
+            return
+
+
+async def note_deaths(launch: Launch, deaths: list[str], logger: bus.Logger) -> NoReturn:
+    """Say which program ended; for ever."""
+    while True:
+        deaths.append(await launch.ended.get())
+        logger.warning(f"{deaths[-1]}; the others go on")
+
+
+async def collect(reports: bus.Subscription[Health], seconds: float) -> list[Health]:
+    """Monitoring's reports on the next `seconds`; fewer if it falls silent."""
+    health: list[Health] = []
+    with suppress(TimeoutError):
+        async with asyncio.timeout(seconds + SLACK_S):
+            while sum(one.topics[0].window_s for one in health) < seconds:
+                health.append((await reports.receive())[0])
+    return health
+
+
+def summarise(health: list[Health], number: int) -> tuple[str, str | None]:
+    """A line about a topic, and what is wrong with it."""
+    topic, windows = TOPICS[number], [one.topics[number] for one in health]
+    duration_s = sum(window.window_s for window in windows) or 1.0
+    sent = sum(window.published for window in windows) / duration_s
+    got = sum(window.received for window in windows) / duration_s
+    line = f"{topic.name:17} {topic.rate_hz:4.0f} {sent:6.1f} {got:6.1f}"
+    least = LEAST_SHARE * topic.rate_hz
+    if got >= least:
+        return line, None
+    if sent >= least:
+        return line, f"{topic.name} lost messages: {sent:.1f} Hz sent, {got:.1f} Hz arrived"
+    return line, f"{topic.name} had {sent:.1f} of {topic.rate_hz:g} Hz: too slow a machine, or too busy"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("seconds", nargs="?", type=float, metavar="SECONDS")
+    seconds = parser.parse_args().seconds
+    if_interrupted = 0 if seconds is None else 130
+    if not sys.stdout.isatty():
+        return run(run_robot(seconds, None), if_interrupted=if_interrupted)
+    # The layers' lines would spoil monitoring's table, which shows what they log.
+    with TemporaryFile() as log:
+        status = run(run_robot(seconds, log.fileno()), if_interrupted=if_interrupted)
+        log.seek(0)
+        if status:
+            sys.stderr.write(log.read().decode(errors="replace"))
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

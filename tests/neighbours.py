@@ -1,0 +1,109 @@
+"""A well-behaved pair that talks while a test is rude to their broker: what they say must arrive, all of it.
+
+    with Neighbours(path) as neighbours:
+        ...                         the rude part
+        neighbours.carry_on()       waits until more has been heard
+
+They live in a thread with an event loop of its own, so that a test may block. Leaving checks that nothing was
+lost, repeated or reordered, and that the broker never cut them off.
+"""
+
+import asyncio
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import bus
+from bus.msg.std_msgs import Int64
+from bus.runner import loop_factory
+
+from conftest import WAIT_S
+
+PERIOD_S = 0.005
+_DEPTH = 2000
+
+
+class Neighbours:
+    """One node with a publisher and a subscription, on the broker at `path`."""
+
+    def __init__(self, path: Path) -> None:
+        self.heard: list[int] = []
+        self.sent = 0
+        self._path = path
+        self._ready = threading.Event()
+        self._leave = threading.Event()
+        self._error: BaseException | None = None
+        self._dropped: dict[str, int] = {}
+        self._was_cut_off = False
+        self._thread = threading.Thread(target=self._run, name="neighbours")
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        self._ready.wait(WAIT_S)
+        self._raise()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._leave.set()
+        self._thread.join()
+        if error is None:
+            self._raise()
+            assert self.heard == list(range(self.sent)), "the neighbours lost messages"
+            assert not self._dropped
+            assert not self._was_cut_off, "the broker cut the neighbours off"
+
+    def carry_on(self, messages: int = 10) -> None:
+        """Wait until so many more messages have been heard."""
+        goal = self.sent + messages
+        wait_until(lambda: len(self.heard) >= goal or self._error is not None)
+        self._raise()
+
+    def _raise(self) -> None:
+        if self._error is not None:
+            raise self._error
+
+    def _run(self) -> None:
+        try:
+            with asyncio.Runner(loop_factory=loop_factory()) as runner:
+                runner.run(self._talk())
+        except BaseException as error:
+            self._error = error
+        finally:
+            self._ready.set()
+
+    async def _talk(self) -> None:
+        async with bus.Node("neighbour", arguments=[], rosout=False, socket=self._path) as node:
+            subscription = await node.create_subscription(
+                Int64, "/good/talk", _DEPTH, lambda message: self.heard.append(message.data)
+            )
+            publisher = await node.create_publisher(Int64, "/good/talk", _DEPTH)
+            ids = publisher.id, subscription.id
+            self._ready.set()
+            while not self._leave.is_set():
+                publisher.publish(Int64(data=self.sent))
+                self.sent += 1
+                await asyncio.sleep(PERIOD_S)
+            end = time.monotonic() + WAIT_S
+            while len(self.heard) < self.sent and time.monotonic() < end:
+                await asyncio.sleep(PERIOD_S)
+            self._dropped = subscription.statistics().dropped
+            self._was_cut_off = ids != (publisher.id, subscription.id)
+
+
+def wait_until(condition: Callable[[], object]) -> None:
+    """Wait for `condition` to hold; only the bound is a time. Raises TimeoutError."""
+    end = time.monotonic() + WAIT_S
+    while not condition():
+        if time.monotonic() > end:
+            raise TimeoutError("it did not come about")
+        time.sleep(0.002)
+
+
+def resident_bytes(pid: int) -> int:
+    """Memory that a process holds now."""
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * 4096

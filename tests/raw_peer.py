@@ -1,0 +1,192 @@
+"""A peer that says what a test tells it to: blocking, over a real socket, with the real wire and no manners.
+
+    with RawPeer(path) as peer:
+        peer.hello()
+        peer.write(b"...")              any bytes
+        peer.send(m.Ping(number=1))     a message, or a message's bytes in a frame
+        peer.expect(m.Pong)
+        peer.fault()                    the broker's last word, after which the connection must end
+
+Knows nothing of what a well-behaved client does; `declare` and the two helpers after it only save typing.
+"""
+
+import socket
+import struct
+import time
+from collections.abc import Iterator
+from itertools import count
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+from bus.msg.std_msgs import String
+from bus.qos import QoSProfile
+from bus.typesupport import type_support
+from bus.wire import messages as m
+from bus.wire.layout import (
+    CONTROL,
+    DATA,
+    DATA_HEAD,
+    DATA_HEAD_BYTES,
+    FRAME_HEAD,
+    FRAME_HEAD_BYTES,
+    LENGTH_BYTES,
+    VERSION,
+)
+from bus.wire.runs import frame_record
+from bus.wire.session import Role, Session
+
+from conftest import WAIT_S
+
+T = TypeVar("T")
+
+STRING = type_support(String)
+HELLO = m.encode_frame(m.Hello(version=VERSION, program="raw peer"))
+_gids = count(1)
+
+
+def control(body: bytes) -> bytes:
+    """A control frame with any body."""
+    return FRAME_HEAD.pack(FRAME_HEAD_BYTES - LENGTH_BYTES + len(body), CONTROL, 0, 0) + body
+
+
+def data(endpoint: int, body: bytes, *, first_seq: int = 1, count: int = 1) -> bytes:
+    """A data frame with any body."""
+    length = DATA_HEAD_BYTES - LENGTH_BYTES + len(body)
+    return DATA_HEAD.pack(length, DATA, 0, 0, endpoint, 0, first_seq, count, 0) + body
+
+
+def text(value: str) -> bytes:
+    """A record with a well-formed String message."""
+    return frame_record(bytes(STRING.encode(String(data=value))), time.monotonic_ns())
+
+
+class RawPeer:
+    """A connection to the broker at `path`; close it, or use it as a context manager."""
+
+    def __init__(self, path: Path, *, receive_buffer: int | None = None) -> None:
+        self.socket = socket.socket(socket.AF_UNIX)
+        if receive_buffer is not None:
+            self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
+        self.socket.settimeout(WAIT_S)
+        self.socket.connect(str(path))
+        self._session = Session(Role.CLIENT)
+        self._waiting: list[Any] = []
+        self._requests = count(1)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self.socket.close()
+
+    # --- out
+
+    def write(self, raw: bytes) -> None:
+        """Send bytes as they are; a broker that has cut us off already is no error here."""
+        try:
+            self.socket.sendall(raw)
+        except (BrokenPipeError, ConnectionResetError):
+            pass
+
+    def write_some(self, raw: bytes) -> int:
+        """Send what the socket takes at once; returns how much that was."""
+        try:
+            return self.socket.send(raw, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return 0
+
+    def send(self, *messages: m.Message) -> None:
+        self.write(b"".join(map(m.encode_frame, messages)))
+
+    def hello(self) -> Self:
+        """Exchange Hellos."""
+        self.write(HELLO)
+        self.expect(m.Hello)
+        return self
+
+    # --- in
+
+    def receive(self) -> Any:
+        """The next message or run; None at the end of the stream. Raises TimeoutError."""
+        while not self._waiting:
+            try:
+                size = self.socket.recv_into(self._session.reader.get_buffer())
+            except ConnectionResetError:
+                size = 0
+            if not size:
+                return None
+            self._waiting.extend(self._session.received(size))
+        return self._waiting.pop(0)
+
+    def until_end(self) -> Iterator[Any]:
+        """Everything up to the end of the stream."""
+        while (item := self.receive()) is not None:
+            yield item
+
+    def expect(self, kind: type[T]) -> T:
+        """The next message of that kind; what comes before it is passed over."""
+        for item in self.until_end():
+            if isinstance(item, kind):
+                return item
+            assert not isinstance(item, m.Fault), item.text
+        raise AssertionError(f"the broker closed the connection; no {kind.__name__} came")
+
+    def fault(self) -> str:
+        """The text with which the broker cuts the connection, which must end thereafter."""
+        *_, last = self.until_end()
+        assert isinstance(last, m.Fault), f"the last word was {last}"
+        return last.text
+
+    def barrier(self) -> None:
+        """Wait until the broker has handled everything that was sent before."""
+        number = next(self._requests)
+        self.send(m.Ping(number=number))
+        while self.expect(m.Pong).number != number:
+            pass
+
+    # --- requests
+
+    def request(self) -> int:
+        """A number for a request."""
+        return next(self._requests)
+
+    def ask(self, message: m.Message) -> Any:
+        """Send a request and return the answer to it, which may be Refused."""
+        self.send(message)
+        number = message.request  # type: ignore[attr-defined]
+        answers = m.Created | m.Done | m.Refused | m.Graph | m.TypeDescription
+        while (answer := self.expect(answers)).request != number:  # type: ignore[arg-type]
+            pass
+        return answer
+
+    def node(self, name: str = "raw") -> int:
+        """Declare a node and the type String; returns the node's id."""
+        self.send(m.DeclareType(type_name=STRING.name, type_hash=STRING.hash))
+        created: m.Created = self.ask(m.CreateNode(request=self.request(), name=name))
+        return created.id
+
+    def publisher(self, node: int, topic: str, **changes: Any) -> Any:
+        """The answer to the declaration of a publisher; `changes` are other fields."""
+        return self.ask(m.CreatePublisher(**self._endpoint(node, topic, changes)))
+
+    def subscription(self, node: int, topic: str, **changes: Any) -> Any:
+        """The answer to the declaration of a subscription; `changes` are other fields."""
+        return self.ask(m.CreateSubscription(**self._endpoint(node, topic, changes)))
+
+    def _endpoint(self, node: int, topic: str, changes: dict[str, Any]) -> dict[str, Any]:
+        return {
+            "request": self.request(),
+            "node": node,
+            "topic": topic,
+            "type_name": STRING.name,
+            "type_hash": STRING.hash,
+            "qos": QoSProfile(),
+            "gid": struct.pack("<QQ", id(self), next(_gids)),
+            **changes,
+        }

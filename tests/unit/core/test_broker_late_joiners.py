@@ -1,0 +1,213 @@
+"""Late joiners: durability transient local, reference 1.4."""
+
+import pytest
+from broker_world import Process, Publisher, World
+
+from bus.qos import QoSProfile
+from bus.wire import messages as m
+from busd.core.limits import Limits
+
+KIB = 1024
+KEPT = QoSProfile(durability="transient_local")
+VOLATILE = QoSProfile()
+
+
+def kept(depth: int, **more: object) -> QoSProfile:
+    return QoSProfile(depth=depth, durability="transient_local", **more)  # type: ignore[arg-type]
+
+
+def publishers(world: World, offered: QoSProfile, *histories: str) -> list[Publisher]:
+    made = [world.process().publisher("/topic", offered) for _ in histories]
+    for publisher, letters in zip(made, histories, strict=True):
+        publisher.publish_many(letters)
+    return made
+
+
+class TestTable:
+    def test_volatile_to_volatile(self) -> None:
+        world = World()
+        (publisher,) = publishers(world, VOLATILE, "abc")
+        late = world.process().subscription("/topic")
+        publisher.publish("new")
+        assert late.payloads == ["new"]
+
+    def test_transient_local_to_volatile(self) -> None:
+        world = World()
+        (publisher,) = publishers(world, KEPT, "abc")
+        late = world.process().subscription("/topic")
+        publisher.publish("new")
+        assert late.payloads == ["new"]
+
+    def test_volatile_to_transient_local(self) -> None:
+        world = World()
+        (publisher,) = publishers(world, VOLATILE, "abc")
+        late = world.process().subscription("/topic", KEPT)
+        publisher.publish("new")
+        assert late.payloads == []
+        assert late.got(m.Incompatible)
+
+    @pytest.mark.parametrize("published", [0, 1, 2, 3, 5, 9])
+    @pytest.mark.parametrize("wanted", [1, 2, 4, 7])
+    @pytest.mark.parametrize("offered", [1, 3, 7])
+    def test_transient_local_to_transient_local(self, offered: int, wanted: int, published: int) -> None:
+        """The last min(N, M, available), in order, before new ones."""
+        world = World()
+        (publisher,) = publishers(world, kept(offered), "abcdefghi"[:published])
+        late = world.process().subscription("/topic", kept(wanted))
+        publisher.publish("new")
+        number = min(offered, wanted, published)
+        assert late.payloads == [*"abcdefghi"[published - number : published], "new"]
+        assert [sample.seq for sample in late.samples] == list(range(published - number + 1, published + 2))
+        assert [sample.is_replay for sample in late.samples] == [True] * number + [False]
+        assert late.statistics().dropped == {}
+
+    def test_keep_all(self) -> None:
+        world = World()
+        everything = QoSProfile(history="keep_all", durability="transient_local")
+        publishers(world, everything, "abcdefghijklmnop")
+        assert world.process().subscription("/topic", everything).payloads == [*"abcdefghijklmnop"]
+        assert world.process().subscription("/topic", kept(2)).payloads == [*"op"]
+
+
+class TestSeveralPublishers:
+    def test_of_each_separately(self) -> None:
+        world = World()
+        first, second, _ = publishers(world, kept(3), "abcde", "x", "")
+        late = world.process().subscription("/topic", kept(2))
+        by_source = [[one.payload for one in late.samples if one.source == each.id] for each in (first, second)]
+        assert by_source == [["d", "e"], ["x"]]
+
+    def test_all_fits_also_while_the_process_does_not_read(self) -> None:
+        """The histories have room beside the depth, new samples within it."""
+        world = World()
+        first, second = publishers(world, kept(3), "abc", "xyz")
+        listener = world.process()
+        early = listener.subscription("/other")
+        other = world.process().publisher("/other")
+        node = listener._own_node()
+        listener.is_blocked = True
+        other.publish("first in the socket")
+        listener.tell(
+            m.CreateSubscription(
+                request=99,
+                node=node.id,
+                topic="/topic",
+                type_name="test_msgs/msg/Text",
+                type_hash="hash-1",
+                qos=kept(3),
+                gid=bytes(16),
+            )
+        )
+        first.publish_many("1234")
+        listener.unblock()
+        (created,) = (one for one in listener.got(m.Created) if one.request == 99)
+        assert early.payloads == ["first in the socket"]
+        found = listener.samples[created.id]
+        assert [one.payload for one in found if one.source == second.id] == [*"xyz"]
+        assert [one.payload for one in found if one.source == first.id] == [*"bc1234"], "one was replaced"
+
+    def test_history_dies_with_its_publisher(self) -> None:
+        world = World()
+        one, other = publishers(world, KEPT, "abc", "xyz")
+        one.destroy()
+        assert world.process().subscription("/topic", KEPT).payloads == [*"xyz"]
+        other.process.die()
+        assert world.process().subscription("/topic", KEPT).payloads == []
+
+
+class TestReconnection:
+    """A subscription that says what it has gets only what it has not."""
+
+    def late(self, world: World, last_seqs: dict[bytes, int]) -> list[str]:
+        return world.process().subscription("/topic", kept(10), last_seqs=last_seqs).payloads
+
+    @pytest.mark.parametrize(("last_seq", "expected"), [(0, "abc"), (1, "bc"), (2, "c"), (3, ""), (99, "")])
+    def test_after_what_was_received(self, last_seq: int, expected: str) -> None:
+        world = World()
+        (publisher,) = publishers(world, KEPT, "abc")
+        assert self.late(world, {publisher.gid: last_seq}) == [*expected]
+
+    def test_of_each_publisher_its_own(self) -> None:
+        world = World()
+        one, other = publishers(world, KEPT, "abc", "xyz")
+        assert sorted(self.late(world, {one.gid: 2, other.gid: 1})) == [*"cyz"]
+
+    def test_an_unknown_publisher_does_not_matter(self) -> None:
+        world = World()
+        publishers(world, KEPT, "abc")
+        assert self.late(world, {b"unknown": 2}) == [*"abc"]
+
+    def test_it_counts_once(self) -> None:
+        """A publisher that comes later, with the same gid, is heard from its first sample on."""
+        world = World()
+        listener = world.process().subscription("/topic", KEPT, last_seqs={bytes(15) + b"g": 5})
+        world.process().publisher("/topic", KEPT, gid=bytes(15) + b"g").publish("x")
+        assert listener.payloads == ["x"]
+
+
+class TestLifespan:
+    def test_a_late_joiner_gets_nothing_expired(self) -> None:
+        """And is not told that it lost what it was never to get."""
+        world = World()
+        (publisher,) = publishers(world, kept(10, lifespan=5.0), "ab")
+        world.advance(4)
+        publisher.publish("c")
+        world.advance(2)
+        late = world.process().subscription("/topic", kept(10))
+        assert late.payloads == ["c"]
+        assert late.statistics().dropped == {}
+
+
+class TestMemory:
+    LIMITS = Limits(
+        history_bytes_per_peer=10 * KIB, queued_bytes_per_peer=15 * KIB, message_bytes=2 * KIB, keep_all_window_bytes=KIB
+    )
+
+    def account(self, process: Process, kind: str) -> int:
+        used: int = getattr(process.world.broker._peers[process.id], kind).used
+        return used
+
+    def test_history_is_bounded(self) -> None:
+        world = World(self.LIMITS)
+        (publisher,) = publishers(world, kept(1000), "")
+        for at in range(50):
+            publisher.publish(f"{at:1000}")
+            assert self.account(publisher.process, "history") <= 10 * KIB
+        late = world.process().subscription("/topic", kept(1000))
+        assert [int(payload) for payload in late.payloads] == list(range(40, 50))
+
+    def test_history_is_given_back(self) -> None:
+        world = World(self.LIMITS)
+        (publisher,) = publishers(world, KEPT, "abc")
+        publisher.destroy()
+        assert self.account(publisher.process, "history") == 0
+
+    def test_replays_count_as_bytes_that_wait(self) -> None:
+        """A process that subscribes again and again and never reads makes busd hold no more for it."""
+        world = World(self.LIMITS)
+        for publisher in publishers(world, kept(8), "", "", ""):
+            for _ in range(8):
+                publisher.publish("x" * 1000)
+        listener = world.process()
+        node = listener._own_node()
+        listener.declare_type(("test_msgs/msg/Text", "hash-1"))
+        listener.is_blocked = True
+        for request in range(5):
+            listener.tell(
+                m.CreateSubscription(
+                    request=1000 + request,
+                    node=node.id,
+                    topic="/topic",
+                    type_name="test_msgs/msg/Text",
+                    type_hash="hash-1",
+                    qos=kept(8),
+                    gid=bytes(16),
+                )
+            )
+            assert self.account(listener, "queued") <= 15 * KIB
+        world.advance(0.1)
+        listener.unblock()
+        for created in (one for one in listener.got(m.Created) if one.request >= 1000):
+            dropped = [one.dropped for one in listener.got(m.Dropped) if one.subscription == created.id]
+            lost = dropped[-1]["memory_limit"] if dropped else 0
+            assert len(listener.samples.get(created.id, [])) + lost == 24

@@ -1,0 +1,193 @@
+"""busd.core.liveliness: publishers whose lease ends, and who is told."""
+
+from broker_world import Process, Publisher, Subscription, World
+
+from bus.qos import QoSProfile
+from bus.wire import messages as m
+
+AUTOMATIC = QoSProfile(liveliness_lease_duration=1.0)
+MANUAL = QoSProfile(liveliness_lease_duration=1.0, liveliness="manual_by_topic")
+
+
+class Watch:
+    """A talker with publishers of one second's lease, and a listener that keeps itself alive."""
+
+    def __init__(self, offered: QoSProfile) -> None:
+        self.world = World()
+        self.talker: Process = self.world.process("talker")
+        self.listener: Process = self.world.process("listener")
+        self.node = self.talker.node("talker")
+        self.publisher: Publisher = self.node.publisher("/topic", offered)
+        self.subscription: Subscription = self.listener.subscription("/topic")
+
+    def lost(self) -> int:
+        """How often the publisher was told that its lease ended."""
+        return len(self.publisher.got(m.LivelinessLost))
+
+    def seen(self, subscription: Subscription | None = None) -> list[bool]:
+        """What the subscription was told of the publisher."""
+        told = (subscription or self.subscription).got(m.LivelinessChanged)
+        assert all(change.publisher == self.publisher.id for change in told)
+        return [change.alive for change in told]
+
+
+class TestAutomatic:
+    def test_a_silent_process_is_not_alive(self) -> None:
+        watch = Watch(AUTOMATIC)
+        watch.world.advance(0.999)
+        assert (watch.lost(), watch.seen()) == (0, [])
+        watch.world.advance(0.001)
+        assert (watch.lost(), watch.seen()) == (1, [False])
+        assert "/talker lost its liveliness on '/topic'" in watch.world.notes
+
+    def test_it_is_told_once(self) -> None:
+        watch = Watch(AUTOMATIC)
+        watch.world.advance(5)
+        assert (watch.lost(), watch.seen()) == (1, [False])
+
+    def test_any_sign_of_the_process_counts(self) -> None:
+        watch = Watch(AUTOMATIC)
+        other = watch.talker.publisher("/other")
+        for at in range(10):
+            watch.world.advance(0.9)
+            if at % 2:
+                watch.talker.tell(m.Ping())
+            else:
+                other.publish("x")
+        assert (watch.lost(), watch.seen()) == (0, [])
+
+    def test_it_comes_back(self) -> None:
+        watch = Watch(AUTOMATIC)
+        watch.world.advance(1)
+        watch.talker.tell(m.Ping())
+        assert watch.seen() == [False, True]
+        watch.world.advance(0.9)
+        assert watch.seen() == [False, True]
+        watch.world.advance(0.1)
+        assert watch.seen() == [False, True, False]
+        assert watch.lost() == 2
+
+    def test_a_sample_brings_it_back_too(self) -> None:
+        watch = Watch(AUTOMATIC)
+        watch.world.advance(1)
+        watch.publisher.publish("x")
+        assert watch.seen() == [False, True]
+        assert watch.subscription.payloads == ["x"]
+
+    def test_its_samples_are_delivered_all_the_same(self) -> None:
+        watch = Watch(AUTOMATIC)
+        watch.listener.is_blocked = True
+        watch.publisher.publish("x")
+        watch.world.advance(2)
+        watch.listener.unblock()
+        assert watch.subscription.payloads == ["x"]
+
+
+class TestManual:
+    def test_signs_of_the_process_do_not_count(self) -> None:
+        watch = Watch(MANUAL)
+        other = watch.node.publisher("/other", MANUAL)
+        watch.world.advance(0.9)
+        watch.talker.tell(m.Ping())
+        other.publish("x")
+        watch.talker.tell(m.AssertLiveliness(publisher=other.id))
+        watch.world.advance(0.1)
+        assert (watch.lost(), watch.seen()) == (1, [False])
+        assert other.got(m.LivelinessLost) == []
+
+    def test_publishing_and_asserting_count(self) -> None:
+        watch = Watch(MANUAL)
+        for at in range(10):
+            watch.world.advance(0.9)
+            if at % 2:
+                watch.publisher.publish("x")
+            else:
+                watch.talker.tell(m.AssertLiveliness(publisher=watch.publisher.id))
+        assert (watch.lost(), watch.seen()) == (0, [])
+
+    def test_it_comes_back_by_its_own_sign_only(self) -> None:
+        watch = Watch(MANUAL)
+        watch.world.advance(1)
+        watch.talker.tell(m.Ping())
+        assert watch.seen() == [False]
+        watch.talker.tell(m.AssertLiveliness(publisher=watch.publisher.id))
+        assert watch.seen() == [False, True]
+        watch.world.advance(1)
+        assert watch.seen() == [False, True, False]
+
+    def test_asserting_what_has_no_lease_does_nothing(self) -> None:
+        watch = Watch(QoSProfile(liveliness="manual_by_topic"))
+        watch.talker.tell(m.AssertLiveliness(publisher=watch.publisher.id))
+        for _ in range(8):
+            watch.world.advance(2)
+            watch.talker.tell(m.Ping())
+            watch.listener.tell(m.Ping())
+        assert (watch.lost(), watch.seen()) == (0, [])
+
+
+class TestLeases:
+    def test_each_publisher_has_its_own(self) -> None:
+        watch = Watch(AUTOMATIC)
+        slow = watch.node.publisher("/topic", QoSProfile(liveliness_lease_duration=3.0))
+        watch.world.advance(2)
+        assert slow.got(m.LivelinessLost) == []
+        watch.world.advance(1)
+        assert len(slow.got(m.LivelinessLost)) == 1
+        told = [change.publisher for change in watch.subscription.got(m.LivelinessChanged)]
+        assert told == [watch.publisher.id, slow.id]
+
+    def test_a_lease_longer_than_the_brokers(self) -> None:
+        """The process must be heard more often than its publisher."""
+        watch = Watch(QoSProfile(liveliness_lease_duration=25.0, liveliness="manual_by_topic"))
+        for _ in range(24):
+            watch.world.advance(1)
+            watch.talker.tell(m.Ping())
+            watch.listener.tell(m.Ping())
+        assert watch.lost() == 0
+        watch.world.advance(1)
+        assert (watch.lost(), watch.seen()) == (1, [False])
+
+    def test_a_sign_late_in_a_long_lease(self) -> None:
+        watch = Watch(QoSProfile(liveliness_lease_duration=25.0, liveliness="manual_by_topic"))
+        for second in range(48):
+            watch.world.advance(1)
+            watch.talker.tell(m.Ping())
+            watch.listener.tell(m.Ping())
+            if second == 23:
+                watch.publisher.publish("x")
+        assert watch.lost() == 0
+        watch.world.advance(1)
+        assert watch.lost() == 1
+
+    def test_a_publisher_that_has_gone_loses_nothing(self) -> None:
+        watch = Watch(AUTOMATIC)
+        watch.publisher.destroy()
+        watch.world.advance(2)
+        assert (watch.lost(), watch.seen()) == (0, [])
+
+    def test_one_that_has_lost_it_may_go(self) -> None:
+        watch = Watch(MANUAL)
+        watch.world.advance(1)
+        watch.publisher.destroy()
+        watch.talker.tell(m.Ping())
+        assert watch.seen() == [False]
+        assert watch.subscription.got(m.Unmatched)
+
+
+class TestWhoIsTold:
+    def test_a_subscription_that_comes_later(self) -> None:
+        """Who joins while the publisher is not alive must not count it as alive."""
+        watch = Watch(AUTOMATIC)
+        watch.world.advance(1)
+        late = watch.listener.subscription("/topic")
+        assert watch.seen(late) == [False]
+        kinds = [type(one) for one in late.process.messages if getattr(one, "subscription", getattr(one, "endpoint", 0)) == late.id]
+        assert kinds == [m.Matched, m.LivelinessChanged], "in this order"
+        watch.talker.tell(m.Ping())
+        assert watch.seen(late) == [False, True]
+
+    def test_only_those_that_match(self) -> None:
+        watch = Watch(QoSProfile(liveliness_lease_duration=1.0, reliability="best_effort"))
+        easy = watch.listener.subscription("/topic", QoSProfile(reliability="best_effort"))
+        watch.world.advance(1)
+        assert (watch.seen(), watch.seen(easy)) == ([], [False])
