@@ -1,4 +1,4 @@
-"""Numbers out of samples: percentiles, spreads over repetitions, rates. Pure; knows no processes and no units."""
+"""Numbers out of samples: percentiles, spreads over repetitions, ratios. Pure; knows no processes."""
 
 import math
 from collections.abc import Iterable, Sequence

@@ -1,8 +1,9 @@
 """The processes of one measurement: started, listened to, and in every case ended and reaped.
 
 A child tells what it has to tell as JSON objects with an `event`, one a line on its stdout, and obeys words
-that come as lines on its stdin; when its stdin ends, so does it. It ends for no other reason: a child that is
-gone earlier, or silent for longer than it may be, is a `Failure` of the measurement.
+that come as lines on its stdin; when its stdin ends, so does it. It ends for no other reason, unless it is
+started as one that `ends`: a child that is gone earlier, or ends with a status other than 0, or is silent for
+longer than it may be, is a `Failure` of the measurement.
 """
 
 import json
@@ -43,11 +44,13 @@ class Child:
         environ: Mapping[str, str],
         folder: Path,
         stop_signal: signal.Signals | None,
+        ends: bool,
     ) -> None:
         self.name = name
+        self.ends = ends
         self.events: list[dict[str, Any]] = []
-        self._log = folder / f"{name}.log"
         self.stop_signal = stop_signal
+        self._log = folder / f"{name}.log"
         self.is_silent = False  # its stdout has ended
         self._rest = b""
         with self._log.open("wb") as log:
@@ -99,6 +102,13 @@ class Child:
             if one.get("event") == event:
                 return self.events.pop(index)
         return None
+
+    def is_running(self) -> bool:
+        """Whether it has not ended yet. Raises Failure where it ended when it should not, or wrongly."""
+        status = self._process.poll()
+        if status is None or (status == 0 and self.ends):
+            return status is None
+        raise Failure(self.describe_end())
 
     def describe_end(self) -> str:
         """How it ended, and its last words on stderr."""
@@ -158,9 +168,10 @@ class Group:
         *command: str,
         environ: Mapping[str, str] | None = None,
         stop_signal: signal.Signals | None = None,
+        ends: bool = False,
     ) -> Child:
-        """Start `command`. `stop_signal` ends a program that does not speak the protocol of this module."""
-        child = Child(name, command, {**self.environ, **(environ or {})}, self.folder, stop_signal)
+        """Start `command`, which `ends` by itself, or which `stop_signal` ends, or the end of its stdin."""
+        child = Child(name, command, {**self.environ, **(environ or {})}, self.folder, stop_signal, ends)
         self._children.append(child)
         return child
 
@@ -177,8 +188,14 @@ class Group:
                 return found
             self._wait(deadline, f"{child.name} did not say {event!r} within {within_s:g} s")
 
+    def wait(self, child: Child, *, within_s: float) -> None:
+        """Until a child that `ends` has ended. Raises Failure as `expect` does."""
+        deadline = monotonic() + within_s
+        while child.is_running():
+            self._wait(deadline, f"{child.name} did not end within {within_s:g} s")
+
     def start_busd(self) -> Child:
-        """A busd of our own on a new socket, which the children started later find; returns when it listens."""
+        """A busd of our own, which the children started later find; returns when it listens."""
         path, notify = self.folder / "busd.sock", self.folder / "ready"
         self.environ["BUSD_SOCKET"] = str(path)
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ready:
@@ -236,8 +253,9 @@ class Group:
 
     def _wait(self, deadline: float, complaint: str, *others: int) -> None:
         """Until a child writes or ends, or one of the `others` (descriptors) has something to read."""
+        running = [child for child in self._children if child.is_running()]
         writers = {child.stdout: child for child in self._children if not child.is_silent}
-        enders = {child.exit_fd: child for child in self._children}
+        enders = {child.exit_fd: child for child in running}
         poller = select.poll()
         for fd in (*others, *writers, *enders):
             poller.register(fd, select.POLLIN)
@@ -249,4 +267,4 @@ class Group:
                 writers[fd].read()
         for fd in ready:
             if fd in enders:
-                raise Failure(enders[fd].describe_end())
+                enders[fd].is_running()

@@ -28,7 +28,8 @@ _COLUMNS = [
     Column("late_p50", "sender late: p50"),
 ]
 _NOTES = [
-    "one way, by CLOCK_MONOTONIC in the message; warm-up left out; columns are percentiles of each repetition",
+    "one way, by CLOCK_MONOTONIC in the message; warm-up left out; percentiles are of each repetition; the "
+    "scheduler chooses the CPUs",
     "the schedule is fixed: a message that could not be sent when it was due is sent late, and its delay "
     "counts in `since due`, which is the age from when it should have been sent",
 ]

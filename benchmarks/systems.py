@@ -1,4 +1,4 @@
-"""Which systems there are, as the parent starts them. What their processes do stands in benchmarks.adapters."""
+"""Which systems there are, as the parent starts them. What their processes do is in benchmarks.adapters."""
 
 from collections.abc import Callable
 from typing import NamedTuple

@@ -4,6 +4,7 @@ The rate is counted from the first publish to the last message taken. CPU time i
 over the same time, by the kernel's clock for each process.
 """
 
+from functools import partial
 from time import monotonic_ns
 
 import msgspec
@@ -45,13 +46,13 @@ def run(plan: Plan) -> Section:
     cases = []
     for size, counts in _COUNTS.items():
         work = Work(size=size, count=plan.choose(*counts), warm_up=plan.choose(*counts) // 10)
-        cases.append(Case(f"{_bytes(size)}, codec alone", lambda work=work: measure_codec(work)))
+        cases.append(Case(f"{_bytes(size)}, codec alone", partial(measure_codec, work)))
         ways = [("publish", "callback"), ("publish", "async for")]
         ways += [("send", "callback")] if size == 64 else []
         for publish_by, take_by in ways:
             name = f"{_bytes(size)}, by {publish_by}, {take_by}"
             exact = msgspec.structs.replace(work, publish_by=publish_by, take_by=take_by)
-            cases.append(Case(name, lambda exact=exact: measure(BUS, exact)))
+            cases.append(Case(name, partial(measure, BUS, exact)))
     outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"throughput {text}"))
     best = outcomes["64 B, by publish, callback"].repetitions
     alone = outcomes["64 B, codec alone"].repetitions
@@ -102,4 +103,7 @@ def measure_codec(work: Work) -> Figures:
 
 
 def _bytes(size: int) -> str:
-    return f"{size // _KiB**2} MiB" if size >= _KiB**2 else f"{size // _KiB} KiB" if size >= _KiB else "64 B"
+    for unit, factor in (("MiB", _KiB**2), ("KiB", _KiB)):
+        if size >= factor:
+            return f"{size // factor} {unit}"
+    return f"{size} B"

@@ -1,4 +1,4 @@
-"""What a publisher and a subscriber are to do, the same for every system: how many messages, how long, how fast.
+"""What a publisher and a subscriber are to do, the same for every system: messages, their size, their rate.
 
 Owns the payload's text and the pace. Must not know any system.
 """

@@ -24,7 +24,7 @@ class Parent:
 
     def tell(self, event: str, **values: Any) -> None:
         """Report `event`."""
-        print(json.dumps({"event": event, **values}), flush=True)
+        tell(event, **values)
 
     async def wait_for(self, word: str) -> None:
         """Wait until it said `word`, and nothing else."""
@@ -43,6 +43,11 @@ class Parent:
                 self._words.put_nowait(line.decode().strip())
         finally:
             transport.close()
+
+
+def tell(event: str, **values: Any) -> None:
+    """Report `event` to the process that started us."""
+    print(json.dumps({"event": event, **values}), flush=True)
 
 
 def run(main: Callable[[Parent], Awaitable[None]]) -> None:

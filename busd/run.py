@@ -21,6 +21,8 @@ from busd.server import Server
 EXIT_FAULT = 1
 EXIT_ALREADY_RUNNING = 3
 
+_LONGEST_LINE = 1000
+
 _EPILOG = """\
 where it listens, first that is set:
   --socket PATH, $BUSD_SOCKET, $XDG_RUNTIME_DIR/busd/<domain>.sock, /tmp/busd-<uid>/<domain>.sock
@@ -83,11 +85,21 @@ def _seconds(text: str) -> float:
 def _set_up_log(level: str) -> None:
     logging.addLevelName(logging.WARNING, "WARN")
     logging.addLevelName(logging.CRITICAL, "FATAL")
+    handler = logging.StreamHandler(sys.stderr)
+    handler.addFilter(_on_one_line)
     logging.basicConfig(
         level=level.upper(),
-        stream=sys.stderr,
+        handlers=[handler],
         format="[%(levelname)s] [%(created).9f] [%(name)s]: %(message)s",
     )
+
+
+def _on_one_line(record: logging.LogRecord) -> bool:
+    """Make a record printable and short: what a peer calls itself must not pass for lines of ours."""
+    text = record.getMessage()[:_LONGEST_LINE]
+    record.msg = text if text.isprintable() else "".join(c if c.isprintable() else "?" for c in text)
+    record.args = ()
+    return True
 
 
 def _loop_runner() -> Callable[[Coroutine[Any, Any, int]], int]:

@@ -89,6 +89,7 @@ class World:
             match effect:
                 case Send(peer, message):
                     if peer in self.processes:
+                        self.processes[peer].sent.append(message)
                         self.processes[peer].outbox.put(m.encode_frame(message))
                 case Flush(peer, queue):
                     if peer in self.processes:
@@ -115,6 +116,7 @@ class Process:
         self.outbox = Outbox()
         self.is_blocked = False
         self.cut_reason: str | None = None
+        self.sent: list[Any] = []  # by the broker, read or not
         self.messages: list[Any] = []
         self.samples: dict[int, list[Sample]] = {}
         self.undecodable: dict[int, int] = {}
@@ -136,10 +138,11 @@ class Process:
         self.send_bytes(m.encode_frame(message))
 
     def request(self, message: m.Message, kind: type[Answer]) -> Answer:
-        """Send a message with a `request` of 0 and return its answer; raises Refusal."""
+        """Send a message with a `request` of 0 and return its answer, read or not; raises Refusal."""
         number = next(self._requests)
+        before = len(self.sent)
         self.tell(msgspec.structs.replace(message, request=number))
-        (answer,) = (one for one in self.messages if getattr(one, "request", None) == number)
+        (answer,) = (one for one in self.sent[before:] if getattr(one, "request", None) == number)
         if isinstance(answer, m.Refused):
             raise Refusal(answer)
         assert isinstance(answer, kind)

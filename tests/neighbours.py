@@ -14,9 +14,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import bus
+import pytest
 from bus.msg.std_msgs import Int64
 from bus.runner import loop_factory
 
@@ -107,3 +108,9 @@ def wait_until(condition: Callable[[], object]) -> None:
 def resident_bytes(pid: int) -> int:
     """Memory that a process holds now."""
     return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * 4096
+
+
+def with_limits(**limits: float) -> Any:
+    """Mark: the test's daemon runs with these limits (the fixture `settings`)."""
+    lines = ["[limits]", *(f"{name} = {value}" for name, value in limits.items())]
+    return pytest.mark.parametrize("settings", ["\n".join(lines)], ids=["limits"])

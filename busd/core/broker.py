@@ -27,6 +27,9 @@ from busd.core.matching import give_credit
 from busd.core.routing import Router
 from busd.core.timers import Timers
 
+_LONGEST_PROGRAM = 64
+"""Characters of a program's name that are kept, for the log."""
+
 
 class Broker:
     """`uid` is the daemon's user, who may stop it; `pid` is told to those who ask for the graph."""
@@ -86,7 +89,7 @@ class Broker:
             id=PeerId(next(self._peer_ids)),
             pid=pid,
             uid=uid,
-            program=hello.program,
+            program=hello.program[:_LONGEST_PROGRAM],
             last_heard_ns=now_ns,
             queued=Account(self.limits.queued_bytes_per_peer),
             history=Account(self.limits.history_bytes_per_peer),

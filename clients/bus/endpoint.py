@@ -75,8 +75,6 @@ class Endpoint(Generic[M]):
         self.support = support
         self.id = 0  # the broker's number, another one after a reconnection
         self.refusal: BusError | None = None  # why it cannot be used any more
-        self.samples = 0
-        self.bytes = 0
         self._link = link
         self._on_error = on_error
         self._logger = logger

@@ -25,7 +25,7 @@ class GraphNode(msgspec.Struct, frozen=True):
 
 
 class GraphEndpoint(msgspec.Struct, frozen=True):
-    """A publisher or a subscription of some node (`kind` tells); `statistics` only where they were asked for."""
+    """A publisher or a subscription, as `kind` tells; `statistics` only where they were asked for."""
 
     id: int
     kind: str

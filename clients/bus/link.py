@@ -1,7 +1,7 @@
-"""The link of a process to its broker: what is declared there, samples both ways, and recovery.
+"""The link of a process to its broker: samples and news both ways, and recovery.
 
-Nodes of one event loop that use the same socket share a link. It declares everything again when the broker
-comes back. Knows nodes and endpoints only by the methods that `Declared` and `Endpoint` name.
+Nodes of one event loop that use the same socket share a link. When the broker comes back, it connects and
+declares everything again.
 """
 
 import asyncio
@@ -11,13 +11,12 @@ from collections.abc import Awaitable, Callable, Iterable
 from pathlib import Path
 from threading import get_ident
 from time import monotonic_ns, time_ns
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 from bus.connection import Connection
+from bus.declarations import Declarations, Declared, Endpoint
 from bus.errors import BrokerUnavailable, BusError, ConnectionClosed, ForkError
 from bus.logger import get_logger
-from bus.qos import QoSProfile
-from bus.typesupport import TypeSupport
 from bus.wire import messages as m
 from bus.wire.runs import Run, RunQueue
 
@@ -27,43 +26,10 @@ _RETRY_S = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 _log = get_logger("bus")
 
 
-class Declared(Protocol):
-    """What the broker gives an id to."""
-
-    id: int
-
-    def declaration(self, request: int, node: int) -> m.Message: ...
-
-    def declared(self, answer: m.Created) -> None: ...
-
-
-class Endpoint(Declared, Protocol):
-    """A publisher or a subscription, as the link sees it."""
-
-    kind: str
-    qos: QoSProfile
-    support: TypeSupport[Any]
-    refusal: BusError | None
-
-    def disconnected(self) -> None: ...
-
-    def handle(self, message: Any) -> None: ...
-
-    def hand_over(self) -> None: ...
-
-    def receive_run(self, run: Run) -> None: ...
-
-    def wake(self) -> None: ...
-
-    def totals(self) -> m.Report: ...
-
-    def end(self, reason: BusError) -> None: ...
-
-
 class Link:
     """Got by `Link.acquire`, given back with `release`."""
 
-    _links: "ClassVar[weakref.WeakSet[Link]]" = weakref.WeakSet()
+    _links: ClassVar["weakref.WeakSet[Link]"] = weakref.WeakSet()
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -75,9 +41,7 @@ class Link:
         self._users = 0
         self._connection: Connection | None = None
         self._opening: asyncio.Task[None] | None = None
-        self._nodes: dict[Declared, dict[Endpoint, None]] = {}
-        self._endpoints: dict[int, Endpoint] = {}
-        self._admissions: dict[int, Callable[[m.Created], None]] = {}
+        self._declarations = Declarations()
         self._gathered: set[Endpoint] = set()
         self._touched: set[Endpoint] = set()
         self._reports: set[Endpoint] = set()
@@ -134,32 +98,28 @@ class Link:
 
     async def declare_node(self, node: Declared) -> None:
         """Make `node` known to the broker, now and after each reconnection."""
-        await self._when_connected(lambda connection: self._declare_node(connection, node))
-        self._nodes[node] = {}
+        await self._when_connected(lambda connection: self._declarations.add_node(connection, node))
 
     async def declare(self, node: Declared, endpoint: Endpoint) -> None:
         """Make an endpoint of `node` known to the broker, now and after each reconnection.
 
         Raises ConfigurationError or QuotaExceeded where the broker refuses it. Cancellation: not declared.
         """
-        await self._when_connected(lambda connection: self._declare_endpoint(connection, node, endpoint))
-        self._nodes[node][endpoint] = None
+        await self._when_connected(lambda connection: self._declarations.add(connection, node, endpoint))
         self._set_heartbeat()
 
     def forget(self, endpoint: Endpoint) -> None:
         """Take an endpoint out of the graph."""
-        for endpoints in self._nodes.values():
-            endpoints.pop(endpoint, None)
         self._gathered.discard(endpoint)
         if endpoint in self._reports:
             self._reports.discard(endpoint)
             self.send_about(endpoint, endpoint.totals())
-        self._endpoints.pop(endpoint.id, None)
+        self._declarations.remove(endpoint)
         self.send_about(endpoint, m.DestroyEndpoint(endpoint=endpoint.id))
 
     def forget_node(self, node: Declared) -> None:
         """Take a node out of the graph; its endpoints must have been closed."""
-        if self._nodes.pop(node, None) is not None:
+        if self._declarations.remove_node(node):
             self.send_about(node, m.DestroyNode(node=node.id))
 
     def send_about(self, what: Declared, message: m.Message) -> None:
@@ -263,7 +223,7 @@ class Link:
 
     def _received(self, items: Iterable[Any]) -> None:
         received_ns = monotonic_ns()
-        endpoints, touched = self._endpoints, self._touched
+        endpoints, touched = self._declarations.by_id, self._touched
         try:
             for item in items:
                 if item.__class__ is Run:
@@ -279,9 +239,9 @@ class Link:
                 touched.pop().wake()
 
     def _handle(self, message: Any) -> None:
-        if isinstance(message, m.Created) and message.request in self._admissions:
+        if isinstance(message, m.Created):
             # At once, and not when the request's task runs: news and samples may stand in the same read.
-            self._admissions.pop(message.request)(message)
+            self._declarations.admit(message)
         connection = self._connection
         if connection is None or connection.resolve(message):
             return
@@ -298,7 +258,7 @@ class Link:
                 pass
             case _:
                 return
-        endpoint = self._endpoints.get(number)
+        endpoint = self._declarations.by_id.get(number)
         if endpoint is not None:
             endpoint.handle(message)
 
@@ -313,7 +273,7 @@ class Link:
         finally:
             self._opening = None
 
-    async def _connect(self) -> None:
+    async def _connect(self) -> Connection:
         connection = Connection(on_received=self._received, on_lost=self._lost, on_wrote=self._wrote)
         self._connection = connection
         try:
@@ -322,14 +282,11 @@ class Link:
             self._connection = None
             raise
         self._set_heartbeat()
+        return connection
 
     def _lost(self, reason: BusError) -> None:
         self._connection = None
-        self._admissions.clear()
-        for endpoints in self._nodes.values():
-            for endpoint in endpoints:
-                endpoint.disconnected()
-        self._endpoints.clear()
+        self._declarations.disconnected()
         if self.failure is None and self._opening is None:
             _log.warning(f"lost busd ({reason}); reconnecting")
             self._opening = self.loop.create_task(self._reconnect(), name="reconnect to busd")
@@ -342,8 +299,7 @@ class Link:
                 pause_s = next(pauses, pause_s)
                 await asyncio.sleep(pause_s)
                 try:
-                    await self._connect()
-                    await self._declare_again()
+                    await self._declare_again(await self._connect())
                 except (OSError, BusError) as error:
                     _log.debug(f"busd is not back yet: {error}")
                     if self._connection is not None:
@@ -367,6 +323,7 @@ class Link:
     async def _when_connected(self, action: Callable[[Connection], Awaitable[None]]) -> None:
         while True:
             connection = await self._connected()
+            self._hand_over()  # what was published before must not seem to come after
             try:
                 await action(connection)
                 return
@@ -374,70 +331,15 @@ class Link:
                 if self._opening is None:
                     raise
 
-    async def _declare_node(self, connection: Connection, node: Declared) -> None:
-        await self._declare(
-            connection,
-            lambda number: node.declaration(number, 0),
-            node.declared,
-            lambda answer: m.DestroyNode(node=answer.id),
-        )
-
-    async def _declare_endpoint(self, connection: Connection, node: Declared, endpoint: Endpoint) -> None:
-        def admit(answer: m.Created) -> None:
-            endpoint.declared(answer)
-            self._endpoints[answer.id] = endpoint
-
-        connection.declare_type(endpoint.support)
-        await self._declare(
-            connection,
-            lambda number: endpoint.declaration(number, node.id),
-            admit,
-            lambda answer: m.DestroyEndpoint(endpoint=answer.id),
-        )
-
-    async def _declare(
-        self,
-        connection: Connection,
-        make: Callable[[int], m.Message],
-        admit: Callable[[m.Created], None],
-        undo: Callable[[m.Created], m.Message],
-    ) -> None:
-        requests: list[int] = []
-
-        def declaration(number: int) -> m.Message:
-            requests.append(number)
-            self._admissions[number] = admit
-            return make(number)
-
-        self._hand_over()  # what was published before must not seem to come after
-        try:
-            await connection.request(declaration)
-        finally:
-            if requests and requests[0] in self._admissions:
-                # Nobody waits for the answer any more: what it creates is not wanted.
-                self._admissions[requests[0]] = lambda answer: connection.send(undo(answer))
-
-    async def _declare_again(self) -> None:
-        connection = self._connection
-        assert connection is not None
-        await asyncio.gather(*(self._declare_node(connection, node) for node in self._nodes))
-        for node, endpoints in self._nodes.items():
-            await asyncio.gather(
-                *(self._declare_endpoint(connection, node, endpoint) for endpoint in endpoints)
-            )
-        for tell in self._observers:
+    async def _declare_again(self, connection: Connection) -> None:
+        await self._declarations.declare_again(connection)
+        for tell in tuple(self._observers):
             tell(await connection.request(lambda number: m.Observe(request=number)))
 
     def _set_heartbeat(self) -> None:
-        if self._connection is None or not self._connection.lease_s:
-            return
-        leases = [
-            endpoint.qos.liveliness_lease_duration
-            for endpoints in self._nodes.values()
-            for endpoint in endpoints
-            if endpoint.kind == "publisher" and endpoint.qos.liveliness_lease_duration is not None
-        ]
-        self._connection.beat(min([self._connection.lease_s, *leases]) / 3)
+        if self._connection is not None and self._connection.lease_s:
+            lease_s = self._declarations.shortest_lease_s() or self._connection.lease_s
+            self._connection.beat(min(lease_s, self._connection.lease_s) / 3)
 
 
 def _forked() -> None:
@@ -445,9 +347,8 @@ def _forked() -> None:
         link.failure = ForkError(
             "this node was made before a fork; make a node of its own in the child process"
         )
-        for endpoints in link._nodes.values():
-            for endpoint in endpoints:
-                endpoint.refusal = link.failure
+        for endpoint in link._declarations:
+            endpoint.refusal = link.failure
 
 
 os.register_at_fork(after_in_child=_forked)

@@ -93,8 +93,7 @@ class Node:
             if self._wants_rosout:
                 await self._open_rosout()
         except BaseException:
-            self._link.release()
-            self._link = None
+            await self.close()
             raise
 
     async def close(self) -> None:
@@ -253,6 +252,7 @@ class Node:
         try:
             await link.declare(self, endpoint)
         except BaseException as error:
+            link.forget(endpoint)
             endpoint.end(ConnectionClosed(f"not created: {error}"))
             raise
         self._endpoints = [one for one in self._endpoints if one.refusal is None]

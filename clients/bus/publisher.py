@@ -77,6 +77,8 @@ class Publisher(Endpoint[M]):
         self._queue = RunQueue(depth, account)
         self._history = RunQueue(depth, account) if qos.durability is Durability.TRANSIENT_LOCAL else None
         self._next_seq = 1
+        self.samples = 0
+        self.bytes = 0
         # The run that is open: heads and payloads in turn, and how many more bytes may go into it.
         self._parts: list[Buffer] = []
         self._budget = 0
@@ -191,10 +193,14 @@ class Publisher(Endpoint[M]):
         link.report(self)
         if self._history is not None:
             self._history.push(Run(0, 0, first_seq, samples, body))
-        if self.id and not self._queue.runs and len(body) < _SHORT_BYTES:
-            # Nothing waits: past the queues, which is most of what one message costs at a moderate rate.
-            if link.send_now(data_head(self.id, first_seq, samples, len(body)) + body):
-                return
+        if (
+            # Nothing waits: past the queues, which are most of what one message costs at a moderate rate.
+            self.id
+            and not self._queue.runs
+            and len(body) < _SHORT_BYTES
+            and link.send_now(data_head(self.id, first_seq, samples, len(body)) + body)
+        ):
+            return
         self._replaced += self._queue.push(Run(0, 0, first_seq, samples, body))
         if self.id:
             link.make_ready(self._queue)
@@ -355,9 +361,8 @@ class Publisher(Endpoint[M]):
                 async with asyncio.timeout(_DRAIN_S):
                     await self._link.wait_for_drain(self._queue)
             except (TimeoutError, ConnectionClosed):
-                self._logger.warning(
-                    f"{self._queue.count} messages on '{self.topic_name}' could not be handed over before the end"
-                )
+                lost = self._queue.count
+                self._logger.warning(f"{lost} messages on '{self.topic_name}' could not be handed over")
 
     def _type_warning(self) -> str:
         return f"Incompatible type on topic '{self.topic_name}', no messages will be sent to it."

@@ -5,7 +5,6 @@ what is replaced costs next to nothing. One wake-up handles everything that has 
 """
 
 import asyncio
-from collections import deque
 from collections.abc import AsyncIterator, Callable
 from inspect import iscoroutinefunction, signature
 from time import monotonic_ns
@@ -16,24 +15,20 @@ import msgspec
 from bus.endpoint import Endpoint
 from bus.errors import ConnectionClosed
 from bus.events import LivelinessChanged, MessageLost, SubscriptionEvents
+from bus.inbox import Inbox, Source
 from bus.link import Link
 from bus.logger import Logger
 from bus.qos import Durability, History, QoSProfile, Reliability
 from bus.typesupport import TypeSupport
 from bus.wire import messages as m
-from bus.wire.layout import RECORD_HEAD, RECORD_HEAD_BYTES
-from bus.wire.runs import Account, Run, RunQueue
+from bus.wire.runs import Run
 
 M = TypeVar("M", bound=msgspec.Struct)
 
-_INBOX_BYTES = 256 << 20
 _TURN_NS = 5_000_000
 _ACK_DELAY_S = 0.02
-_ALL = 1 << 30
-_SHORT_BYTES = 4096
 _MOST_IN_A_TURN = 64
-
-_unpack_record = RECORD_HEAD.unpack_from
+_MOST_REMEMBERED = 1024
 
 
 class MessageInfo(NamedTuple):
@@ -65,21 +60,6 @@ class SubscriptionStatistics(msgspec.Struct, frozen=True):
     """Publishers matched now."""
 
 
-class _Source:
-    """A publisher that this subscription hears."""
-
-    __slots__ = ("gid", "is_alive", "last_seq", "lifespan_ns", "needs_ack", "taken_bytes", "taken_seq")
-
-    def __init__(self, gid: bytes, last_seq: int, lifespan_ns: int, *, needs_ack: bool) -> None:
-        self.gid = gid
-        self.last_seq = last_seq
-        self.lifespan_ns = lifespan_ns
-        self.needs_ack = needs_ack
-        self.is_alive = True
-        self.taken_seq = last_seq
-        self.taken_bytes = 0
-
-
 class Subscription(Endpoint[M]):
     """Receives messages of one type on one topic; made by `Node.create_subscription`.
 
@@ -102,17 +82,18 @@ class Subscription(Endpoint[M]):
     ) -> None:
         super().__init__(link, node, topic, support, qos, events, logger, on_error)
         keeps_all = qos.history is History.KEEP_ALL
-        self._decode = support.decode
-        self._inbox = RunQueue(0 if keeps_all else qos.depth, Account(_INBOX_BYTES))
+        self._inbox: Inbox[M] = Inbox(
+            support.decode,
+            0 if keeps_all else qos.depth,
+            on_drop=lambda reason, count: self._tell_lost(),
+            on_reject=self._reject,
+            on_taken=self._acknowledge,
+        )
         self._is_lossless = keeps_all and qos.reliability is Reliability.RELIABLE
-        self._sources: dict[int, _Source] = {}
         self._last_seqs: dict[bytes, int] = {}
-        self._dropped: dict[str, int] = {}
         self._dropped_by_broker: dict[str, int] = {}
         self._dropped_by_earlier_brokers: dict[str, int] = {}
         self._lost_told = 0
-        self._ahead: deque[tuple[M, Run, int, int]] = deque()  # message, run, stamp, number
-        self._current: tuple[M, Run, int, int] | None = None
         self._ack_bytes = 1
         self._ack_samples = 1
         self._ack_timer: asyncio.TimerHandle | None = None
@@ -127,27 +108,27 @@ class Subscription(Endpoint[M]):
 
     def take(self) -> tuple[M, MessageInfo] | None:
         """The oldest waiting message and its info; None where none waits. Never blocks."""
-        message = self._next()
-        return None if message is None else (message, self._info())
+        taken = self._inbox.take()
+        return None if taken is None else (taken[0], self._info(taken))
 
     async def receive(self) -> tuple[M, MessageInfo]:
         """Wait for the next message; returns it with its info.
 
         Cancellation: no message is lost. Raises ConnectionClosed once the subscription is closed.
         """
-        while (message := self._next()) is None:
+        while (taken := self._inbox.take()) is None:
             await self._wait()
-        return message, self._info()
+        return taken[0], self._info(taken)
 
     def __aiter__(self) -> AsyncIterator[M]:
         return self
 
     async def __anext__(self) -> M:
-        while (message := self._next()) is None:
+        while (taken := self._inbox.take()) is None:
             if type(self.refusal) is ConnectionClosed:
                 raise StopAsyncIteration
             await self._wait()
-        return message
+        return taken[0]
 
     async def wait_for_publishers(self, number: int = 1) -> None:
         """Wait until at least `number` publishers are matched. Cancellation leaves nothing behind."""
@@ -159,9 +140,9 @@ class Subscription(Endpoint[M]):
 
     def statistics(self) -> SubscriptionStatistics:
         return SubscriptionStatistics(
-            delivered=self.samples - len(self._ahead),
-            bytes=self.bytes,
-            queued=self._inbox.count + len(self._ahead),
+            delivered=self._inbox.delivered,
+            bytes=self._inbox.bytes,
+            queued=self._inbox.queued,
             dropped=self._all_dropped(),
             publishers=len(self._matches),
         )
@@ -170,21 +151,10 @@ class Subscription(Endpoint[M]):
 
     def receive_run(self, run: Run) -> None:
         """A run has come; it is not delivered before `wake`, but for a callback that would lose it."""
-        source = self._sources.get(run.source)
-        if source is not None:
-            run.lifespan_ns = source.lifespan_ns
-            if run.first_seq != source.last_seq + 1 and not self._check_numbers(run, source):
-                return
-            source.last_seq = run.first_seq + run.count - 1
-        if self._inbox.append(run):
+        if self._inbox.put(run):
             if self._callback is not None and not self._is_async:
                 self._dispatch()
-            replaced = self._inbox.trim()
-            if replaced:
-                self._drop("replaced", replaced)
-            over = self._inbox.drop_over_quota()
-            if over:
-                self._drop("memory_limit", over)
+            self._inbox.trim()
 
     def wake(self) -> None:
         """All that has come is in the queue: deliver it."""
@@ -210,13 +180,14 @@ class Subscription(Endpoint[M]):
 
     def declared(self, answer: m.Created) -> None:
         super().declared(answer)
-        self._inbox.depth = answer.depth
+        self._inbox.set_depth(answer.depth)
         self._ack_bytes = answer.window_bytes // 8
         self._ack_samples = answer.window_samples // 8
         self._watch_deadline()
 
     def disconnected(self) -> None:
-        self._last_seqs |= {source.gid: source.last_seq for source in self._sources.values()}
+        heard = {source.gid: source.last_seq for source in self._inbox.sources.values()}
+        self._last_seqs = dict([*self._last_seqs.items(), *heard.items()][-_MOST_REMEMBERED:])
         super().disconnected()
         for reason, count in self._dropped_by_broker.items():
             self._dropped_by_earlier_brokers[reason] = self._dropped_by_earlier_brokers.get(reason, 0) + count
@@ -226,15 +197,16 @@ class Subscription(Endpoint[M]):
     def handle(self, message: Any) -> None:
         match message:
             case m.Matched():
-                self._sources[message.other] = self._make_source(message)
+                self._inbox.sources[message.other] = self._make_source(message)
                 super().handle(message)
             case m.Unmatched(other=other):
-                source = self._sources.get(other)
+                source = self._inbox.sources.get(other)
+                super().handle(message)
                 if source is not None and not source.is_alive:
                     self._tell_liveliness(0, -1)
-                super().handle(message)
+                self._inbox.forget(other)
             case m.LivelinessChanged(publisher=publisher, alive=alive):
-                source = self._sources.get(publisher)
+                source = self._inbox.sources.get(publisher)
                 if source is not None and source.is_alive is not alive:
                     source.is_alive = alive
                     self._tell_liveliness(1 if alive else -1, -1 if alive else 1)
@@ -248,10 +220,10 @@ class Subscription(Endpoint[M]):
         """This subscription's counters, for the graph."""
         return m.Report(
             endpoint=self.id,
-            samples=self.samples - len(self._ahead),
-            bytes=self.bytes,
-            queued=self._inbox.count + len(self._ahead),
-            dropped=self._dropped,
+            samples=self._inbox.delivered,
+            bytes=self._inbox.bytes,
+            queued=self._inbox.queued,
+            dropped=self._inbox.dropped,
         )
 
     def end(self, reason: Any) -> None:
@@ -281,66 +253,15 @@ class Subscription(Endpoint[M]):
             if not waiter.done():
                 waiter.set_result(None)
 
-    def _next(self) -> M | None:
-        """The oldest message that can be delivered; None where there is none."""
-        if not self._ahead:
-            self._decode_ahead(_ALL if self._is_lossless else 1)
-            if not self._ahead:
-                return None
-        self._current = self._ahead.popleft()
-        return self._current[0]
-
-    def _decode_ahead(self, limit: int) -> None:
-        """Decode up to `limit` samples of the oldest run that has one to deliver.
-
-        What is decoded is taken: a newer sample replaces it no more. So more than one is decoded only where
-        nothing is ever replaced (keep all) and where nothing can come in between (a callback's turn).
-        """
-        inbox, ahead, decode = self._inbox, self._ahead, self._decode
-        while inbox.runs and not ahead:
-            run = inbox.runs[0]
-            if run.lifespan_ns and (expired := inbox.drop_expired(monotonic_ns())):
-                self._drop("expired", expired)
-                continue
-            begin, first_seq, held = inbox.offset, run.first_seq + inbox.skipped, run.count - inbox.skipped
-            offset, number = begin, min(limit, held)
-            length = len(run.body)
-            # Slicing bytes copies and is faster for short payloads; a view is for long ones.
-            body = run.body if length < _SHORT_BYTES * run.count else memoryview(run.body)
-            for seq in range(first_seq, first_seq + number):
-                start = offset + RECORD_HEAD_BYTES
-                if start > length:
-                    break
-                size, stamp_ns = _unpack_record(body, offset)
-                offset = start + size
-                if offset > length:
-                    break
-                try:
-                    ahead.append((decode(body[start:offset]), run, stamp_ns, seq))
-                except (ValueError, RecursionError) as error:
-                    self._reject(size, error)
-            else:
-                inbox.advance(number, offset)
-                self.samples += len(ahead)
-                self.bytes += offset - begin - number * RECORD_HEAD_BYTES
-                if self._is_lossless:
-                    self._note_taken(run.source, first_seq + number - 1, offset - begin)
-                continue
-            # The run is shorter than it claims: what it still claims is gone with it.
-            self.samples += len(ahead)
-            inbox.advance(held, length)
-            self._drop("undecodable", first_seq + held - seq)
-
-    def _info(self) -> MessageInfo:
-        """About the message that `_next` gave last."""
-        assert self._current is not None
-        _, run, stamp_ns, seq = self._current
-        source = self._sources.get(run.source)
+    def _info(self, taken: tuple[M, Run, int, int]) -> MessageInfo:
+        _, run, stamp_ns, seq = taken
+        source = self._inbox.sources.get(run.source)
+        offset_ns = self._link.wall_offset_ns
         return MessageInfo(
-            stamp_ns + self._link.wall_offset_ns,
-            run.received_ns + self._link.wall_offset_ns,
+            stamp_ns + offset_ns,
+            run.received_ns + offset_ns,
             seq,
-            self.samples - len(self._ahead),
+            self._inbox.delivered,
             source.gid if source is not None else b"",
         )
 
@@ -348,30 +269,27 @@ class Subscription(Endpoint[M]):
         if self._is_dispatching:
             return
         self._is_dispatching = True
-        callback, ahead = self._callback, self._ahead
+        callback, inbox, wants_info = self._callback, self._inbox, self._wants_info
         assert callback is not None
         end_ns = monotonic_ns() + _TURN_NS
-        number = 1
+        calls, number = 0, 1
         try:
-            while self.refusal is None:
-                if not ahead:
-                    self._decode_ahead(number)
-                    if not ahead:
-                        return
-                while ahead and self.refusal is None:
-                    self._current = ahead.popleft()
-                    if self._wants_info:
-                        callback(self._current[0], self._info())
-                    else:
-                        callback(self._current[0])
-                if not self._inbox.runs:
+            while self.refusal is None and (taken := inbox.take(number)) is not None:
+                if wants_info:
+                    callback(taken[0], self._info(taken))
+                else:
+                    callback(taken[0])
+                calls += 1
+                if calls < number:
+                    continue
+                if not inbox.has_more:
                     return
                 if monotonic_ns() > end_ns:
                     # Let timers and sockets have their turn: a slow callback must not see stale messages.
                     self._link.loop.call_soon(self._dispatch)
                     return
                 # A callback that proves fast gets more at a time, which saves looking at the clock.
-                number = min(2 * number, _MOST_IN_A_TURN)
+                calls, number = 0, min(2 * number, _MOST_IN_A_TURN)
         except Exception as error:
             self._on_error(error)
         finally:
@@ -389,66 +307,45 @@ class Subscription(Endpoint[M]):
         except Exception as error:
             self._on_error(error)
 
-    def _make_source(self, matched: m.Matched) -> _Source:
+    def _make_source(self, matched: m.Matched) -> Source:
         last_seq = matched.next_seq - 1
         known_seq = self._last_seqs.pop(matched.gid, None)
         if known_seq is not None:
             if known_seq < last_seq and self.qos.durability is Durability.VOLATILE:
-                self._drop("disconnected", last_seq - known_seq)
+                self._inbox.drop("disconnected", last_seq - known_seq)
             # A publisher that tells a new broker its history again repeats what we know.
             last_seq = max(last_seq, known_seq)
         needs_ack = self._is_lossless and (
             matched.qos.history is History.KEEP_ALL and matched.qos.reliability is Reliability.RELIABLE
         )
-        return _Source(matched.gid, last_seq, matched.qos.lifespan_ns, needs_ack=needs_ack)
+        return Source(matched.gid, last_seq, matched.qos.lifespan_ns, needs_ack=needs_ack)
 
-    def _check_numbers(self, run: Run, source: _Source) -> bool:
-        """Numbers don't follow on: drop what was received before a reconnection, count what is missing."""
-        if run.is_replay:
-            # The history may begin before the match; a replay comes first and its numbers ascend.
-            return True
-        if run.first_seq + run.count - 1 <= source.last_seq:
-            return False
-        if run.first_seq <= source.last_seq:
-            known = source.last_seq + 1 - run.first_seq
-            queue = RunQueue(0, Account(_INBOX_BYTES))
-            queue.append(run)
-            (rest,) = queue.newest(run.count - known, 0)
-            run.first_seq, run.count, run.body = rest.first_seq, rest.count, rest.body
-        return True
-
-    def _note_taken(self, number: int, seq: int, size: int) -> None:
-        source = self._sources.get(number)
-        if source is None or not source.needs_ack:
-            return
-        source.taken_bytes += size
-        source.taken_seq, before = seq, source.taken_seq
-        if source.taken_bytes >= self._ack_bytes or (seq // self._ack_samples != before // self._ack_samples):
-            source.taken_bytes = 0
-            self._link.send_about(self, m.Ack(subscription=self.id, source=number, seq=seq))
+    def _acknowledge(self, number: int, source: Source) -> None:
+        """Samples of a lossless publisher were taken: tell it now if they are many, else a little later."""
+        samples = source.taken_seq - source.acked_seq
+        if source.unacked_bytes >= self._ack_bytes or samples >= self._ack_samples:
+            self._send_ack(number, source)
         elif self._ack_timer is None:
-            self._ack_timer = self._link.loop.call_later(_ACK_DELAY_S, self._ack_all)
+            self._ack_timer = self._link.loop.call_later(_ACK_DELAY_S, self._acknowledge_all)
 
-    def _ack_all(self) -> None:
+    def _acknowledge_all(self) -> None:
         self._ack_timer = None
-        for number, source in self._sources.items():
+        for number, source in self._inbox.sources.items():
             if source.needs_ack and number in self._matches:
-                source.taken_bytes = 0
-                self._link.send_about(self, m.Ack(subscription=self.id, source=number, seq=source.taken_seq))
+                self._send_ack(number, source)
 
-    def _drop(self, reason: str, count: int) -> None:
-        self._dropped[reason] = self._dropped.get(reason, 0) + count
-        self._tell_lost()
+    def _send_ack(self, number: int, source: Source) -> None:
+        source.acked_seq, source.unacked_bytes = source.taken_seq, 0
+        self._link.send_about(self, m.Ack(subscription=self.id, source=number, seq=source.taken_seq))
 
     def _reject(self, size: int, error: Exception) -> None:
         self._logger.warning(
             f"a message of {size} bytes on '{self.topic_name}' is no {self.support.name}: {error}",
             throttle_duration_sec=5.0,
         )
-        self._drop("undecodable", 1)
 
     def _all_dropped(self) -> dict[str, int]:
-        total = dict(self._dropped)
+        total = dict(self._inbox.dropped)
         for part in (self._dropped_by_broker, self._dropped_by_earlier_brokers):
             for reason, count in part.items():
                 total[reason] = total.get(reason, 0) + count
@@ -464,7 +361,8 @@ class Subscription(Endpoint[M]):
                 self._tell(callback, MessageLost(total, change, reasons))
 
     def _tell_liveliness(self, alive_change: int, not_alive_change: int) -> None:
-        lost = sum(not self._sources[other].is_alive for other in self._matches if other in self._sources)
+        sources = self._inbox.sources
+        lost = sum(not sources[other].is_alive for other in self._matches if other in sources)
         alive = len(self._matches) - lost
         self._tell(
             self._events.liveliness_changed, LivelinessChanged(alive, lost, alive_change, not_alive_change)

@@ -2,31 +2,28 @@
 
 import asyncio
 import os
-import pty
 import re
 import signal
 import sys
 from collections.abc import AsyncIterator, Callable, Iterable, Iterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from importlib import import_module
-from math import atan2, hypot
 from pathlib import Path
 from time import time_ns
 from typing import Any
+from uuid import uuid4
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import bus
 from bus.msg.geometry_msgs import Twist, Vector3
-from bus.msg.sensor_msgs import Image
 from bus.msg.std_msgs import String
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 ROBOT = EXAMPLES / "robot"
 LAYERS = ("perception", "cognition", "actuation", "monitoring")
 LIMIT_S = 120.0
+pytestmark = pytest.mark.asyncio(loop_factories=["uvloop"])  # the programs choose their own
 PUBLISHED = re.compile(r'\[INFO\] \[\d{10}\.\d{9}\] \[minimal_publisher\]: Publishing: "Hello World: (\d+)"')
 HEARD = re.compile(r'\[INFO\] \[\d{10}\.\d{9}\] \[(listener_[12])\]: I heard: "Hello World: (\d+)"')
 
@@ -34,8 +31,9 @@ HEARD = re.compile(r'\[INFO\] \[\d{10}\.\d{9}\] \[(listener_[12])\]: I heard: "H
 class Program:
     """A running program; its lines, stdout and stderr in one, are kept as they come."""
 
-    def __init__(self, process: asyncio.subprocess.Process) -> None:
+    def __init__(self, process: asyncio.subprocess.Process, mark: str) -> None:
         self.process = process
+        self._mark = f"EXAMPLE_RUN={mark}".encode()
         self.lines: list[str] = []
         self._news = asyncio.Condition()
         self._reader = asyncio.create_task(self._read())
@@ -55,6 +53,19 @@ class Program:
         await self._reader
         return await self.process.wait()
 
+    def family(self, command: str = "") -> list[int]:
+        """Pids of the program and its children, those with `command` in their command line."""
+        found = []
+        for entry in Path("/proc").glob("[0-9]*"):
+            try:
+                is_ours = self._mark in (entry / "environ").read_bytes().split(b"\0")
+                line = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+            except OSError:
+                continue  # it has ended, or is another user's
+            if is_ours and command in line:
+                found.append(int(entry.name))
+        return found
+
     async def _read(self) -> None:
         assert self.process.stdout is not None
         async for line in self.process.stdout:
@@ -68,63 +79,37 @@ class Program:
 @asynccontextmanager
 async def running(folder: Path, *command: str | Path, **variables: str) -> AsyncIterator[Program]:
     """A Python program with its temporary files in `folder`; killed if it outlives the test."""
-    # Its own children inherit TMPDIR, which tells them from all other processes.
-    environ = {**os.environ, "TMPDIR": str(folder), "BUSD_SOCKET": str(folder / "0.sock"), **variables}
+    mark = str(uuid4())  # in the environment of its children, too
     process = await asyncio.create_subprocess_exec(
         sys.executable,
         *command,
-        env=environ,
+        env={**os.environ, "TMPDIR": str(folder), **variables, "EXAMPLE_RUN": mark},
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.STDOUT,
         start_new_session=True,
     )
-    program = Program(process)
+    program = Program(process, mark)
     try:
         async with asyncio.timeout(LIMIT_S):
             yield program
     finally:
-        if process.returncode is None:
-            process.kill()
-        for pid in processes(folder):
+        for pid in program.family():
             os.kill(pid, signal.SIGKILL)
         await program.end()
 
 
-def processes(folder: Path, command: str = "") -> list[int]:
-    """Pids of the processes that were started with `folder` as TMPDIR and have `command` in their command."""
-    found = []
-    for entry in Path("/proc").glob("[0-9]*"):
-        try:
-            variables = (entry / "environ").read_bytes().split(b"\0")
-            line = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode()
-        except OSError:
-            continue  # it has ended, or is another user's
-        if f"TMPDIR={folder}".encode() in variables and command in line:
-            found.append(int(entry.name))
-    return found
-
-
-def assert_nothing_is_left(folder: Path) -> None:
-    assert processes(folder) == []
+def assert_nothing_is_left(program: Program, folder: Path) -> None:
+    assert program.family() == []
     assert list(folder.iterdir()) == []
-
-
-@asynccontextmanager
-async def busd(folder: Path) -> AsyncIterator[Path]:
-    """A daemon in `folder`; gives its socket."""
-    async with running(folder, "-m", "busd") as daemon:
-        await daemon.line("listening on")
-        yield folder / "0.sock"
-        daemon.process.send_signal(signal.SIGINT)
-        assert await daemon.end() == 0
 
 
 # --- the lesson's two programs
 
 
+@pytest.mark.usefixtures("daemon")
 async def test_the_talker_obeys_its_arguments_and_ends_quietly(tmp_path: Path) -> None:
     rename = ("--ros-args", "-r", "__node:=other", "-r", "topic:=/somewhere/x")
-    async with busd(tmp_path) as socket, bus.Node("test", socket=socket, arguments=()) as node:
+    async with bus.Node("test", arguments=()) as node:
         subscription = await node.create_subscription(String, "/somewhere/x")
         async with running(tmp_path, EXAMPLES / "talker.py", *rename) as talker:
             texts = [(await subscription.receive())[0].data for _ in range(3)]
@@ -136,9 +121,10 @@ async def test_the_talker_obeys_its_arguments_and_ends_quietly(tmp_path: Path) -
     assert all(re.fullmatch(pattern, line) for line in talker.lines)
 
 
+@pytest.mark.usefixtures("daemon")
 async def test_the_listener_warns_of_an_empty_message_and_ends_quietly(tmp_path: Path) -> None:
     rename = ("--ros-args", "-r", "__node:=other", "-r", "topic:=x")
-    async with busd(tmp_path) as socket, bus.Node("test", socket=socket, arguments=()) as node:
+    async with bus.Node("test", arguments=()) as node:
         publisher = await node.create_publisher(String, "x")
         async with running(tmp_path, EXAMPLES / "listener.py", *rename) as listener:
             await publisher.wait_for_subscriptions()
@@ -172,7 +158,7 @@ async def test_the_demo_ends_by_itself_when_both_listeners_heard_everything(tmp_
     assert published == [str(number) for number in range(len(published))]
     assert heard == {"listener_1": published, "listener_2": published}
     assert verdict == f"Both listeners heard all {len(published)} messages."
-    assert_nothing_is_left(tmp_path)
+    assert_nothing_is_left(demo, tmp_path)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -182,17 +168,17 @@ async def test_a_signal_ends_the_demo_and_leaves_nothing(tmp_path: Path, number:
         demo.process.send_signal(number)
         assert await demo.end() == 0
     assert all(PUBLISHED.fullmatch(line) or HEARD.fullmatch(line) for line in demo.lines)
-    assert_nothing_is_left(tmp_path)
+    assert_nothing_is_left(demo, tmp_path)
 
 
 async def test_a_demo_whose_listener_dies_fails_and_says_so(tmp_path: Path) -> None:
     async with running(tmp_path, EXAMPLES / "demo.py", "60") as demo:
         await demo.line(r"listener_2.*Hello World: 0")
-        (listener,) = processes(tmp_path, "__node:=listener_2")
+        (listener,) = demo.family("__node:=listener_2")
         os.kill(listener, signal.SIGKILL)
         assert await demo.end() == 1
     assert demo.lines[-1] == "The demo failed: listener_2 was ended by SIGKILL."
-    assert_nothing_is_left(tmp_path)
+    assert_nothing_is_left(demo, tmp_path)
 
 
 async def test_a_demo_too_short_for_a_message_fails(tmp_path: Path) -> None:
@@ -245,7 +231,7 @@ async def test_the_robot_ends_by_itself_with_a_summary(tmp_path: Path) -> None:
         assert "too slow a machine, or too busy" in verdict
     else:
         assert verdict == "Every layer lived, every topic flowed."
-    assert_nothing_is_left(tmp_path)
+    assert_nothing_is_left(robot, tmp_path)
 
 
 async def test_ctrl_c_ends_the_robot_and_leaves_nothing(tmp_path: Path) -> None:
@@ -254,7 +240,7 @@ async def test_ctrl_c_ends_the_robot_and_leaves_nothing(tmp_path: Path) -> None:
         robot.process.send_signal(signal.SIGINT)
         assert await robot.end() == 0
     assert all(line.startswith(("/", "topic ", "export ")) for line in robot.lines), robot.lines
-    assert_nothing_is_left(tmp_path)
+    assert_nothing_is_left(robot, tmp_path)
 
 
 class Observer:
@@ -339,26 +325,26 @@ async def test_killing_and_restarting_busd_leaves_the_layers_running(
         assert {one.pid for one in after.nodes} == {one.pid for one in before.nodes}
 
 
+REFUSED = {
+    "angular.z is 9, allowed is -2 to 2": Twist(angular=Vector3(z=9.0)),
+    "linear.x is nan, allowed is -0.5 to 1": Twist(linear=Vector3(x=float("nan"))),
+    "linear.y is -0.1, allowed is 0 to 0": Twist(linear=Vector3(x=0.5, y=-0.1)),
+}
+
+
+@pytest.mark.usefixtures("daemon")
 async def test_actuation_refuses_what_is_out_of_bounds_and_stops_without_commands(tmp_path: Path) -> None:
     good = Twist(linear=Vector3(x=0.5), angular=Vector3(z=-2.0))
-    async with busd(tmp_path) as socket, bus.Node("test", socket=socket, arguments=()) as node:
+    async with bus.Node("test", arguments=()) as node:
         applied = await node.create_subscription(Twist, "/cmd_vel_applied")
+        commands = await node.create_publisher(Twist, "/cmd_vel")
         async with running(tmp_path, ROBOT / "actuation.py") as actuation:
-            await applied.wait_for_publishers()
-            commands = await node.create_publisher(Twist, "/cmd_vel")
-            for bad in (
-                Twist(angular=Vector3(z=9.0)),
-                Twist(linear=Vector3(x=float("nan"))),
-                Twist(linear=Vector3(x=0.5, y=-0.1)),
-            ):
-                commands.publish(bad)
+            await commands.wait_for_subscriptions()
+            for reason, command in REFUSED.items():
+                commands.publish(command)
+                await actuation.line(rf"\[WARN\] .* \[actuation\]: refused a command: {reason}$")
             commands.publish(good)
             assert [(await applied.receive())[0] for _ in range(2)] == [good, Twist()]
+            await actuation.line(r"\[WARN\] .* \[actuation\]: no command for 0.5 s: stopped$")
             actuation.process.send_signal(signal.SIGTERM)
             assert await actuation.end() == 0
-    assert [line.partition("[actuation]: ")[2] for line in actuation.lines] == [
-        "refused a command: angular.z is 9, allowed is -2 to 2",
-        "refused a command: linear.x is nan, allowed is -0.5 to 1",
-        "refused a command: linear.y is -0.1, allowed is 0 to 0",
-        "no command for 0.5 s: stopped",
-    ]

@@ -1,73 +1,39 @@
 """A peer that breaks the protocol is told why and cut off; the others do not notice. Real busd, raw sockets."""
 
-import struct
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
+import select
+import socket
+from collections.abc import Callable
 
 import pytest
-from neighbours import Neighbours, resident_bytes, wait_until
-from raw_peer import HELLO, STRING, RawPeer, control, data, text
+from neighbours import wait_until, with_limits
+from raw_peer import HELLO, RawPeer, control, data, text
 
-from bus.qos import QoSProfile
+from bus.qos import History, QoSProfile
 from bus.wire import messages as m
 from bus.wire.layout import (
     CONTROL,
     DATA,
-    DATA_HEAD,
     FRAME_HEAD,
     MAX_CONTROL_BYTES,
     MAX_COUNT,
     VERSION,
 )
-from bus.wire.runs import Run, frame_record
+from bus.wire.runs import Run
 from conftest import Daemon
 
-MiB = 1 << 20
+
+pytestmark = pytest.mark.usefixtures("neighbours")
 
 
-@pytest.fixture
-def settings() -> str:
-    """What stands in busd.toml; a test's own by `with_limits`."""
-    return ""
-
-
-@pytest.fixture
-def daemon(start_daemon: Callable[..., Daemon], tmp_path: Path, settings: str) -> Daemon:
-    config = tmp_path / "busd.toml"
-    config.write_text(settings)
-    return start_daemon("--config", str(config))
-
-
-@pytest.fixture(autouse=True)
-def neighbours(daemon: Daemon) -> Iterator[Neighbours]:
-    """They talk all the while, must hear all of it, and busd must not grow because of anybody's rudeness."""
-    with Neighbours(daemon.path) as neighbours:
-        before = resident_bytes(daemon.pid)
-        yield neighbours
-        neighbours.carry_on()
-        grown = resident_bytes(daemon.pid) - before
-        assert grown < 64 * MiB, f"busd has grown by {grown / MiB:.0f} MiB"
-
-
-@pytest.fixture
-def peer(daemon: Daemon) -> Iterator[RawPeer]:
-    """One that has connected and said nothing yet."""
-    with RawPeer(daemon.path) as peer:
-        yield peer
-
-
-@pytest.fixture
-def other(daemon: Daemon) -> Iterator[RawPeer]:
-    """One that is polite, for the rude one to be rude to."""
-    with RawPeer(daemon.path) as other:
-        yield other.hello()
-
-
-def with_limits(**limits: float) -> Any:
-    """Runs the test's daemon with these limits."""
-    lines = ["[limits]", *(f"{name} = {value}" for name, value in limits.items())]
-    return pytest.mark.parametrize("settings", ["\n".join(lines)], ids=["limits"])
+def told_by_id(number: int) -> list[m.Message]:
+    """Every message about something that the broker gave an id to."""
+    return [
+        m.DestroyNode(node=number),
+        m.DestroyEndpoint(endpoint=number),
+        m.AssertLiveliness(publisher=number),
+        m.Ack(subscription=number, source=number, seq=0),
+        m.Report(endpoint=number, samples=0, bytes=0),
+    ]
 
 
 def knows_of(asker: RawPeer, node: str) -> bool:
@@ -75,39 +41,198 @@ def knows_of(asker: RawPeer, node: str) -> bool:
     return any(one.name == node for one in graph.nodes)
 
 
+GARBAGE = [
+    (b"GET / HTTP/1.1\r\nHost: busd\r\n\r\n", "frame of unknown kind 47"),
+    (bytes(64), "frame of unknown kind 0"),
+    (b"\xff" * 64, "frame of unknown kind 255"),
+    # lengths that lie: nothing, less than a head, less than a data frame's head, too much, all there is
+    (FRAME_HEAD.pack(0, CONTROL, 0, 0), "frame of 0 bytes"),
+    (FRAME_HEAD.pack(3, CONTROL, 0, 0), "frame of 3 bytes"),
+    (FRAME_HEAD.pack(4, DATA, 0, 0), "frame of 4 bytes"),
+    (FRAME_HEAD.pack(5 + MAX_CONTROL_BYTES, CONTROL, 0, 0), "frame of 1048581 bytes"),
+    (FRAME_HEAD.pack(0xFFFFFFFF, CONTROL, 0, 0), "frame of 4294967295 bytes"),
+    (FRAME_HEAD.pack(0xFFFFFFFF, DATA, 0, 0), "frame of 4294967295 bytes"),
+    (FRAME_HEAD.pack(8, CONTROL, 1, 0), "frame with unknown flags 0x1"),
+    (FRAME_HEAD.pack(40, DATA, 2, 0), "frame with unknown flags 0x2"),
+    (FRAME_HEAD.pack(8, CONTROL, 0, 7), "frame with unknown flags"),
+    (data(1, text("x"), count=0), "data frame without samples"),
+    (data(1, text("x"), first_seq=MAX_COUNT, count=2), "the last number is"),
+    (control(b""), "control message not understood"),
+    (control(b"\xc1"), "control message not understood"),
+    (control(b"\x81\xa1m\xa4what"), "control message not understood: Invalid value 'what'"),
+    (control(b"\x82\xa1m\xa5graph\xa7request\x01"), "control message not understood"),
+    (control(b"\x82\xa1m\xa5node+\xa4name\xa4\xff\xfe\xfd\xfc"), "control message not understood"),
+    (control(b"\x91" * 100_000 + b"\xc0"), "control message not understood"),
+    (control(b"\x82\xa1m\xa4ping\xa1x" + b"\x91" * 100_000 + b"\xc0"), "control message not understood"),
+    (control(b"\xdd\xff\xff\xff\xff"), "control message not understood"),
+    (control(b"\x82\xa1m\xa4ping\xa1x\xc6\xff\xff\xff\xff"), "control message not understood"),
+]
+
+
 class TestBytes:
     """What is no frame, or no frame yet."""
 
-    @pytest.mark.parametrize(
-        ("garbage", "reason"),
-        [
-            (b"GET / HTTP/1.1\r\nHost: busd\r\n\r\n", "frame of unknown kind 47"),
-            (bytes(64), "frame of unknown kind 0"),
-            (b"\xff" * 64, "frame of unknown kind 255"),
-            (FRAME_HEAD.pack(0, CONTROL, 0, 0), "frame of 0 bytes"),
-            (FRAME_HEAD.pack(3, CONTROL, 0, 0), "frame of 3 bytes"),
-            (FRAME_HEAD.pack(4, DATA, 0, 0), "frame of 4 bytes"),
-            (FRAME_HEAD.pack(0xFFFFFFFF, CONTROL, 0, 0), "frame of 4294967295 bytes"),
-            (FRAME_HEAD.pack(0xFFFFFFFF, DATA, 0, 0), "frame of 4294967295 bytes"),
-            (FRAME_HEAD.pack(5 + MAX_CONTROL_BYTES, CONTROL, 0, 0), "frame of 1048581 bytes"),
-            (FRAME_HEAD.pack(8, CONTROL, 1, 0), "frame with unknown flags 0x1"),
-            (FRAME_HEAD.pack(40, DATA, 2, 0), "frame with unknown flags 0x2"),
-            (FRAME_HEAD.pack(8, CONTROL, 0, 7), "frame with unknown flags"),
-            (data(1, text("x"), count=0), "data frame without samples"),
-            (data(1, text("x"), first_seq=MAX_COUNT, count=2), "the last number is"),
-            (control(b""), "control message not understood"),
-            (control(b"\xc1"), "control message not understood"),
-            (control(b"\x81\xa1m\xa4what"), "control message not understood"),
-            (control(b"\x82\xa1m\xa5graph\xa7request\x01"), "control message not understood"),
-            (control(b"\x82\xa1m\xa4node\xa4\xff\xfe\xfd\xfc\xa1x"), "control message not understood"),
-            (control(b"\x91" * 100_000 + b"\xc0"), "control message not understood"),
-            (control(b"\xdd\xff\xff\xff\xff"), "control message not understood"),
-        ],
-        ids=lambda value: value if isinstance(value, str) else "",
-    )
-    @pytest.mark.parametrize("greeted", [True, False], ids=["after Hello", "before Hello"])
-    def test_garbage(self, peer: RawPeer, garbage: bytes, reason: str, greeted: bool) -> None:
-        if greeted:
-            peer.hello()
-        peer.write(garbage)
-        assert reason in peer.fault()
+    @pytest.mark.parametrize("opening", [HELLO, b""], ids=["after Hello", "before Hello"])
+    def test_garbage_is_named_and_ends_the_connection(self, daemon: Daemon, opening: bytes) -> None:
+        for garbage, reason in GARBAGE:
+            with RawPeer(daemon.path) as peer:
+                peer.write(opening + garbage)
+                assert reason in peer.fault(), garbage[:40]
+
+    def test_what_came_before_the_garbage_is_answered(self, peer: RawPeer) -> None:
+        peer.write(HELLO + m.encode_frame(m.Ping(number=5)) + b"garbage!")
+        *_, pong, fault = peer.until_end()
+        assert pong == m.Pong(number=5)
+        assert isinstance(fault, m.Fault)
+
+    def test_a_frame_that_never_ends(self, daemon: Daemon, other: RawPeer) -> None:
+        """Cut at every place, then the sender goes: its node goes with it, and nothing else happens."""
+        with RawPeer(daemon.path) as measure:
+            publisher = measure.hello().publisher(measure.node("measure"), "/t").id
+        frame = data(publisher + 2, text("never heard"))
+        for stop in range(len(frame)):
+            with RawPeer(daemon.path) as peer:
+                publisher = peer.hello().publisher(peer.node("halved"), "/t").id
+                peer.write(data(publisher, text("never heard"))[:stop])
+        wait_until(lambda: not knows_of(other, "halved"))
+
+    def test_frames_drop_by_drop(self, peer: RawPeer, other: RawPeer) -> None:
+        subscription = other.subscription(other.node("listener"), "/t").id
+        for byte in HELLO:
+            peer.write(bytes([byte]))
+        peer.expect(m.Hello)
+        publisher = peer.publisher(peer.node("slow"), "/t").id
+        for seq in range(1, 4):
+            for byte in data(publisher, text(f"drop {seq}"), first_seq=seq):
+                peer.write(bytes([byte]))
+        heard = [other.expect(Run) for _ in range(3)]
+        assert [(run.endpoint, run.first_seq) for run in heard] == [(subscription, seq) for seq in (1, 2, 3)]
+        assert all(f"drop {run.first_seq}".encode() in bytes(run.body) for run in heard)
+
+    def test_half_closed_is_closed(self, peer: RawPeer, other: RawPeer) -> None:
+        peer.hello().node("half")
+        peer.socket.shutdown(socket.SHUT_WR)
+        assert peer.receive() is None
+        assert not knows_of(other, "half")
+
+    def test_one_that_will_not_listen(self, peer: RawPeer, other: RawPeer) -> None:
+        peer.hello().node("deaf")
+        peer.socket.shutdown(socket.SHUT_RD)
+        peer.send(m.Ping())
+        wait_until(lambda: not knows_of(other, "deaf"))
+
+
+class TestHello:
+    def test_another_version(self, peer: RawPeer) -> None:
+        peer.send(m.Hello(version=VERSION + 1))
+        fault = peer.fault()
+        assert f"version {VERSION + 1} offered" in fault
+        assert f"speaks {VERSION}" in fault
+
+    def test_a_second_one(self, peer: RawPeer) -> None:
+        peer.hello().write(HELLO)
+        assert peer.fault() == "a Hello came a second time"
+
+    def test_something_else_first(self, daemon: Daemon) -> None:
+        firsts = [m.encode_frame(m.Ping()), m.encode_frame(m.StopBroker(request=1)), data(1, text("x"))]
+        for first in firsts:
+            with RawPeer(daemon.path) as peer:
+                peer.write(first + HELLO)
+                assert peer.fault().endswith("came before Hello")
+
+    @with_limits(handshake_s=0.3)
+    @pytest.mark.parametrize("part", [b"", HELLO[:5], HELLO[:-1]], ids=["silence", "a head", "a part"])
+    def test_one_that_never_comes(self, peer: RawPeer, part: bytes) -> None:
+        peer.write(part)
+        assert peer.fault() == "no Hello within 0.3 s"
+
+    @with_limits(handshake_s=0.5)
+    def test_one_that_comes_too_slowly(self, peer: RawPeer) -> None:
+        """Each byte is a sign of life, but not a Hello."""
+        for byte in HELLO[:-1]:
+            if select.select([peer.socket], [], [], 0.02)[0]:
+                break
+            peer.write(bytes([byte]))
+        assert peer.fault() == "no Hello within 0.5 s"
+
+    @with_limits(handshake_s=0.3, lease_s=0.5)
+    def test_one_that_is_silent_after_it(self, peer: RawPeer) -> None:
+        assert peer.hello().fault().startswith("no sign of life for 0.")
+
+    def test_a_name_that_does_not_fit_a_log(self, daemon: Daemon, peer: RawPeer) -> None:
+        peer.send(m.Hello(version=VERSION, program="x\n[ERROR] [0.0] [busd]: forged\x1b[2J" + "y" * 500_000))
+        peer.expect(m.Hello)
+        peer.send(m.DestroyNode(node=1))
+        assert peer.fault() == "node 1 is not one of yours"
+        wait_until(lambda: "is not one of yours" in daemon.log.read_text())
+        log = daemon.log.read_text()
+        assert "\n[ERROR]" not in log
+        assert "\x1b" not in log
+        assert all(len(line) < 2000 for line in log.splitlines())
+
+
+class TestIds:
+    """Numbers that the peer was never given."""
+
+    def test_that_do_not_exist(self, daemon: Daemon) -> None:
+        for message in told_by_id(999_999):
+            with RawPeer(daemon.path) as peer:
+                peer.hello().send(message)
+                assert peer.fault().endswith("999999 is not one of yours"), message
+        with RawPeer(daemon.path) as peer:
+            peer.hello().write(data(999_999, text("x")))
+            assert "publisher 999999, which is not one of yours" in peer.fault()
+
+    def test_that_are_out_of_range(self, daemon: Daemon) -> None:
+        for number in (-1, -(1 << 63), 1 << 32, (1 << 64) - 1):
+            for message in told_by_id(number):
+                with RawPeer(daemon.path) as peer:
+                    peer.hello().send(message)
+                    assert peer.fault()
+
+    def test_of_another_peer(self, daemon: Daemon, other: RawPeer) -> None:
+        node = other.node("owner")
+        publisher = other.publisher(node, "/owned").id
+        subscription = other.subscription(node, "/owned").id
+        for number in (node, publisher, subscription):
+            for message in told_by_id(number):
+                with RawPeer(daemon.path) as peer:
+                    peer.hello().send(message)
+                    assert f"{number} is not one of yours" in peer.fault(), message
+            with RawPeer(daemon.path) as peer:
+                peer.hello().write(data(number, text("forged")))
+                assert "not one of yours" in peer.fault()
+        other.write(data(publisher, text("true")))
+        assert b"true" in bytes(other.expect(Run).body)
+
+    def test_of_the_wrong_kind(self, daemon: Daemon) -> None:
+        def own(peer: RawPeer) -> tuple[int, int, int]:
+            node = peer.hello().node("mixed")
+            return node, peer.publisher(node, "/t").id, peer.subscription(node, "/t").id
+
+        wrong: list[Callable[[int, int, int], bytes]] = [
+            lambda node, pub, sub: data(sub, text("x")),
+            lambda node, pub, sub: data(node, text("x")),
+            lambda node, pub, sub: m.encode_frame(m.Ack(subscription=pub, source=pub, seq=0)),
+            lambda node, pub, sub: m.encode_frame(m.AssertLiveliness(publisher=sub)),
+            lambda node, pub, sub: m.encode_frame(m.DestroyNode(node=pub)),
+            lambda node, pub, sub: m.encode_frame(m.DestroyEndpoint(endpoint=node)),
+            lambda node, pub, sub: m.encode_frame(m.Report(endpoint=node, samples=1, bytes=1)),
+        ]
+        for make in wrong:
+            with RawPeer(daemon.path) as peer:
+                peer.write(make(*own(peer)))
+                assert peer.fault()
+
+    def test_acknowledging_what_was_not_sent(self, daemon: Daemon, other: RawPeer) -> None:
+        keep_all = QoSProfile(history=History.KEEP_ALL)
+        publisher = other.publisher(other.node("windowed"), "/lossless", qos=keep_all).id
+        for seq in (1, 1 << 40):
+            with RawPeer(daemon.path) as peer:
+                subscription = peer.hello().subscription(peer.node(), "/lossless", qos=keep_all).id
+                peer.send(m.Ack(subscription=subscription, source=publisher, seq=seq))
+                assert f"sample {seq} of publisher {publisher} acknowledged" in peer.fault()
+        with RawPeer(daemon.path) as peer:
+            subscription = peer.hello().subscription(peer.node(), "/lossless", qos=keep_all).id
+            peer.send(m.Ack(subscription=subscription, source=publisher + 1000, seq=7))
+            peer.barrier()  # of a publisher that went a moment ago: not a fault

@@ -7,7 +7,7 @@ import pytest
 
 from bus.cli.fields import FieldPath
 from bus.cli.output import CommandError
-from bus.msg.geometry_msgs import Point, PoseArray, Pose, PoseStamped
+from bus.msg.geometry_msgs import Point, Pose, PoseArray, PoseStamped
 from bus.msg.sensor_msgs import JointState
 from bus.msg.std_msgs import ByteMultiArray, String, UInt8MultiArray
 from bus.typesupport import type_support
@@ -76,7 +76,11 @@ def test_the_type_of_what_is_there(cls: type[msgspec.Struct], path: str, node: o
         (String, "data[x]", "Invalid field value 'data[x]'"),
         (String, ".data", "Invalid field value '.data'"),
         (String, "data.", "Invalid field value 'data.'"),
-        (String, "__class__.__init__", "Invalid field '__class__.__init__': 'String' object has no attribute '__class__'"),
+        (
+            String,
+            "__class__.__init__",
+            "Invalid field '__class__.__init__': 'String' object has no attribute '__class__'",
+        ),
     ],
 )
 def test_a_wrong_path_is_known_before_any_message(cls: type[msgspec.Struct], path: str, text: str) -> None:

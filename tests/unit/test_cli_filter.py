@@ -103,7 +103,9 @@ def test_what_is_not_allowed(expression: str) -> None:
         compile_filter(expression)(String(data="x"))
 
 
-@pytest.mark.parametrize("expression", ["'x' * 10**9", "[1] * 1000000000", "'%1000000000d' % 1", "m.data + m.data"])
+@pytest.mark.parametrize(
+    "expression", ["'x' * 10**9", "[1] * 1000000000", "'%1000000000d' % 1", "m.data + m.data"]
+)
 def test_arithmetic_is_for_numbers(expression: str) -> None:
     with pytest.raises(CommandError, match=r"--filter"):
         compile_filter(expression)(String(data="x"))

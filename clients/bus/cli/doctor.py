@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bus.address import domain_id, socket_path
+from bus.cli.main import version
 from bus.cli.output import print_json
 from bus.cli.query import NotRunning, Query
 from bus.errors import BusError
@@ -154,8 +155,6 @@ def _leftovers(path: Path) -> Iterator[Finding]:
 
 def _versions() -> Iterator[Finding]:
     import msgspec
-
-    from bus.cli.main import version
 
     python = ".".join(map(str, sys.version_info[:3]))
     if sys.version_info >= _MIN_PYTHON:

@@ -82,29 +82,13 @@ class TestSeveralPublishers:
         world = World()
         first, second = publishers(world, kept(3), "abc", "xyz")
         listener = world.process()
-        early = listener.subscription("/other")
-        other = world.process().publisher("/other")
-        node = listener._own_node()
         listener.is_blocked = True
-        other.publish("first in the socket")
-        listener.tell(
-            m.CreateSubscription(
-                request=99,
-                node=node.id,
-                topic="/topic",
-                type_name="test_msgs/msg/Text",
-                type_hash="hash-1",
-                qos=kept(3),
-                gid=bytes(16),
-            )
-        )
+        late = listener.subscription("/topic", kept(3))
         first.publish_many("1234")
         listener.unblock()
-        (created,) = (one for one in listener.got(m.Created) if one.request == 99)
-        assert early.payloads == ["first in the socket"]
-        found = listener.samples[created.id]
-        assert [one.payload for one in found if one.source == second.id] == [*"xyz"]
-        assert [one.payload for one in found if one.source == first.id] == [*"bc1234"], "one was replaced"
+        assert [one.payload for one in late.samples if one.source == second.id] == [*"xyz"]
+        assert [one.payload for one in late.samples if one.source == first.id] == [*"bc1234"]
+        assert late.statistics().dropped == {"replaced": 1}
 
     def test_history_dies_with_its_publisher(self) -> None:
         world = World()
@@ -189,25 +173,13 @@ class TestMemory:
             for _ in range(8):
                 publisher.publish("x" * 1000)
         listener = world.process()
-        node = listener._own_node()
-        listener.declare_type(("test_msgs/msg/Text", "hash-1"))
         listener.is_blocked = True
-        for request in range(5):
-            listener.tell(
-                m.CreateSubscription(
-                    request=1000 + request,
-                    node=node.id,
-                    topic="/topic",
-                    type_name="test_msgs/msg/Text",
-                    type_hash="hash-1",
-                    qos=kept(8),
-                    gid=bytes(16),
-                )
-            )
+        subscriptions = []
+        for _ in range(5):
+            subscriptions.append(listener.subscription("/topic", kept(8)))
             assert self.account(listener, "queued") <= 15 * KIB
-        world.advance(0.1)
         listener.unblock()
-        for created in (one for one in listener.got(m.Created) if one.request >= 1000):
-            dropped = [one.dropped for one in listener.got(m.Dropped) if one.subscription == created.id]
-            lost = dropped[-1]["memory_limit"] if dropped else 0
-            assert len(listener.samples.get(created.id, [])) + lost == 24
+        for subscription in subscriptions:
+            lost = subscription.statistics().dropped.get("memory_limit", 0)
+            assert len(subscription.payloads) + lost == 24
+        assert sum(subscription.statistics().dropped.get("memory_limit", 0) for subscription in subscriptions)

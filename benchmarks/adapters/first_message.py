@@ -1,0 +1,50 @@
+"""The programs of startup.py: a listener that is there already, and a talker that has just been started."""
+
+import asyncio
+import sys
+from time import monotonic_ns
+
+import bus
+from benchmarks.work import TOPIC
+from benchmarks.worker import Parent, run, tell
+from bus.msg.std_msgs import String
+
+
+async def listener(parent: Parent) -> None:
+    """Says when the first message came."""
+    async with bus.Node("bench_listener") as node:
+        sub = await node.create_subscription(String, TOPIC)
+        parent.tell("ready")
+        async for _ in sub:
+            tell("received", at_ns=monotonic_ns())
+            break
+        await asyncio.Event().wait()
+
+
+async def talker() -> None:
+    """As a user would write it: ends once it has published."""
+    async with bus.Node("bench_talker") as node:
+        pub = await node.create_publisher(String, TOPIC)
+        await pub.wait_for_subscriptions()
+        pub.publish(String(data="Hello World: 0"))
+
+
+async def alone() -> None:
+    """Talker and listener in one program; says when the message came."""
+    async with bus.Node("bench_alone") as node:
+        sub = await node.create_subscription(String, TOPIC)
+        pub = await node.create_publisher(String, TOPIC)
+        pub.publish(String(data="Hello World: 0"))
+        async for _ in sub:
+            tell("received", at_ns=monotonic_ns())
+            break
+
+
+if __name__ == "__main__":
+    match sys.argv[1]:
+        case "listener":
+            run(listener)
+        case "talker":
+            bus.run(talker())
+        case "alone":
+            bus.run(alone())

@@ -1,0 +1,95 @@
+"""The program of check_cost.py: times the parts of `publish` for some messages, round by round."""
+
+import asyncio
+from collections.abc import Callable
+from time import monotonic_ns
+from timeit import Timer
+from typing import Any
+
+import msgspec
+
+import bus
+from benchmarks.work import text_of
+from benchmarks.worker import Parent, options, run
+from bus.msg.geometry_msgs import Quaternion, Twist, Vector3
+from bus.msg.sensor_msgs import Image, Imu
+from bus.msg.std_msgs import Header, String
+from bus.typesupport import type_support
+
+_DEPTH = 1000
+
+
+class Rounds(msgspec.Struct, frozen=True):
+    """About how long each part of a round may take."""
+
+    part_s: float
+
+
+def messages() -> dict[str, msgspec.Struct]:
+    """What is published, filled with values as they occur."""
+    header = Header(frame_id="base_link")
+    return {
+        "String of 64 B": String(data=text_of(64)),
+        "Twist": Twist(linear=Vector3(x=0.5, y=0.0, z=0.0), angular=Vector3(x=0.0, y=0.0, z=-1.25)),
+        "Imu": Imu(
+            header=header,
+            orientation=Quaternion(x=0.1, y=0.2, z=0.3, w=0.9),
+            orientation_covariance=[0.01 * index for index in range(9)],
+            angular_velocity=Vector3(x=0.01, y=0.02, z=0.03),
+            linear_acceleration=Vector3(x=0.1, y=0.2, z=9.81),
+        ),
+        "Image of 1 MiB": Image(
+            header=header, height=512, width=2048, encoding="mono8", step=2048, data=bytes(1 << 20)
+        ),
+    }
+
+
+def per_call_ns(call: Callable[[Any], object], message: msgspec.Struct, limit_s: float) -> float:
+    """Mean time of a call over about `limit_s`."""
+    timer = Timer("call(message)", globals={"call": call, "message": message})
+    once_s = min(timer.repeat(3, 1))
+    number = max(1, min(100_000, int(limit_s / max(once_s, 1e-8))))
+    return timer.timeit(number) / number * 1e9
+
+
+async def publish_ns(pub: bus.Publisher[Any], message: msgspec.Struct, number: int, burst: int) -> float:
+    """Mean time of `publish`, called `burst` times in each turn of the event loop, `number` times in all."""
+    spent_ns = 0
+    publish = pub.publish
+    for _ in range(max(1, number // burst)):
+        begin_ns = monotonic_ns()
+        for _ in range(burst):
+            publish(message)
+        spent_ns += monotonic_ns() - begin_ns
+        await pub.flush()
+        await asyncio.sleep(0)
+    return spent_ns / (max(1, number // burst) * burst)
+
+
+async def main(parent: Parent) -> None:
+    part_s = options(Rounds).part_s
+    async with bus.Node("bench_costs") as node:
+        held = []
+        for index, (name, message) in enumerate(messages().items()):
+            pub: bus.Publisher[Any] = await node.create_publisher(type(message), f"costs_{index}", _DEPTH)
+            held.append((name, message, pub))
+        parent.tell("ready")
+        while True:
+            await parent.wait_for("round")
+            figures = {}
+            for name, message, pub in held:
+                support = type_support(type(message))
+                check = per_call_ns(support.is_valid, message, part_s)
+                encode = per_call_ns(support.encode, message, part_s)
+                number = max(20, min(20_000, int(part_s * 1e9 / (check + encode) / 10)))
+                figures[name] = {
+                    "check_ns": check,
+                    "encode_ns": encode,
+                    "flood_ns": await publish_ns(pub, message, number, 8 if encode > 10_000 else 200),
+                    "single_ns": await publish_ns(pub, message, max(20, number // 10), 1),
+                }
+            parent.tell("measured", figures=figures)
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,50 @@
+"""What the parts of `publish` cost: the check of the types, the encoding, all of it."""
+
+import msgspec
+
+from benchmarks.adapters.publish_costs import Rounds, messages
+from benchmarks.cases import Figures, Outcome
+from benchmarks.harness import START_S, Failure, Group
+from benchmarks.plan import Plan
+from benchmarks.report import Column, Row, Section, compare
+
+NAME = "check_cost"
+_LIMIT_S = 60.0
+_PROGRAM = "benchmarks.adapters.publish_costs"
+_COLUMNS = [
+    Column("check_ns", "ns: type check"),
+    Column("encode_ns", "encode"),
+    Column("flood_ns", "publish, in a flood"),
+    Column("single_ns", "publish, one a turn"),
+]
+_NOTES = [
+    "check and encode are parts of publish; a flood is 200 messages (8 images) in a turn of the event loop, "
+    "of which runs are made; one a turn also pays for the system call that sends it",
+    "no subscription: busd reads what comes, and forgets it",
+]
+
+
+def run(plan: Plan) -> Section:
+    """Measure each message; a round takes them in turns."""
+    outcomes = {name: Outcome(name) for name in messages()}
+    try:
+        with Group() as group:
+            group.start_busd()
+            rounds = Rounds(part_s=plan.choose(20, 50) / 1000)
+            program = group.start_python("costs", "-m", _PROGRAM, msgspec.json.encode(rounds).decode())
+            group.expect(program, "ready", within_s=START_S)
+            for number in range(plan.repetitions):
+                plan.tell(f"check_cost {number + 1} of {plan.repetitions}")
+                program.tell("round")
+                event = group.expect(program, "measured", within_s=_LIMIT_S)
+                for name, figures in msgspec.convert(event["figures"], dict[str, Figures]).items():
+                    outcomes[name].repetitions.append(figures)
+    except Failure as error:
+        for outcome in outcomes.values():
+            outcome.failure = str(error)
+    comparisons = []
+    for name, outcome in outcomes.items():
+        shares = [one["check_ns"] / one["flood_ns"] for one in outcome.repetitions]
+        comparisons += compare(f"{name}: check as a part of publish in a flood", shares)
+    rows = [Row.of(outcome) for outcome in outcomes.values()]
+    return Section(NAME, "Publish: what its parts cost", _COLUMNS, rows, comparisons, _NOTES)

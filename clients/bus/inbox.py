@@ -1,0 +1,190 @@
+"""What has come for a subscription and was not taken yet: bounded, accounted, decoded when it is taken.
+
+Owns the queue of undecoded runs, the counts of what was delivered and dropped here, and the publishers that
+are heard: up to which number, and what was acknowledged. Does no I/O; its owner delivers and acknowledges.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from time import monotonic_ns
+from typing import Generic, TypeVar
+
+from bus.wire.layout import RECORD_HEAD, RECORD_HEAD_BYTES
+from bus.wire.runs import Account, Run, RunQueue
+
+M = TypeVar("M")
+
+INBOX_BYTES = 256 << 20
+"""A keep-all subscription holds no more in its process; then the oldest go, counted as memory_limit."""
+
+ALL = 1 << 30
+
+_SHORT_BYTES = 4096
+_MOST_GONE = 64
+_unpack_record = RECORD_HEAD.unpack_from
+
+
+class Source:
+    """A publisher that is heard: the last number received and taken, and what is not yet acknowledged."""
+
+    __slots__ = (
+        "acked_seq",
+        "gid",
+        "is_alive",
+        "last_seq",
+        "lifespan_ns",
+        "needs_ack",
+        "taken_seq",
+        "unacked_bytes",
+    )
+
+    def __init__(self, gid: bytes, last_seq: int, lifespan_ns: int, *, needs_ack: bool) -> None:
+        self.gid = gid
+        self.last_seq = last_seq
+        self.lifespan_ns = lifespan_ns
+        self.needs_ack = needs_ack
+        self.is_alive = True
+        self.taken_seq = self.acked_seq = last_seq
+        self.unacked_bytes = 0
+
+
+class Inbox(Generic[M]):
+    """`depth` 0 is keep all; then `take` decodes a whole run at once, because nothing is ever replaced.
+
+    `on_drop(reason, count)` is told of every sample lost here, `on_reject(size, error)` of those that do not
+    decode, `on_taken(source number, source)` of what a lossless publisher must learn.
+    """
+
+    def __init__(
+        self,
+        decode: Callable[[bytes | bytearray | memoryview], M],
+        depth: int,
+        *,
+        on_drop: Callable[[str, int], None],
+        on_reject: Callable[[int, Exception], None],
+        on_taken: Callable[[int, Source], None],
+    ) -> None:
+        self.samples = 0
+        self.bytes = 0
+        self.dropped: dict[str, int] = {}
+        self.sources: dict[int, Source] = {}
+        self._gone: deque[int] = deque()
+        self._decode = decode
+        self._queue = RunQueue(depth, Account(INBOX_BYTES))
+        self._ahead: deque[tuple[M, Run, int, int]] = deque()
+        self._on_drop = on_drop
+        self._on_reject = on_reject
+        self._on_taken = on_taken
+
+    @property
+    def delivered(self) -> int:
+        return self.samples - len(self._ahead)
+
+    @property
+    def queued(self) -> int:
+        return self._queue.count + len(self._ahead)
+
+    @property
+    def has_more(self) -> bool:
+        return bool(self._ahead or self._queue.runs)
+
+    def set_depth(self, depth: int) -> None:
+        self._queue.depth = depth
+
+    def forget(self, number: int) -> None:
+        """A publisher has gone; samples of it may still come, so the last ones are remembered for a while."""
+        self._gone.append(number)
+        if len(self._gone) > _MOST_GONE:
+            self.sources.pop(self._gone.popleft(), None)
+
+    def put(self, run: Run) -> bool:
+        """Queue a run; returns whether the inbox now holds too much and is to be trimmed."""
+        source = self.sources.get(run.source)
+        if source is not None:
+            run.lifespan_ns = source.lifespan_ns
+            if run.first_seq <= source.last_seq and not run.is_replay and not _skip_known(run, source):
+                return False
+            source.last_seq = run.first_seq + run.count - 1
+        return self._queue.append(run)
+
+    def trim(self) -> None:
+        """Drop the oldest beyond the bounds, and count them."""
+        if replaced := self._queue.trim():
+            self.drop("replaced", replaced)
+        if over := self._queue.drop_over_quota():
+            self.drop("memory_limit", over)
+
+    def drop(self, reason: str, count: int) -> None:
+        """Count samples that were lost."""
+        self.dropped[reason] = self.dropped.get(reason, 0) + count
+        self._on_drop(reason, count)
+
+    def take(self, limit: int = 1) -> tuple[M, Run, int, int] | None:
+        """The oldest message with its run, stamp and number; None where there is none.
+
+        `limit`: how many may be decoded at once. What is decoded is taken: a newer sample replaces it no
+        more. So that is 1, but where nothing is ever replaced or nothing can come in between.
+        """
+        if not self._ahead:
+            self._decode_ahead(limit)
+            if not self._ahead:
+                return None
+        return self._ahead.popleft()
+
+    def _decode_ahead(self, limit: int) -> None:
+        queue, ahead, decode = self._queue, self._ahead, self._decode
+        if not queue.depth:
+            limit = ALL
+        while queue.runs and not ahead:
+            run = queue.runs[0]
+            if run.lifespan_ns and (expired := queue.drop_expired(monotonic_ns())):
+                self.drop("expired", expired)
+                continue
+            begin, first_seq, held = queue.offset, run.first_seq + queue.skipped, run.count - queue.skipped
+            offset, number = begin, min(limit, held)
+            length = len(run.body)
+            # Slicing bytes copies and is faster for short payloads; a view is for long ones.
+            body = run.body if length < _SHORT_BYTES * run.count else memoryview(run.body)
+            seq = first_seq
+            for seq in range(first_seq, first_seq + number):
+                start = offset + RECORD_HEAD_BYTES
+                if start > length:
+                    break
+                size, stamp_ns = _unpack_record(body, offset)
+                offset = start + size
+                if offset > length:
+                    break
+                try:
+                    ahead.append((decode(body[start:offset]), run, stamp_ns, seq))
+                except (ValueError, RecursionError) as error:
+                    self._on_reject(size, error)
+                    self.drop("undecodable", 1)
+            else:
+                queue.advance(number, offset)
+                self._count(run, len(ahead), offset - begin - number * RECORD_HEAD_BYTES, seq)
+                continue
+            # The run is shorter than it claims: what it still claims is gone with it.
+            queue.advance(held, length)
+            self._count(run, len(ahead), 0, first_seq + held - 1)
+            self.drop("undecodable", first_seq + held - seq)
+
+    def _count(self, run: Run, samples: int, size: int, seq: int) -> None:
+        self.samples += samples
+        self.bytes += size
+        source = self.sources.get(run.source)
+        if source is not None and source.needs_ack:
+            source.taken_seq = seq
+            source.unacked_bytes += size
+            self._on_taken(run.source, source)
+
+
+def _skip_known(run: Run, source: Source) -> bool:
+    """Cut off what was received before a reconnection; returns whether anything new is left."""
+    known = source.last_seq + 1 - run.first_seq
+    if known >= run.count:
+        return False
+    whole = RunQueue(0, Account(INBOX_BYTES))
+    whole.append(run)
+    (rest,) = whole.newest(run.count - known, 0)
+    run.first_seq, run.count, run.body = rest.first_seq, rest.count, rest.body
+    return True

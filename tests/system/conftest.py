@@ -1,0 +1,54 @@
+"""Fixtures of the tests that are rude to a daemon, and look whether others suffer."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from neighbours import Neighbours, resident_bytes
+from raw_peer import RawPeer
+
+from conftest import Daemon
+
+MOST_GROWTH_BYTES = 96 << 20
+"""What busd may grow by because of anybody's rudeness, where its limits are not set higher."""
+
+
+@pytest.fixture
+def settings() -> str:
+    """What stands in busd.toml; tests set it by parametrization."""
+    return ""
+
+
+@pytest.fixture
+def daemon(start_daemon: Callable[..., Daemon], tmp_path: Path, settings: str) -> Daemon:
+    if not settings:
+        return start_daemon()
+    config = tmp_path / "busd.toml"
+    config.write_text(settings)
+    return start_daemon("--config", str(config))
+
+
+@pytest.fixture
+def neighbours(daemon: Daemon) -> Iterator[Neighbours]:
+    """They talk all the while and must hear all of it; and busd must not grow."""
+    with Neighbours(daemon.path) as neighbours:
+        neighbours.carry_on()
+        before = resident_bytes(daemon.pid)
+        yield neighbours
+        neighbours.carry_on()
+        grown = resident_bytes(daemon.pid) - before
+        assert grown < MOST_GROWTH_BYTES, f"busd has grown by {grown >> 20} MiB"
+
+
+@pytest.fixture
+def peer(daemon: Daemon) -> Iterator[RawPeer]:
+    """One that has connected and said nothing yet."""
+    with RawPeer(daemon.path) as peer:
+        yield peer
+
+
+@pytest.fixture
+def other(daemon: Daemon) -> Iterator[RawPeer]:
+    """One that is polite, for the rude one to be rude to."""
+    with RawPeer(daemon.path) as other:
+        yield other.hello()

@@ -1,0 +1,331 @@
+"""Runs `bus` as its users do; and what is the same for all verbs."""
+
+import os
+import queue
+import re
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, NamedTuple, Self
+
+import pytest
+
+WAIT_S = 20.0 * float(os.environ.get("BUSD_TESTS_TIMEOUT_FACTOR", "1"))
+BUS = (sys.executable, "-m", "bus.cli")
+
+TALKER = """
+import asyncio, sys, bus
+from bus.msg.std_msgs import String
+async def main():
+    async with bus.Node("minimal_publisher") as node:
+        publisher = await node.create_publisher(String, "topic", 10)
+        print("ready", flush=True)
+        for number in range(1, 1_000_000):
+            publisher.publish(String(data=f"Hello World: {number}"))
+            await asyncio.sleep(float(sys.argv[1]))
+bus.run(main())
+"""
+LISTENER = """
+import asyncio, bus
+from bus.msg.std_msgs import String
+async def main():
+    async with bus.Node("minimal_subscriber") as node:
+        await node.create_subscription(String, "topic", 10, lambda message: None)
+        print("ready", flush=True)
+        await asyncio.Event().wait()
+bus.run(main())
+"""
+
+
+class Result(NamedTuple):
+    out: str
+    err: str
+    code: int
+
+
+class Running:
+    """A process whose lines are read as they come."""
+
+    def __init__(self, command: tuple[str, ...], **options: Any) -> None:
+        self.process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            **options,
+        )
+        self._out = self._read(self.process.stdout)
+        self._err = self._read(self.process.stderr)
+
+    @staticmethod
+    def _read(stream: IO[str] | None) -> "queue.Queue[str | None]":
+        lines: queue.Queue[str | None] = queue.Queue()
+
+        def read() -> None:
+            assert stream is not None
+            with stream:
+                for line in stream:
+                    lines.put(line)
+            lines.put(None)
+
+        threading.Thread(target=read, daemon=True).start()
+        return lines
+
+    def line(self) -> str:
+        """The next line of the standard output."""
+        return self._next(self._out, "stdout")
+
+    def error_line(self) -> str:
+        return self._next(self._err, "stderr")
+
+    def lines(self, count: int) -> str:
+        """The next lines, as one text."""
+        return "".join(f"{self.line()}\n" for _ in range(count))
+
+    def error_line_with(self, pattern: str) -> str:
+        """The next line of the standard error in which `pattern` is found."""
+        while not re.search(pattern, line := self.error_line()):
+            pass
+        return line
+
+    def line_with(self, pattern: str) -> str:
+        while not re.search(pattern, line := self.line()):
+            pass
+        return line
+
+    def write(self, text: str) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(text)
+        self.process.stdin.flush()
+
+    def end(self, number: int | None = None) -> Result:
+        """Send a signal, if one is given, and wait; returns what was not read yet, and the exit code."""
+        if number is not None:
+            self.process.send_signal(number)
+        elif self.process.stdin is not None:
+            self.process.stdin.close()
+        code = self.process.wait(WAIT_S)
+        return Result(self._rest(self._out), self._rest(self._err), code)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait(WAIT_S)
+        if self.process.stdin is not None and not self.process.stdin.closed:
+            try:
+                self.process.stdin.close()
+            except BrokenPipeError:
+                pass
+
+    def _next(self, lines: "queue.Queue[str | None]", name: str) -> str:
+        try:
+            line = lines.get(timeout=WAIT_S)
+        except queue.Empty:
+            raise TimeoutError(f"no line on {name} of {self.process.args!r}") from None
+        if line is None:
+            lines.put(None)
+            pytest.fail(f"{name} ended (code {self.process.poll()}); stderr: {self._rest(self._err)}")
+        return line.removesuffix("\n")
+
+    @staticmethod
+    def _rest(lines: "queue.Queue[str | None]") -> str:
+        text = ""
+        while (line := lines.get(timeout=WAIT_S)) is not None:
+            text += line
+        lines.put(None)
+        return text
+
+
+def bus(*words: str, stdin: str = "") -> Result:
+    """Run `bus` to its end."""
+    done = subprocess.run((*BUS, *words), input=stdin, capture_output=True, text=True, timeout=WAIT_S)
+    assert "Traceback" not in done.stderr, done.stderr
+    return Result(done.stdout, done.stderr, done.returncode)
+
+
+def start(*words: str, **options: Any) -> Running:
+    """Start a `bus` that stays."""
+    return Running((*BUS, *words), **options)
+
+
+@contextmanager
+def script(source: str, *arguments: str) -> Iterator[Running]:
+    """Run a program of a user's until the end of the block; it has said `ready`."""
+    with Running((sys.executable, "-c", source, *arguments)) as running:
+        assert running.line() == "ready"
+        yield running
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("verb", ["echo", "hz", "bw", "delay", "pub"])
+def test_signals_end_every_verb_that_stays(daemon: object, verb: str, number: signal.Signals) -> None:
+    words = (
+        ["topic", verb, "/topic", "std_msgs/msg/String"]
+        if verb in ("echo", "pub")
+        else ["topic", verb, "/topic"]
+    )
+    with start(*words) as running:
+        # Each says something once it runs: why it is silent, or what it publishes.
+        running.line() if verb == "pub" else running.error_line()
+        result = running.end(number)
+    assert result.code == {signal.SIGINT: 2, signal.SIGTERM: 15}[number]
+    assert "Traceback" not in result.err
+
+
+def test_a_reader_that_has_seen_enough_is_no_error(daemon: object) -> None:
+    with script(TALKER, "0.05"), start("topic", "echo", "/topic") as running:
+        assert running.line().startswith("data: ")
+        assert running.process.stdout is not None
+        os.kill(running.process.pid, 0)
+    shell = f"{sys.executable} -m bus.cli topic echo /topic; echo $? >&2"
+    with script(TALKER, "0.05"):
+        done = subprocess.run(
+            ["bash", "-c", f"({shell}) | head -1"], capture_output=True, text=True, timeout=WAIT_S
+        )
+    assert done.stdout.startswith("data: 'Hello World: ")
+    assert done.stderr == "0\n"
+
+
+def test_output_to_a_closed_pipe(daemon: object) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run((*BUS, "topic", "--help"), stdout=writer, stderr=subprocess.PIPE, timeout=WAIT_S)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("topic", "list"),
+        ("topic", "info", "-v", "/rosout"),
+        ("topic", "find", "std_msgs/msg/String"),
+        ("topic", "type", "/rosout"),
+        ("node", "list"),
+        ("node", "info", "/minimal_publisher"),
+        ("daemon", "status"),
+    ],
+)
+def test_what_asks_one_thing_imports_no_event_loop(daemon: object, words: tuple[str, ...]) -> None:
+    command = (sys.executable, "-X", "importtime", "-m", "bus.cli", *words)
+    with script(TALKER, "1"):
+        done = subprocess.run(command, capture_output=True, text=True, timeout=WAIT_S)
+    assert done.returncode == 0, done.stdout
+    imported = {line.rpartition("|")[2].strip().partition(".")[0] for line in done.stderr.splitlines()}
+    assert "msgspec" in imported
+    assert not imported & {"asyncio", "uvloop", "yaml"}
+
+
+def test_a_daemon_is_started_where_none_runs(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("BUSD_AUTOSTART")
+    assert bus("topic", "list") == Result("", "", 0)
+    assert socket_path.is_socket()
+    assert bus("daemon", "stop") == Result("The daemon has been stopped\n", "", 0)
+
+
+def test_daemon_start_status_stop(socket_path: Path) -> None:
+    assert bus("daemon", "status") == Result("The daemon is not running\n", "", 1)
+    assert bus("daemon", "start") == Result("The daemon has been started\n", "", 0)
+    try:
+        assert bus("daemon", "start") == Result("The daemon is already running\n", "", 0)
+        assert bus("daemon", "status") == Result("The daemon is running\n", "", 0)
+        status = bus("daemon", "status", "--json")
+        assert re.fullmatch(rf'{{"running":true,"pid":\d+,"socket":"{socket_path}"}}\n', status.out)
+    finally:
+        stopped = bus("daemon", "stop")
+    assert stopped == Result("The daemon has been stopped\n", "", 0)
+    assert not socket_path.exists()
+    assert bus("daemon", "stop") == Result("The daemon is not running\n", "", 0)
+    assert (
+        bus("daemon", "status", "--json").out == f'{{"running":false,"pid":null,"socket":"{socket_path}"}}\n'
+    )
+
+
+def test_a_started_daemon_has_no_idle_exit_and_takes_a_configuration(socket_path: Path) -> None:
+    config = socket_path.with_name("busd.toml")
+    config.write_text("[limits]\nnodes_per_peer = 0x\n")
+    failed = bus("daemon", "start", "--config", str(config))
+    assert failed.code == 1
+    assert failed.err.startswith(f"busd could not be started at {socket_path}: ")
+    config.write_text("")
+    started = bus("daemon", "start", "--json", "--config", str(config), "--log-level", "debug")
+    try:
+        (pid,) = re.findall(r'"pid":(\d+)', started.out)
+        command = Path(f"/proc/{pid}/cmdline").read_bytes()
+        assert b"--idle-exit" not in command
+        assert f"--config={config}".encode() in command
+    finally:
+        bus("daemon", "stop")
+
+
+def test_a_socket_that_does_not_answer(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    socket_path.touch()
+    failed = bus("topic", "list")
+    assert failed.code == 1
+    assert failed.err.startswith("no busd listens on") or "cannot connect" in failed.err
+
+
+def test_doctor_on_a_system_that_works(daemon: Any) -> None:
+    result = bus("doctor")
+    assert result.code == 0
+    assert re.search(
+        rf"^\[ ok \] daemon: pid {daemon.pid}, protocol 1, 0 nodes, up 0 h 0 min ", result.out, re.M
+    )
+    assert "[fail]" not in result.out
+
+
+def complete(line: str, tmp_path: Path) -> list[str]:
+    """What argcomplete offers for a command line, by its protocol (descriptor 8 takes the answer)."""
+    answer = tmp_path / "answer"
+    environ = {
+        **os.environ,
+        "_ARGCOMPLETE": "1",
+        "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
+        "_ARGCOMPLETE_IFS": "\n",
+        "COMP_LINE": line,
+        "COMP_POINT": str(len(line)),
+        "COMP_TYPE": "9",
+    }
+    subprocess.run(BUS, env=environ, capture_output=True, timeout=WAIT_S, check=True)
+    return [word.strip() for word in answer.read_text().splitlines()]
+
+
+def test_the_shell_completes_from_the_live_graph(daemon: object, tmp_path: Path) -> None:
+    pytest.importorskip("argcomplete")
+    with script(TALKER, "1"):
+        assert complete("bus topic ec", tmp_path) == ["echo"]
+        assert complete("bus topic echo /t", tmp_path) == ["/topic"]
+        assert complete("bus topic echo /topic ", tmp_path)[0] == "std_msgs/msg/String"
+        assert complete("bus node info /m", tmp_path) == ["/minimal_publisher"]
+        assert complete("bus topic find std_msgs/msg/Str", tmp_path) == ["std_msgs/msg/String"]
+        assert "--once" in complete("bus topic echo --on", tmp_path)
+
+
+def test_completion_starts_no_daemon(
+    socket_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("argcomplete")
+    monkeypatch.delenv("BUSD_AUTOSTART")
+    complete("bus topic echo /t", tmp_path)
+    assert not socket_path.exists()
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh"])
+def test_completion_code_can_be_evaluated(shell: str) -> None:
+    pytest.importorskip("argcomplete")
+    result = bus("completion", shell)
+    assert result.code == 0
+    assert "bus" in result.out
+    if shell == "bash":
+        subprocess.run(["bash", "-c", result.out], check=True, timeout=WAIT_S)

@@ -1,0 +1,150 @@
+"""`bus doctor`: each finding and what it advises."""
+
+import os
+import resource
+import socket
+import time
+from argparse import Namespace
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from bus.cli import doctor
+from bus.cli.doctor import Finding, examine
+
+
+@pytest.fixture
+def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    path = tmp_path / "0.sock"
+    monkeypatch.setenv("BUSD_SOCKET", str(path))
+    monkeypatch.delenv("BUSD_AUTOSTART", raising=False)
+    return path
+
+
+def look(subject: str, **options: object) -> Finding:
+    args = Namespace(**{"socket": None, "domain": None, "json": False, **options})
+    (found,) = (finding for finding in examine(args) if finding.subject == subject)
+    return found
+
+
+def test_the_socket_and_how_it_was_chosen(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert look("socket") == Finding("ok", "socket", f"{path} (from $BUSD_SOCKET)")
+    assert look("socket", socket="/x/y").text == "/x/y (from --socket)"
+    monkeypatch.delenv("BUSD_SOCKET")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(path.parent))
+    assert look("socket", domain=3).text == f"{path.parent}/busd/3.sock (from $XDG_RUNTIME_DIR, domain 3)"
+    monkeypatch.delenv("XDG_RUNTIME_DIR")
+    assert look("socket").text == f"/tmp/busd-{os.getuid()}/0.sock (from the default folder, domain 0)"
+
+
+def test_a_path_that_can_be_no_socket(path: Path) -> None:
+    found = look("socket", socket="/x" * 100)
+    assert found.mark == "fail"
+    assert "107" in found.text
+
+
+def test_a_folder_of_ours_is_fine(path: Path) -> None:
+    assert look("folder").mark == "ok"
+
+
+def test_a_folder_that_is_not_there(path: Path) -> None:
+    missing = path.parent / "missing"
+    assert look("folder", socket=str(missing / "0.sock")) == Finding(
+        "fail", "folder", f"{missing} is not there", f"mkdir -m 700 {missing}"
+    )
+
+
+def test_the_default_folder_is_made_by_busd(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("BUSD_SOCKET")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(path.parent))
+    folder = path.parent / "busd"
+    assert look("folder") == Finding("ok", "folder", f"{folder} is not there; busd makes it")
+    folder.mkdir(mode=0o755)
+    found = look("folder")
+    assert (found.mark, found.advice) == ("fail", f"chmod 700 {folder}")
+    folder.chmod(0o700)
+    assert look("folder").mark == "ok"
+
+
+def test_a_folder_where_anybody_can_replace_files(path: Path) -> None:
+    path.parent.chmod(0o777)
+    assert look("folder").advice == f"chmod o-w {path.parent}"
+    path.parent.chmod(0o1777)
+    assert look("folder").mark == "ok"
+
+
+def test_a_file_in_the_place_of_the_folder(path: Path) -> None:
+    path.touch()
+    assert look("folder", socket=str(path / "0.sock")).mark == "fail"
+
+
+def test_a_folder_of_another_user(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    us = os.geteuid()
+    monkeypatch.setattr(os, "geteuid", lambda: us + 1)
+    if us != 0:
+        assert "set BUSD_SOCKET" in look("folder").advice
+    monkeypatch.setattr(os, "geteuid", lambda: us)
+    assert look("folder").mark == "ok"
+
+
+def test_no_daemon_is_no_fault(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert look("daemon").mark == "warn"
+    monkeypatch.setenv("BUSD_AUTOSTART", "0")
+    assert look("daemon").advice == f"busd --socket {path}"
+
+
+def test_what_a_dead_daemon_left(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as dead:
+        dead.bind(str(path))
+    assert look("stale file").mark == "warn"
+
+
+def test_what_is_in_the_way(path: Path) -> None:
+    path.touch()
+    assert look("stale file") == Finding(
+        "fail", "stale file", f"{path} is in the way: it is no socket", f"rm {path}"
+    )
+
+
+def test_versions(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert look("msgspec").text == msgspec.__version__
+    assert look("python").mark == "ok"
+    monkeypatch.setattr(doctor, "version", lambda _: None)
+    assert look("uvloop") == Finding(
+        "warn", "uvloop", "not there; asyncio's own loop is slower", "pip install uvloop"
+    )
+
+
+def test_the_native_core_is_told_to_be_absent(path: Path) -> None:
+    assert look("native core").text == "not built yet in this version; messages take the socket route"
+
+
+def test_few_descriptors(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (256, 4096))
+    assert look("open files") == Finding("warn", "open files", "limit 256", "ulimit -n 4096")
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (4096, 4096))
+    assert look("open files").mark == "ok"
+
+
+def test_a_clock_that_is_not_set(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert look("clock").mark == "ok"
+    monkeypatch.setattr(time, "time", lambda: 0.0)
+    assert look("clock").mark == "warn"
+
+
+@pytest.mark.parametrize(("is_missing", "code"), [(False, 0), (True, 1)])
+def test_it_fails_where_something_fails(
+    path: Path, is_missing: bool, code: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    where = path.parent / "missing" / "0.sock" if is_missing else path
+    assert doctor.main(Namespace(socket=str(where), domain=None, json=False)) == code
+    lines = capsys.readouterr().out.splitlines()
+    assert all(line.startswith(("[ ok ] ", "[warn] ", "[fail] ", "       -> ")) for line in lines)
+    assert any(line.startswith("[fail]") for line in lines) is is_missing
+
+
+def test_json(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    doctor.main(Namespace(socket=None, domain=None, json=True))
+    lines = [msgspec.json.decode(line, type=dict) for line in capsys.readouterr().out.splitlines()]
+    assert {"mark", "subject", "text", "advice"} == set(lines[0])

@@ -1,0 +1,198 @@
+"""Parsers, dispatch and exit codes of `bus`, without a daemon."""
+
+import sys
+from argparse import ArgumentParser, _SubParsersAction
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from bus.cli import main as cli
+from bus.cli.main import COMMANDS, make_parser, run
+from bus.cli.output import CommandError
+from bus.cli.query import full_topic_name, full_type_name
+
+VERBS = [(command, verb) for command, (_, verbs) in COMMANDS.items() for verb in verbs or ("",)]
+
+
+@pytest.fixture(autouse=True)
+def nowhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No daemon is there, and none may be started."""
+    monkeypatch.setenv("BUSD_SOCKET", str(tmp_path / "no.sock"))
+    monkeypatch.setenv("BUSD_AUTOSTART", "0")
+    monkeypatch.setenv("COLUMNS", "100")
+
+
+def stop(*words: str) -> int:
+    """The exit code of a command line at which argparse ends the program."""
+    with pytest.raises(SystemExit) as caught:
+        run(words)
+    assert isinstance(caught.value.code, int)
+    return caught.value.code
+
+
+@pytest.mark.parametrize(("command", "verb"), VERBS)
+def test_every_verb_has_its_module(command: str, verb: str) -> None:
+    module = import_module(".".join(filter(None, ("bus.cli", command, verb))))
+    module.add_arguments(ArgumentParser())
+    assert callable(module.main)
+
+
+@pytest.mark.parametrize(("command", "verb"), VERBS)
+def test_every_verb_has_help_and_the_common_options(
+    command: str, verb: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = list(filter(None, (command, verb)))
+    assert stop(*words, "--help") == 0
+    text = capsys.readouterr().out
+    assert text.startswith(f"usage: {' '.join(['bus', *words])} ")
+    for option in ("--socket", "--domain", "--json"):
+        assert option in text
+
+
+def test_help_lists_commands_and_verbs_with_their_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    assert stop("--help") == 0
+    text = capsys.readouterr().out
+    for command, (what, verbs) in COMMANDS.items():
+        assert f"    {command:<19} {what}" in text
+        for verb, line in verbs.items():
+            assert f"  {f'{command} {verb}':<22} {line}\n" in text
+
+
+@pytest.mark.parametrize("command", [command for command, (_, verbs) in COMMANDS.items() if verbs])
+def test_a_command_by_itself_prints_its_help(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([command]) == 0
+    text = capsys.readouterr().out
+    for verb, line in COMMANDS[command][1].items():
+        assert f"    {verb:<19} {line}" in text
+
+
+def test_no_command_prints_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([]) == 0
+    assert capsys.readouterr().out.startswith("usage: bus [-h]")
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("bus ")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("topics",),
+        ("topic", "lst"),
+        ("topic", "list", "--bogus"),
+        ("topic", "info"),
+        ("topic", "hz", "/x", "-w", "0"),
+        ("topic", "hz", "/x", "-w", "x"),
+        ("topic", "echo", "/x", "-l", "-1"),
+        ("topic", "echo", "/x", "--timeout", "0"),
+        ("topic", "pub", "/x", "std_msgs/msg/String", "-r", "0"),
+        ("topic", "pub", "/x", "std_msgs/msg/String", "-1", "-t", "2"),
+        ("topic", "list", "--domain", "x"),
+        ("completion", "csh"),
+    ],
+)
+def test_wrong_usage_is_two(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    assert stop(*words) == 2
+    assert "error: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (("topic", "list"), "no busd listens on"),
+        (("topic", "info", "1x"), "Invalid topic name"),
+        (("topic", "info", "/a//b"), "Invalid topic name"),
+        (("topic", "find", "String"), "The passed message type is invalid"),
+        (("node", "list", "--socket", "/x" * 80), "the path of busd's socket has"),
+        (("topic", "pub", "/x", "std_msgs/msg/String", "{"), "The passed value needs to be a dictionary"),
+        (("topic", "echo", "/x", "--filter", "m."), "--filter: invalid syntax"),
+        (("topic", "hz", "/x", "--filter", "os"), "--filter: not allowed: os"),
+    ],
+)
+def test_errors_are_one_with_a_text_on_stderr(
+    words: tuple[str, ...], text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(words) == 1
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert text in captured.err
+    assert "Traceback" not in captured.err
+
+
+def test_a_domain_out_of_range(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.delenv("BUSD_SOCKET")
+    assert run(["topic", "list", "--domain", "70000"]) == 1
+    assert capsys.readouterr().err == "domain must be an integer from 0 to 65535, not 70000\n"
+
+
+def test_only_the_chosen_verb_is_imported() -> None:
+    for name in [name for name in sys.modules if name.startswith("bus.cli.topic.")]:
+        del sys.modules[name]
+    make_parser(["topic", "list"])
+    assert [name for name in sys.modules if name.startswith("bus.cli.topic.")] == ["bus.cli.topic.list"]
+
+
+def test_global_options_may_stand_anywhere() -> None:
+    for words in (
+        ["--socket", "/s", "--json", "topic", "list"],
+        ["topic", "--socket", "/s", "--json", "list"],
+        ["topic", "list", "--socket", "/s", "--json"],
+        ["--socket", "/other", "topic", "list", "--socket", "/s", "--json"],
+    ):
+        args = make_parser(words).parse_args(words)
+        assert (args.socket, args.json, args.domain, args.include_hidden_topics) == ("/s", True, None, False)
+
+
+def test_ros2_options_that_mean_nothing_here_are_taken() -> None:
+    words = ["topic", "list", "--no-daemon", "--spin-time", "2", "-s", "--include-hidden-topics"]
+    assert make_parser(words).parse_args(words).include_hidden_topics
+
+
+def test_a_socket_may_be_called_like_a_command() -> None:
+    words = ["--socket", "node", "topic", "list", "-c"]
+    args = make_parser(words).parse_args(words)
+    assert (args.socket, args.count_topics) == ("node", True)
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [(BrokenPipeError(), 0), (KeyboardInterrupt(), 2), (CommandError("x"), 1), (OSError("x"), 1)],
+)
+def test_how_a_verb_may_end(
+    error: BaseException, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(_: object) -> int:
+        raise error
+
+    monkeypatch.setattr(cli, "_run", fail)
+    assert run([]) == code
+    assert capsys.readouterr().err == ("x\n" if code == 1 else "")
+
+
+@pytest.mark.parametrize(
+    ("typed", "full"),
+    [("std_msgs/String", "std_msgs/msg/String"), ("a/srv/B", "a/srv/B"), ("a/msg/B", "a/msg/B")],
+)
+def test_types_may_be_written_without_msg(typed: str, full: str) -> None:
+    assert full_type_name(typed) == full
+
+
+@pytest.mark.parametrize("typed", ["", "String", "/String", "std_msgs/", "a/b/c/d", "a//b"])
+def test_what_is_no_type(typed: str) -> None:
+    with pytest.raises(CommandError, match="The passed message type is invalid"):
+        full_type_name(typed)
+
+
+def test_topics_may_be_relative() -> None:
+    assert full_topic_name("chatter") == full_topic_name("/chatter") == "/chatter"
+
+
+def test_every_verb_of_a_command_is_offered() -> None:
+    parser = make_parser(["topic"])
+    commands = next(action for action in parser._actions if isinstance(action, _SubParsersAction))
+    topic = commands.choices["topic"]
+    verbs = next(action for action in topic._actions if isinstance(action, _SubParsersAction))
+    assert list(verbs.choices) == list(COMMANDS["topic"][1])

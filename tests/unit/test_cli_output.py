@@ -1,0 +1,57 @@
+"""What verbs share when they say things."""
+
+import io
+import sys
+
+import pytest
+
+from bus.cli.output import complain, dropped_text, print_json, size_text, table
+
+
+@pytest.mark.parametrize(
+    ("size", "text"),
+    [
+        (0, "0 B"),
+        (57.4, "57 B"),
+        (999, "999 B"),
+        (1000, "1.00 KB"),
+        (1500, "1.50 KB"),
+        (999_994, "999.99 KB"),
+        (1_000_000, "1.00 MB"),
+        (2_345_678_901, "2345.68 MB"),
+    ],
+)
+def test_sizes_are_in_thousands(size: float, text: str) -> None:
+    assert size_text(size) == text
+
+
+def test_drops_name_their_reasons() -> None:
+    assert dropped_text({}) == "0"
+    assert dropped_text({"replaced": 12}) == "12 (replaced: 12)"
+    assert dropped_text({"replaced": 12, "expired": 1}) == "13 (expired: 1, replaced: 12)"
+
+
+def test_json_is_one_line_and_has_no_nan(capsys: pytest.CaptureFixture[str]) -> None:
+    print_json({"text": "a\nb", "number": float("nan"), "list": [1, 2.5]})
+    assert capsys.readouterr().out == '{"text":"a\\nb","number":null,"list":[1,2.5]}\n'
+
+
+def test_complaints_are_not_output(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdout", None)
+    monkeypatch.setattr(sys, "stderr", stderr := io.StringIO())
+    complain("x")
+    assert stderr.getvalue() == "x\n"
+
+
+def test_a_table_as_ros2_draws_it() -> None:
+    header = ("topic", "rate", "min_delta", "max_delta", "std_dev", "window")
+    rows = [
+        ("/chatter", "1.000", "0.999", "1.001", "0.00052", "10"),
+        ("/a", "10.000", "0.099", "0.101", "0.00052", "100"),
+    ]
+    assert table(header, rows) == (
+        " topic      rate    min_delta   max_delta   std_dev   window\n"
+        f"{'=' * 60}\n"
+        "/chatter   1.000    0.999       1.001       0.00052   10    \n"
+        "/a         10.000   0.099       0.101       0.00052   100   \n"
+    )

@@ -1,0 +1,139 @@
+"""The windows of hz, bw and delay."""
+
+import math
+import statistics
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bus.cli.stats import Bandwidth, Delays, Flow, Intervals, spread
+
+S = 1_000_000_000
+
+
+@given(st.lists(st.floats(-1e9, 1e9), min_size=1, max_size=50))
+def test_spread_is_of_the_population(values: list[float]) -> None:
+    found = spread(values)
+    assert found.mean == pytest.approx(statistics.fmean(values), abs=1e-6)
+    assert found.deviation == pytest.approx(statistics.pstdev(values), abs=1e-4)
+    assert (found.least, found.most, found.window) == (min(values), max(values), len(values))
+
+
+def feed(intervals: Intervals, times_s: list[float]) -> list[int]:
+    """The windows that are printed while messages come at `times_s`."""
+    printed = []
+    for time_s in times_s:
+        intervals.add(round(time_s * S))
+        found = intervals.due()
+        if found is not None:
+            printed.append(found.window)
+    return printed
+
+
+def test_two_hertz_are_printed_when_ros2_prints_them() -> None:
+    # `ros2 topic hz` of the lesson's publisher printed the windows 3, 5, ...
+    assert feed(Intervals(10000), [1 + 0.5 * n for n in range(10)]) == [3, 5, 7, 9]
+
+
+def test_the_gaps_are_measured() -> None:
+    intervals = Intervals(10000)
+    assert feed(intervals, [1.0, 1.5, 2.0]) == []
+    intervals.add(round(2.6 * S))
+    found = intervals.due()
+    assert found is not None
+    assert (found.least, found.most) == (0.5 * S, 0.6 * S)
+    assert 1 / (found.mean / S) == pytest.approx(1.875)
+    assert found.deviation / S == pytest.approx(math.sqrt(0.02 / 9))
+
+
+def test_nothing_is_printed_twice_nor_before_the_second_message() -> None:
+    intervals = Intervals(10)
+    assert intervals.due() is None
+    intervals.add(S)
+    assert intervals.due() is None
+    assert feed(intervals, [2.0, 3.0]) == [2]
+    assert intervals.due() is None
+
+
+def test_only_the_window_counts() -> None:
+    intervals = Intervals(2)
+    assert feed(intervals, [1.0, 9.0, 10.0, 11.0])[-1] == 2
+    found = spread([1.0 * S, 1.0 * S])
+    intervals.add(12 * S)
+    assert intervals.due() == found
+
+
+def test_bandwidth_is_from_the_first_of_the_window_until_now() -> None:
+    bandwidth = Bandwidth(100)
+    assert bandwidth.rate(0) is None
+    bandwidth.add(0, 24)
+    assert bandwidth.rate(S) is None
+    bandwidth.add(S // 2, 28)
+    found = bandwidth.rate(2 * S)
+    assert found is not None
+    rate, sizes = found
+    assert rate == pytest.approx(26.0)
+    assert (sizes.mean, sizes.least, sizes.most, sizes.window) == (26.0, 24, 28, 2)
+
+
+def test_bandwidth_keeps_its_window() -> None:
+    bandwidth = Bandwidth(3)
+    for number in range(10):
+        bandwidth.add(number * S, number)
+    found = bandwidth.rate(10 * S)
+    assert found is not None
+    assert found[0] == pytest.approx((7 + 8 + 9) / 3)
+    assert found[1].window == 3
+
+
+def test_bandwidth_needs_time_to_pass() -> None:
+    bandwidth = Bandwidth(3)
+    bandwidth.add(S, 1)
+    bandwidth.add(S, 1)
+    assert bandwidth.rate(S) is None
+
+
+def test_delays_leave_out_the_first_and_tell_what_is_new() -> None:
+    delays = Delays(10)
+    assert delays.is_empty
+    assert delays.due() is None
+    delays.add(100)
+    assert delays.is_empty
+    delays.add(4)
+    delays.add(6)
+    assert delays.due() == (5.0, 4, 6, 1.0, 2)
+    assert not delays.is_empty
+    assert delays.due() is None
+    delays.add(8)
+    found = delays.due()
+    assert found is not None
+    assert found.window == 3
+
+
+def test_delays_keep_their_window() -> None:
+    delays = Delays(2)
+    for delay in (0, 1, 2, 3):
+        delays.add(delay)
+    assert delays.due() == (2.5, 2, 3, 0.5, 2)
+
+
+def test_flow_compares_from_the_first_look_on() -> None:
+    flow = Flow()
+    assert flow.rates() is None
+    flow.look(0, {1: 100}, 40)
+    assert flow.rates() is None
+    flow.look(2 * S, {1: 120}, 50)
+    assert flow.rates() == (10.0, 5.0)
+    flow.look(4 * S, {1: 140}, 60)
+    assert flow.rates() == (10.0, 5.0)
+
+
+def test_flow_counts_publishers_that_come_and_go() -> None:
+    flow = Flow()
+    flow.look(0, {1: 100}, 0)
+    flow.look(S, {1: 110, 2: 5}, 15)
+    flow.look(2 * S, {2: 7}, 17)
+    assert (flow.published, flow.received) == (17, 17)
+    flow.look(3 * S, {2: 7}, 17)
+    assert flow.published == 17
