@@ -22,10 +22,10 @@ def main() -> int:
     options = _parser().parse_args()
     signal.signal(signal.SIGTERM, _interrupt)
     plan = Plan(options.quick, options.repetitions or (_QUICK_REPETITIONS if options.quick else _REPETITIONS))
-    began, machine = report.began_now(), look_at_machine()
-    print(machine.describe(), end="\n\n", flush=True)
     sections = []
     try:
+        began, machine = report.began_now(), look_at_machine()
+        print(machine.describe(), end="\n\n", flush=True)
         for name in options.only or BENCHMARKS:
             measure: Callable[[Plan], report.Section] = import_module(f"benchmarks.{name}").run
             section = measure(plan)

@@ -27,7 +27,6 @@ START_S = 20.0
 STOP_S = 5.0
 _READ_BYTES = 1 << 20
 _CPUCLOCK_SCHED = 2
-_CLIENTS = str(ROOT / "clients")
 
 
 class Failure(Exception):
@@ -49,7 +48,8 @@ class Child:
         self.name = name
         self.ends = ends
         self.events: list[dict[str, Any]] = []
-        self.stop_signal = stop_signal
+        self.is_server = stop_signal is not None
+        self._stop_signal = stop_signal
         self._log = folder / f"{name}.log"
         self.is_silent = False  # its stdout has ended
         self._rest = b""
@@ -65,7 +65,8 @@ class Child:
                 cwd=ROOT,
                 start_new_session=True,
             )
-        assert self._process.stdout is not None
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._stdin = self._process.stdin.fileno()
         self.stdout = self._process.stdout.fileno()
         self.pid = self._process.pid
         self.exit_fd = os.pidfd_open(self.pid)
@@ -73,7 +74,7 @@ class Child:
     def tell(self, word: str) -> None:
         """Send `word`; who is gone is noticed by whoever waits for the answer."""
         try:
-            os.write(self._stdin_fd(), word.encode() + b"\n")
+            os.write(self._stdin, word.encode() + b"\n")
         except BrokenPipeError:
             pass
 
@@ -91,6 +92,8 @@ class Child:
         self.is_silent = not data
         *lines, self._rest = (self._rest + data).split(b"\n")
         for line in lines:
+            if not line.startswith(b"{"):
+                continue  # what a program prints for people
             try:
                 self.events.append(json.loads(line))
             except ValueError:
@@ -118,14 +121,16 @@ class Child:
             return f"{self.name} is ending"
         how = f"was ended by {signal.Signals(-status).name}" if status < 0 else f"exited with {status}"
         lines = self._log.read_text(errors="replace").strip().splitlines()
-        return f"{self.name} {how}" + (f": {lines[-1]}" if lines else "")
+        # Results are published: no path of this machine in them.
+        last = lines[-1].replace(str(self._log.parent), "<folder>").replace(str(ROOT), ".") if lines else ""
+        return f"{self.name} {how}" + (f": {last}" if last else "")
 
     def ask_to_end(self) -> None:
         """End its stdin, and send the signal that it obeys if it does not read that."""
         assert self._process.stdin is not None
         self._process.stdin.close()
-        if self.stop_signal is not None:
-            self._process.send_signal(self.stop_signal)
+        if self._stop_signal is not None:
+            self._process.send_signal(self._stop_signal)
 
     def end(self, deadline: float) -> None:
         """Reap it; kill it where it is still there at `deadline` (of the monotonic clock)."""
@@ -141,10 +146,6 @@ class Child:
             self._process.stdin.close()
             self._process.stdout.close()
 
-    def _stdin_fd(self) -> int:
-        assert self._process.stdin is not None
-        return self._process.stdin.fileno()
-
 
 class Group:
     """All processes of one measurement, and a folder for them that goes with them.
@@ -156,9 +157,6 @@ class Group:
         self._folder = TemporaryDirectory(prefix="busd-bench-")
         self.folder = Path(self._folder.name)
         self.environ = {**os.environ, "BUSD_AUTOSTART": "0"}
-        self.environ["PYTHONPATH"] = os.pathsep.join(
-            part for part in (str(ROOT), _CLIENTS, os.environ.get("PYTHONPATH", "")) if part
-        )
         self.environ.pop("NOTIFY_SOCKET", None)
         self._children: list[Child] = []
 
@@ -227,7 +225,7 @@ class Group:
         grace_s = STOP_S if error is None else STOP_S / 5
         try:
             for child in self._children:
-                if child.stop_signal is None:
+                if not child.is_server:
                     child.ask_to_end()
         finally:
             self._reap(grace_s)
@@ -239,7 +237,7 @@ class Group:
                 child = self._children.pop()
                 try:
                     # Servers go last, when nobody needs them any more, and get a time of their own.
-                    if child.stop_signal is not None:
+                    if child.is_server:
                         child.ask_to_end()
                         deadline = monotonic() + grace_s
                 finally:

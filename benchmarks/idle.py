@@ -65,7 +65,7 @@ def run(plan: Plan) -> Section:
     )
 
 
-def measure(seconds: float) -> Figures:
+def measure(seconds: float, *, settle_s: float = _SETTLE_S) -> Figures:
     """Start the system, let it settle, and watch it for so long. Raises Failure where it does not start."""
     with Group() as group:
         busd = group.start_busd()
@@ -75,7 +75,7 @@ def measure(seconds: float) -> Figures:
             clients.append(group.start_python(f"client_{index}", "-m", "benchmarks.adapters.idling", place))
         for client in clients:
             group.expect(client, "ready", within_s=START_S)
-        sleep(_SETTLE_S)
+        sleep(settle_s)
         before = [read(child) for child in (busd, *clients)]
         began = monotonic()
         sleep(seconds)

@@ -95,9 +95,10 @@ def number(value: float) -> str:
     """Three digits that count, and k, M or G for what is long: 94.1, 1273, 755k, 1.02M."""
     if value == 0:
         return "0"
+    value = float(f"{value:.3g}") if abs(value) >= 1e4 else value
     size = abs(value)
     for limit, suffix in ((1e9, "G"), (1e6, "M"), (1e4, "k")):
-        if size >= limit * 0.9995:
+        if size >= limit:
             scale = 1e3 if suffix == "k" else limit
             return number(value / scale) + suffix
     digits = max(0, 2 - math.floor(math.log10(size)))

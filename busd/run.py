@@ -23,6 +23,11 @@ EXIT_ALREADY_RUNNING = 3
 
 _LONGEST_LINE = 1000
 
+_DESCRIPTION = """\
+The message bus for the processes of one machine: routes messages between the publishers and
+subscriptions of programs that `import bus`.
+"""
+
 _EPILOG = """\
 where it listens, first that is set:
   --socket PATH, $BUSD_SOCKET, $XDG_RUNTIME_DIR/busd/<domain>.sock, /tmp/busd-<uid>/<domain>.sock
@@ -57,8 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="busd",
-        description="Message bus for the processes of one machine: routes messages between publishers and "
-        "subscriptions of programs that use `import bus`.",
+        description=_DESCRIPTION,
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,

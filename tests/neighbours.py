@@ -114,3 +114,8 @@ def with_limits(**limits: float) -> Any:
     """Mark: the test's daemon runs with these limits (the fixture `settings`)."""
     lines = ["[limits]", *(f"{name} = {value}" for name, value in limits.items())]
     return pytest.mark.parametrize("settings", ["\n".join(lines)], ids=["limits"])
+
+
+def descriptors_of(pid: int) -> int:
+    """How many descriptors a process has open."""
+    return len(list(Path(f"/proc/{pid}/fd").iterdir()))

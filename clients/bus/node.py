@@ -105,8 +105,7 @@ class Node:
             timer.close()
         self._logger.remove_sink(self._publish_log)
         if not isinstance(link.failure, ForkError):
-            for endpoint in self._endpoints:
-                await endpoint.close()
+            await asyncio.gather(*(endpoint.close() for endpoint in self._endpoints))
             link.forget_node(self)
         link.release()
 

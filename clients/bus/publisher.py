@@ -6,6 +6,7 @@ turn ends. So a paced publisher has the latency of one system call, and a flood 
 """
 
 import asyncio
+import contextlib
 from collections import deque
 from collections.abc import Callable
 from threading import get_ident
@@ -357,12 +358,12 @@ class Publisher(Endpoint[M]):
         self.hand_over()
         self._link.flush()
         if self._queue.runs and self.id:
-            try:
+            with contextlib.suppress(TimeoutError, ConnectionClosed):
                 async with asyncio.timeout(_DRAIN_S):
                     await self._link.wait_for_drain(self._queue)
-            except (TimeoutError, ConnectionClosed):
-                lost = self._queue.count
-                self._logger.warning(f"{lost} messages on '{self.topic_name}' could not be handed over")
+        if self._queue.runs:
+            lost = self._queue.count
+            self._logger.warning(f"{lost} messages on '{self.topic_name}' could not be handed over")
 
     def _type_warning(self) -> str:
         return f"Incompatible type on topic '{self.topic_name}', no messages will be sent to it."

@@ -7,28 +7,32 @@ from broker_model import Model, ModelPublisher, ModelSubscription
 from broker_world import NUMBER, TEXT, Process, Publisher, Subscription, World
 from hypothesis import settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from bus.wire.runs import Run
 from busd.core.limits import Limits
 
-TOPICS = ["/a", "/b"]
-KINDS = [TEXT, TEXT, TEXT, NUMBER]
 KIB = 1024
 
 Chosen = TypeVar("Chosen")
 
+# Weighted so that most endpoints match, and most queues are short.
+topics = st.sampled_from(["/a", "/a", "/a", "/b"])
+kinds = st.sampled_from([TEXT] * 7 + [NUMBER])
 profiles = st.builds(
     QoSProfile,
     depth=st.sampled_from([1, 2, 3, 5]),
-    history=st.sampled_from(["keep_last", "keep_last", "keep_all"]),
-    reliability=st.sampled_from(["reliable", "reliable", "best_effort"]),
-    durability=st.sampled_from(["volatile", "transient_local"]),
+    history=st.sampled_from(["keep_last", "keep_last", "keep_last", "keep_all"]),
+    reliability=st.sampled_from(["reliable", "reliable", "reliable", "best_effort"]),
+    durability=st.sampled_from(["transient_local", "transient_local", "volatile"]),
+    lifespan=st.sampled_from([None, None, 1.0, 3.0]),
 )
-lifespans = st.sampled_from([None, None, None, 1.0, 3.0])
 indices = st.integers(0, 99)
+bursts = st.lists(
+    st.tuples(indices, st.integers(1, 6), st.sampled_from([0, 0, 0, 1, 4])), min_size=1, max_size=4
+)
 
 
 class Watcher:
@@ -82,38 +86,24 @@ class Books(RuleBasedStateMachine):
         self.due: dict[int, int] = {}
         self.published = 0
 
+        for _ in range(3):
+            self.connect()
+
     # --- what happens
 
-    @rule()
-    def connect(self) -> None:
-        if len(self.processes) < 4:
-            process = self.world.process()
-            self.processes[process.id] = process
-
-    @precondition(lambda self: self.processes)
-    @rule(at=indices, topic=st.sampled_from(TOPICS), kind=st.sampled_from(KINDS), qos=profiles, lifespan=lifespans)
-    def create_publisher(
-        self, at: int, topic: str, kind: tuple[str, str], qos: QoSProfile, lifespan: float | None
-    ) -> None:
+    @rule(at=indices, topic=topics, kind=kinds, qos=profiles)
+    def create_publisher(self, at: int, topic: str, kind: tuple[str, str], qos: QoSProfile) -> None:
         process = self.pick(self.processes, at)
-        qos = QoSProfile(
-            depth=qos.depth,
-            history=qos.history,
-            reliability=qos.reliability,
-            durability=qos.durability,
-            lifespan=lifespan,
-        )
         made = process.publisher(topic, qos, kind=kind)
         self.publishers[made.id] = made
         self.model.add_publisher(ModelPublisher(made.id, process.id, topic, kind, qos, made.gid, made.next_seq))
 
-    @precondition(lambda self: self.processes)
     @rule(
         at=indices,
-        topic=st.sampled_from(TOPICS),
-        kind=st.sampled_from(KINDS),
+        topic=topics,
+        kind=kinds,
         qos=profiles,
-        known=st.dictionaries(indices, st.integers(0, 6), max_size=2),
+        known=st.dictionaries(indices, st.integers(0, 6), max_size=1),
     )
     def create_subscription(
         self, at: int, topic: str, kind: tuple[str, str], qos: QoSProfile, known: dict[int, int]
@@ -126,56 +116,54 @@ class Books(RuleBasedStateMachine):
         self.model.add_subscription(subscription, last_seqs, self.world.now_ns)
         self.due[made.id] = self.accounted(made.id)  # the histories that were there
 
-    @precondition(lambda self: self.publishers)
-    @rule(at=indices, number=st.integers(1, 6), lost=st.sampled_from([0, 0, 0, 1, 4]))
-    def publish(self, at: int, number: int, lost: int) -> None:
-        publisher = self.pick(self.publishers, at)
-        payloads = [f"{self.published + one:{self.PADDING}}" for one in range(number)]
-        self.published += number
-        origin = self.model.publishers[publisher.id]
-        self.model.publish(origin, lost, payloads, self.world.now_ns)
-        for subscription in self.model.subscribers_of(origin):
-            self.due[subscription.id] += lost + number
-        publisher.lose(lost)
-        publisher.publish(*payloads)
+    def publish(self, bursts: list[tuple[int, int, int]]) -> None:
+        for at, number, lost in bursts if self.publishers else ():
+            publisher = self.pick(self.publishers, at)
+            payloads = [f"{self.published + one:{self.PADDING}}" for one in range(number)]
+            self.published += number
+            origin = self.model.publishers[publisher.id]
+            self.model.publish(origin, lost, payloads, self.world.now_ns)
+            for subscription in self.model.subscribers_of(origin):
+                self.due[subscription.id] += lost + number
+            publisher.lose(lost)
+            publisher.publish(*payloads)
 
-    @precondition(lambda self: self.processes)
+    publish_some = rule(bursts=bursts)(publish)
+    publish_more = rule(bursts=bursts)(publish)
+
     @rule(at=indices)
-    def block(self, at: int) -> None:
+    def block_or_unblock(self, at: int) -> None:
         process = self.pick(self.processes, at)
-        process.is_blocked = True
-        self.model.blocked.add(process.id)
+        if process.is_blocked:
+            self.model.unblock(process.id, self.world.now_ns)
+            process.unblock()
+        else:
+            self.model.blocked.add(process.id)
+            process.is_blocked = True
 
-    @precondition(lambda self: self.model.blocked)
-    @rule(at=indices)
-    def unblock(self, at: int) -> None:
-        number = sorted(self.model.blocked)[at % len(self.model.blocked)]
-        self.model.unblock(number, self.world.now_ns)
-        self.processes[number].unblock()
-
-    @precondition(lambda self: self.publishers or self.subscriptions)
-    @rule(at=indices)
-    def destroy_endpoint(self, at: int) -> None:
-        endpoint = self.pick({**self.publishers, **self.subscriptions}, at)
-        self.forget({endpoint.id})
-        endpoint.destroy()
-
-    @precondition(lambda self: self.processes)
-    @rule(at=indices, how=st.sampled_from(["die", "destroy the node", "break the rules"]))
-    def go(self, at: int, how: str) -> None:
+    @rule(at=indices, how=st.sampled_from(["destroy", "destroy", "destroy the node", "die", "break the rules"]))
+    def end(self, at: int, how: str) -> None:
+        """The end of an endpoint, of all of a process, or of the process; then another takes its place."""
+        endpoints = {**self.publishers, **self.subscriptions}
+        if how == "destroy":
+            if endpoints:
+                endpoint = self.pick(endpoints, at)
+                self.forget({endpoint.id})
+                endpoint.destroy()
+            return
         process = self.pick(self.processes, at)
         self.forget(self.model.endpoints_of(process.id))
-        match how:
-            case "die":
-                process.die()
-            case "destroy the node":
-                process._own_node().destroy()
-                process._node = None
-                return
-            case "break the rules":
-                process.tell(m.DestroyNode(node=-1))
+        if how == "destroy the node":
+            process._own_node().destroy()
+            process._node = None
+            return
+        if how == "die":
+            process.die()
+        else:
+            process.tell(m.DestroyNode(node=-1))
         del self.processes[process.id]
         self.model.blocked.discard(process.id)
+        self.connect()
 
     @rule(seconds=st.sampled_from([0.1, 0.5, 2.0]))
     def wait(self, seconds: float) -> None:
@@ -227,6 +215,10 @@ class Books(RuleBasedStateMachine):
         assert self.world.broker.next_deadline_ns() is None
 
     # --- helpers
+
+    def connect(self) -> None:
+        process = self.world.process()
+        self.processes[process.id] = process
 
     def pick(self, among: dict[int, Chosen], at: int) -> Chosen:
         return among[sorted(among)[at % len(among)]]

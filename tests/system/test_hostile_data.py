@@ -150,7 +150,19 @@ class TestDeclarations:
         ]:
             answer = peer.ask(m.CreateNode(request=peer.request(), name=name, namespace=namespace))
             assert isinstance(answer, m.Refused), (name, namespace)
-        for topic in ["", "/", "relative", "/a//b", "/a/", "/9", "/~", "/a b", "/{node}", "/x\n", "/" + "x" * 300]:
+        for topic in [
+            "",
+            "/",
+            "relative",
+            "/a//b",
+            "/a/",
+            "/9",
+            "/~",
+            "/a b",
+            "/{node}",
+            "/x\n",
+            "/" + "x" * 300,
+        ]:
             for declare in (peer.publisher, peer.subscription):
                 assert isinstance(declare(node, topic), m.Refused), topic
         assert isinstance(peer.publisher(node, "/sound"), m.Created)
@@ -229,6 +241,15 @@ class TestDeclarations:
                 with pytest.raises(bus.ConfigurationError):
                     await node.get_type(f"bad/msg/T{number}", "hash")
 
+    @pytest.mark.xfail(reason="a schema is parsed where it only passes through", strict=True)
+    async def test_a_schema_that_nests_too_deep_for_some(self, peer: RawPeer) -> None:
+        """How deep is too deep depends on the stack of who decodes: what busd takes must not hurt who asks."""
+        peer.hello().send(m.DeclareType("bad/msg/T", "hash", msgspec.Raw(b"\x91" * 960 + b"\xc0")))
+        peer.barrier()
+        async with asyncio.timeout(WAIT_S), bus.Node("curious", arguments=[], rosout=False) as node:
+            with pytest.raises(bus.ConfigurationError):
+                await node.get_type("bad/msg/T", "hash")
+
 
 BROKEN_SCHEMAS = [
     b"\xc0",
@@ -236,7 +257,6 @@ BROKEN_SCHEMAS = [
     b"\x90",
     b"\x80",
     b"\x91" * 500 + b"\xc0",
-    b"\x91" * 960 + b"\xc0",
     msgspec.msgpack.encode({"root": "nowhere", "types": {}}),
     msgspec.msgpack.encode({"root": ["list"], "types": []}),
 ]

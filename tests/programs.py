@@ -1,0 +1,105 @@
+"""Programs run as their users run them: as processes, of which one reads what they say."""
+
+import asyncio
+import os
+import re
+import signal
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import pytest
+
+LIMIT_S = 120.0 * float(os.environ.get("BUSD_TESTS_TIMEOUT_FACTOR", "1"))
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+on_one_loop = pytest.mark.asyncio(loop_factories=["uvloop"])
+"""For tests of programs, which choose their event loop themselves."""
+
+
+class Program:
+    """A running program; its lines, stdout and stderr in one, are kept as they come."""
+
+    def __init__(self, process: asyncio.subprocess.Process, mark: str) -> None:
+        self.process = process
+        self._mark = f"PROGRAM={mark}".encode()
+        self.lines: list[str] = []
+        self._news = asyncio.Condition()
+        self._reader = asyncio.create_task(self._read())
+
+    async def line(self, pattern: str) -> re.Match[str]:
+        """The first line that `pattern` is found in."""
+        async with self._news:
+            while True:
+                for line in self.lines:
+                    if found := re.search(pattern, line):
+                        return found
+                assert not self._reader.done(), f"ended without {pattern!r}: {self.lines}"
+                await self._news.wait()
+
+    async def end(self) -> int:
+        """Its exit status, once it has ended and everything that it said is in `lines`."""
+        await self._reader
+        return await self.process.wait()
+
+    def family(self, command: str = "") -> list[int]:
+        """Pids of the program and its children, those with `command` in their command line."""
+        found = []
+        for entry in Path("/proc").glob("[0-9]*"):
+            try:
+                is_ours = self._mark in (entry / "environ").read_bytes().split(b"\0")
+                line = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+            except OSError:
+                continue  # it has ended, or is another user's
+            if is_ours and command in line:
+                found.append(int(entry.name))
+        return found
+
+    async def _read(self) -> None:
+        assert self.process.stdout is not None
+        async for line in self.process.stdout:
+            async with self._news:
+                self.lines.append(line.decode().rstrip("\n"))
+                self._news.notify_all()
+        async with self._news:
+            self._news.notify_all()
+
+
+@asynccontextmanager
+async def running(folder: Path, *command: str | Path, **variables: str) -> AsyncIterator[Program]:
+    """A Python program with its temporary files in `folder`; killed if it outlives the test."""
+    mark = str(uuid4())  # in the environment of its children, too
+    process = await asyncio.create_subprocess_exec(
+        sys.executable,
+        *command,
+        # asyncio takes any text but an empty one for a yes.
+        env={**os.environ, "PYTHONASYNCIODEBUG": "", "TMPDIR": str(folder), **variables, "PROGRAM": mark},
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.STDOUT,
+        start_new_session=True,
+    )
+    program = Program(process, mark)
+    try:
+        async with asyncio.timeout(LIMIT_S):
+            yield program
+    finally:
+        for pid in program.family():
+            os.kill(pid, signal.SIGKILL)
+        await program.end()
+
+
+def assert_nothing_is_left(program: Program, folder: Path) -> None:
+    assert program.family() == []
+    assert list(folder.iterdir()) == []
+
+
+def example(name: str) -> Any:
+    """A module of the examples, imported by the name that they use among themselves."""
+    for folder in (EXAMPLES, EXAMPLES / "robot"):
+        if str(folder) not in sys.path:
+            sys.path.append(str(folder))
+    return import_module(name)

@@ -1,0 +1,46 @@
+"""What the tests of the semantics share: a node on the test's daemon, waiting, profiles, a type of our own."""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from typing import Any, ClassVar
+
+import msgspec
+import pytest
+from conftest import WAIT_S, Daemon
+
+import bus
+
+KEEP_ALL = bus.QoSProfile(history="keep_all")
+LATCHED = bus.QoSProfile(5, durability="transient_local")
+
+
+class Wheel(msgspec.Struct):
+    """A user's own type."""
+
+    __type_name__: ClassVar[str] = "robot/msg/Wheel"
+    name: str = ""
+    speeds: list[float] = []
+
+
+@pytest.fixture
+async def node(daemon: Daemon) -> AsyncIterator[bus.Node]:
+    """A node named tester."""
+    async with asyncio.timeout(WAIT_S), bus.Node("tester", arguments=[]) as node:
+        yield node
+
+
+async def until(condition: Callable[[], Any]) -> None:
+    """Wait for `condition` to hold; only the bound is a time."""
+    async with asyncio.timeout(WAIT_S):
+        while not condition():  # noqa: ASYNC110
+            await asyncio.sleep(0.002)
+
+
+def accounted(subscription: bus.Subscription[Any]) -> int:
+    statistics = subscription.statistics()
+    return statistics.delivered + statistics.queued + sum(statistics.dropped.values())
+
+
+async def send_all(publisher: bus.Publisher[Any], messages: list[Any]) -> None:
+    for message in messages:
+        await publisher.send(message)

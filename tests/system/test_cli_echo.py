@@ -1,0 +1,355 @@
+"""`bus topic echo`, against the texts of the real `ros2`."""
+
+import os
+import pty
+import re
+import signal
+import subprocess
+
+import msgspec
+import pytest
+from system.test_cli_tool import BUS, TALKER, WAIT_S, Result, bus, script, start
+
+# Publishes when it is told to, what a line of its input says: a Python expression.
+TELLER = """
+import asyncio, enum, sys, bus, msgspec
+from bus import QoSProfile
+from bus.msg.std_msgs import *
+from bus.msg.sensor_msgs import *
+from bus.msg.geometry_msgs import *
+class Gear(enum.Enum):
+    LOW = "low"
+    HIGH = "high"
+class Wheel(msgspec.Struct):
+    index: int
+    speed: float = 0.5
+class Car(msgspec.Struct):
+    name: str
+    gear: Gear = Gear.LOW
+    wheels: list[Wheel] = []
+    plate: bytes = b"AB"
+    owner: str | None = None
+async def main():
+    loop = asyncio.get_running_loop()
+    async with bus.Node("teller") as node:
+        publisher = await node.create_publisher(eval(sys.argv[1]), "/topic", eval(sys.argv[2]))
+        print("ready", flush=True)
+        while line := await loop.run_in_executor(None, sys.stdin.readline):
+            await publisher.send(eval(line))
+            await publisher.flush()
+bus.run(main())
+"""
+
+
+def tell(message_type: str = "String", qos: str = "10"):  # type: ignore[no-untyped-def]
+    return script(TELLER, message_type, qos)
+
+
+def test_yaml(daemon: object) -> None:
+    with tell() as teller, start("topic", "echo", "/topic") as echo:
+        matched(echo)
+        teller.write("String(data='Hello World: 1')\nString(data='Hello')\nString()\n")
+        assert echo.lines(6) == "data: 'Hello World: 1'\n---\ndata: Hello\n---\ndata: ''\n---\n"
+        assert echo.end(signal.SIGINT) == Result("", "", 2)
+
+
+def matched(echo: object) -> None:
+    """Wait until the echo, which is the only one, is matched with the one publisher."""
+    for _ in range(200):
+        if "(route: " in bus("topic", "info", "-v", "/topic").out:
+            return
+    pytest.fail("never matched")
+
+
+@pytest.mark.parametrize(
+    ("options", "message", "out"),
+    [
+        ("--once", "String(data='Hello World: 1')", "data: 'Hello World: 1'\n---\n"),
+        ("--once --field data", "String(data='Hello World: 1')", "Hello World: 1\n---\n"),
+        ("--once --field data", "String(data='x' * 200)", f"{'x' * 200}\n---\n"),
+        ("--once --field data -l 5", "String(data='Hello World')", "Hello...\n---\n"),
+        ("--once --csv", "String(data='Hello World: 1')", "Hello World: 1\n"),
+        ("--once --csv --field data", "String(data='Hello World: 1')", "Hello World: 1\n"),
+        ("--once --raw", "String(data='Hi')", "b'\\x91\\xa2Hi'\n---\n"),
+        ("--once --raw --json", "String(data='Hi')", '{"raw":"91a24869"}\n'),
+        ("--once --json", "String(data='Hello World: 1')", '{"data":"Hello World: 1"}\n'),
+        ("--once --json --field data", "String(data='Hi')", '{"data":"Hi"}\n'),
+        ("--once --json", "String(data='x' * 200)", f'{{"data":"{"x" * 200}"}}\n'),
+        ("--once --json -l 3", "String(data='abcdef')", '{"data":"abc..."}\n'),
+        ("--once --no-str", "String(data='Hello World: 1')", "data: '<string length: <14>>'\n---\n"),
+        ("--once -l 5", "String(data='Hello World')", "data: Hello...\n---\n"),
+        ("--once", "String(data='x' * 129)", f"data: {'x' * 128}...\n---\n"),
+        ("--once -f", "String(data='x' * 200)", f"data: {'x' * 200}\n---\n"),
+        ("--once --csv -l 1", "String(data='Hi')", "H...\n"),
+        ("--once -c", "String(data='Hi')", "data: Hi\n---\n"),
+        ("--once --no-lost-messages", "String(data='Hi')", "data: Hi\n---\n"),
+        ("--once -n watcher", "String(data='Hi')", "data: Hi\n---\n"),
+        ("--once --qos-profile default", "String(data='Hi')", "data: Hi\n---\n"),
+        ("--once --qos-depth 1 --qos-history keep_last", "String(data='Hi')", "data: Hi\n---\n"),
+        ("--once --qos-reliability best_effort", "String(data='Hi')", "data: Hi\n---\n"),
+        ("std_msgs/msg/String --once", "String(data='Hi')", "data: Hi\n---\n"),
+        ("std_msgs/String --once", "String(data='Hi')", "data: Hi\n---\n"),
+    ],
+)
+def test_options_for_text(daemon: object, options: str, message: str, out: str) -> None:
+    with tell() as teller, start("topic", "echo", "/topic", *options.split()) as echo:
+        matched(echo)
+        teller.write(f"{message}\n")
+        assert echo.end() == Result(out, "", 0)
+
+
+@pytest.mark.parametrize(
+    ("message_type", "options", "message", "out"),
+    [
+        (
+            "JointState",
+            "",
+            "JointState(name=['a', 'b'], position=[1, 2.5])",
+            "header:\n  stamp:\n    sec: 0\n    nanosec: 0\n  frame_id: ''\n"
+            "name:\n- a\n- b\nposition:\n- 1.0\n- 2.5\nvelocity: []\neffort: []\n---\n",
+        ),
+        (
+            "JointState",
+            "--flow-style --field name --field position",
+            "JointState(name=['a', 'b'], position=[1.0])",
+            "[a, b]\n[1.0]\n---\n",
+        ),
+        ("JointState", "--field name[1]", "JointState(name=['a', 'b'])", "b\n---\n"),
+        (
+            "JointState",
+            "--csv --field name --field position",
+            "JointState(name=['a'], position=[1.0])",
+            "a,1.0\n",
+        ),
+        (
+            "JointState",
+            "--no-arr --field name",
+            "JointState(name=['a', 'b'])",
+            "<sequence type: string, length: 2>\n---\n",
+        ),
+        ("Image", "--field data", "Image(data=bytes(300))", "- 0\n" * 128 + "- '...'\n---\n"),
+        ("PoseStamped", "--field pose.position", "PoseStamped()", "x: 0.0\ny: 0.0\nz: 0.0\n---\n"),
+        ("PoseStamped", "--field pose.position.x", "PoseStamped()", "0.0\n---\n"),
+        (
+            "PoseWithCovariance",
+            "--no-arr --csv",
+            "PoseWithCovariance()",
+            "0.0,0.0,0.0,0.0,0.0,0.0,1.0,<array type: double[36]>\n",
+        ),
+        ("Byte", "", "Byte(data=b'A')", "data: A\n---\n"),
+        ("Byte", "--json", "Byte(data=b'A')", '{"data":65}\n'),
+        ("Float64", "--json", "Float64(data=float('nan'))", '{"data":null}\n'),
+        ("Empty", "", "Empty()", "{}\n---\n"),
+        (
+            "Car",
+            "",
+            "Car('x', Gear.HIGH, [Wheel(1)])",
+            "name: x\ngear: high\nwheels:\n- index: 1\n  speed: 0.5\nplate:\n- 65\n- 66\nowner: null\n---\n",
+        ),
+        ("Car", "--field wheels[0].speed", "Car('x', wheels=[Wheel(1)])", "0.5\n---\n"),
+        ("Car", "--json", "Car('x')", '{"name":"x","gear":"low","wheels":[],"plate":[65,66],"owner":null}\n'),
+    ],
+)
+def test_types_also_those_that_the_tool_cannot_import(
+    daemon: object, message_type: str, options: str, message: str, out: str
+) -> None:
+    with tell(message_type) as teller, start("topic", "echo", "/topic", "--once", *options.split()) as echo:
+        matched(echo)
+        teller.write(f"{message}\n")
+        assert echo.end() == Result(out, "", 0)
+
+
+def test_message_info(daemon: object) -> None:
+    with tell() as teller, start("topic", "echo", "-i", "/topic") as echo:
+        matched(echo)
+        teller.write("String(data='a')\nString(data='b')\n")
+        text = echo.lines(14)
+    info = r"publication_sequence_number: {0}\nreceived_timestamp: \d{{19}}\nreception_sequence_number: {0}\n"
+    pattern = "".join(
+        info.format(number) + rf"source_timestamp: \d{{19}}\n---\ndata: {data}\n---\n"
+        for number, data in ((1, "a"), (2, "b"))
+    )
+    assert re.fullmatch(pattern, text)
+
+
+def test_message_info_in_csv_and_json(daemon: object) -> None:
+    with tell() as teller, start("topic", "echo", "-i", "--csv", "/topic") as echo:
+        matched(echo)
+        teller.write("String(data='a')\n")
+        source_ns, received_ns, *rest = echo.line().split(",")
+        assert (rest, int(source_ns) <= int(received_ns)) == (["1", "1", "a"], True)
+    with tell() as teller, start("topic", "echo", "-i", "--json", "/topic") as echo:
+        matched(echo)
+        teller.write("String(data='a')\n")
+        record = msgspec.json.decode(echo.line())
+    assert record["message"] == {"data": "a"}
+    assert record["info"]["publication_sequence_number"] == 1
+
+
+def test_filter(daemon: object) -> None:
+    with tell("Int32") as teller, start("topic", "echo", "/topic", "--filter", "m.data % 2 == 0") as echo:
+        matched(echo)
+        teller.write("".join(f"Int32(data={number})\n" for number in range(4)))
+        assert echo.lines(4) == "data: 0\n---\ndata: 2\n---\n"
+
+
+def test_a_filter_that_does_not_fit_ends_it(daemon: object) -> None:
+    with tell() as teller, start("topic", "echo", "/topic", "--filter", "m.dat == 1") as echo:
+        matched(echo)
+        teller.write("String()\n")
+        assert echo.end() == Result(
+            "", "--filter: 'String' object has no attribute 'dat' (in m.dat == 1)\n", 1
+        )
+
+
+def test_a_field_that_is_not_there_ends_it_at_once(daemon: object) -> None:
+    with tell():
+        assert bus("topic", "echo", "/topic", "--field", "x") == Result(
+            "", "Invalid field 'x': 'String' object has no attribute 'x'\n", 1
+        )
+
+
+def test_an_unknown_topic(daemon: object) -> None:
+    assert bus("topic", "echo", "/nosuch") == Result(
+        "",
+        "WARNING: topic [/nosuch] does not appear to be published yet\n"
+        "Could not determine the type for the passed topic\n",
+        1,
+    )
+
+
+def test_an_unknown_type(daemon: object) -> None:
+    for name in ("std_msgs/msg/Strin", "my_msgs/msg/Own", "String", "a/b/c/d"):
+        assert bus("topic", "echo", "/x", name) == Result("", "The passed message type is invalid\n", 1)
+
+
+def test_a_topic_with_two_types(daemon: object) -> None:
+    with tell(), tell("Int32"):
+        result = bus("topic", "echo", "/topic")
+    assert result.code == 1
+    assert re.fullmatch(
+        r"Cannot echo topic '/topic', as it contains more than one type: "
+        r"\[std_msgs/msg/(String, std_msgs/msg/Int32|Int32, std_msgs/msg/String)\]\n",
+        result.err,
+    )
+
+
+def test_it_says_that_nobody_publishes(daemon: object) -> None:
+    with start("topic", "echo", "/nosuch", "std_msgs/msg/String") as echo:
+        assert echo.error_line() == "nobody publishes on '/nosuch' (waiting)"
+        assert echo.end(signal.SIGINT) == Result("", "", 2)
+
+
+def test_it_finds_the_topic_that_was_meant(daemon: object) -> None:
+    with tell(), start("topic", "echo", "/topci", "std_msgs/msg/String") as echo:
+        assert echo.error_line() == "nobody publishes on '/topci'; did you mean '/topic'? (waiting)"
+
+
+def test_it_says_that_the_publisher_is_silent_and_then_gone(daemon: object) -> None:
+    with start("topic", "echo", "/topic", "std_msgs/msg/String") as echo:
+        with tell():
+            assert echo.error_line_with("no message yet") == (
+                "no message yet on '/topic'; /teller publishes it, but sent nothing"
+            )
+        assert echo.error_line_with("nobody") == "nobody publishes on '/topic' (waiting)"
+
+
+def test_it_says_that_nothing_passes_the_filter(daemon: object) -> None:
+    with script(TALKER, "0.1"), start("topic", "echo", "/topic", "--filter", "m.data == ''") as echo:
+        assert echo.error_line() == "messages come on '/topic', but none has passed the filter yet"
+
+
+def test_it_names_the_node_whose_qos_does_not_match(daemon: object) -> None:
+    with tell(), start("topic", "echo", "/topic", "--qos-durability", "transient_local") as echo:
+        line = echo.error_line()
+    assert (
+        "New publisher discovered on topic '/topic', offering incompatible QoS. "
+        "No messages will be received from it. Last incompatible policy: DURABILITY" in line
+    )
+    assert "/teller" in line
+    assert "Volatile publisher and transient local subscription" in line
+
+
+def test_it_names_the_node_whose_type_does_not_match(daemon: object) -> None:
+    with tell(), start("topic", "echo", "/topic", "std_msgs/msg/Int32") as echo:
+        line = echo.error_line()
+    assert "Incompatible type on topic '/topic', no messages will be received from it." in line
+    assert "/teller" in line
+    assert "std_msgs/msg/String" in line
+
+
+def test_late_joiners_of_a_lasting_publisher(daemon: object) -> None:
+    with tell(qos="QoSProfile(depth=3, durability='transient_local')") as teller:
+        teller.write("String(data='old')\n")
+        with start("topic", "echo", "/topic", "--once") as echo:
+            assert echo.end() == Result("data: old\n---\n", "", 0)
+
+
+def test_publishers_that_differ_in_reliability(daemon: object) -> None:
+    with tell(), tell(qos="'sensor_data'"), start("topic", "echo", "/topic") as echo:
+        assert echo.error_line() == (
+            "Some, but not all, publishers are offering QoSReliabilityPolicy.RELIABLE. Falling back to "
+            "QoSReliabilityPolicy.BEST_EFFORT as it will connect to all publishers"
+        )
+
+
+@pytest.mark.parametrize(("option", "stream"), [("--no-str", "out"), ("--json", "err")])
+def test_lost_messages_are_told_with_the_reason(daemon: object, option: str, stream: str) -> None:
+    big = "String(data='x' * 200_000)"
+    with tell() as teller, start("topic", "echo", "/topic", option, "--qos-depth", "1") as echo:
+        matched(echo)
+        echo.process.send_signal(signal.SIGSTOP)
+        teller.write(f"{big}\n" * 50)
+        for _ in range(200):
+            if re.search(r"Messages: 50 ", bus("topic", "info", "-v", "/topic").out):
+                break
+        echo.process.send_signal(signal.SIGCONT)
+        next_line, find = (
+            (echo.line, echo.line_with) if stream == "out" else (echo.error_line, echo.error_line_with)
+        )
+        assert find("lost") == "A message was lost!!!"
+        assert re.fullmatch(r"\ttotal count change:\d+", next_line())
+        assert re.fullmatch(r"\ttotal count: \d+ \(replaced: \d+\)---", next_line())
+
+
+def test_no_lost_messages(daemon: object) -> None:
+    with tell() as teller, start("topic", "echo", "/topic", "--no-lost-messages", "--csv", "-l", "1") as echo:
+        matched(echo)
+        echo.process.send_signal(signal.SIGSTOP)
+        teller.write("String(data='x' * 200_000)\n" * 50 + "String(data='end')\n")
+        for _ in range(200):
+            if re.search(r"Messages: 51 ", bus("topic", "info", "-v", "/topic").out):
+                break
+        echo.process.send_signal(signal.SIGCONT)
+        lines = ["x..."]
+        while lines[-1] != "e...":
+            lines.append(echo.line())
+        assert set(lines) == {"x...", "e..."}
+        assert len(lines) < 51
+        assert echo.end(signal.SIGTERM) == Result("", "", 15)
+
+
+def test_timeout(daemon: object) -> None:
+    with tell():
+        assert bus("topic", "echo", "/topic", "--timeout", "0.2") == Result("", "", 0)
+        assert bus("topic", "echo", "/topic", "--timeout", "0.2", "--once") == Result(
+            "", "no message on '/topic' within 0.2 s\n", 1
+        )
+
+
+def test_it_clears_the_screen_of_a_terminal(daemon: object) -> None:
+    ours, theirs = pty.openpty()
+    with tell() as teller:
+        process = subprocess.Popen((*BUS, "topic", "echo", "/topic", "-c", "--once"), stdout=theirs)
+        matched(process)
+        teller.write("String(data='x')\n")
+        assert process.wait(WAIT_S) == 0
+    assert os.read(ours, 100) == b"\x1b[2J\x1b[Hdata: x\r\n---\r\n"
+    os.close(ours)
+    os.close(theirs)
+
+
+def test_its_node_may_have_a_name(daemon: object) -> None:
+    with tell(), start("topic", "echo", "/topic", "-n", "watcher") as echo:
+        matched(echo)
+        assert bus("node", "list").out == "/teller\n/watcher\n"

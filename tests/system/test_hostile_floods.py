@@ -1,0 +1,203 @@
+"""A peer that wants too much of everything: bounded, refused with numbers or cut off; the others carry on."""
+
+import asyncio
+import contextlib
+import threading
+from collections.abc import Iterator
+
+import bus
+import msgspec
+import pytest
+from bus.msg.std_msgs import String
+from neighbours import descriptors_of, resident_bytes, wait_until, with_limits
+from raw_peer import HELLO, STRING, RawPeer, data, text
+
+from bus.qos import History, QoSProfile
+from bus.wire import messages as m
+from bus.wire.runs import frame_record
+from conftest import WAIT_S, Daemon
+
+pytestmark = pytest.mark.usefixtures("neighbours")
+
+KEEP_ALL = QoSProfile(history=History.KEEP_ALL)
+MiB = 1 << 20
+
+
+def dropped(asker: RawPeer, subscription: int) -> dict[str, int]:
+    graph: m.Graph = asker.ask(m.GetGraph(request=asker.request(), statistics=True))
+    (mine,) = (one.statistics for one in graph.endpoints if one.id == subscription)
+    assert mine is not None
+    return mine.dropped
+
+
+@contextlib.contextmanager
+def written(peer: RawPeer, raw: bytes) -> Iterator[None]:
+    """`raw` is written in the background, while the test reads."""
+    writer = threading.Thread(target=peer.write, args=(raw,))
+    writer.start()
+    try:
+        yield
+    finally:
+        writer.join()
+
+
+class TestOneThatNeverReads:
+    @with_limits(queued_bytes_per_peer=8 * MiB, message_bytes=MiB)
+    @pytest.mark.parametrize("size", [0, 100, 60_000])
+    def test_samples(self, daemon: Daemon, peer: RawPeer, other: RawPeer, size: int) -> None:
+        """What waits for it is bounded and counted, however small the samples; it may stay."""
+        sleeper = peer.hello().subscription(peer.node("sleeper"), "/flood", qos=KEEP_ALL).id
+        publisher = other.publisher(other.node("talker"), "/flood").id
+        number = 400_000 if size < 1000 else 1000
+        body = frame_record(bytes(size), 1)
+        for first in range(1, number, 1000):
+            other.write(b"".join(data(publisher, body, first_seq=seq) for seq in range(first, first + 1000)))
+        other.barrier()
+        lost = dropped(other, sleeper)
+        assert lost["memory_limit"] > number // 10
+        peer.barrier()
+
+    def test_answers(self, daemon: Daemon, peer: RawPeer, other: RawPeer) -> None:
+        peer.hello()
+        for number in range(300):
+            peer.node(f"n{number}")
+        flood = m.encode_frame(m.GetGraph(request=1)) * 100_000
+        peer.socket.settimeout(0.5)
+        with contextlib.suppress(TimeoutError):
+            peer.write(flood)
+        wait_until(lambda: "it does not read" in daemon.log.read_text())
+        graph: m.Graph = other.ask(m.GetGraph(request=other.request()))
+        assert [node.name for node in graph.nodes] == ["neighbour"]
+
+    @with_limits(control_bytes_per_peer=MiB)
+    def test_news(self, daemon: Daemon, peer: RawPeer, other: RawPeer) -> None:
+        """An observer that does not read the changes it asked for."""
+        peer.hello().send(m.Observe(request=1))
+        other_node = other.node()
+        while "it does not read" not in daemon.log.read_text():
+            for _ in range(100):
+                other.ask(m.CreateNode(request=other.request(), name="x" * 200))
+            other.send(m.DestroyNode(node=other_node))
+            other_node = other.node()
+
+
+class TestOneThatWantsTooMuch:
+    def test_ten_thousand_endpoints(self, peer: RawPeer) -> None:
+        node = peer.hello().node("greedy")
+        wanted = b"".join(
+            m.encode_frame(
+                m.CreatePublisher(n, node, f"/t{n}", STRING.name, STRING.hash, QoSProfile(), bytes(16))
+            )
+            for n in range(10_000)
+        )
+        with written(peer, wanted):
+            answers = [peer.expect(m.Created | m.Refused) for _ in range(10_000)]  # type: ignore[arg-type]
+        assert [type(answer) for answer in answers] == [m.Created] * 4096 + [m.Refused] * 5904
+        last = answers[-1]
+        assert (last.resource, last.used, last.limit) == ("endpoints of a process", 4096, 4096)
+        graph: m.Graph = peer.ask(m.GetGraph(request=peer.request()))
+        assert len(graph.endpoints) == 4096 + 2
+        peer.publisher(node, "/more")
+        peer.send(m.DestroyEndpoint(endpoint=answers[0].id))
+        assert isinstance(peer.publisher(node, "/more"), m.Created)
+
+    def test_ten_thousand_nodes(self, peer: RawPeer) -> None:
+        wanted = b"".join(m.encode_frame(m.CreateNode(n, f"n{n}")) for n in range(10_000))
+        with written(peer.hello(), wanted):
+            answers = [peer.expect(m.Created | m.Refused) for _ in range(10_000)]  # type: ignore[arg-type]
+        assert sum(isinstance(answer, m.Created) for answer in answers) == 1024
+        assert (answers[-1].resource, answers[-1].limit) == ("nodes of a process", 1024)
+
+    @with_limits(topics=100)
+    def test_topics(self, peer: RawPeer) -> None:
+        node = peer.hello().node()
+        answers = [peer.subscription(node, f"/t{n}") for n in range(100)]
+        assert isinstance(answers[98], m.Created)
+        assert (answers[99].resource, answers[99].used) == ("topics", 100)
+        assert isinstance(peer.subscription(node, "/t1"), m.Created)
+
+    @with_limits(endpoints_per_peer=3)
+    async def test_what_a_user_sees(self) -> None:
+        async with asyncio.timeout(WAIT_S), bus.Node("greedy", arguments=[], rosout=False) as node:
+            for _ in range(3):
+                await node.create_publisher(String, "/t")
+            with pytest.raises(bus.QuotaExceeded) as caught:
+                await node.create_subscription(String, "/t")
+            assert (caught.value.used, caught.value.limit) == (3, 3)
+            assert str(caught.value) == (
+                "endpoints of a process: 3 of 3 in use; busd's limit can be raised in busd.toml"
+            )
+
+    def test_ten_thousand_types(self, daemon: Daemon, peer: RawPeer) -> None:
+        peer.hello()
+        before = resident_bytes(daemon.pid)
+        schema = msgspec.Raw(msgspec.msgpack.encode(bytes(200_000)))
+        for number in range(2000):
+            peer.send(m.DeclareType(f"big/msg/T{number}", "hash", schema))
+        peer.barrier()
+        assert resident_bytes(daemon.pid) - before < 64 * MiB
+
+    def test_a_schema_too_large(self, peer: RawPeer) -> None:
+        schema = msgspec.Raw(msgspec.msgpack.encode(bytes(300_000)))
+        peer.hello().send(m.DeclareType("big/msg/T", "hash", schema))
+        assert peer.fault().startswith("schema of 300005 bytes, the limit is 262144")
+
+    @with_limits(history_bytes_per_peer=4 * MiB, message_bytes=MiB)
+    def test_history(self, peer: RawPeer, other: RawPeer) -> None:
+        latched = QoSProfile(depth=100_000, durability="transient_local")
+        node = peer.hello().node()
+        for topic in range(20):
+            publisher = peer.publisher(node, f"/t{topic}", qos=latched).id
+            for seq in range(1, 21):
+                peer.write(data(publisher, frame_record(bytes(500_000), 1), first_seq=seq))
+        peer.barrier()
+        other.subscription(other.node(), "/t19", qos=latched)
+        other.barrier()
+
+    def test_matches(self, daemon: Daemon, peer: RawPeer) -> None:
+        """Endpoints are counted, and so must be what they multiply to."""
+        node = peer.hello().node()
+        before = resident_bytes(daemon.pid)
+        requests = [
+            m.encode_frame(kind(n, node, "/t", STRING.name, STRING.hash, QoSProfile(), bytes(16)))
+            for n, kind in enumerate((m.CreatePublisher, m.CreateSubscription) * 1500)
+        ]
+        with written(peer, b"".join(requests)):
+            with contextlib.suppress(AssertionError):
+                for _ in requests:
+                    peer.expect(m.Created | m.Refused)  # type: ignore[arg-type]
+        print((resident_bytes(daemon.pid) - before) >> 20)
+
+
+class TestOneThatComesTooOften:
+    @with_limits(connections=4)
+    async def test_connections(self, daemon: Daemon, peer: RawPeer, other: RawPeer) -> None:
+        peer.hello()
+        with RawPeer(daemon.path) as third:
+            third.hello()
+            with RawPeer(daemon.path) as fourth:
+                assert fourth.fault() == (
+                    "connections: 4 of 4 in use; busd's limit can be raised in busd.toml"
+                )
+            with pytest.raises(bus.BrokerUnavailable) as caught:
+                await bus.Node("late", arguments=[]).open()
+            assert "connections: 4 of 4 in use" in str(caught.value)
+        async with asyncio.timeout(WAIT_S), bus.Node("later", arguments=[]):
+            pass
+
+    @with_limits(connections=20)
+    def test_a_thousand_that_stay_silent(self, daemon: Daemon) -> None:
+        with contextlib.ExitStack() as stack:
+            peers = [stack.enter_context(RawPeer(daemon.path)) for _ in range(300)]
+            refused = [peer for peer in peers[19:] if "20 of 20 in use" in peer.fault()]
+            assert len(refused) == 281
+
+    def test_coming_and_going(self, daemon: Daemon) -> None:
+        descriptors = descriptors_of(daemon.pid)
+        for number in range(500):
+            with RawPeer(daemon.path) as peer:
+                if number % 2:
+                    peer.write(HELLO)
+                    if number % 3:
+                        peer.node("short-lived"[:5])
+        wait_until(lambda: descriptors_of(daemon.pid) <= descriptors)

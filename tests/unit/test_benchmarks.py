@@ -1,0 +1,434 @@
+"""benchmarks/: its arithmetic, its tables, and that no child is waited for in vain or left over."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from benchmarks import idle, latency, report, startup, throughput
+from benchmarks.cases import Case, Figures, Outcome, interleave
+from benchmarks.figures import Spread, per_100k, percentile, percentiles, ratios
+from benchmarks.harness import START_S, Failure, Group
+from benchmarks.machine import ROOT, Machine, look_at_machine
+from benchmarks.report import Column, Comparison, Result, Row, Section
+from benchmarks.systems import BUS, TWO_HOPS, System
+from benchmarks.work import Work, arrivals, text_of
+
+MACHINE = Machine("Some CPU", 2, True, 8.0, "Linux 6", "CPython 3.11", {"msgspec": "0.19"}, "abc+", 0.5)
+SLEEPER = "import time; time.sleep(600)"
+UP = """print('{"event": "up"}', flush=True)"""
+STUBBORN = f"import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); {UP}; {SLEEPER}"
+
+# --- arithmetic
+
+
+@given(
+    st.lists(st.floats(-1e9, 1e9), min_size=1, max_size=300),
+    st.one_of(st.sampled_from([50, 90, 99, 99.9, 100]), st.integers(0, 100)),
+)
+def test_percentile_is_the_smallest_sample_that_enough_do_not_exceed(
+    samples: list[float], percent: float
+) -> None:
+    ordered = sorted(samples)
+
+    found = percentile(ordered, percent)
+
+    def exceeds_no_more_than(value: float) -> float:
+        return 100 * sum(one <= value for one in ordered) / len(ordered)
+
+    assert found in ordered
+    assert exceeds_no_more_than(found) >= percent - 1e-9
+    smaller = [one for one in ordered if one < found]
+    assert not smaller or exceeds_no_more_than(smaller[-1]) < percent
+
+
+def test_percentile_of_a_thousand_is_not_off_by_one() -> None:
+    ordered = list(range(1, 1001))
+
+    assert [percentile(ordered, p) for p in (0, 50, 99, 99.9, 100)] == [1, 500, 990, 999, 1000]
+
+
+@pytest.mark.parametrize(("samples", "percent"), [([], 50), ([1], -1), ([1], 100.1)])
+def test_percentile_that_does_not_exist(samples: list[float], percent: float) -> None:
+    with pytest.raises(ValueError, match="th percentile of"):
+        percentile(samples, percent)
+
+
+def test_percentiles_are_named_sorted_and_scaled() -> None:
+    found = percentiles([3000, 1000, 2000], prefix="due_", scale=1e-3)
+
+    assert found == {"due_p50": 2.0, "due_p90": 3.0, "due_p99": 3.0, "due_p99.9": 3.0, "due_max": 3.0}
+
+
+def test_spread_is_median_and_extremes() -> None:
+    assert Spread.of(iter([5, 1, 9, 2])) == Spread(median=3.5, min=1, max=9)
+    with pytest.raises(ValueError, match="no values"):
+        Spread.of([])
+
+
+def test_cpu_time_for_each_100000_messages() -> None:
+    assert per_100k(3.0, 600_000) == pytest.approx(0.5)
+
+
+def test_ratios_pair_repetitions_and_pass_over_what_is_not_there() -> None:
+    ours: list[Figures] = [{"p50": 4.0}, {"p50": 9.0}, {}, {"p50": 1.0}, {"p50": 1.0}]
+    theirs: list[Figures] = [{"p50": 2.0}, {"p50": 3.0}, {"p50": 1.0}, {"p50": 0.0}]
+
+    assert ratios(ours, theirs, "p50") == [2.0, 3.0]
+    assert ratios([{"a": 6.0}], [{"b": 2.0}], "a", "b") == [3.0]
+
+
+def test_arrivals_tell_lateness_and_age_and_leave_the_warm_up_out() -> None:
+    work = Work(size=64, count=2, warm_up=1, rate=1000)
+    texts = ["0 999", "1000 1010   ", "2000 2500   "]
+
+    found = arrivals(texts, [99999, 1030, 2600], work)
+
+    assert found.late_ns == [10, 500]
+    assert found.age_ns == [20, 100]
+    assert latency.summary(found)["due_max"] == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize("size", [0, 1, 64, 1 << 20])
+def test_text_has_one_byte_a_character(size: int) -> None:
+    assert len(text_of(size).encode()) == size
+
+
+# --- cases
+
+
+def test_cases_take_turns_there_and_back() -> None:
+    done: list[str] = []
+
+    def case(name: str) -> Case:
+        def measure() -> Figures:
+            done.append(name)
+            return {"n": float(len(done))}
+
+        return Case(name, measure)
+
+    outcomes = interleave([case("a"), case("b")], 3)
+
+    assert "".join(done) == "abbaab"
+    assert outcomes["a"].spreads() == {"n": Spread(4.0, 1.0, 5.0)}
+
+
+def test_a_case_that_failed_or_is_missing_is_not_tried_again_and_the_others_go_on() -> None:
+    tries: list[str] = []
+
+    def fails() -> Figures:
+        tries.append("fails")
+        raise Failure("it hangs")
+
+    def works() -> Figures:
+        return {"n": 1.0}
+
+    outcomes = interleave(
+        [Case("fails", fails), Case("missing", fails, "not installed"), Case("works", works)], 2
+    )
+
+    assert tries == ["fails"]
+    assert Row.of(outcomes["fails"]).trouble == "failed: it hangs"
+    assert Row.of(outcomes["missing"]).trouble == "missing: not installed"
+    assert len(outcomes["works"].repetitions) == 2
+
+
+# --- reports
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0, "0"),
+        (0.00123456, "0.00123"),
+        (0.5, "0.500"),
+        (2.346, "2.35"),
+        (94.06, "94.1"),
+        (999.4, "999"),
+        (1273.4, "1273"),
+        (99_999, "100k"),
+        (755_626, "756k"),
+        (999_999, "1.00M"),
+        (1_020_000, "1.02M"),
+        (6.74e9, "6.74G"),
+        (-2.5, "-2.50"),
+    ],
+)
+def test_numbers_have_three_digits_that_count(value: float, text: str) -> None:
+    assert report.number(value) == text
+
+
+def test_table_aligns_its_columns() -> None:
+    text = report.table(["what", "µs", "n"], [["busd", "9.50 (8 - 11)", "1"], ["two bare hops", "-"]])
+
+    assert text.splitlines() == [
+        "what                      µs  n",
+        "-------------  -------------  -",
+        "busd           9.50 (8 - 11)  1",
+        "two bare hops              -",
+    ]
+
+
+def test_section_shows_figures_troubles_goals_and_notes() -> None:
+    outcome = Outcome("busd", [{"p50": 4.0}, {"p50": 6.0}, {"p50": 5.0}])
+    section = Section(
+        "latency",
+        "Latency",
+        [Column("p50", "µs: p50"), Column("p99", "p99")],
+        [
+            Row.of(outcome),
+            Row.of(Outcome("rival", failure="it hangs")),
+            Row.of(Outcome("other", missing="none")),
+        ],
+        [
+            Comparison("busd / floor", Spread(2.5, 2.0, 3.0), at_most=2.0),
+            Comparison("messages/s", Spread(2e6, 1e6, 3e6), at_least=1e6),
+            *report.compare("without a goal", [1.0]),
+            *report.compare("nothing to compare", []),
+        ],
+        ["one way"],
+    )
+
+    assert section.has_failures
+    assert report.render(section).splitlines() == [
+        "Latency",
+        "=======",
+        "median (min - max)             µs: p50  p99",
+        "------------------  ------------------  ---",
+        "busd                5.00 (4.00 - 6.00)    -",
+        "rival                                -    -",
+        "other                                -    -",
+        "rival: failed: it hangs",
+        "other: missing: none",
+        "",
+        "busd / floor: 2.50 (2.00 - 3.00)   goal: at most 2.00, NOT met",
+        "messages/s: 2.00M (1.00M - 3.00M)   goal: at least 1.00M, met",
+        "without a goal: 1.00",
+        "* one way",
+    ]
+
+
+def test_result_is_saved_and_read_again(tmp_path: Path) -> None:
+    section = Section(
+        "idle", "Idle", [Column("n", "n")], [Row("a", {"n": Spread(1, 0, 2)}), Row("b", trouble="x")]
+    )
+    result = Result(report.FORMAT, "2025-01-02T03:04:05Z", True, 3, MACHINE, [section])
+    path = tmp_path / "results" / report.file_name(result)
+
+    report.save(result, path)
+
+    assert path.name == "20250102T030405Z-abc-quick.json"
+    assert report.load(path) == result
+    assert json.loads(path.read_bytes())["machine"]["processor"] == "Some CPU"
+
+
+def test_machine_facts_name_neither_host_nor_paths() -> None:
+    facts = look_at_machine()
+
+    text = facts.describe()
+
+    assert facts.cpus > 0 and facts.python.split()[0] in text
+    assert os.uname().nodename not in text and str(ROOT) not in text and str(Path.home()) not in text
+
+
+# --- processes
+
+
+def _is_there(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_a_child_that_hangs_is_a_failure_and_is_killed() -> None:
+    with pytest.raises(Failure, match=r"rival did not say 'ready' within 0\.1 s"), Group() as group:
+        child = group.start("rival", sys.executable, "-c", SLEEPER)
+        group.expect(child, "ready", within_s=0.1)
+
+    assert not _is_there(child.pid)
+    assert not group.folder.exists()
+
+
+def test_a_child_that_never_ends_is_a_failure_and_is_killed() -> None:
+    with pytest.raises(Failure, match=r"program did not end within 0\.1 s"), Group() as group:
+        child = group.start("program", sys.executable, "-c", SLEEPER, ends=True)
+        group.wait(child, within_s=0.1)
+
+    assert not _is_there(child.pid)
+
+
+@pytest.mark.parametrize("ends", [False, True])
+def test_a_child_that_dies_is_a_failure_at_once_with_its_last_words(ends: bool) -> None:
+    code = f"{UP}; input(); raise SystemExit('no such library')"
+    with pytest.raises(Failure, match="rival exited with 1: no such library"), Group() as group:
+        other = group.start("other", sys.executable, "-c", "input()")
+        child = group.start("rival", sys.executable, "-c", code, ends=ends)
+        group.expect(child, "up", within_s=START_S)
+        child.tell("go")
+        group.expect(other, "ready", within_s=3600)  # of another child: its end is noticed all the same
+
+
+def test_a_killed_child_is_a_failure_that_names_the_signal() -> None:
+    with pytest.raises(Failure, match="rival was ended by SIGKILL"), Group() as group:
+        child = group.start("rival", sys.executable, "-c", SLEEPER)
+        os.kill(child.pid, signal.SIGKILL)
+        group.expect(child, "ready", within_s=3600)
+
+
+def test_a_child_that_closed_its_output_is_given_its_time_and_no_more() -> None:
+    code = f"import os; os.close(1); {SLEEPER}"
+    with pytest.raises(Failure, match="did not say 'ready'"), Group() as group:
+        group.expect(group.start("rival", sys.executable, "-c", code), "ready", within_s=0.5)
+
+
+def test_a_server_that_ignores_its_signal_is_killed() -> None:
+    with pytest.raises(RuntimeError), Group() as group:
+        child = group.start("server", sys.executable, "-c", STUBBORN, stop_signal=signal.SIGTERM)
+        group.expect(child, "up", within_s=START_S)
+        raise RuntimeError
+
+    assert not _is_there(child.pid)
+
+
+def test_children_are_reaped_when_the_measurement_is_interrupted() -> None:
+    with pytest.raises(KeyboardInterrupt), Group() as group:
+        children = [group.start(f"child_{index}", sys.executable, "-c", SLEEPER) for index in range(3)]
+        raise KeyboardInterrupt
+
+    assert not any(_is_there(child.pid) for child in children)
+
+
+def test_what_a_child_prints_for_people_is_passed_over_and_broken_events_are_not() -> None:
+    with Group() as group:
+        lines = 'hello\\n{"event": "first", "n": 1}\\n{"event": "second"}'
+        child = group.start("talkative", sys.executable, "-c", f"print('''{lines}'''); input()")
+        group.expect(child, "second", within_s=START_S)
+        assert child.take("first") == {"event": "first", "n": 1}
+        assert child.cpu_ns() > 0
+        broken = group.start("broken", sys.executable, "-c", "print('{nonsense'); input()")
+        with pytest.raises(Failure, match="broken said what is no JSON"):
+            group.expect(broken, "ready", within_s=START_S)
+        child.tell("enough")
+        broken.tell("enough")
+
+
+def test_interrupted_run_leaves_nothing_behind() -> None:
+    command = [sys.executable, "-m", "benchmarks", "--only", "throughput", "--no-save"]
+    run = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        assert run.stdout is not None
+        run.stdout.readline()
+        run.send_signal(signal.SIGTERM)
+        _, errors = run.communicate(timeout=60)
+    finally:
+        run.kill()
+        run.communicate()
+
+    assert run.returncode == 130
+    assert errors.strip().endswith("interrupted; nothing saved")
+
+
+# --- accounting, with a system that says what the test wants
+
+LIAR = """
+import os, sys
+def tell(text): print(text, flush=True)
+tell('{"event": "ready"}')
+if sys.argv[1] == "subscriber":
+    tell('{"event": "warm"}')
+    tell(os.environ["RECEIVED"])
+for word in sys.stdin:
+    if word.strip() == "go" and "SENT" in os.environ:
+        tell(os.environ["SENT"])
+"""
+FLOOD = Work(size=100, count=1000, warm_up=10)
+
+
+@pytest.fixture
+def liar(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> System:
+    (tmp_path / "liar_system.py").write_text(LIAR)
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+    monkeypatch.setenv("SENT", '{"event": "sent", "begin_ns": 1000000000}')
+    return System("liar", "liar_system", lambda group, module: [])
+
+
+def _received(count: int, dropped: str = "{}") -> str:
+    return f'{{"event": "received", "end_ns": 1500000000, "count": {count}, "dropped": {dropped}}}'
+
+
+def test_throughput_counts_from_the_first_publish_to_the_last_message(
+    liar: System, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RECEIVED", _received(1010))
+
+    found = throughput.measure(liar, FLOOD)
+
+    assert found["per_s"] == pytest.approx(2000)
+    assert found["bytes_per_s"] == pytest.approx(200_000)
+    assert found["cpu_broker"] == 0
+
+
+@pytest.mark.parametrize(
+    ("received", "text"),
+    [
+        (_received(1009), r"1009 of 1010 arrived"),
+        (_received(1010, '{"replaced": 1}'), r"dropped: \{'replaced': 1\}"),
+    ],
+)
+def test_a_run_that_lost_something_is_no_throughput(
+    liar: System, monkeypatch: pytest.MonkeyPatch, received: str, text: str
+) -> None:
+    monkeypatch.setenv("RECEIVED", received)
+
+    with pytest.raises(Failure, match=text):
+        throughput.measure(liar, FLOOD)
+
+
+def test_a_system_that_hangs_in_the_middle_is_a_failure(
+    liar: System, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RECEIVED", "nothing yet")
+    monkeypatch.setattr(throughput, "_LIMIT_S", 0.2)
+
+    with pytest.raises(Failure, match="subscriber did not say 'received'"):
+        throughput.measure(liar, FLOOD)
+
+
+# --- the real thing, small
+
+
+@pytest.mark.parametrize("take_by", ["callback", "async for"])
+@pytest.mark.parametrize("publish_by", ["publish", "send"])
+def test_throughput_of_busd(publish_by: str, take_by: str) -> None:
+    work = Work(size=64, count=2000, warm_up=100, publish_by=publish_by, take_by=take_by)
+
+    found = throughput.measure(BUS, work)
+
+    assert min(found.values()) > 0
+
+
+@pytest.mark.parametrize(("system", "take_by"), [(BUS, "callback"), (BUS, "async for"), (TWO_HOPS, "")])
+def test_latency_of_busd_and_of_the_floor(system: System, take_by: str) -> None:
+    found = latency.measure(system, Work(size=64, count=100, warm_up=10, rate=1000, take_by=take_by))
+
+    assert 0 < found["p50"] <= found["p99"] <= found["max"]
+    assert found["due_p50"] >= found["p50"]
+
+
+def test_start_and_idle_are_measured_and_nothing_is_left() -> None:
+    assert startup.measure_first_message()["ms"] > 0
+    assert startup.measure_with_autostart()["ms"] > 0
+    assert startup.measure_program([sys.executable, "-m", "bus.cli", "topic", "list"], on_bus=True)["ms"] > 0
+    assert idle.measure(0.1, settle_s=0.0)["busd_us_per_s"] >= 0
+
+
+def test_end_busd_of_nobody(tmp_path: Path) -> None:
+    startup.end_busd(tmp_path / "no.sock")

@@ -1,0 +1,304 @@
+"""The documentation says what the code says: messages, fields, layers, presets, texts, limits, links."""
+
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+import msgspec
+import pytest
+
+from bus import events, qos
+from bus.cli.main import COMMANDS, make_parser
+from bus.msg import PACKAGES
+from bus.msg.std_msgs import String
+from bus.typesupport import type_support
+from bus.wire import layout, messages, session
+from bus.wire.runs import Account, Run, RunQueue, frame_record
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+OURS = ("protocol", "architecture", "lesson", "qos", "README")
+PAGES = {name: (DOCS / f"{name}.md").read_text() for name in OURS}
+README = (ROOT / "README.md").read_text()
+ALL = {"../README": README, **PAGES}
+
+CODE = re.compile(r"`([^`\n]+)`")
+LINK = re.compile(r"\[[^\]]+\]\(([^)#]+)[^)]*\)")
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def fences(text: str) -> list[str]:
+    return [block for _, block in FENCE.findall(text)]
+
+
+def words(text: str) -> str:
+    """With all white space as one blank, because lines break where they like."""
+    return " ".join(text.split())
+
+
+def tables(text: str) -> Iterator[tuple[list[str], list[list[str]]]]:
+    """Head and rows of each table; cells without their backticks and stars."""
+    for block in re.findall(r"(?:^\|.*\|\n)+", text, re.MULTILINE):
+        head, _, *rows = [
+            [cell.strip().strip("`*") for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+            for line in block.splitlines()
+        ]
+        yield head, rows
+
+
+def rows_of(text: str, *head: str) -> list[list[str]]:
+    """The rows of all tables whose head begins with `head`."""
+    found = [rows for title, rows in tables(text) if tuple(title[: len(head)]) == head]
+    assert found, f"there is no table {head}"
+    return [row for rows in found for row in rows]
+
+
+def section(text: str, title: str) -> str:
+    level = len(title) - len(title.lstrip("#"))
+    _, found, rest = text.partition(f"\n{title}\n")
+    assert found, f"there is no section {title}"
+    return re.split(rf"^#{{2,{level}}} ", rest, maxsplit=1, flags=re.MULTILINE)[0]
+
+
+def drop_reasons() -> set[str]:
+    """What the sources call the reasons of drops."""
+    call = re.compile(r'\b_?(?:drop|shed)\((?:[^()"]*,\s*)?"([a-z_]+)"')
+    sources = [*(ROOT / "busd").rglob("*.py"), *(ROOT / "clients" / "bus").rglob("*.py")]
+    return {reason for source in sources for reason in call.findall(source.read_text())}
+
+
+class TestProtocol:
+    text = PAGES["protocol"]
+
+    def test_pictures_are_those_of_the_code(self) -> None:
+        blocks = fences(self.text)
+        for module, begin in ((layout, "frame "), (session, "state ")):
+            lines = (module.__doc__ or "").split("\n")
+            start = next(at for at, line in enumerate(lines) if line.startswith(f"    {begin}"))
+            stop = next(
+                at
+                for at, line in enumerate([*lines, "."])
+                if at > start and line and not line.startswith("    ")
+            )
+            picture = "\n".join(line.removeprefix("    ") for line in lines[start:stop]).strip()
+            assert picture in [block.strip() for block in blocks]
+
+    @pytest.mark.parametrize("title", ["Both ways", "From a client", "From busd"])
+    def test_messages_by_direction(self, title: str) -> None:
+        client, broker = set(get_args(messages.FromClient)), set(get_args(messages.FromBroker))
+        expected = {
+            "Both ways": client & broker,
+            "From a client": client - broker,
+            "From busd": broker - client,
+        }[title]
+        rows = rows_of(section(self.text, f"### {title}"), "message", "tag", "fields")
+        assert {row[0] for row in rows} == {cls.__name__ for cls in expected}
+
+    def test_every_message_is_described(self) -> None:
+        described = {row[0] for row in rows_of(self.text, "message", "tag", "fields")}
+        defined = {
+            name
+            for name, value in vars(messages).items()
+            if isinstance(value, type) and issubclass(value, messages.Message)
+        }
+        assert described == defined - {"Message"}
+
+    def test_tags_and_fields(self) -> None:
+        for name, tag, fields, meaning in rows_of(self.text, "message", "tag", "fields"):
+            cls = getattr(messages, name)
+            assert tag == cls.__struct_config__.tag
+            assert [part.strip().strip("`") for part in fields.split(",")] == list(cls.__struct_fields__), name
+            assert meaning, name
+
+    def test_records(self) -> None:
+        records = {
+            value
+            for value in vars(messages).values()
+            if isinstance(value, type)
+            and issubclass(value, msgspec.Struct)
+            and not issubclass(value, messages.Message)
+            and value.__module__ == messages.__name__
+        }
+        described = {row[0]: row[1] for row in rows_of(self.text, "record", "fields")}
+        assert set(described) == {cls.__name__ for cls in records}
+        for cls in records:
+            fields = [part.strip().strip("`") for part in described[cls.__name__].split(",")]
+            assert fields == list(cls.__struct_fields__)
+
+    def test_kinds_flags_and_sizes(self) -> None:
+        kinds = {row[0]: int(row[1]) for row in rows_of(self.text, "kind", "number")}
+        assert kinds == {"control": layout.CONTROL, "data": layout.DATA}
+        text = words(self.text)
+        assert f"This is version {layout.VERSION}." in text
+        assert f"in a data frame {layout.REPLAY} = *replay*" in text
+        control = layout.FRAME_HEAD_BYTES - layout.LENGTH_BYTES
+        data = layout.DATA_HEAD_BYTES - layout.LENGTH_BYTES
+        assert f"{control} and the body in a control frame, {data} and the records in a data frame" in text
+
+    def test_fixed_limits(self) -> None:
+        values = {row[0]: row[1] for row in rows_of(section(self.text, "## Errors and limits"), "limit", "value")}
+        assert values["control message to busd"] == f"{layout.MAX_CONTROL_BYTES >> 20} MiB"
+        long_ones = next(value for name, value in values.items() if name.startswith("control message to a client"))
+        assert long_ones == f"{layout.MAX_SNAPSHOT_BYTES >> 20} MiB"
+        assert f"{layout.RUN_BYTES >> 10} KiB" in values["run"]
+        assert f"{layout.MAX_MESSAGE_BYTES >> 30} GiB" in values["encoded message"]
+        assert values["sequence numbers and counters"] == f"2^{layout.MAX_COUNT.bit_length()} - 1"
+
+    def test_the_two_frames(self) -> None:
+        dumps = [bytes.fromhex(block) for block in fences(self.text) if re.fullmatch(r"[0-9a-f \n]+", block)]
+        encode = type_support(String).encode
+        records = [
+            frame_record(encode(String(data="hi")), 1_000_000_000),
+            frame_record(encode(String(data="ho")), 1_000_000_500),
+        ]
+        queue = RunQueue(0, Account(1 << 20), endpoint=7)
+        queue.append(Run(0, 3, 5, 2, b"".join(records)))
+        head, body = queue.pop_frame()
+        hello = messages.Hello(version=layout.VERSION, pid=4711, program="talker.py")
+        assert dumps == [messages.encode_frame(hello), bytes(head) + bytes(body)]
+
+
+class TestArchitecture:
+    text = PAGES["architecture"]
+
+    @pytest.mark.parametrize("package", ["bus", "busd"])
+    def test_layers_are_those_that_the_linter_holds(self, package: str) -> None:
+        project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+        contracts = project["tool"]["importlinter"]["contracts"]
+        layers = next(one["layers"] for one in contracts if one.get("containers") == [package])
+        assert "\n".join(layers) in [block.strip() for block in fences(self.text)]
+
+    def test_places_of_drops(self) -> None:
+        for reason, _, where, _ in rows_of(section(self.text, "## Drops"), "reason", "counted by"):
+            for path in re.findall(r"[\w/]+\.py", where):
+                assert f'"{reason}"' in (ROOT / path).read_text(), (reason, path)
+
+    def test_the_core_is_described(self) -> None:
+        described = {row[0] for row in rows_of(section(self.text, "## The broker"), "module", "subject")}
+        present = {f"busd/core/{path.name}" for path in (ROOT / "busd" / "core").glob("*.py")}
+        assert described == present - {f"busd/core/{name}.py" for name in ("__init__", "broker", "effects")}
+
+
+class TestQoS:
+    text = PAGES["qos"]
+
+    def test_policies_and_defaults(self) -> None:
+        plain = msgspec.structs.asdict(qos.QoSProfile())
+        rows = {row[0]: row for row in rows_of(self.text, "field", "values", "default")}
+        assert {name: row[2] for name, row in rows.items()} == {name: str(value) for name, value in plain.items()}
+        for name, row in rows.items():
+            if isinstance(plain[name], str):
+                assert set(CODE.findall(f"`{row[1]}`")) == {member.value for member in type(plain[name])}
+
+    def test_presets(self) -> None:
+        columns = ("depth", "history", "reliability", "durability", "lifespan")
+        rows = rows_of(self.text, "preset", *columns)
+        described = {row[0]: tuple(row[1:]) for row in rows}
+        assert described == {
+            name: tuple(str(getattr(profile, column)) for column in columns)
+            for name, profile in qos.PRESETS.items()
+        }
+        for profile in qos.PRESETS.values():
+            assert (profile.deadline, profile.liveliness_lease_duration) == (None, None)
+
+    def test_the_matrix(self) -> None:
+        """Every row is tried, and every text that the code has is in some row."""
+        told = set()
+        for policy, offered, requested, match, text in rows_of(self.text, "policy", "publisher offers"):
+            if policy == "history, depth, lifespan":
+                continue
+            for offer, request in _profiles(policy, offered, requested):
+                found = qos.check_compatible(offer, request)
+                assert (not found) == (match == "yes"), (policy, offered, requested)
+                assert [one.text for one in found] == ([text] if text else [])
+                told.update(one.text for one in found)
+        known = {value.text for value in vars(qos).values() if isinstance(value, qos.Incompatibility)}
+        assert told == known
+
+    def test_events(self) -> None:
+        rows = rows_of(self.text, "event", "publisher", "subscription")
+        for at, cls in ((1, events.PublisherEvents), (2, events.SubscriptionEvents)):
+            assert [row[0] for row in rows if row[at] == "yes"] == [*cls.__struct_fields__]
+
+
+def _profiles(policy: str, offered: str, requested: str) -> Iterator[tuple[qos.QoSProfile, qos.QoSProfile]]:
+    durations = {"deadline": "deadline", "lease": "liveliness_lease_duration"}
+    if policy not in durations:
+        enum = type(getattr(qos.QoSProfile(), policy))
+        for offer in enum if offered == "any" else [offered]:
+            for request in enum if requested == "any" else [requested]:
+                yield qos.QoSProfile(**{policy: offer}), qos.QoSProfile(**{policy: request})
+        return
+    values: dict[str, list[tuple[float | None, float | None]]] = {
+        "any None": [(None, None), (1.0, None)],
+        "None s": [(None, 1.0)],
+        "p s >= p": [(1.0, 1.0), (1.0, 2.0)],
+        "p s < p": [(1.0, 0.5)],
+    }
+    name = durations[policy]
+    for offer_s, request_s in values[f"{offered} {requested}"]:
+        yield qos.QoSProfile(**{name: offer_s}), qos.QoSProfile(**{name: request_s})
+
+
+@pytest.mark.parametrize("page", ["qos", "architecture"])
+def test_every_drop_reason_is_explained(page: str) -> None:
+    reasons = drop_reasons()
+    assert "replaced" in reasons
+    assert {row[0] for row in rows_of(PAGES[page], "reason")} == reasons
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_links_and_paths_lead_somewhere(name: str) -> None:
+    page = (DOCS / f"{name}.md").resolve()
+    for target in LINK.findall(ALL[name]):
+        assert target.startswith("https://") or (page.parent / target).exists(), target
+    for text in CODE.findall(FENCE.sub("", ALL[name])):
+        if re.fullmatch(r"(busd|clients|docs|examples|tests)/[\w/.]+", text):
+            assert (ROOT / text).exists(), text
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_commands_exist(name: str) -> None:
+    """Every `bus ...` that stands in a page can be parsed, options and all. `bus run` comes later."""
+    shown = [text.removeprefix("$ ") for text in CODE.findall(FENCE.sub("", ALL[name]))]
+    shown += [line[2:] for block in fences(ALL[name]) for line in block.splitlines() if line.startswith("$ ")]
+    for text in shown:
+        arguments = [part.strip('"') for part in re.findall(r'"[^"]*"|\S+', text)]
+        if arguments[0] != "bus" or arguments[1:2] in (["run"], []):
+            continue
+        command, *verb = arguments[1:]
+        verbs = COMMANDS[command][1]
+        assert not verbs or verb[0] in verbs, text
+        if len(arguments) > 3 or not verbs:
+            make_parser(arguments[1:]).parse_args(arguments[1:])
+
+
+def test_make_targets_exist() -> None:
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    for name, text in ALL.items():
+        for target in re.findall(r"(?:`|\n|\$ )make ([a-z-]+)", text):
+            assert target in targets, (name, target)
+
+
+def test_the_index_has_every_page() -> None:
+    listed = {target for target in LINK.findall(PAGES["README"]) if "/" not in target}
+    assert listed == {path.name for path in DOCS.glob("*.md")} - {"README.md"}
+
+
+@pytest.mark.parametrize("example", ["examples/talker.py", "examples/listener.py"])
+def test_the_readme_shows_the_examples_as_they_are(example: str) -> None:
+    blocks = [block for language, block in FENCE.findall(README) if language == "python"]
+    assert (ROOT / example).read_text() in blocks
+
+
+def test_the_readme_names_the_message_packages() -> None:
+    for package in set(PACKAGES) - {"rcl_interfaces"}:
+        assert f"`{package}`" in README
+
+
+def test_nothing_promises_a_benchmark_number_in_the_readme() -> None:
+    """Numbers stand where the machine and the method stand too, or beside a link to there."""
+    speed: Any = section(README, "## Speed")
+    assert "benchmarks/README.md" in speed
