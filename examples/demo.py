@@ -14,10 +14,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+import bus
 from launch import START_S, Failure, Launch, run
 from transcript import Transcript
-
-import bus
 
 EXAMPLES = Path(__file__).parent
 TOPIC = "/topic"

@@ -1,6 +1,5 @@
 """The lesson's publisher: a message twice a second."""
 
-import asyncio
 from itertools import count
 
 import bus
@@ -18,7 +17,7 @@ async def main() -> None:
             publisher.publish(message)
 
         node.create_timer(0.5, publish_next)
-        await asyncio.Event().wait()  # until Ctrl-C
+        await node.spin()
 
 
 bus.run(main())

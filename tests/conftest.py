@@ -31,7 +31,7 @@ class Daemon:
             process = subprocess.Popen(
                 [sys.executable, "-m", "busd", "--socket", str(self.path), *self.arguments],
                 stderr=log,
-                env={**os.environ, "PYTHONASYNCIODEBUG": "0"},
+                env={**os.environ, "PYTHONASYNCIODEBUG": ""},
             )
         self._wait_until_ready(process)
         return process

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     )
     from bus.events import PublisherEvents, SubscriptionEvents
     from bus.graph import Graph
-    from bus.logger import Logger, get_logger
+    from bus.logger import Logger, Severity, get_logger
     from bus.node import Node
     from bus.publisher import Publisher
     from bus.qos import Durability, History, Liveliness, QoSProfile, Reliability
@@ -57,7 +57,7 @@ _HOMES = {
     ),
     "bus.events": ("PublisherEvents", "SubscriptionEvents"),
     "bus.graph": ("Graph",),
-    "bus.logger": ("Logger", "get_logger"),
+    "bus.logger": ("Logger", "Severity", "get_logger"),
     "bus.node": ("Node",),
     "bus.publisher": ("Publisher",),
     "bus.qos": ("Durability", "History", "Liveliness", "QoSProfile", "Reliability"),
@@ -90,6 +90,7 @@ __all__ = [
     "QuotaExceeded",
     "Reliability",
     "RemoteProtocolError",
+    "Severity",
     "Subscription",
     "SubscriptionEvents",
     "Timer",

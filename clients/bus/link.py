@@ -11,7 +11,7 @@ from collections.abc import Awaitable, Callable, Iterable
 from pathlib import Path
 from threading import get_ident
 from time import monotonic_ns, time_ns
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 from bus.connection import Connection
 from bus.declarations import Declarations, Declared, Endpoint
@@ -19,6 +19,8 @@ from bus.errors import BrokerUnavailable, BusError, ConnectionClosed, ForkError
 from bus.logger import get_logger
 from bus.wire import messages as m
 from bus.wire.runs import Run, RunQueue
+
+T = TypeVar("T")
 
 _REPORT_S = 0.5
 _RETRY_S = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
@@ -47,7 +49,7 @@ class Link:
         self._reports: set[Endpoint] = set()
         self._report_timer: asyncio.TimerHandle | None = None
         self._drain_waiters: list[tuple[RunQueue, asyncio.Future[None]]] = []
-        self._observers: list[Callable[[m.Graph | m.GraphChanged], None]] = []
+        self._observers: list[Callable[[], None]] = []
         Link._links.add(self)
 
     # --- making and ending
@@ -129,16 +131,14 @@ class Link:
 
     async def request(self, make: Callable[[int], m.Message]) -> Any:
         """Ask the broker something; see `Connection.request`. Waits for a broker that is away."""
-        connection = await self._connected()
-        self._hand_over()
-        return await connection.request(make)
+        return await self._when_connected(lambda connection: connection.request(make))
 
-    async def observe(self, tell: Callable[[m.Graph | m.GraphChanged], None]) -> None:
-        """Call `tell` with the graph as it is and then with every change, also after a reconnection."""
+    async def observe(self, tell: Callable[[], None]) -> None:
+        """Call `tell` at every change of the graph from now on, and after a reconnection."""
         self._observers.append(tell)
-        tell(await self.request(lambda number: m.Observe(request=number)))
+        await self.request(lambda number: m.Observe(request=number))
 
-    def stop_observing(self, tell: Callable[[m.Graph | m.GraphChanged], None]) -> None:
+    def stop_observing(self, tell: Callable[[], None]) -> None:
         self._observers.remove(tell)
         if not self._observers and self._connection is not None:
             self._connection.send(m.Observe(request=0, on=False))
@@ -248,7 +248,7 @@ class Link:
         match message:
             case m.GraphChanged():
                 for tell in tuple(self._observers):
-                    tell(message)
+                    tell()
                 return
             case m.Matched(endpoint=number) | m.Unmatched(endpoint=number) | m.Incompatible(endpoint=number):
                 pass
@@ -320,21 +320,22 @@ class Link:
             elif self._connection is not None:
                 return self._connection
 
-    async def _when_connected(self, action: Callable[[Connection], Awaitable[None]]) -> None:
+    async def _when_connected(self, action: Callable[[Connection], Awaitable[T]]) -> T:
         while True:
             connection = await self._connected()
             self._hand_over()  # what was published before must not seem to come after
             try:
-                await action(connection)
-                return
+                return await action(connection)
             except ConnectionClosed:
                 if self._opening is None:
                     raise
 
     async def _declare_again(self, connection: Connection) -> None:
         await self._declarations.declare_again(connection)
+        if self._observers:
+            await connection.request(lambda number: m.Observe(request=number))
         for tell in tuple(self._observers):
-            tell(await connection.request(lambda number: m.Observe(request=number)))
+            tell()
 
     def _set_heartbeat(self) -> None:
         if self._connection is not None and self._connection.lease_s:

@@ -201,6 +201,30 @@ class Node:
         )
         return Graph.from_snapshot(snapshot)
 
+    async def wait_for_graph(self, condition: Callable[[Graph], bool]) -> Graph:
+        """Wait until `condition(graph)` holds; returns that graph. It is asked again at every change.
+
+        Cancellation leaves nothing behind.
+        """
+        link = self._opened()
+        changed = asyncio.Event()
+
+        await link.observe(changed.set)
+        try:
+            while True:
+                changed.clear()
+                graph = await self.graph()
+                if condition(graph):
+                    return graph
+                await changed.wait()
+        finally:
+            link.stop_observing(changed.set)
+
+    async def spin(self) -> None:
+        """Wait for ever while callbacks and timers do the work; an exception of theirs comes out of the node."""
+        self._opened()
+        await asyncio.get_running_loop().create_future()
+
     async def get_type(self, type_name: str, type_hash: str) -> type[msgspec.Struct]:
         """The message class of a type that is on the bus, made from the description that travels with it.
 

@@ -1,12 +1,10 @@
 """Actuation: applies velocity commands that the motors can obey, refuses others, stops when none come."""
 
-import asyncio
 from time import monotonic
-
-from common import APPLIED, BOUNDS, COMMAND, COMMAND_TIMEOUT_S
 
 import bus
 from bus.msg.geometry_msgs import Twist
+from common import APPLIED, BOUNDS, COMMAND, COMMAND_TIMEOUT_S
 
 
 def violation(command: Twist) -> str | None:
@@ -51,7 +49,7 @@ async def main() -> None:
         motors = Motors(applied, node.get_logger())
         await node.create_subscription(COMMAND.type, COMMAND.name, COMMAND.qos, motors.obey)
         node.create_timer(COMMAND_TIMEOUT_S / 5, motors.watch)
-        await asyncio.Event().wait()
+        await node.spin()
 
 
 if __name__ == "__main__":

@@ -1,9 +1,11 @@
 """Cognition: finds the ball in the image, follows it between images with the IMU, and drives after it."""
 
-import asyncio
 from math import atan2, copysign, pi, sqrt
 from typing import NamedTuple
 
+import bus
+from bus.msg.geometry_msgs import Twist, Vector3
+from bus.msg.sensor_msgs import Image, Imu, JointState
 from common import (
     BALL_RADIUS_M,
     BOUNDS,
@@ -16,10 +18,6 @@ from common import (
     clamp,
     seconds_of,
 )
-
-import bus
-from bus.msg.geometry_msgs import Twist, Vector3
-from bus.msg.sensor_msgs import Image, Imu, JointState
 
 _IS_BRIGHT = bytes(value >= 200 for value in range(256))
 _LEAST_PIXELS = 20
@@ -101,7 +99,7 @@ async def main() -> None:
         await node.create_subscription(IMU.type, IMU.name, IMU.qos, driver.turn)
         await node.create_subscription(JOINTS.type, JOINTS.name, JOINTS.qos, driver.roll)
         await node.create_subscription(CAMERA.type, CAMERA.name, CAMERA.qos, see)
-        await asyncio.Event().wait()
+        await node.spin()
 
 
 if __name__ == "__main__":

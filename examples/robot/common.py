@@ -59,9 +59,9 @@ class TopicHealth(msgspec.Struct, frozen=True):
     window_s: float
     published: int
     received: int
-    age_s: float
-    """Mean time from publish to reception."""
-    age_max_s: float
+    age_s: float | None
+    """Mean time from publish to reception; None where nothing came."""
+    age_max_s: float | None
     stamp_age_s: float | None
     """Mean time from header.stamp, so from the measurement, to reception; None where there is no header."""
     lost: dict[str, int]

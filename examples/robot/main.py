@@ -12,9 +12,8 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import NoReturn
 
-from common import HEALTH_TOPIC, TOPICS, Health
-
 import bus
+from common import HEALTH_TOPIC, TOPICS, Health
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 

@@ -1,11 +1,11 @@
 """Measures one topic: how many messages, how old, who lost some."""
 
+from statistics import fmean
 from time import monotonic
 from typing import Any
 
-from common import Topic, TopicHealth, seconds_of
-
 import bus
+from common import Topic, TopicHealth, seconds_of
 
 
 class Meter:
@@ -35,9 +35,9 @@ class Meter:
             window_s=monotonic() - self._started_s,
             published=self._published,
             received=len(ages_s),
-            age_s=sum(ages_s) / len(ages_s) if ages_s else 0.0,
-            age_max_s=max(ages_s, default=0.0),
-            stamp_age_s=sum(stamp_ages_s) / len(stamp_ages_s) if stamp_ages_s else None,
+            age_s=fmean(ages_s) if ages_s else None,
+            age_max_s=max(ages_s, default=None),
+            stamp_age_s=fmean(stamp_ages_s) if stamp_ages_s else None,
             lost=lost,
         )
         self._start()

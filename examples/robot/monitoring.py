@@ -3,18 +3,16 @@
 A table that stays in place on a terminal, else a line per topic and second. Also publishes it as Health.
 """
 
-import asyncio
 import sys
 from collections import deque
 from shutil import get_terminal_size
-
-from common import HEALTH_TOPIC, TOPICS, Health, TopicHealth
-from meter import Meter, lost_on
 
 import bus
 from bus.address import socket_path
 from bus.logger import Severity
 from bus.msg.rcl_interfaces import Log
+from common import HEALTH_TOPIC, TOPICS, Health, TopicHealth
+from meter import Meter, lost_on
 
 _IS_TERMINAL = sys.stdout.isatty()
 _PERIOD_S = 0.5 if _IS_TERMINAL else 1.0
@@ -26,13 +24,10 @@ _HEADING = "topic  (Hz, ms)    due   sent    got     age     max   stamp  lost"
 def row(health: TopicHealth) -> str:
     """A line of the table: rates in Hz, ages in ms."""
     sent, got = health.published / health.window_s, health.received / health.window_s
-    age, age_max = health.age_s * 1e3, health.age_max_s * 1e3
-    stamp = f"{health.stamp_age_s * 1e3:7.2f}" if health.stamp_age_s is not None else "      -"
+    ages_s = (health.age_s, health.age_max_s, health.stamp_age_s)
+    ages = "".join("       -" if age_s is None else f"{age_s * 1e3:8.2f}" for age_s in ages_s)
     lost = ", ".join(f"{who} {count}" for who, count in health.lost.items()) or "-"
-    return (
-        f"{health.topic:17} {health.nominal_hz:4.0f} {sent:6.1f} {got:6.1f}"
-        f" {age:7.2f} {age_max:7.2f} {stamp}  {lost}"
-    )
+    return f"{health.topic:17} {health.nominal_hz:4.0f} {sent:6.1f} {got:6.1f}{ages}  {lost}"
 
 
 def screen(health: Health, graph: bus.Graph, log: deque[str]) -> str:
@@ -80,7 +75,7 @@ async def main() -> None:
 
         print(_CLEAR if _IS_TERMINAL else f"export BUSD_SOCKET={socket_path()}\n{_HEADING}", flush=True)
         node.create_timer(_PERIOD_S, report)
-        await asyncio.Event().wait()
+        await node.spin()
 
 
 if __name__ == "__main__":

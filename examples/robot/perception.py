@@ -1,17 +1,15 @@
 """Perception: a camera, an IMU and wheel encoders, simulated; the robot moves as actuation tells it to."""
 
-import asyncio
 from math import cos, sin
 from random import gauss
 from time import monotonic
-
-from common import APPLIED, CAMERA, COMMAND_TIMEOUT_S, HEIGHT, IMU, JOINTS, WIDTH, now
-from world import World
 
 import bus
 from bus.msg.geometry_msgs import Quaternion, Twist, Vector3
 from bus.msg.sensor_msgs import Image, Imu, JointState
 from bus.msg.std_msgs import Header
+from common import APPLIED, CAMERA, COMMAND_TIMEOUT_S, HEIGHT, IMU, JOINTS, WIDTH, now
+from world import World
 
 
 class Body:
@@ -79,7 +77,7 @@ async def main() -> None:
         node.create_timer(1 / IMU.rate_hz, feel)
         node.create_timer(1 / JOINTS.rate_hz, lambda: joints.publish(body.joints()))
         node.create_timer(1 / CAMERA.rate_hz, lambda: camera.publish(body.image()))
-        await asyncio.Event().wait()
+        await node.spin()
 
 
 if __name__ == "__main__":

@@ -1,13 +1,13 @@
 """The broker against a naive model, and against the books: every sample is received, waiting, or counted."""
 
 from collections import Counter
-from typing import TypeVar
+from collections.abc import Callable
+from typing import Any, TypeAlias, TypeVar
 
 from broker_model import Model, ModelPublisher, ModelSubscription
 from broker_world import NUMBER, TEXT, Process, Publisher, Subscription, World
-from hypothesis import settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from bus.qos import QoSProfile
 from bus.wire import messages as m
@@ -17,6 +17,8 @@ from busd.core.limits import Limits
 KIB = 1024
 
 Chosen = TypeVar("Chosen")
+Beginning: TypeAlias = tuple[QoSProfile, QoSProfile, bool]
+Step: TypeAlias = tuple[Any, ...]
 
 # Weighted so that most endpoints match, and most queues are short.
 topics = st.sampled_from(["/a", "/a", "/a", "/b"])
@@ -33,6 +35,28 @@ indices = st.integers(0, 99)
 bursts = st.lists(
     st.tuples(indices, st.integers(1, 6), st.sampled_from([0, 0, 0, 1, 4])), min_size=1, max_size=4
 )
+ends = st.sampled_from(["destroy", "destroy", "destroy the node", "die", "break the rules"])
+known_seqs = st.dictionaries(indices, st.integers(0, 6), max_size=1)
+
+
+def _step(name: str, *arguments: st.SearchStrategy[Any]) -> st.SearchStrategy[Step]:
+    return st.tuples(st.just(name), *arguments)
+
+
+publish = _step("publish", bursts)
+steps = st.one_of(
+    publish,
+    publish,
+    publish,
+    _step("create_publisher", indices, topics, kinds, profiles),
+    _step("create_subscription", indices, topics, kinds, profiles, known_seqs),
+    _step("block_or_unblock", indices),
+    _step("block_or_unblock", indices),
+    _step("end", indices, ends),
+    _step("wait", st.sampled_from([0.1, 0.5, 2.0])),
+)
+beginnings = st.lists(st.tuples(profiles, profiles, st.booleans()), min_size=3, max_size=3)
+stories = st.lists(steps, min_size=15, max_size=40)
 
 
 class Watcher:
@@ -63,7 +87,7 @@ class Watcher:
         self._seen = len(changes)
 
 
-class Books(RuleBasedStateMachine):
+class Books:
     """Processes come, publish, block and die; the sums must be right whatever the limits are."""
 
     LIMITS = Limits(
@@ -75,8 +99,8 @@ class Books(RuleBasedStateMachine):
     )
     PADDING = 200
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, beginning: list[Beginning]) -> None:
+        """Each process begins with a publisher and a subscription; some don't read."""
         self.world = World(self.LIMITS)
         self.watcher = Watcher(self.world)
         self.processes: dict[int, Process] = {}
@@ -86,25 +110,36 @@ class Books(RuleBasedStateMachine):
         self.due: dict[int, int] = {}
         self.published = 0
 
-        for _ in range(3):
+        for at, (offered, requested, is_blocked) in enumerate(beginning):
             self.connect()
+            self.create_publisher(at, "/a", TEXT, offered)
+            self.create_subscription(at, "/a", TEXT, requested, {})
+            if is_blocked:
+                self.block_or_unblock(at)
+
+    def play(self, story: list[Step]) -> None:
+        """Take each step, and look after each that all is right."""
+        self.check()
+        for name, *arguments in story:
+            step: Callable[..., None] = getattr(self, name)
+            step(*arguments)
+            self.check()
+        self.close()
+
+    def check(self) -> None:
+        self.check_books()
+        self.check_order()
+        self.check_quotas()
+        self.check_graph()
 
     # --- what happens
 
-    @rule(at=indices, topic=topics, kind=kinds, qos=profiles)
     def create_publisher(self, at: int, topic: str, kind: tuple[str, str], qos: QoSProfile) -> None:
         process = self.pick(self.processes, at)
         made = process.publisher(topic, qos, kind=kind)
         self.publishers[made.id] = made
         self.model.add_publisher(ModelPublisher(made.id, process.id, topic, kind, qos, made.gid, made.next_seq))
 
-    @rule(
-        at=indices,
-        topic=topics,
-        kind=kinds,
-        qos=profiles,
-        known=st.dictionaries(indices, st.integers(0, 6), max_size=1),
-    )
     def create_subscription(
         self, at: int, topic: str, kind: tuple[str, str], qos: QoSProfile, known: dict[int, int]
     ) -> None:
@@ -128,10 +163,6 @@ class Books(RuleBasedStateMachine):
             publisher.lose(lost)
             publisher.publish(*payloads)
 
-    publish_some = rule(bursts=bursts)(publish)
-    publish_more = rule(bursts=bursts)(publish)
-
-    @rule(at=indices)
     def block_or_unblock(self, at: int) -> None:
         process = self.pick(self.processes, at)
         if process.is_blocked:
@@ -141,7 +172,6 @@ class Books(RuleBasedStateMachine):
             self.model.blocked.add(process.id)
             process.is_blocked = True
 
-    @rule(at=indices, how=st.sampled_from(["destroy", "destroy", "destroy the node", "die", "break the rules"]))
     def end(self, at: int, how: str) -> None:
         """The end of an endpoint, of all of a process, or of the process; then another takes its place."""
         endpoints = {**self.publishers, **self.subscriptions}
@@ -165,7 +195,6 @@ class Books(RuleBasedStateMachine):
         self.model.blocked.discard(process.id)
         self.connect()
 
-    @rule(seconds=st.sampled_from([0.1, 0.5, 2.0]))
     def wait(self, seconds: float) -> None:
         self.world.advance(seconds)
         for process in (self.watcher.process, *self.processes.values()):
@@ -173,21 +202,18 @@ class Books(RuleBasedStateMachine):
 
     # --- what holds
 
-    @invariant()
-    def nothing_is_lost_from_the_books(self) -> None:
+    def check_books(self) -> None:
         for number in self.subscriptions:
             assert self.accounted(number) == self.due[number]
 
-    @invariant()
-    def each_publishers_samples_come_once_and_in_order(self) -> None:
+    def check_order(self) -> None:
         for subscription in self.subscriptions.values():
             last: dict[int, int] = {}
             for sample in subscription.samples:
                 assert sample.seq > last.get(sample.source, 0)
                 last[sample.source] = sample.seq
 
-    @invariant()
-    def nobody_holds_more_than_his_quota(self) -> None:
+    def check_quotas(self) -> None:
         for number in self.processes:
             peer = self.world.broker._peers[number]
             queues = [one.queue for one in peer.endpoints.values() if hasattr(one, "queue")]
@@ -195,8 +221,7 @@ class Books(RuleBasedStateMachine):
             assert peer.queued.used == sum(queue.bytes for queue in queues) <= peer.queued.limit
             assert peer.history.used == sum(queue.bytes for queue in histories) <= peer.history.limit
 
-    @invariant()
-    def the_graph_is_right_and_known(self) -> None:
+    def check_graph(self) -> None:
         graph = self.world.broker.graph.snapshot(0, statistics=False, pid=1)
         assert {(match.publisher, match.subscription) for match in graph.matches} == self.model.matches()
         assert {endpoint.id for endpoint in graph.endpoints} == {*self.publishers, *self.subscriptions}
@@ -206,7 +231,8 @@ class Books(RuleBasedStateMachine):
         assert self.watcher.endpoints == {endpoint.id: endpoint for endpoint in graph.endpoints}
         assert +self.watcher.matches == Counter(self.model.matches())
 
-    def teardown(self) -> None:
+    def close(self) -> None:
+        """Everybody goes, and nothing is left."""
         for process in (*self.processes.values(), self.watcher.process):
             process.die()
         graph = self.world.broker.graph
@@ -241,8 +267,12 @@ class AgainstModel(Books):
     LIMITS = Limits()
     PADDING = 1
 
-    @invariant()
-    def every_queue_is_as_in_the_model(self) -> None:
+    def check(self) -> None:
+        super().check()
+        self.check_queues()
+        self.check_histories()
+
+    def check_queues(self) -> None:
         for number, subscription in self.subscriptions.items():
             model = self.model.subscriptions[number]
             inside = self.world.broker.graph.subscriptions[number]
@@ -256,8 +286,7 @@ class AgainstModel(Books):
             assert waiting == [(one.publisher, one.payload) for one in model.queue]
             assert inside.dropped == dict(+model.dropped)
 
-    @invariant()
-    def every_history_is_as_in_the_model(self) -> None:
+    def check_histories(self) -> None:
         for number, publisher in self.model.publishers.items():
             history = self.world.broker.graph.publishers[number].history
             if history is not None:
@@ -270,7 +299,13 @@ def _payloads(run: Run, skipped: int) -> list[str]:
     return [bytes(payload).decode() for payload, _ in run.records()][skipped:]
 
 
-TestBooks = Books.TestCase
-TestBooks.settings = settings(max_examples=60, stateful_step_count=40, deadline=None)
-TestAgainstModel = AgainstModel.TestCase
-TestAgainstModel.settings = settings(max_examples=100, stateful_step_count=50, deadline=None)
+@settings(max_examples=60, deadline=None)
+@given(beginnings, stories)
+def test_the_books_are_right_when_memory_is_short(beginning: list[Beginning], story: list[Step]) -> None:
+    Books(beginning).play(story)
+
+
+@settings(max_examples=100, deadline=None)
+@given(beginnings, stories)
+def test_against_the_model(beginning: list[Beginning], story: list[Step]) -> None:
+    AgainstModel(beginning).play(story)

@@ -5,10 +5,11 @@ import pty
 import re
 import signal
 import subprocess
+from contextlib import AbstractContextManager, ExitStack
 
 import msgspec
 import pytest
-from system.test_cli_tool import BUS, TALKER, WAIT_S, Result, bus, script, start
+from system.test_cli_tool import BUS, TALKER, WAIT_S, Result, Running, bus, script, start
 
 # Publishes when it is told to, what a line of its input says: a Python expression.
 TELLER = """
@@ -41,127 +42,131 @@ bus.run(main())
 """
 
 
-def tell(message_type: str = "String", qos: str = "10"):  # type: ignore[no-untyped-def]
+def tell(message_type: str = "String", qos: str = "10") -> AbstractContextManager[Running]:
     return script(TELLER, message_type, qos)
 
 
 def test_yaml(daemon: object) -> None:
     with tell() as teller, start("topic", "echo", "/topic") as echo:
-        matched(echo)
+        matched()
         teller.write("String(data='Hello World: 1')\nString(data='Hello')\nString()\n")
         assert echo.lines(6) == "data: 'Hello World: 1'\n---\ndata: Hello\n---\ndata: ''\n---\n"
         assert echo.end(signal.SIGINT) == Result("", "", 2)
 
 
-def matched(echo: object) -> None:
-    """Wait until the echo, which is the only one, is matched with the one publisher."""
+def matched(count: int = 1) -> None:
+    """Wait until the one publisher of the topic is matched with `count` subscriptions."""
     for _ in range(200):
-        if "(route: " in bus("topic", "info", "-v", "/topic").out:
+        if f"Matches: {count}\n" in bus("topic", "info", "-v", "/topic").out:
             return
     pytest.fail("never matched")
 
 
-@pytest.mark.parametrize(
-    ("options", "message", "out"),
-    [
-        ("--once", "String(data='Hello World: 1')", "data: 'Hello World: 1'\n---\n"),
-        ("--once --field data", "String(data='Hello World: 1')", "Hello World: 1\n---\n"),
-        ("--once --field data", "String(data='x' * 200)", f"{'x' * 200}\n---\n"),
-        ("--once --field data -l 5", "String(data='Hello World')", "Hello...\n---\n"),
-        ("--once --csv", "String(data='Hello World: 1')", "Hello World: 1\n"),
-        ("--once --csv --field data", "String(data='Hello World: 1')", "Hello World: 1\n"),
-        ("--once --raw", "String(data='Hi')", "b'\\x91\\xa2Hi'\n---\n"),
-        ("--once --raw --json", "String(data='Hi')", '{"raw":"91a24869"}\n'),
-        ("--once --json", "String(data='Hello World: 1')", '{"data":"Hello World: 1"}\n'),
-        ("--once --json --field data", "String(data='Hi')", '{"data":"Hi"}\n'),
-        ("--once --json", "String(data='x' * 200)", f'{{"data":"{"x" * 200}"}}\n'),
-        ("--once --json -l 3", "String(data='abcdef')", '{"data":"abc..."}\n'),
-        ("--once --no-str", "String(data='Hello World: 1')", "data: '<string length: <14>>'\n---\n"),
-        ("--once -l 5", "String(data='Hello World')", "data: Hello...\n---\n"),
-        ("--once", "String(data='x' * 129)", f"data: {'x' * 128}...\n---\n"),
-        ("--once -f", "String(data='x' * 200)", f"data: {'x' * 200}\n---\n"),
-        ("--once --csv -l 1", "String(data='Hi')", "H...\n"),
-        ("--once -c", "String(data='Hi')", "data: Hi\n---\n"),
-        ("--once --no-lost-messages", "String(data='Hi')", "data: Hi\n---\n"),
-        ("--once -n watcher", "String(data='Hi')", "data: Hi\n---\n"),
-        ("--once --qos-profile default", "String(data='Hi')", "data: Hi\n---\n"),
-        ("--once --qos-depth 1 --qos-history keep_last", "String(data='Hi')", "data: Hi\n---\n"),
-        ("--once --qos-reliability best_effort", "String(data='Hi')", "data: Hi\n---\n"),
-        ("std_msgs/msg/String --once", "String(data='Hi')", "data: Hi\n---\n"),
-        ("std_msgs/String --once", "String(data='Hi')", "data: Hi\n---\n"),
-    ],
-)
-def test_options_for_text(daemon: object, options: str, message: str, out: str) -> None:
-    with tell() as teller, start("topic", "echo", "/topic", *options.split()) as echo:
-        matched(echo)
+def echo_all(message_type: str, message: str, outputs: dict[str, str]) -> None:
+    """Run an echo with each of the options side by side, publish one message, compare what each printed."""
+    with tell(message_type) as teller, ExitStack() as stack:
+        running = {
+            options: stack.enter_context(start("topic", "echo", "/topic", "--once", *options.split()))
+            for options in outputs
+        }
+        matched(len(running))
         teller.write(f"{message}\n")
-        assert echo.end() == Result(out, "", 0)
+        assert {options: echo.end() for options, echo in running.items()} == {
+            options: Result(out, "", 0) for options, out in outputs.items()
+        }
+
+
+def test_options_for_a_text(daemon: object) -> None:
+    yaml = "data: 'Hello World: 1'\n---\n"
+    echo_all(
+        "String",
+        "String(data='Hello World: 1')",
+        {
+            "": yaml,
+            "std_msgs/msg/String": yaml,
+            "std_msgs/String": yaml,
+            "--field data": "Hello World: 1\n---\n",
+            "--field data -l 5": "Hello...\n---\n",
+            "--csv": "Hello World: 1\n",
+            "--csv -l 1": "H...\n",
+            "--csv --field data": "Hello World: 1\n",
+            "--raw": "b'\\x91\\xaeHello World: 1'\n---\n",
+            "--json": '{"data":"Hello World: 1"}\n',
+            "--json -l 3": '{"data":"Hel..."}\n',
+            "--json --field data": '{"data":"Hello World: 1"}\n',
+            "--raw --json": '{"raw":"91ae48656c6c6f20576f726c643a2031"}\n',
+            "--no-str": "data: '<string length: <14>>'\n---\n",
+            "-l 5": "data: Hello...\n---\n",
+            "-c --no-lost-messages": yaml,
+            "--qos-profile default": yaml,
+            "--qos-depth 1 --qos-history keep_last": yaml,
+            "--qos-reliability best_effort --filter m.data!=''": yaml,
+        },
+    )
+
+
+def test_options_for_a_long_text(daemon: object) -> None:
+    echo_all(
+        "String",
+        "String(data='x' * 200)",
+        {
+            "": f"data: {'x' * 128}...\n---\n",
+            "-f": f"data: {'x' * 200}\n---\n",
+            "-l 0": "data: '...'\n---\n",
+            "--field data": f"{'x' * 200}\n---\n",
+            "--json": f'{{"data":"{"x" * 200}"}}\n',
+        },
+    )
+
+
+def test_sequences(daemon: object) -> None:
+    echo_all(
+        "JointState",
+        "JointState(name=['a', 'b'], position=[1, 2.5])",
+        {
+            "": "header:\n  stamp:\n    sec: 0\n    nanosec: 0\n  frame_id: ''\n"
+            "name:\n- a\n- b\nposition:\n- 1.0\n- 2.5\nvelocity: []\neffort: []\n---\n",
+            "--flow-style --field name --field position": "[a, b]\n[1.0, 2.5]\n---\n",
+            "--field name[1]": "b\n---\n",
+            "--csv --field name --field position": "a,b,1.0,2.5\n",
+            "--no-arr --field name": "<sequence type: string, length: 2>\n---\n",
+            "--field header.stamp": "sec: 0\nnanosec: 0\n---\n",
+            "--field header.stamp.sec": "0\n---\n",
+        },
+    )
 
 
 @pytest.mark.parametrize(
-    ("message_type", "options", "message", "out"),
+    ("message", "outputs"),
     [
+        ("Image(data=bytes(300))", {"--field data": "- 0\n" * 128 + "- '...'\n---\n"}),
         (
-            "JointState",
-            "",
-            "JointState(name=['a', 'b'], position=[1, 2.5])",
-            "header:\n  stamp:\n    sec: 0\n    nanosec: 0\n  frame_id: ''\n"
-            "name:\n- a\n- b\nposition:\n- 1.0\n- 2.5\nvelocity: []\neffort: []\n---\n",
-        ),
-        (
-            "JointState",
-            "--flow-style --field name --field position",
-            "JointState(name=['a', 'b'], position=[1.0])",
-            "[a, b]\n[1.0]\n---\n",
-        ),
-        ("JointState", "--field name[1]", "JointState(name=['a', 'b'])", "b\n---\n"),
-        (
-            "JointState",
-            "--csv --field name --field position",
-            "JointState(name=['a'], position=[1.0])",
-            "a,1.0\n",
-        ),
-        (
-            "JointState",
-            "--no-arr --field name",
-            "JointState(name=['a', 'b'])",
-            "<sequence type: string, length: 2>\n---\n",
-        ),
-        ("Image", "--field data", "Image(data=bytes(300))", "- 0\n" * 128 + "- '...'\n---\n"),
-        ("PoseStamped", "--field pose.position", "PoseStamped()", "x: 0.0\ny: 0.0\nz: 0.0\n---\n"),
-        ("PoseStamped", "--field pose.position.x", "PoseStamped()", "0.0\n---\n"),
-        (
-            "PoseWithCovariance",
-            "--no-arr --csv",
             "PoseWithCovariance()",
-            "0.0,0.0,0.0,0.0,0.0,0.0,1.0,<array type: double[36]>\n",
+            {"--no-arr --csv": "0.0,0.0,0.0,0.0,0.0,0.0,1.0,<array type: double[36]>\n"},
         ),
-        ("Byte", "", "Byte(data=b'A')", "data: A\n---\n"),
-        ("Byte", "--json", "Byte(data=b'A')", '{"data":65}\n'),
-        ("Float64", "--json", "Float64(data=float('nan'))", '{"data":null}\n'),
-        ("Empty", "", "Empty()", "{}\n---\n"),
+        ("Byte(data=b'A')", {"": "data: A\n---\n", "--json": '{"data":65}\n'}),
+        ("Float64(data=float('nan'))", {"": "data: .nan\n---\n", "--json": '{"data":null}\n'}),
+        ("Empty()", {"": "{}\n---\n", "--json": "{}\n"}),
         (
-            "Car",
-            "",
             "Car('x', Gear.HIGH, [Wheel(1)])",
-            "name: x\ngear: high\nwheels:\n- index: 1\n  speed: 0.5\nplate:\n- 65\n- 66\nowner: null\n---\n",
+            {
+                "": "name: x\ngear: high\nwheels:\n- index: 1\n  speed: 0.5\n"
+                "plate:\n- 65\n- 66\nowner: null\n---\n",
+                "local/msg/Car --field wheels[0].speed": "0.5\n---\n",
+                "--json --field gear --field plate[1]": '{"gear":"high","plate[1]":66}\n',
+            },
         ),
-        ("Car", "--field wheels[0].speed", "Car('x', wheels=[Wheel(1)])", "0.5\n---\n"),
-        ("Car", "--json", "Car('x')", '{"name":"x","gear":"low","wheels":[],"plate":[65,66],"owner":null}\n'),
     ],
 )
 def test_types_also_those_that_the_tool_cannot_import(
-    daemon: object, message_type: str, options: str, message: str, out: str
+    daemon: object, message: str, outputs: dict[str, str]
 ) -> None:
-    with tell(message_type) as teller, start("topic", "echo", "/topic", "--once", *options.split()) as echo:
-        matched(echo)
-        teller.write(f"{message}\n")
-        assert echo.end() == Result(out, "", 0)
+    echo_all(message.partition("(")[0], message, outputs)
 
 
 def test_message_info(daemon: object) -> None:
     with tell() as teller, start("topic", "echo", "-i", "/topic") as echo:
-        matched(echo)
+        matched()
         teller.write("String(data='a')\nString(data='b')\n")
         text = echo.lines(14)
     info = r"publication_sequence_number: {0}\nreceived_timestamp: \d{{19}}\nreception_sequence_number: {0}\n"
@@ -174,12 +179,12 @@ def test_message_info(daemon: object) -> None:
 
 def test_message_info_in_csv_and_json(daemon: object) -> None:
     with tell() as teller, start("topic", "echo", "-i", "--csv", "/topic") as echo:
-        matched(echo)
+        matched()
         teller.write("String(data='a')\n")
         source_ns, received_ns, *rest = echo.line().split(",")
         assert (rest, int(source_ns) <= int(received_ns)) == (["1", "1", "a"], True)
     with tell() as teller, start("topic", "echo", "-i", "--json", "/topic") as echo:
-        matched(echo)
+        matched()
         teller.write("String(data='a')\n")
         record = msgspec.json.decode(echo.line())
     assert record["message"] == {"data": "a"}
@@ -188,14 +193,14 @@ def test_message_info_in_csv_and_json(daemon: object) -> None:
 
 def test_filter(daemon: object) -> None:
     with tell("Int32") as teller, start("topic", "echo", "/topic", "--filter", "m.data % 2 == 0") as echo:
-        matched(echo)
+        matched()
         teller.write("".join(f"Int32(data={number})\n" for number in range(4)))
         assert echo.lines(4) == "data: 0\n---\ndata: 2\n---\n"
 
 
 def test_a_filter_that_does_not_fit_ends_it(daemon: object) -> None:
     with tell() as teller, start("topic", "echo", "/topic", "--filter", "m.dat == 1") as echo:
-        matched(echo)
+        matched()
         teller.write("String()\n")
         assert echo.end() == Result(
             "", "--filter: 'String' object has no attribute 'dat' (in m.dat == 1)\n", 1
@@ -297,7 +302,7 @@ def test_publishers_that_differ_in_reliability(daemon: object) -> None:
 def test_lost_messages_are_told_with_the_reason(daemon: object, option: str, stream: str) -> None:
     big = "String(data='x' * 200_000)"
     with tell() as teller, start("topic", "echo", "/topic", option, "--qos-depth", "1") as echo:
-        matched(echo)
+        matched()
         echo.process.send_signal(signal.SIGSTOP)
         teller.write(f"{big}\n" * 50)
         for _ in range(200):
@@ -314,7 +319,7 @@ def test_lost_messages_are_told_with_the_reason(daemon: object, option: str, str
 
 def test_no_lost_messages(daemon: object) -> None:
     with tell() as teller, start("topic", "echo", "/topic", "--no-lost-messages", "--csv", "-l", "1") as echo:
-        matched(echo)
+        matched()
         echo.process.send_signal(signal.SIGSTOP)
         teller.write("String(data='x' * 200_000)\n" * 50 + "String(data='end')\n")
         for _ in range(200):
@@ -341,7 +346,7 @@ def test_it_clears_the_screen_of_a_terminal(daemon: object) -> None:
     ours, theirs = pty.openpty()
     with tell() as teller:
         process = subprocess.Popen((*BUS, "topic", "echo", "/topic", "-c", "--once"), stdout=theirs)
-        matched(process)
+        matched()
         teller.write("String(data='x')\n")
         assert process.wait(WAIT_S) == 0
     assert os.read(ours, 100) == b"\x1b[2J\x1b[Hdata: x\r\n---\r\n"
@@ -351,5 +356,5 @@ def test_it_clears_the_screen_of_a_terminal(daemon: object) -> None:
 
 def test_its_node_may_have_a_name(daemon: object) -> None:
     with tell(), start("topic", "echo", "/topic", "-n", "watcher") as echo:
-        matched(echo)
+        matched()
         assert bus("node", "list").out == "/teller\n/watcher\n"

@@ -76,9 +76,11 @@ GOLDEN = {
     "  Publishers:\n"
     "    /rosout: rcl_interfaces/msg/Log\n" + NODE_INFO,
     "topic list --json -c": '{"count":2}\n',
-    "topic list --json": '{"topic":"/rosout","types":["rcl_interfaces/msg/Log"],"publishers":2,"subscriptions":0}\n'
+    "topic list --json": '{"topic":"/rosout","types":["rcl_interfaces/msg/Log"],"publishers":2,'
+    '"subscriptions":0}\n'
     '{"topic":"/topic","types":["std_msgs/msg/String"],"publishers":1,"subscriptions":1}\n',
-    "topic info /topic --json": '{"topic":"/topic","types":["std_msgs/msg/String"],"publisher_count":1,"subscription_count":1}\n',
+    "topic info /topic --json": '{"topic":"/topic","types":["std_msgs/msg/String"],"publisher_count":1,'
+    '"subscription_count":1}\n',
     "topic type /topic --json": '{"topic":"/topic","type":"std_msgs/msg/String"}\n',
     "topic find std_msgs/String --json": '{"topic":"/topic","type":"std_msgs/msg/String"}\n',
     "topic find std_msgs/String --json -c": '{"count":1}\n',

@@ -204,3 +204,19 @@ class TestNames:
         node.get_logger().info("hello log")
         message, _ = await rosout.receive()
         assert (message.msg, message.name, message.level) == ("hello log", "tester", 20)
+
+    async def test_waiting_for_the_graph(self, node: bus.Node) -> None:
+        waiting = asyncio.create_task(node.wait_for_graph(lambda graph: "/late" in graph.topics()))
+        await node.graph()
+        assert not waiting.done()
+        await node.create_publisher(String, "late", 10)
+        assert "/late" in (await waiting).topics()
+
+    async def test_spin_lasts_until_a_callback_fails(self, daemon: Daemon) -> None:
+        def fail() -> None:
+            raise ValueError("broken timer")
+
+        with pytest.raises(ValueError, match="broken timer"):
+            async with asyncio.timeout(WAIT_S), bus.Node("spinner", arguments=[]) as node:
+                node.create_timer(0.001, fail)
+                await node.spin()

@@ -105,6 +105,19 @@ def _run(words: Sequence[str]) -> int:
     return code
 
 
+class _VerbParser(ArgumentParser):
+    """Lets options stand between arguments, as in `pub /topic TYPE --once VALUES`."""
+
+    _is_within = False
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        # The intermixed variant calls this one; argcomplete follows the plain one.
+        if self._is_within or "_ARGCOMPLETE" in os.environ:
+            return super().parse_known_args(args, namespace)
+        self._is_within = True
+        return self.parse_known_intermixed_args(args, namespace)
+
+
 class _Formatter(HelpFormatter):
     """Asks the terminal for its width without `shutil`, which argparse would import for nothing else."""
 
@@ -146,9 +159,13 @@ def make_parser(words: Sequence[str]) -> ArgumentParser:
             continue
         below.set_defaults(main=_print_help(below))
         _add_common_options(below, SUPPRESS)
-        choices = below.add_subparsers(title="verbs", metavar="verb", prog=f"bus {command}")
+        choices = below.add_subparsers(
+            title="verbs", metavar="verb", prog=f"bus {command}", parser_class=_VerbParser
+        )
         for verb, what in verbs.items():
-            leaf = choices.add_parser(verb, help=what, description=what, formatter_class=_Formatter)
+            leaf: ArgumentParser = choices.add_parser(
+                verb, help=what, description=what, formatter_class=_Formatter
+            )
             if verb in words:
                 _fill(leaf, f"bus.cli.{command}.{verb}")
     return parser

@@ -101,7 +101,7 @@ class _Meter:
             publishers = {
                 one.id: one.statistics.samples for one in graph.publishers_of(self.topic) if one.statistics
             }
-            self.flow.look(monotonic_ns(), publishers, self._subscription.samples)
+            self.flow.look(monotonic_ns(), publishers, self._subscription.statistics().delivered)
 
     def record(self, gaps: Spread) -> dict[str, Any]:
         published, received = self.flow.rates() or (None, None)

@@ -1,0 +1,262 @@
+"""Everything that the README shows is run, against a busd of the test's own, and its output has that shape.
+
+Not run are the lines that make the environment in which this test runs (venv, pip) and `make test`, which
+would run this test; of those it is checked that what they call is there.
+"""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import tomllib
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+import bus
+from bus.msg.sensor_msgs import Image
+from bus.msg.std_msgs import String
+from conftest import WAIT_S, Daemon
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text()
+INTERRUPTED = "^C"
+ROBOT_SECONDS = "1"
+
+_BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
+_SOCKET = re.compile(r"/\S+\.sock")
+_BLANKS = re.compile(r" {2,}")
+
+
+class Shown(NamedTuple):
+    """A command of the README and what it prints there."""
+
+    command: str
+    lines: tuple[str, ...]
+
+    @property
+    def is_interrupted(self) -> bool:
+        return self.lines[-1:] == (INTERRUPTED,)
+
+    @property
+    def output(self) -> tuple[str, ...]:
+        return self.lines[:-1] if self.is_interrupted else self.lines
+
+
+def blocks(language: str) -> list[str]:
+    return [text for found, text in _BLOCK.findall(README) if found == language]
+
+
+def console() -> list[Shown]:
+    found: list[Shown] = []
+    for block in blocks("console"):
+        for session in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
+            command, *lines = session.rstrip("\n").split("\n")
+            found.append(Shown(command, tuple(lines)))
+    return found
+
+
+def shape(text: str) -> str:
+    """A pattern for what differs from `text` in numbers, in the width of columns and in the socket only."""
+    marked = _SOCKET.sub("\1", _BLANKS.sub("\2", text))
+    parts = [re.escape(part) for part in _NUMBER.split(marked)]
+    pattern = r"-?\d+(?:\.\d+)?".join(parts)
+    return pattern.replace(re.escape("\1"), r"/\S+").replace(re.escape("\2"), " +")
+
+
+CONSOLE = console()
+COMMANDS = {shown.command: shown for shown in CONSOLE}
+BUS = [shown for shown in CONSOLE if shown.command.startswith("bus ")]
+PROGRAMS = {"busd": ("-m", "busd"), "bus": ("-m", "bus.cli"), "python": ()}
+
+
+class Program:
+    """A command of the README as a process; what it prints is kept."""
+
+    def __init__(self, command: str, folder: Path = ROOT) -> None:
+        name, *arguments = command.split()
+        words = [sys.executable, *PROGRAMS[name], *arguments] if name in PROGRAMS else [name, *arguments]
+        self.text = ""
+        self.process = subprocess.Popen(
+            words,
+            cwd=folder,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env={**os.environ, "PYTHONASYNCIODEBUG": ""},
+        )
+        self._patience = threading.Timer(WAIT_S, self.process.kill)
+        self._patience.start()
+
+    def read_until(self, pattern: str) -> None:
+        """Read until `pattern` matches what was printed, from its beginning."""
+        assert self.process.stdout is not None
+        while not re.match(pattern, self.text):
+            line = self.process.stdout.readline()
+            assert line, f"{pattern!r} did not come; {self.process.args!r} printed:\n{self.text}"
+            self.text += line
+
+    def end(self, number: signal.Signals | None = None) -> int:
+        """Send a signal, read the rest; returns the exit status."""
+        if number is not None:
+            self.process.send_signal(number)
+        self.text += self.process.communicate()[0]
+        self._patience.cancel()
+        return self.process.returncode
+
+
+Start = Callable[..., Program]
+
+
+@pytest.fixture
+def start(socket_path: Path) -> Iterator[Start]:
+    """Starts commands; what still runs at the end is interrupted."""
+    programs: list[Program] = []
+
+    def start(command: str, folder: Path = ROOT) -> Program:
+        programs.append(Program(command, folder))
+        return programs[-1]
+
+    yield start
+    for program in reversed(programs):
+        if program.process.poll() is None:
+            program.end(signal.SIGINT)
+        program._patience.cancel()
+        assert program.process.stdout is not None
+        program.process.stdout.close()
+
+
+def check(program: Program, shown: Shown) -> None:
+    """Read what was shown; a program that is not interrupted must print that and nothing else."""
+    pattern = "".join(f"{shape(line)}\n" for line in shown.output)
+    if shown.is_interrupted:
+        program.read_until(pattern)
+        return
+    status = program.end()
+    assert re.fullmatch(pattern, program.text), program.text
+    assert status == 0
+
+
+@pytest.fixture
+def talking(start: Start) -> dict[str, Program]:
+    """The programs of the README's separate terminals."""
+    busd, listener, talker = "busd", "python examples/listener.py", "python examples/talker.py"
+    programs = {busd: start(busd)}
+    programs[busd].read_until(shape(COMMANDS[busd].output[0]))
+    for command in (listener, talker):
+        programs[command] = start(command)
+    for command in (listener, talker):
+        check(programs[command], COMMANDS[command])
+    return programs
+
+
+def test_separate_terminals(talking: dict[str, Program], start: Start) -> None:
+    for shown in BUS:
+        program = start(shown.command)
+        check(program, shown)
+        if shown.is_interrupted:
+            assert program.end(signal.SIGINT) == 2
+            assert "Traceback" not in program.text
+    for command in ("python examples/talker.py", "python examples/listener.py"):
+        assert COMMANDS[command].is_interrupted
+        assert talking[command].end(signal.SIGINT) == 0
+        assert "Traceback" not in talking[command].text
+    assert talking["busd"].end(signal.SIGINT) == 0
+
+
+def test_the_command_line_is_shown_with_what_newcomers_need() -> None:
+    assert [shown.command for shown in BUS] == [
+        "bus topic list",
+        "bus topic info /topic",
+        "bus topic echo /topic",
+        "bus topic hz /topic",
+        "bus node list",
+    ]
+
+
+def test_scripts_of_the_readme(daemon: Daemon, tmp_path: Path, start: Start) -> None:
+    """Each Python block is a file of the repository, or is run as the file that it is said to be."""
+    own = re.findall(r"^`(\w+\.py)`:\n\n```python\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+    assert own
+    files = [path.read_text() for path in (ROOT / "examples").glob("*.py")]
+    assert all(block in files or block in dict(own).values() for block in blocks("python"))
+    for name, text in own:
+        (tmp_path / name).write_text(text)
+        check(start(f"python {name}", tmp_path), COMMANDS[f"python {name}"])
+
+
+async def test_the_profiles_of_the_qos_page(daemon: Daemon) -> None:
+    text = (ROOT / "docs" / "qos.md").read_text()
+    snippet = next(block for language, block in _BLOCK.findall(text) if language == "python")
+    names: dict[str, Any] = {"bus": bus, "String": String, "Image": Image}
+    async with bus.Node("tester", arguments=[]) as node:
+        body = "".join(f"    {line}\n" for line in snippet.splitlines())
+        exec(f"async def create(node):\n{body}", names)
+        await names["create"](node)
+        topics = (await node.graph()).topics()
+    assert set(re.findall(r'"(\w+)", (?:bus|10|")', snippet)) == {name.strip("/") for name in topics} - {
+        "rosout"
+    }
+
+
+def make(target: str, tmp_path: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """`make`, with the environment that runs this test in the place of .venv."""
+    stamp = tmp_path / "installed"
+    stamp.touch()
+    environ = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
+    return subprocess.run(
+        ["make", target, f"BIN={Path(sys.executable).parent}", f"STAMP={stamp}", *arguments],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=3 * WAIT_S,
+        env={**environ, "PYTHONASYNCIODEBUG": ""},
+    )
+
+
+def test_make_demo(tmp_path: Path) -> None:
+    (shown,) = [one for one in CONSOLE if one.command.startswith("make demo")]
+    done = make("demo", tmp_path, *shown.command.split()[2:])
+    printed = (done.stdout + done.stderr).splitlines()
+    for line in shown.output:  # the processes write as they like, so not in this order
+        assert any(re.fullmatch(shape(line), one) for one in printed), (line, printed)
+    assert done.returncode == 0
+
+
+def test_make_robot(tmp_path: Path) -> None:
+    """Shorter than shown. A machine that is too busy for the robot's rates is no fault here."""
+    (shown,) = [one for one in CONSOLE if one.command.startswith("make robot")]
+    done = make("robot", tmp_path, re.sub(r"\d+", ROBOT_SECONDS, shown.command.split()[2]))
+    printed = done.stdout.splitlines()
+    for line in shown.output:  # who lost what, at its end, is the machine's affair
+        pattern = shape(line.removesuffix("-"))
+        assert any(re.match(pattern, one) for one in printed), (line, printed)
+    assert done.returncode == 0 or "too slow a machine, or too busy" in done.stdout + done.stderr
+
+
+def test_what_is_typed_exists(tmp_path: Path) -> None:
+    typed = [line for block in blocks("sh") for line in block.splitlines()]
+    assert "make demo" in typed
+    for line in typed:
+        if line.startswith("make "):
+            done = make(line.split()[1], tmp_path, "--dry-run")
+            assert done.returncode == 0, done.stderr
+            script = re.search(r"\S+\.py", done.stdout)
+            assert script is None or (ROOT / script[0]).exists()
+        else:
+            assert line in ("python3 -m venv .venv", ". .venv/bin/activate", "pip install -e .")
+
+
+def test_the_programs_that_pip_installs_are_there() -> None:
+    scripts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
+    assert set(scripts) == {"busd", "bus"}
+    for place in scripts.values():
+        module, _, function = place.partition(":")
+        assert callable(getattr(import_module(module), function))
