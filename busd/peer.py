@@ -27,7 +27,7 @@ class PeerHost(Protocol):
 
     def receive(self, connection: "Connection", items: Iterable[Any]) -> None: ...
 
-    def lose(self, connection: "Connection", reason: str) -> None: ...
+    def lose(self, connection: "Connection", reason: str, *, is_cut: bool) -> None: ...
 
 
 class Connection:
@@ -49,11 +49,19 @@ class Connection:
         )
 
     def send(self, message: Message) -> None:
-        """Queue a control message; a peer that lets too many wait is cut off."""
-        outbox = self.stream.outbox
-        outbox.put(encode_frame(message))
-        if outbox.control_bytes > self._host.limits.control_bytes_per_peer:
-            self._end(f"{outbox.control_bytes} bytes of control frames wait for it; it does not read")
+        """Queue a control message."""
+        self.stream.outbox.put(encode_frame(message))
+
+    @property
+    def is_choked(self) -> bool:
+        """Whether more control frames wait than the peer may let wait."""
+        return self.stream.outbox.control_bytes > self._host.limits.control_bytes_per_peer
+
+    def relieve(self) -> None:
+        """Send what waits; a peer that does not take it is cut off."""
+        self.stream.flush()
+        if self.is_choked:
+            self._end(f"{self.stream.outbox.control_bytes} bytes of control frames wait for it; it does not read")
 
     def refuse(self, reason: str) -> None:
         """Tell the peer why, and cut the connection."""
@@ -90,8 +98,9 @@ class Connection:
 
     def _lost(self, error: Exception | None) -> None:
         self._handshake.cancel()
-        self._host.lose(self, str(error) if error else "closed its connection")
+        self._host.lose(self, str(error) if error else "closed its connection", is_cut=False)
 
     def _end(self, reason: str) -> None:
-        self.close()
-        self._host.lose(self, reason)
+        if not self.stream.is_closed:
+            self._host.lose(self, reason, is_cut=True)
+            self.close()

@@ -2,6 +2,7 @@
 
 import argparse
 import asyncio
+import gc
 import logging
 import os
 import signal
@@ -115,6 +116,7 @@ def _loop_runner() -> Callable[[Coroutine[Any, Any, int]], int]:
 
 
 async def _serve(listener: Listener, config: Config, idle_s: float | None) -> int:
+    gc.freeze()  # what was imported stays: no collection need look at it
     broker = Broker(config.limits, config.topics, uid=os.getuid(), pid=os.getpid())
     server = Server(listener.socket, broker, idle_s=idle_s)
     loop = asyncio.get_running_loop()

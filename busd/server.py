@@ -89,20 +89,22 @@ class Server:
             if broker.timers.earliest_ns < self._timer_ns:
                 self._arm_timer()
 
-    def lose(self, connection: Connection, reason: str) -> None:
+    def lose(self, connection: Connection, reason: str, *, is_cut: bool) -> None:
+        if connection not in self._connections:
+            return
         self._connections.discard(connection)
+        level, what = (logging.WARNING, "cut off") if is_cut else (logging.DEBUG, "lost")
+        _log.log(level, "%s pid %d: %s", what, connection.credentials.pid, reason)
         if connection.id is not None and self._peers.pop(connection.id, None) is not None:
-            _log.debug("pid %d is gone: %s", connection.credentials.pid, reason)
             self._carry_out(self._broker.detach(monotonic_ns(), connection.id))
             self._flush()
             self._arm_timer()
-        elif connection.id is None:
-            _log.warning("refused pid %d: %s", connection.credentials.pid, reason)
         self._watch_idle()
 
     # --- effects
 
     def _carry_out(self, effects: list[Effect]) -> None:
+        choked: list[Connection] = []
         for effect in effects:
             if effect.__class__ is Flush:  # the hot one: cheaper to ask for than to match
                 if connection := self._peers.get(effect.peer):
@@ -112,6 +114,8 @@ class Server:
             match effect:
                 case Send(peer, message):
                     if connection := self._peers.get(peer):
+                        if connection.is_choked:  # before this one: a single message may be longer
+                            choked.append(connection)
                         connection.send(message)
                         self._dirty.add(connection)
                 case Disconnect(peer, _):
@@ -124,6 +128,8 @@ class Server:
                 case Stop(reason):
                     self._flush()
                     self.stop(reason)
+        for connection in choked:  # only now: its end has effects, which come after these
+            connection.relieve()
 
     def _flush(self) -> None:
         while self._dirty:

@@ -143,6 +143,13 @@ class RawPeer:
         assert isinstance(last, m.Fault), f"the last word was {last}"
         return last.text
 
+    def was_cut_off(self) -> bool:
+        """Whether the stream ends without a last word, as for one that did not read."""
+        last = None
+        for last in self.until_end():
+            pass
+        return not isinstance(last, m.Fault)
+
     def barrier(self) -> None:
         """Wait until the broker has handled everything that was sent before."""
         number = next(self._requests)

@@ -201,7 +201,8 @@ class Broker:
         self.graph.forget_types(peer, list(self._peers.values()))
 
     def _on_ping(self, now_ns: int, peer: Peer, message: m.Ping, out: list[Effect]) -> None:
-        out.append(Send(peer.id, m.Pong(number=message.number)))
+        if message.number:
+            out.append(Send(peer.id, m.Pong(number=message.number)))
 
     def _on_nothing(self, now_ns: int, peer: Peer, message: m.Message, out: list[Effect]) -> None:
         """A sign of life, which `handle` has seen already."""

@@ -47,8 +47,6 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Nodes of one process."""
     endpoints_per_peer: _Count = 4096
     """Publishers and subscriptions of one process, over all its nodes."""
-    observers_per_peer: _Count = 64
-    """Watches on the graph that one process may hold open, as tools do."""
     topics: _Count = 16_384
     """Topics that exist at the same time, over all processes."""
     schema_bytes: _Bytes = 256 * _KiB

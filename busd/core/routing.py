@@ -94,7 +94,9 @@ class Router:
 
     def expire(self, now_ns: int, subscription: Subscription) -> None:
         """Drop what has outlived its lifespan at the head of the subscription's queue."""
-        self._shed(now_ns, subscription, "expired", lambda: subscription.queue.drop_expired(now_ns))
+        self._shed(
+            now_ns, subscription, "expired", lambda gone: subscription.queue.drop_expired(now_ns, gone)
+        )
 
     def drop(self, now_ns: int, subscription: Subscription, reason: str, count: int) -> None:
         """Count `count` samples that `subscription` lost, and see to it that its process learns of it."""
@@ -112,15 +114,15 @@ class Router:
             )
 
     def _shed(
-        self, now_ns: int, subscription: Subscription, reason: str, drop: Callable[[], int]
+        self, now_ns: int, subscription: Subscription, reason: str, drop: Callable[[list[Run] | None], int]
     ) -> None:
-        before = _sources(subscription)
-        count = drop()
+        gone: list[Run] | None = [] if subscription.is_lossless else None
+        count = drop(gone)
         if count:
             self.drop(now_ns, subscription, reason, count)
-            for source in before - _sources(subscription):
-                publisher = subscription.matches.get(EndpointId(source))
-                if publisher is not None:
+            for run in gone or ():
+                publisher = subscription.matches.get(EndpointId(run.source))
+                if publisher is not None and run.first_seq + run.count == publisher.next_seq:
                     self._release(publisher, subscription)
 
     def _release(self, publisher: Publisher, subscription: Subscription) -> None:

@@ -31,6 +31,7 @@ class Source:
         "acked_seq",
         "gid",
         "is_alive",
+        "is_rejoined",
         "last_seq",
         "lifespan_ns",
         "needs_ack",
@@ -44,6 +45,7 @@ class Source:
         self.lifespan_ns = lifespan_ns
         self.needs_ack = needs_ack
         self.is_alive = True
+        self.is_rejoined = False  # until its first run after a reconnection, which shows what is missing
         self.taken_seq = self.acked_seq = last_seq
         self.unacked_bytes = 0
 
@@ -60,6 +62,7 @@ class Inbox(Generic[M]):
         decode: Callable[[bytes | bytearray | memoryview], M],
         depth: int,
         *,
+        is_lossless: bool,
         on_drop: Callable[[str, int], None],
         on_reject: Callable[[int, Exception], None],
         on_taken: Callable[[int, Source], None],
@@ -69,6 +72,7 @@ class Inbox(Generic[M]):
         self.dropped: dict[str, int] = {}
         self.sources: dict[int, Source] = {}
         self._gone: deque[int] = deque()
+        self.is_lossless = is_lossless
         self._decode = decode
         self._queue = RunQueue(depth, Account(INBOX_BYTES))
         self._ahead: deque[tuple[M, Run, int, int]] = deque()
@@ -104,6 +108,10 @@ class Inbox(Generic[M]):
             run.lifespan_ns = source.lifespan_ns
             if run.first_seq <= source.last_seq and not run.is_replay and not _skip_known(run, source):
                 return False
+            if source.is_rejoined:
+                source.is_rejoined = False
+                if run.first_seq > source.last_seq + 1:
+                    self.drop("disconnected", run.first_seq - source.last_seq - 1)
             source.last_seq = run.first_seq + run.count - 1
         return self._queue.append(run)
 
@@ -160,17 +168,23 @@ class Inbox(Generic[M]):
                     self._on_reject(size, error)
                     self.drop("undecodable", 1)
             else:
-                queue.advance(number, offset)
-                self._count(run, len(ahead), offset - begin - number * RECORD_HEAD_BYTES, seq)
+                if number == held:
+                    queue.forget_head()
+                else:
+                    queue.advance(number, offset)
+                self.samples += len(ahead)
+                self.bytes += offset - begin - number * RECORD_HEAD_BYTES
+                if self.is_lossless:
+                    self._note_taken(run, seq, offset - begin)
                 continue
             # The run is shorter than it claims: what it still claims is gone with it.
-            queue.advance(held, length)
-            self._count(run, len(ahead), 0, first_seq + held - 1)
+            queue.forget_head()
+            self.samples += len(ahead)
+            if self.is_lossless:
+                self._note_taken(run, first_seq + held - 1, length - begin)
             self.drop("undecodable", first_seq + held - seq)
 
-    def _count(self, run: Run, samples: int, size: int, seq: int) -> None:
-        self.samples += samples
-        self.bytes += size
+    def _note_taken(self, run: Run, seq: int, size: int) -> None:
         source = self.sources.get(run.source)
         if source is not None and source.needs_ack:
             source.taken_seq = seq

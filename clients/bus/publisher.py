@@ -21,6 +21,7 @@ from bus.events import LivelinessLost, PublisherEvents
 from bus.link import Link
 from bus.logger import Logger
 from bus.qos import Durability, History, QoSProfile, Reliability
+from bus.transport.memory import LARGE_BYTES, keep_freed_memory
 from bus.typesupport import TypeSupport, wrong_class
 from bus.wire import messages as m
 from bus.wire.layout import MAX_MESSAGE_BYTES, RECORD_HEAD, RECORD_HEAD_BYTES, RUN_BYTES
@@ -30,6 +31,7 @@ M = TypeVar("M", bound=msgspec.Struct)
 
 _MOST_PARTS = 2 * 512
 _SHORT_BYTES = 4096
+_QUEUE_BYTES = 64 << 20
 _DRAIN_S = 5.0
 _ENCODE_ERRORS = (ValueError, TypeError, AttributeError, BufferError, OverflowError, RecursionError)
 _pack_record = RECORD_HEAD.pack
@@ -45,7 +47,7 @@ class PublisherStatistics(msgspec.Struct, frozen=True):
     queued: int
     """Messages not yet handed over to the broker."""
     replaced: int
-    """Messages that the depth replaced before they could be handed over."""
+    """Messages that the depth (or, under keep all, a bound of 64 MiB) replaced before they were handed over."""
     refused: int
     """Calls of `publish` that found no room (reliable + keep all)."""
     subscriptions: int
@@ -71,12 +73,12 @@ class Publisher(Endpoint[M]):
         super().__init__(link, node, topic, support, qos, events, logger, on_error)
         keeps_all = qos.history is History.KEEP_ALL
         depth = 0 if keeps_all else qos.depth
-        account = Account(1 << 62)
         self._encode = support.encode
         self._is_valid = support.is_valid
         self._max_bytes = MAX_MESSAGE_BYTES
-        self._queue = RunQueue(depth, account)
-        self._history = RunQueue(depth, account) if qos.durability is Durability.TRANSIENT_LOCAL else None
+        self._queue = RunQueue(depth, Account(_QUEUE_BYTES))
+        keeps_history = qos.durability is Durability.TRANSIENT_LOCAL
+        self._history = RunQueue(depth, Account(_QUEUE_BYTES)) if keeps_history else None
         self._next_seq = 1
         self.samples = 0
         self.bytes = 0
@@ -194,6 +196,7 @@ class Publisher(Endpoint[M]):
         link.report(self)
         if self._history is not None:
             self._history.push(Run(0, 0, first_seq, samples, body))
+            self._history.drop_over_quota()
         if (
             # Nothing waits: past the queues, which are most of what one message costs at a moderate rate.
             self.id
@@ -203,6 +206,7 @@ class Publisher(Endpoint[M]):
         ):
             return
         self._replaced += self._queue.push(Run(0, 0, first_seq, samples, body))
+        self._replaced += self._queue.drop_over_quota()
         if self.id:
             link.make_ready(self._queue)
             link.flush()
@@ -283,6 +287,8 @@ class Publisher(Endpoint[M]):
             raise self.refusal
         if size > self._max_bytes:
             raise PayloadTooLarge(self.topic_name, size_bytes=size, limit_bytes=self._max_bytes)
+        if size >= LARGE_BYTES:
+            keep_freed_memory()
         stamp_ns = monotonic_ns()
         if get_ident() != self._thread:
             return self._publish_from_thread(bytes(payload), stamp_ns)

@@ -1,9 +1,13 @@
 """Runs an asyncio program on the fastest loop there is, and ends it quietly when it is told to end."""
 
 import asyncio
+import gc
 import signal
+import sys
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
+
+from bus.errors import BrokerUnavailable
 
 T = TypeVar("T")
 
@@ -20,13 +24,17 @@ def loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
 def run(main: Coroutine[Any, Any, T]) -> T | None:
     """Run `main` and return its result, or None where Ctrl-C or SIGTERM ended it.
 
-    Both cancel `main`, so that its `finally` and `async with` blocks run; no traceback is printed.
+    Both cancel `main`, so that its `finally` and `async with` blocks run; no traceback is printed. Where no
+    busd answers and none may be started, the program ends with one line that says so.
     """
     with asyncio.Runner(loop_factory=loop_factory()) as runner:
         try:
+            gc.freeze()  # what was imported stays: no collection need look at it
             return runner.run(_with_sigterm(main))
         except KeyboardInterrupt:
             return None
+        except BrokerUnavailable as error:
+            sys.exit(f"{type(error).__name__}: {error}")
 
 
 async def _with_sigterm(main: Coroutine[Any, Any, T]) -> T | None:

@@ -82,14 +82,15 @@ class Subscription(Endpoint[M]):
     ) -> None:
         super().__init__(link, node, topic, support, qos, events, logger, on_error)
         keeps_all = qos.history is History.KEEP_ALL
+        self._is_lossless = keeps_all and qos.reliability is Reliability.RELIABLE
         self._inbox: Inbox[M] = Inbox(
             support.decode,
             0 if keeps_all else qos.depth,
+            is_lossless=self._is_lossless,
             on_drop=lambda reason, count: self._tell_lost(),
             on_reject=self._reject,
             on_taken=self._acknowledge,
         )
-        self._is_lossless = keeps_all and qos.reliability is Reliability.RELIABLE
         self._last_seqs: dict[bytes, int] = {}
         self._dropped_by_broker: dict[str, int] = {}
         self._dropped_by_earlier_brokers: dict[str, int] = {}
@@ -308,17 +309,19 @@ class Subscription(Endpoint[M]):
             self._on_error(error)
 
     def _make_source(self, matched: m.Matched) -> Source:
-        last_seq = matched.next_seq - 1
         known_seq = self._last_seqs.pop(matched.gid, None)
-        if known_seq is not None:
-            if known_seq < last_seq and self.qos.durability is Durability.VOLATILE:
-                self._inbox.drop("disconnected", last_seq - known_seq)
-            # A publisher that tells a new broker its history again repeats what we know.
-            last_seq = max(last_seq, known_seq)
+        last_seq = matched.next_seq - 1 if known_seq is None else known_seq
         needs_ack = self._is_lossless and (
             matched.qos.history is History.KEEP_ALL and matched.qos.reliability is Reliability.RELIABLE
         )
-        return Source(matched.gid, last_seq, matched.qos.lifespan_ns, needs_ack=needs_ack)
+        source = Source(matched.gid, last_seq, matched.qos.lifespan_ns, needs_ack=needs_ack)
+        if known_seq is not None and matched.next_seq - 1 > known_seq:
+            if self.qos.durability is Durability.VOLATILE:
+                self._inbox.drop("disconnected", matched.next_seq - 1 - known_seq)
+                source.last_seq = matched.next_seq - 1
+            else:
+                source.is_rejoined = True  # the replay may fill the gap
+        return source
 
     def _acknowledge(self, number: int, source: Source) -> None:
         """Samples of a lossless publisher were taken: tell it now if they are many, else a little later."""

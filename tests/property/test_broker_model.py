@@ -91,7 +91,7 @@ class Books:
     """Processes come, publish, block and die; the sums must be right whatever the limits are."""
 
     LIMITS = Limits(
-        queued_bytes_per_peer=3 * KIB,
+        queued_bytes_per_peer=2 * KIB,
         history_bytes_per_peer=2 * KIB,
         message_bytes=KIB,
         keep_all_window_bytes=KIB,

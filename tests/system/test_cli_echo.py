@@ -9,6 +9,7 @@ from contextlib import AbstractContextManager, ExitStack
 
 import msgspec
 import pytest
+
 from system.test_cli_tool import BUS, TALKER, WAIT_S, Result, Running, bus, script, start
 
 # Publishes when it is told to, what a line of its input says: a Python expression.
@@ -355,6 +356,6 @@ def test_it_clears_the_screen_of_a_terminal(daemon: object) -> None:
 
 
 def test_its_node_may_have_a_name(daemon: object) -> None:
-    with tell(), start("topic", "echo", "/topic", "-n", "watcher") as echo:
+    with tell(), start("topic", "echo", "/topic", "-n", "watcher"):
         matched()
         assert bus("node", "list").out == "/teller\n/watcher\n"

@@ -95,9 +95,9 @@ class Program:
         self._patience.start()
 
     def read_until(self, pattern: str) -> None:
-        """Read until `pattern` matches what was printed, from its beginning."""
+        """Read until `pattern` matches what was printed, from the beginning of some line."""
         assert self.process.stdout is not None
-        while not re.match(pattern, self.text):
+        while not re.search(f"^{pattern}", self.text, re.MULTILINE):
             line = self.process.stdout.readline()
             assert line, f"{pattern!r} did not come; {self.process.args!r} printed:\n{self.text}"
             self.text += line

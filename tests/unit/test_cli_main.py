@@ -146,6 +146,25 @@ def test_global_options_may_stand_anywhere() -> None:
         assert (args.socket, args.json, args.domain, args.include_hidden_topics) == ("/s", True, None, False)
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        "topic pub --once /t std_msgs/String hi",
+        "topic pub /t --once std_msgs/String hi",
+        "topic pub /t std_msgs/String --once hi",
+        "topic pub /t std_msgs/String hi --once",
+    ],
+)
+def test_options_may_stand_between_arguments(line: str) -> None:
+    args = make_parser(line.split()).parse_args(line.split())
+    assert (args.topic_name, args.message_type, args.values, args.once) == (
+        "/t",
+        "std_msgs/String",
+        "hi",
+        True,
+    )
+
+
 def test_ros2_options_that_mean_nothing_here_are_taken() -> None:
     words = ["topic", "list", "--no-daemon", "--spin-time", "2", "-s", "--include-hidden-topics"]
     assert make_parser(words).parse_args(words).include_hidden_topics

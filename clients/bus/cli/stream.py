@@ -13,7 +13,7 @@ from bus.cli.output import CommandError, complain
 from bus.cli.query import full_type_name
 from bus.graph import Graph
 from bus.node import Node
-from bus.runner import run
+from bus.runner import loop_factory
 from bus.typesupport import find_type, type_hash, type_support
 
 __all__ = [
@@ -35,8 +35,8 @@ _EXIT_CODES = {signal.SIGINT: 2, signal.SIGTERM: 15}
 
 def run_stream(main: Coroutine[Any, Any, int]) -> int:
     """Run a verb on an event loop; returns its exit code, or the one of the signal that ended it."""
-    code = run(_until_signal(main))
-    return _EXIT_CODES[signal.SIGINT] if code is None else code
+    with asyncio.Runner(loop_factory=loop_factory()) as runner:
+        return runner.run(_until_signal(main))
 
 
 async def _until_signal(main: Coroutine[Any, Any, int]) -> int:

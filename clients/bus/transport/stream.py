@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from bus.errors import RemoteProtocolError
+from bus.transport.memory import keep_freed_memory
+from bus.wire.framing import BUFFER_BYTES
 from bus.wire.outbox import MAX_BUFFERS, TAKE_BYTES, Outbox
 from bus.wire.runs import Buffer
 from bus.wire.session import Session
@@ -75,7 +77,10 @@ class Stream:
 
     def _read(self) -> None:
         try:
-            count = self._sock.recv_into(self.session.reader.get_buffer())
+            buffer = self.session.reader.get_buffer()
+            count = self._sock.recv_into(buffer)
+            if len(buffer) > BUFFER_BYTES:
+                keep_freed_memory()
             if count:
                 self.on_received(self.session.received(count))
             else:

@@ -40,7 +40,7 @@ class Hello(Message, frozen=True, tag="hello"):
 
 
 class Ping(Message, frozen=True, tag="ping"):
-    """Sign of life, and a barrier: the Pong comes after everything that was asked before."""
+    """Sign of life. Where it has a number it is answered, after everything that was asked before."""
 
     number: int = 0
 

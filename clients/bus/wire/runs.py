@@ -162,14 +162,17 @@ class RunQueue:
             held = run.count - self.skipped
             if held <= left:
                 left -= held
-                self._forget_head(run, held)
+                self.forget_head()
             else:
                 self._skip(run, left)
                 left = 0
         return count - left
 
-    def drop_expired(self, now_ns: int) -> int:
-        """Drop samples from the head that are older than their publisher's lifespan; returns how many."""
+    def drop_expired(self, now_ns: int, gone: list[Run] | None = None) -> int:
+        """Drop samples from the head that are older than their publisher's lifespan; returns how many.
+
+        Runs of which nothing is left are added to `gone`.
+        """
         dropped = 0
         while self.runs:
             run = self.runs[0]
@@ -179,16 +182,23 @@ class RunQueue:
             if stamp_ns is not None and stamp_ns + run.lifespan_ns >= now_ns:
                 break
             dropped += self.drop(1)
+            if gone is not None and not self.skipped:
+                gone.append(run)
         return dropped
 
-    def drop_over_quota(self) -> int:
-        """Drop whole runs, oldest first, until the account is within its limit; returns the samples dropped."""
+    def drop_over_quota(self, gone: list[Run] | None = None) -> int:
+        """Drop whole runs, oldest first, until the account is within its limit; returns the samples dropped.
+
+        The runs are added to `gone`.
+        """
         dropped = 0
         while self.runs and self.account.used > self.account.limit:
             run = self.runs[0]
             held = run.count - self.skipped
             dropped += held
-            self._forget_head(run, held)
+            self.forget_head()
+            if gone is not None:
+                gone.append(run)
         return dropped
 
     def peek_stamp(self) -> int | None:
@@ -216,14 +226,14 @@ class RunQueue:
             held,
             0,
         )
-        self._forget_head(run, held)
+        self.forget_head()
         return head, body
 
     def advance(self, count: int, offset: int) -> None:
         """The first `count` samples of what is left of the oldest run are used up; `offset` is after them."""
         run = self.runs[0]
         if self.skipped + count == run.count:
-            self._forget_head(run, count)
+            self.forget_head()
         else:
             self.offset = offset
             self.skipped += count
@@ -258,9 +268,10 @@ class RunQueue:
         self.skipped += count
         self.count -= count
 
-    def _forget_head(self, run: Run, held: int) -> None:
-        self.runs.popleft()
-        self.count -= held
+    def forget_head(self) -> None:
+        """The oldest run is used up or dropped."""
+        run = self.runs.popleft()
+        self.count -= run.count - self.skipped
         size = len(run.body)
         self.bytes -= size
         self.account.used -= size

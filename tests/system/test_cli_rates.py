@@ -1,0 +1,183 @@
+"""`bus topic hz`, `bw` and `delay`, against the texts of the real `ros2`."""
+
+import re
+import signal
+
+import msgspec
+import pytest
+
+from system.test_cli_tool import TALKER, Result, Running, bus, script, start
+
+NUMBER = r"\d+\.\d"
+HZ = (
+    rf"average rate: {NUMBER}{{3}}\n"
+    rf"\tmin: {NUMBER}{{3}}s max: {NUMBER}{{3}}s std dev: {NUMBER}{{5}}s window: \d+\n"
+)
+FLOW = rf"\tpublished: {NUMBER}{{3}} received: {NUMBER}{{3}}"
+
+STAMPER = """
+import asyncio, time, bus
+from bus.msg.builtin_interfaces import Time
+from bus.msg.std_msgs import Header
+from bus.msg.geometry_msgs import PointStamped
+async def main():
+    async with bus.Node("stamper") as node:
+        publisher = await node.create_publisher(PointStamped, "topic", 10)
+        print("ready", flush=True)
+        for _ in range(1_000_000):
+            sec, nanosec = divmod(time.time_ns() - 250_000_000, 10**9)
+            publisher.publish(PointStamped(header=Header(stamp=Time(sec=sec, nanosec=nanosec))))
+            await asyncio.sleep(0.05)
+bus.run(main())
+"""
+
+
+def number(text: str, name: str) -> float:
+    found = re.search(rf"{name}: ([0-9.]+)", text)
+    assert found is not None, text
+    return float(found[1])
+
+
+def test_hz(daemon: object) -> None:
+    with script(TALKER, "0.1"), start("topic", "hz", "/topic") as running:
+        first, second = running.lines(3), running.lines(3)
+        assert re.fullmatch(HZ + FLOW + "\n", first)
+        assert re.fullmatch(HZ + FLOW + "\n", second)
+        assert running.end(signal.SIGINT).code == 2
+    assert 0 < number(second, "average rate") < 11
+    assert 0 < number(second, "published") < 11
+    assert number(second, "window") > number(first, "window")
+
+
+def test_hz_window(daemon: object) -> None:
+    with script(TALKER, "0.05"), start("topic", "hz", "/topic", "-w", "3", "--wall-time") as running:
+        assert number(running.lines(3), "window") == 3
+
+
+def test_hz_filter(daemon: object) -> None:
+    expression = "m.data[-1:] in ('0', '5')"
+    with (
+        script(TALKER, "0.05"),
+        start("topic", "hz", "/topic", "--filter", expression, "--json") as running,
+    ):
+        record = msgspec.json.decode(running.line())
+    # One in five is measured; all are received.
+    assert record["rate"] == pytest.approx(record["received_hz"] / 5, rel=0.5)
+
+
+def test_hz_of_several_topics(daemon: object) -> None:
+    with (
+        script(TALKER, "0.05"),
+        start("topic", "pub", "/other", "std_msgs/msg/String", "-r", "20", "-p", "0"),
+        start("topic", "hz", "/topic", "/other") as running,
+    ):
+        assert running.lines(2) == "Subscribed to [/topic]\nSubscribed to [/other]\n"
+        head, line, topic, other, empty = (running.line() for _ in range(5))
+    assert head.split() == ["topic", "rate", "min_delta", "max_delta", "std_dev", "window"]
+    assert set(line) == {"="}
+    assert len(line) >= len(head)
+    row = rf"{NUMBER}{{3}} +{NUMBER}{{3}} +{NUMBER}{{3}} +{NUMBER}{{5}} +\d+ *"
+    assert re.fullmatch(rf"/topic +{row}", topic)
+    assert re.fullmatch(rf"/other +{row}", other)
+    assert empty == ""
+
+
+def test_hz_in_json(daemon: object) -> None:
+    with script(TALKER, "0.1"), start("topic", "hz", "/topic", "/topic", "--json") as running:
+        record = msgspec.json.decode(running.line())
+    assert set(record) == {
+        *("topic", "rate", "min_s", "max_s", "std_dev_s", "window"),
+        *("published_hz", "received_hz", "dropped"),
+    }
+    assert record["topic"] == "/topic"
+
+
+def test_hz_tells_published_from_received(daemon: object) -> None:
+    words = ("topic", "pub", "/topic", "std_msgs/msg/String", "-r", "200", "-p", "0")
+    with (
+        start(*words, f"data: {'x' * 60_000}") as talker,
+        start("topic", "hz", "/topic", "--json", "--qos-depth", "1") as running,
+    ):
+        talker.line()
+        running.line()
+        running.process.send_signal(signal.SIGSTOP)
+        wait_for_drops()
+        running.process.send_signal(signal.SIGCONT)
+        while not (record := msgspec.json.decode(running.line()))["dropped"]:
+            pass
+    assert record["received_hz"] < record["published_hz"]
+    assert record["dropped"]["replaced"] > 0
+
+
+def wait_for_drops() -> None:
+    for _ in range(200):
+        if "(replaced: " in bus("topic", "info", "-v", "/topic").out:
+            return
+    pytest.fail("nothing was dropped")
+
+
+@pytest.mark.parametrize("verb", ["hz", "bw", "delay"])
+def test_they_wait_for_the_topic(daemon: object, verb: str) -> None:
+    with start("topic", verb, "/topic") as running:
+        assert running.error_line() == "WARNING: topic [/topic] does not appear to be published yet"
+        with script(STAMPER):
+            assert running.line()
+        assert running.end(signal.SIGTERM).code == 15
+
+
+def test_bw(daemon: object) -> None:
+    with script(TALKER, "0.1"), start("topic", "bw", "/topic", "-w", "50") as running:
+        assert running.line() == "Subscribed to [/topic]"
+        text = running.lines(2)
+    assert re.fullmatch(
+        r"\d+ B/s from \d+ messages\n\tMessage size mean: \d+ B min: \d+ B max: \d+ B\n", text
+    )
+    assert 16 <= number(text, "mean") <= 18
+
+
+def test_bw_in_json(daemon: object) -> None:
+    with script(TALKER, "0.05"), start("topic", "bw", "/topic", "--json", "-w", "5") as running:
+        record = msgspec.json.decode(running.line())
+    assert set(record) == {"topic", "bytes_per_s", "messages", "mean", "min", "max"}
+    assert record["messages"] == 5
+
+
+def test_bw_in_larger_units(daemon: object) -> None:
+    words = ("topic", "pub", "/topic", "std_msgs/msg/String", "-r", "100", "-p", "0")
+    with start(*words, f"data: {'x' * 60_000}"), start("topic", "bw", "/topic") as running:
+        text = running.lines(3)
+    assert re.search(r"\d+\.\d\d MB/s from \d+ messages\n\tMessage size mean: 0\.06 MB min: 0\.06 MB", text)
+
+
+def delay_lines(running: Running) -> str:
+    return f"{running.line_with('average')}\n{running.line()}\n"
+
+
+def test_delay(daemon: object) -> None:
+    with script(STAMPER), start("topic", "delay", "/topic") as running:
+        first, second = delay_lines(running), delay_lines(running)
+    shape = HZ.replace("rate", "delay")
+    assert re.fullmatch(shape, first)
+    assert re.fullmatch(shape, second)
+    assert number(first, "min") >= 0.25
+    assert number(second, "window") > number(first, "window")
+
+
+def test_delay_window_and_json(daemon: object) -> None:
+    with script(STAMPER), start("topic", "delay", "/topic", "-w", "3", "--json") as running:
+        record = msgspec.json.decode(running.line())
+    assert (record["topic"], record["window"]) == ("/topic", 3)
+    assert record["delay_s"] >= 0.25
+
+
+def test_delay_says_when_nothing_is_new(daemon: object) -> None:
+    with script(STAMPER) as stamper, start("topic", "delay", "/topic") as running:
+        delay_lines(running)
+        stamper.process.send_signal(signal.SIGSTOP)
+        assert running.line_with("no new") == "no new messages"
+        stamper.process.send_signal(signal.SIGCONT)
+
+
+def test_delay_needs_a_header(daemon: object) -> None:
+    with script(TALKER, "1"):
+        assert bus("topic", "delay", "/topic") == Result("", "msg does not have header\n", 1)
