@@ -75,8 +75,14 @@ class Model:
         return (
             publisher.topic == subscription.topic
             and publisher.kind == subscription.kind
-            and (offered.reliability == Reliability.RELIABLE or requested.reliability == Reliability.BEST_EFFORT)
-            and (offered.durability == Durability.TRANSIENT_LOCAL or requested.durability == Durability.VOLATILE)
+            and (
+                offered.reliability == Reliability.RELIABLE
+                or requested.reliability == Reliability.BEST_EFFORT
+            )
+            and (
+                offered.durability == Durability.TRANSIENT_LOCAL
+                or requested.durability == Durability.VOLATILE
+            )
         )
 
     def matches(self) -> set[tuple[int, int]]:

@@ -135,7 +135,7 @@ class RawPeer:
             if isinstance(item, kind):
                 return item
             assert not isinstance(item, m.Fault), item.text
-        raise AssertionError(f"the broker closed the connection; no {kind.__name__} came")
+        raise AssertionError(f"the broker closed the connection; no {kind} came")
 
     def fault(self) -> str:
         """The text with which the broker cuts the connection, which must end thereafter."""

@@ -55,6 +55,7 @@ class Connection:
         self._on_wrote = on_wrote
         self._loop = asyncio.get_running_loop()
         self._stream: Stream | None = None
+        self._loss: ConnectionClosed | None = None
         self._requests: dict[int, asyncio.Future[Any]] = {}
         self._numbers = count(1)
         self._types: set[tuple[str, str]] = set()
@@ -82,6 +83,8 @@ class Connection:
         finally:
             if not self._greeted.done() or self._greeted.cancelled() or self._greeted.exception():
                 self.close()
+        if self._stream is None:  # its last word came right behind its Hello
+            raise BrokerUnavailable(f"busd at {path} refused this process: {self._loss}")
         self.pid, self.lease_s = hello.pid, hello.lease_s
 
     def send(self, message: m.Message) -> None:
@@ -177,7 +180,7 @@ class Connection:
             waiting.set_exception(error)
 
     def _lost(self, error: Exception | None) -> None:
-        reason = ConnectionClosed(str(error) if error else "busd closed the connection")
+        reason = self._loss = ConnectionClosed(str(error) if error else "busd closed the connection")
         self._stream = None
         self._finish(reason)
         self._on_lost(reason)

@@ -306,6 +306,8 @@ class Link:
                         self._connection.close()
                         self._connection = None
                     continue
+                if self._connection is None:  # lost again, a moment ago
+                    continue
                 _log.info(f"busd is back (pid {self.broker_pid})")
                 return
         finally:
@@ -319,6 +321,8 @@ class Link:
                 await asyncio.shield(self._opening)
             elif self._connection is not None:
                 return self._connection
+            else:
+                raise ConnectionClosed("the connection to busd is closed")
 
     async def _when_connected(self, action: Callable[[Connection], Awaitable[T]]) -> T:
         while True:

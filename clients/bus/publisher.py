@@ -244,6 +244,7 @@ class Publisher(Endpoint[M]):
     def disconnected(self) -> None:
         super().disconnected()
         self.id = 0
+        self._queue.is_ready = False  # the outbox that knew it is gone
 
     def handle(self, message: Any) -> None:
         match message:

@@ -138,13 +138,17 @@ class Books:
         process = self.pick(self.processes, at)
         made = process.publisher(topic, qos, kind=kind)
         self.publishers[made.id] = made
-        self.model.add_publisher(ModelPublisher(made.id, process.id, topic, kind, qos, made.gid, made.next_seq))
+        self.model.add_publisher(
+            ModelPublisher(made.id, process.id, topic, kind, qos, made.gid, made.next_seq)
+        )
 
     def create_subscription(
         self, at: int, topic: str, kind: tuple[str, str], qos: QoSProfile, known: dict[int, int]
     ) -> None:
         process = self.pick(self.processes, at)
-        last_seqs = {self.pick(self.publishers, one).gid: seq for one, seq in known.items() if self.publishers}
+        last_seqs = {
+            self.pick(self.publishers, one).gid: seq for one, seq in known.items() if self.publishers
+        }
         made = process.subscription(topic, qos, kind=kind, last_seqs=last_seqs)
         self.subscriptions[made.id] = made
         subscription = ModelSubscription(made.id, process.id, topic, kind, qos)
@@ -277,7 +281,9 @@ class AgainstModel(Books):
             model = self.model.subscriptions[number]
             inside = self.world.broker.graph.subscriptions[number]
             assert [one[:3] for one in subscription.samples] == [one[:3] for one in model.received]
-            assert [one.is_replay for one in subscription.samples] == [one.is_replay for one in model.received]
+            assert [one.is_replay for one in subscription.samples] == [
+                one.is_replay for one in model.received
+            ]
             waiting = [
                 (run.source, payload)
                 for at, run in enumerate(inside.queue.runs)
@@ -291,7 +297,11 @@ class AgainstModel(Books):
             history = self.world.broker.graph.publishers[number].history
             if history is not None:
                 fresh = [one.seq for one in publisher.history]
-                kept = [seq for run in history.newest(0, 0) for seq in range(run.first_seq, run.first_seq + run.count)]
+                kept = [
+                    seq
+                    for run in history.newest(0, 0)
+                    for seq in range(run.first_seq, run.first_seq + run.count)
+                ]
                 assert kept == fresh[len(fresh) - len(kept) :]
 
 

@@ -211,7 +211,9 @@ control_messages = st.one_of(
         topic=names,
         type_name=names,
         type_hash=names,
-        qos=st.builds(QoSProfile, depth=st.integers(1, 9), history=st.sampled_from(["keep_all", "keep_last"])),
+        qos=st.builds(
+            QoSProfile, depth=st.integers(1, 9), history=st.sampled_from(["keep_all", "keep_last"])
+        ),
         gid=st.binary(max_size=16),
         last_seqs=st.dictionaries(st.binary(max_size=16), st.integers(0, 2**40), max_size=3),
     ),

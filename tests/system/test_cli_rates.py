@@ -72,14 +72,19 @@ def test_hz_of_several_topics(daemon: object) -> None:
         start("topic", "hz", "/topic", "/other") as running,
     ):
         assert running.lines(2) == "Subscribed to [/topic]\nSubscribed to [/other]\n"
-        head, line, topic, other, empty = (running.line() for _ in range(5))
+        # In the first tables one of them may be missing still.
+        table: list[str] = []
+        while len(table) != 4:
+            table = [running.line()]
+            while line := running.line():
+                table.append(line)
+    head, line, topic, other = table
     assert head.split() == ["topic", "rate", "min_delta", "max_delta", "std_dev", "window"]
     assert set(line) == {"="}
     assert len(line) >= len(head)
     row = rf"{NUMBER}{{3}} +{NUMBER}{{3}} +{NUMBER}{{3}} +{NUMBER}{{5}} +\d+ *"
     assert re.fullmatch(rf"/topic +{row}", topic)
     assert re.fullmatch(rf"/other +{row}", other)
-    assert empty == ""
 
 
 def test_hz_in_json(daemon: object) -> None:

@@ -116,10 +116,29 @@ class TestBytes:
         assert not knows_of(other, "half")
 
     def test_one_that_will_not_listen(self, peer: RawPeer, other: RawPeer) -> None:
+        """What it says is still heard, until it goes."""
         peer.hello().node("deaf")
         peer.socket.shutdown(socket.SHUT_RD)
-        peer.send(m.Ping())
+        peer.send(m.Ping(), m.CreateNode(request=1, name="mute"), m.CreateNode(request=2, name="dumb"))
+        wait_until(lambda: knows_of(other, "dumb"))
+        peer.close()
         wait_until(lambda: not knows_of(other, "deaf"))
+
+    def test_what_it_said_before_it_went_is_heard(self, peer: RawPeer, other: RawPeer) -> None:
+        """Its answers have nowhere to go, which must not cost the rest of what it sent."""
+        subscription = other.subscription(other.node(), "/t", qos=QoSProfile(depth=10_000)).id
+        node = peer.hello().node()
+        publisher = peer.publisher(node, "/t").id
+        parts = []
+        for seq in range(1, 1001):
+            parts += [m.encode_frame(m.Ping()), data(publisher, text(str(seq)), first_seq=seq)]
+        peer.write(b"".join(parts))
+        peer.close()
+        heard = 0
+        while heard < 1000:
+            run = other.expect(Run)
+            assert (run.endpoint, run.first_seq) == (subscription, heard + 1)
+            heard += run.count
 
 
 class TestHello:

@@ -56,6 +56,18 @@ def test_nothing_is_printed_twice_nor_before_the_second_message() -> None:
     assert intervals.due() is None
 
 
+def test_a_table_shows_what_is_new() -> None:
+    intervals = Intervals(10)
+    assert intervals.new() is None
+    intervals.add(S)
+    assert intervals.new() is None
+    intervals.add(S + 1)
+    assert intervals.new() == spread([1])
+    assert intervals.new() is None
+    intervals.add(S + 4)
+    assert intervals.new() == spread([1, 3])
+
+
 def test_only_the_window_counts() -> None:
     intervals = Intervals(2)
     assert feed(intervals, [1.0, 9.0, 10.0, 11.0])[-1] == 2

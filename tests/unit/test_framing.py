@@ -70,7 +70,9 @@ class TestWhatComesOut:
         frame = data(body, count=2, first_seq=9, flags=REPLAY)
         assert values(feed(reader(), frame)) == [(7, 8, 9, 2, body, True)]
 
-    @pytest.mark.parametrize("size", [0, 1, BUFFER_BYTES - DATA_HEAD_BYTES - 12, BUFFER_BYTES, 3 * BUFFER_BYTES])
+    @pytest.mark.parametrize(
+        "size", [0, 1, BUFFER_BYTES - DATA_HEAD_BYTES - 12, BUFFER_BYTES, 3 * BUFFER_BYTES]
+    )
     def test_a_run_survives_what_comes_after_it(self, size: int) -> None:
         """The body must not be a view of a buffer that is used again."""
         frames = reader()
@@ -99,7 +101,9 @@ def streams(draw: st.DrawFn) -> tuple[list[bytes], list[int]]:
     size = st.one_of(small, small, small, large)
     kind = st.sampled_from(["control", "data"])
     frames = [
-        control(bytes([at]) * (size % MAX_CONTROL)) if what == "control" else data(record(size), first_seq=at + 1)
+        control(bytes([at]) * (size % MAX_CONTROL))
+        if what == "control"
+        else data(record(size), first_seq=at + 1)
         for at, (what, size) in enumerate(draw(st.lists(st.tuples(kind, size), max_size=6)))
     ]
     piece = st.one_of(st.integers(1, 12), st.integers(1, 2 * BUFFER_BYTES))
@@ -200,7 +204,9 @@ def test_garbage_is_refused_or_waits(garbage: bytes, pieces: list[int]) -> None:
     """Nothing but RemoteProtocolError, and never more than came."""
     frames = reader()
     try:
-        size = sum(len(item) if isinstance(item, bytes) else len(item.body) for item in feed(frames, garbage, pieces))
+        size = sum(
+            len(item) if isinstance(item, bytes) else len(item.body) for item in feed(frames, garbage, pieces)
+        )
     except RemoteProtocolError:
         return
     assert size <= len(garbage)

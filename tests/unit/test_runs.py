@@ -10,7 +10,9 @@ from bus.wire.runs import Account, Run, RunQueue, frame_record
 RECORD_BYTES = 13  # of a payload of one letter
 
 
-def run(letters: str, first_seq: int = 1, *, source: int = 9, stamp_ns: int = 100, replay: bool = False) -> Run:
+def run(
+    letters: str, first_seq: int = 1, *, source: int = 9, stamp_ns: int = 100, replay: bool = False
+) -> Run:
     """A run with a sample for each letter."""
     body = b"".join(frame_record(letter.encode(), stamp_ns + at) for at, letter in enumerate(letters))
     return Run(0, source, first_seq, len(letters), body, replay)
@@ -58,7 +60,10 @@ def replayed(waiting: RunQueue, count: int, after_seq: int = 0) -> list[tuple[in
 
 class TestRecords:
     def test_payloads_and_stamps(self) -> None:
-        assert [(bytes(payload), stamp) for payload, stamp in run("ab").records()] == [(b"a", 100), (b"b", 101)]
+        assert [(bytes(payload), stamp) for payload, stamp in run("ab").records()] == [
+            (b"a", 100),
+            (b"b", 101),
+        ]
 
     def test_it_stops_where_the_body_is_too_short(self) -> None:
         for tail in (b"", b"\1\0\0\0", frame_record(b"abc", 1)[:-1]):
@@ -265,7 +270,9 @@ class TestNewest:
             (0, 100, []),
         ],
     )
-    def test_the_last_ones_in_order(self, count: int, after_seq: int, expected: list[tuple[int, str]]) -> None:
+    def test_the_last_ones_in_order(
+        self, count: int, after_seq: int, expected: list[tuple[int, str]]
+    ) -> None:
         waiting = self.history()
         assert replayed(waiting, count, after_seq) == expected
         assert waiting.count == 6, "the history keeps them"

@@ -154,7 +154,8 @@ BOMBS = {
     "depth without an end": nested(500_000, b""),
     "depth in a field": b"\x82\xa1m\xa5hello\xa7version" + nested(500_000),
     "depth in a field nobody knows": b"\x82\xa1m\xa4ping\xa1x" + nested(500_000),
-    "depth in a raw schema": b"\x84\xa1m\xa4type\xa9type_name\xa1a\xa9type_hash\xa1a\xa6schema" + nested(500_000),
+    "depth in a raw schema": b"\x84\xa1m\xa4type\xa9type_name\xa1a\xa9type_hash\xa1a\xa6schema"
+    + nested(500_000),
     "a map that claims 4 G entries": b"\xdf\xff\xff\xff\xff",
     "an array that claims 4 G entries": b"\x82\xa1m\xa5hello\xaccapabilities\xdd\xff\xff\xff\xff",
     "a string that claims 4 GB": b"\x81\xa1m\xdb\xff\xff\xff\xff",
@@ -174,4 +175,6 @@ BOMBS = {
 @pytest.mark.parametrize("body", BOMBS.values(), ids=BOMBS.keys())
 def test_control_messages_that_are_none(body: bytes) -> None:
     """Each is refused in words, and none takes the interpreter down."""
-    assert refusal(session(Role.BROKER, State.OPEN), control(body)).startswith("control message not understood: ")
+    assert refusal(session(Role.BROKER, State.OPEN), control(body)).startswith(
+        "control message not understood: "
+    )

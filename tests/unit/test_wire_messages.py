@@ -46,7 +46,13 @@ class TestTags:
         assert {kind.__name__ for kind in requests} == {
             "CreateNode", "CreatePublisher", "CreateSubscription", "GetGraph", "GetType", "Observe", "StopBroker",
         }  # fmt: skip
-        assert {kind.__name__ for kind in answers} == {"Created", "Done", "Refused", "Graph", "TypeDescription"}
+        assert {kind.__name__ for kind in answers} == {
+            "Created",
+            "Done",
+            "Refused",
+            "Graph",
+            "TypeDescription",
+        }
 
 
 class TestEncoding:
@@ -55,7 +61,11 @@ class TestEncoding:
         assert FRAME_HEAD.unpack_from(frame)[0] == len(frame) - 4
 
     def test_a_tagged_map_without_defaults(self) -> None:
-        assert body_of(m.CreateNode(request=3, name="talker")) == {"m": "node+", "request": 3, "name": "talker"}
+        assert body_of(m.CreateNode(request=3, name="talker")) == {
+            "m": "node+",
+            "request": 3,
+            "name": "talker",
+        }
 
     def test_a_qos_profile_says_what_differs_from_the_default(self) -> None:
         message = m.Matched(endpoint=1, other=2, node="/a", gid=b"", qos=QoSProfile(depth=3))
@@ -98,11 +108,27 @@ class TestValues:
     @pytest.mark.parametrize("value", [-1, 0, MAX_COUNT + 1])
     def test_the_first_number_of_a_publisher(self, value: int) -> None:
         text = refusal(
-            m="pub+", request=1, node=1, topic="/a", type_name="a", type_hash="b", qos={}, gid=b"", next_seq=value
+            m="pub+",
+            request=1,
+            node=1,
+            topic="/a",
+            type_name="a",
+            type_hash="b",
+            qos={},
+            gid=b"",
+            next_seq=value,
         )
         assert "$.next_seq" in text
 
     def test_a_qos_profile_that_is_none(self) -> None:
-        for qos in ({"depth": 0}, {"depth": -1}, {"history": "keep_some"}, {"deadline": -1.0}, {"lifespan": float("nan")}):
-            text = refusal(m="sub+", request=1, node=1, topic="/a", type_name="a", type_hash="b", qos=qos, gid=b"")
+        for qos in (
+            {"depth": 0},
+            {"depth": -1},
+            {"history": "keep_some"},
+            {"deadline": -1.0},
+            {"lifespan": float("nan")},
+        ):
+            text = refusal(
+                m="sub+", request=1, node=1, topic="/a", type_name="a", type_hash="b", qos=qos, gid=b""
+            )
             assert "$.qos" in text

@@ -57,6 +57,13 @@ class Intervals:
         self._printed_ns = self._last_ns
         return spread(self._gaps)
 
+    def new(self) -> Spread | None:
+        """The gaps, where a message came since they were last given out; for tables, which keep their own time."""
+        if not self._gaps or self._last_ns == self._printed_ns:
+            return None
+        self._printed_ns = self._last_ns
+        return spread(self._gaps)
+
 
 class Bandwidth:
     """Sizes of messages, in bytes, with their times."""

@@ -40,6 +40,7 @@ class Stream:
         self.outbox = outbox
         self.is_closed = False
         self.is_blocked = False
+        self._is_unheard = False
         self._loop = asyncio.get_running_loop()
         self._sock = sock
         self.on_received = on_received
@@ -100,6 +101,9 @@ class Stream:
                 sent = self._sock.sendmsg(buffers)
         except (BlockingIOError, InterruptedError):
             sent = 0
+        except (BrokenPipeError, ConnectionResetError):
+            self._be_quiet()
+            return
         except OSError as error:
             self._lose(error)
             return
@@ -113,13 +117,19 @@ class Stream:
     def _write(self) -> None:
         rest, self._rest = self._rest, []
         self._send(rest, sum(map(len, rest)))
-        if self._rest or self.is_closed:
+        if self._rest or self.is_closed or self._is_unheard:
             return
         self.is_blocked = False
         self._loop.remove_writer(self._sock.fileno())
         if self._before_write is not None:
             self._before_write()
         self.flush()
+
+    def _be_quiet(self) -> None:
+        """The other side has gone. What it sent before, and perhaps why it went, is still to be read."""
+        if self.is_blocked:
+            self._loop.remove_writer(self._sock.fileno())
+        self.is_blocked = self._is_unheard = True
 
     def _lose(self, error: Exception | None) -> None:
         if not self.is_closed:

@@ -74,7 +74,9 @@ class TestSeveralPublishers:
         world = World()
         first, second, _ = publishers(world, kept(3), "abcde", "x", "")
         late = world.process().subscription("/topic", kept(2))
-        by_source = [[one.payload for one in late.samples if one.source == each.id] for each in (first, second)]
+        by_source = [
+            [one.payload for one in late.samples if one.source == each.id] for each in (first, second)
+        ]
         assert by_source == [["d", "e"], ["x"]]
 
     def test_all_fits_also_while_the_process_does_not_read(self) -> None:
@@ -144,7 +146,10 @@ class TestLifespan:
 
 class TestMemory:
     LIMITS = Limits(
-        history_bytes_per_peer=10 * KIB, queued_bytes_per_peer=15 * KIB, message_bytes=2 * KIB, keep_all_window_bytes=KIB
+        history_bytes_per_peer=10 * KIB,
+        queued_bytes_per_peer=15 * KIB,
+        message_bytes=2 * KIB,
+        keep_all_window_bytes=KIB,
     )
 
     def account(self, process: Process, kind: str) -> int:

@@ -98,7 +98,9 @@ class TestAcks:
         _, publisher, (subscription,) = pair()
         publisher.publish(*"abc")
         subscription.ack(publisher, seq)
-        assert subscription.process.cut_reason == f"sample {seq} of publisher 2 acknowledged, the last one is 3"
+        assert (
+            subscription.process.cut_reason == f"sample {seq} of publisher 2 acknowledged, the last one is 3"
+        )
         assert publisher.process.cut_reason is None
 
     def test_a_publisher_that_has_gone_may_be_acked(self) -> None:
@@ -112,7 +114,11 @@ class TestAcks:
 class TestWhoIsNotWaitedFor:
     @pytest.mark.parametrize(
         "requested",
-        [QoSProfile(), QoSProfile(reliability="best_effort"), QoSProfile(history="keep_all", reliability="best_effort")],
+        [
+            QoSProfile(),
+            QoSProfile(reliability="best_effort"),
+            QoSProfile(history="keep_all", reliability="best_effort"),
+        ],
     )
     def test_others_than_lossless_subscriptions(self, requested: QoSProfile) -> None:
         world = World(LIMITS)
@@ -220,7 +226,10 @@ class TestDroppedSamples:
 
     def test_memory_ran_out(self) -> None:
         limits = Limits(
-            keep_all_window_bytes=KIB, message_bytes=2 * KIB, queued_bytes_per_peer=4 * KIB, keep_all_window_messages=80
+            keep_all_window_bytes=KIB,
+            message_bytes=2 * KIB,
+            queued_bytes_per_peer=4 * KIB,
+            keep_all_window_messages=80,
         )
         world = World(limits)
         listener = world.process()

@@ -66,7 +66,9 @@ class TestGoing:
     def crowded(self) -> tuple[World, list[Process]]:
         world = World(Limits(lease_s=2.0))
         processes = [world.process(f"process {at}") for at in range(3)]
-        kept = QoSProfile(depth=5, durability="transient_local", liveliness_lease_duration=3600.0, lifespan=60.0)
+        kept = QoSProfile(
+            depth=5, durability="transient_local", liveliness_lease_duration=3600.0, lifespan=60.0
+        )
         everything = QoSProfile(history="keep_all")
         for process in processes:
             for topic in ("/a", "/b", "/only_here"):
@@ -232,7 +234,9 @@ class TestMistakes:
         )
         assert not any(node.name == "ghost" for node in world.broker.graph.nodes.values())
 
-    @pytest.mark.parametrize("garbage", [b"\xff" * 8, m.encode_frame(m.Hello(version=1)), b"\x04\0\0\0\x01\0\0\0"])
+    @pytest.mark.parametrize(
+        "garbage", [b"\xff" * 8, m.encode_frame(m.Hello(version=1)), b"\x04\0\0\0\x01\0\0\0"]
+    )
     def test_bytes_that_are_no_message(self, garbage: bytes) -> None:
         world, victim, offender = self.world()
         offender.send_bytes(garbage)

@@ -36,7 +36,9 @@ class TestNames:
         assert process.cut_reason is None
         process.node("after_that")
 
-    @pytest.mark.parametrize("topic", ["", "relative", "/", "/a/", "/a//b", "/1a", "~/a", "/{node}", "/ä", "/" + 247 * "a"])
+    @pytest.mark.parametrize(
+        "topic", ["", "relative", "/", "/a/", "/a//b", "/1a", "~/a", "/{node}", "/ä", "/" + 247 * "a"]
+    )
     @pytest.mark.parametrize("kind", ["publisher", "subscription"])
     def test_of_topics(self, topic: str, kind: str) -> None:
         world = World()
@@ -103,13 +105,22 @@ class TestQuotas:
         node = flood.node()
         flood.declare_type(TEXT)
         message = m.CreatePublisher(
-            request=1, node=node.id, topic="/flood", type_name=TEXT[0], type_hash=TEXT[1], qos=QoSProfile(), gid=bytes(16)
+            request=1,
+            node=node.id,
+            topic="/flood",
+            type_name=TEXT[0],
+            type_hash=TEXT[1],
+            qos=QoSProfile(),
+            gid=bytes(16),
         )
         before = len(flood.messages)
         flood.send_bytes(m.encode_frame(message) * 10_000)
         answers = flood.messages[before:]
         assert sum(isinstance(one, m.Created) for one in answers) == world.broker.limits.endpoints_per_peer
-        assert sum(isinstance(one, m.Refused) for one in answers) == 10_000 - world.broker.limits.endpoints_per_peer
+        assert (
+            sum(isinstance(one, m.Refused) for one in answers)
+            == 10_000 - world.broker.limits.endpoints_per_peer
+        )
         assert flood.cut_reason is None
 
     def test_the_depth(self) -> None:
@@ -148,7 +159,9 @@ class TestTypes:
 
     def test_a_schema_that_is_too_long(self) -> None:
         process = World(Limits(schema_bytes=ONE_KIB)).process()
-        process.tell(m.DeclareType(type_name="a", type_hash="1", schema=msgspec.Raw(b"\xd9\xff" + b"x" * 255)))
+        process.tell(
+            m.DeclareType(type_name="a", type_hash="1", schema=msgspec.Raw(b"\xd9\xff" + b"x" * 255))
+        )
         assert process.cut_reason is None
         long = msgspec.Raw(msgspec.msgpack.encode("x" * ONE_KIB))
         process.tell(m.DeclareType(type_name="b", type_hash="1", schema=long))

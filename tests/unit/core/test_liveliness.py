@@ -181,7 +181,11 @@ class TestWhoIsTold:
         watch.world.advance(1)
         late = watch.listener.subscription("/topic")
         assert watch.seen(late) == [False]
-        kinds = [type(one) for one in late.process.messages if getattr(one, "subscription", getattr(one, "endpoint", 0)) == late.id]
+        kinds = [
+            type(one)
+            for one in late.process.messages
+            if getattr(one, "subscription", getattr(one, "endpoint", 0)) == late.id
+        ]
         assert kinds == [m.Matched, m.LivelinessChanged], "in this order"
         watch.talker.tell(m.Ping())
         assert watch.seen(late) == [False, True]

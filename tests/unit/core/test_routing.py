@@ -63,7 +63,11 @@ class TestDelivery:
             one.publish(f"one {at}")
             other.publish(f"other {at}")
         for publisher in (one, other):
-            assert [sample.seq for sample in subscription.samples if sample.source == publisher.id] == [1, 2, 3]
+            assert [sample.seq for sample in subscription.samples if sample.source == publisher.id] == [
+                1,
+                2,
+                3,
+            ]
 
     def test_an_empty_message(self) -> None:
         line = Line()
@@ -204,7 +208,11 @@ class TestPublisherGaps:
             liar.publish("x")
         line.world.advance(0.1)
         assert line.told() == [{"publisher_queue": MAX_COUNT}]
-        line.listener.tell(m.Report(endpoint=line.subscription.id, samples=0, bytes=0, dropped={"publisher_queue": MAX_COUNT}))
+        line.listener.tell(
+            m.Report(
+                endpoint=line.subscription.id, samples=0, bytes=0, dropped={"publisher_queue": MAX_COUNT}
+            )
+        )
         assert line.dropped == {"publisher_queue": 2 * MAX_COUNT}
 
 
@@ -241,7 +249,10 @@ class TestTooLarge:
 
 class TestMemory:
     LIMITS = Limits(
-        queued_bytes_per_peer=10 * KIB, message_bytes=2 * KIB, keep_all_window_bytes=KIB, control_bytes_per_peer=2**20
+        queued_bytes_per_peer=10 * KIB,
+        message_bytes=2 * KIB,
+        keep_all_window_bytes=KIB,
+        control_bytes_per_peer=2**20,
     )
 
     def used(self, process: Process) -> int:
@@ -356,7 +367,9 @@ class TestStatistics:
         line = Line()
         line.publisher.publish("x")
         line.talker.tell(m.Report(endpoint=line.publisher.id, samples=9, bytes=90, dropped={"replaced": 8}))
-        assert line.publisher.statistics() == m.EndpointStatistics(samples=9, bytes=90, dropped={"replaced": 8})
+        assert line.publisher.statistics() == m.EndpointStatistics(
+            samples=9, bytes=90, dropped={"replaced": 8}
+        )
 
     def test_of_a_subscription_both_parts_together(self) -> None:
         line = Line(requested=QoSProfile(depth=1))

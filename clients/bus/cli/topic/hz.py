@@ -142,7 +142,7 @@ def _print_one(meter: _Meter) -> None:
 
 
 def _print_all(meters: list[_Meter]) -> None:
-    records = [meter.record(gaps) for meter in meters if (gaps := meter.intervals.due())]
+    records = [meter.record(gaps) for meter in meters if (gaps := meter.intervals.new())]
     if not records:
         return
     if meters[0].as_json:
