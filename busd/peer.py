@@ -61,7 +61,9 @@ class Connection:
         """Send what waits; a peer that does not take it is cut off."""
         self.stream.flush()
         if self.is_choked:
-            self._end(f"{self.stream.outbox.control_bytes} bytes of control frames wait for it; it does not read")
+            self._end(
+                f"{self.stream.outbox.control_bytes} bytes of control frames wait for it; it does not read"
+            )
 
     def refuse(self, reason: str) -> None:
         """Tell the peer why, and cut the connection."""

@@ -22,7 +22,9 @@ from busd.server import Server
 EXIT_FAULT = 1
 EXIT_ALREADY_RUNNING = 3
 
+_ENDING = (signal.SIGINT, signal.SIGTERM)
 _LONGEST_LINE = 1000
+_MOST_LINES = 100
 
 _DESCRIPTION = """\
 The message bus for the processes of one machine: routes messages between the publishers and
@@ -44,6 +46,8 @@ see also: bus daemon status, bus doctor, docs/configuration.md
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the daemon; returns its exit status."""
     options = _parser().parse_args(arguments)
+    # They wait while no event loop listens to them, so that the socket is removed whenever they come.
+    signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
     try:
         path = socket_path(options.socket, options.domain)
         config = load(options.config) if options.config else Config()
@@ -70,7 +74,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--socket", type=Path, metavar="PATH", help="listen on this UNIX socket")
     parser.add_argument(
-        "--domain", metavar="N", help="a bus of its own on this machine (default: $BUSD_DOMAIN, else 0)"
+        "--domain",
+        type=int,
+        metavar="N",
+        help="a bus of its own on this machine (default: $BUSD_DOMAIN, else 0)",
     )
     parser.add_argument("--config", type=Path, metavar="FILE", help="limits and topic rules (busd.toml)")
     parser.add_argument("--log-level", choices=LOG_LEVELS, help="how much to say on stderr (default: info)")
@@ -91,7 +98,7 @@ def _set_up_log(level: str) -> None:
     logging.addLevelName(logging.WARNING, "WARN")
     logging.addLevelName(logging.CRITICAL, "FATAL")
     handler = logging.StreamHandler(sys.stderr)
-    handler.addFilter(_on_one_line)
+    handler.addFilter(_Bounds())
     logging.basicConfig(
         level=level.upper(),
         handlers=[handler],
@@ -99,12 +106,28 @@ def _set_up_log(level: str) -> None:
     )
 
 
-def _on_one_line(record: logging.LogRecord) -> bool:
-    """Make a record printable and short: what a peer calls itself must not pass for lines of ours."""
-    text = record.getMessage()[:_LONGEST_LINE]
-    record.msg = text if text.isprintable() else "".join(c if c.isprintable() else "?" for c in text)
-    record.args = ()
-    return True
+class _Bounds(logging.Filter):
+    """Bounds what peers can make of the log: short printable lines, and not too many in a second."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._second = 0
+        self._lines = 0
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        left_out = 0
+        if int(record.created) != self._second:
+            left_out = self._lines - _MOST_LINES
+            self._second, self._lines = int(record.created), 0
+        self._lines += 1
+        if self._lines > _MOST_LINES and record.levelno > logging.DEBUG:
+            return False
+        text = record.getMessage()[:_LONGEST_LINE]
+        if not text.isprintable():
+            text = "".join(c if c.isprintable() else "?" for c in text)
+        record.msg = f"{text} ({left_out} lines were left out)" if left_out > 0 else text
+        record.args = ()
+        return True
 
 
 def _loop_runner() -> Callable[[Coroutine[Any, Any, int]], int]:
@@ -120,12 +143,14 @@ async def _serve(listener: Listener, config: Config, idle_s: float | None) -> in
     broker = Broker(config.limits, config.topics, uid=os.getuid(), pid=os.getpid())
     server = Server(listener.socket, broker, idle_s=idle_s)
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, server.stop, signal.Signals(number).name)
+    for number in _ENDING:
+        loop.add_signal_handler(number, server.stop, number.name)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDING)
     log = logging.getLogger("busd")
     if not notify(f"READY=1\n{status(f'listening on {listener.path}')}"):
         log.info("listening on %s (pid %d)", listener.path, os.getpid())
     reason = await server.stopped
+    signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
     notify("STOPPING=1")
     log.info("stopped: %s", reason)
     return 0

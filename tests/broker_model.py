@@ -157,8 +157,8 @@ class Model:
         self.subscriptions.pop(endpoint, None)
 
     def endpoints_of(self, process: int) -> set[int]:
-        every = (*self.publishers.values(), *self.subscriptions.values())
-        return {endpoint.id for endpoint in every if endpoint.process == process}
+        publishers = {one.id for one in self.publishers.values() if one.process == process}
+        return publishers | {one.id for one in self.subscriptions.values() if one.process == process}
 
 
 def _depth(qos: QoSProfile) -> int:

@@ -18,7 +18,6 @@ from itertools import count
 from typing import Any, NamedTuple, TypeVar
 
 import msgspec
-from feeding import feed
 
 from bus.errors import RemoteProtocolError
 from bus.ids import PeerId
@@ -31,6 +30,7 @@ from bus.wire.session import Role, Session
 from busd.core.broker import Broker
 from busd.core.effects import Disconnect, Effect, Flush, Note, Send, Stop
 from busd.core.limits import Limits, TopicRule
+from feeding import feed
 
 SECOND = 1_000_000_000
 UID = 1000
@@ -351,6 +351,32 @@ class Subscription(_Endpoint):
 
     def ack(self, publisher: Publisher, seq: int) -> None:
         self.process.tell(m.Ack(subscription=self.id, source=publisher.id, seq=seq))
+
+
+class Line:
+    """A world with one publisher and one subscription, in two processes."""
+
+    def __init__(
+        self,
+        offered: QoSProfile | None = None,
+        requested: QoSProfile | None = None,
+        limits: Limits | None = None,
+        rules: tuple[TopicRule, ...] = (),
+    ) -> None:
+        self.world = World(limits, rules)
+        self.talker = self.world.process("talker")
+        self.listener = self.world.process("listener")
+        self.publisher = self.talker.publisher("/topic", offered)
+        self.subscription = self.listener.subscription("/topic", requested)
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """What the broker counts as dropped for the subscription."""
+        return self.subscription.statistics(self.talker).dropped
+
+    def told(self) -> list[dict[str, int]]:
+        """What the subscription was told of drops."""
+        return [message.dropped for message in self.subscription.got(m.Dropped)]
 
 
 def _samples(run: Run) -> list[Sample]:

@@ -9,19 +9,21 @@ lost, repeated or reordered, and that the broker never cut them off.
 """
 
 import asyncio
+import contextlib
 import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
+
+import pytest
 
 import bus
-import pytest
 from bus.msg.std_msgs import Int64
 from bus.runner import loop_factory
-
 from conftest import WAIT_S
+from semantics import until
 
 PERIOD_S = 0.005
 _DEPTH = 2000
@@ -89,9 +91,8 @@ class Neighbours:
                 publisher.publish(Int64(data=self.sent))
                 self.sent += 1
                 await asyncio.sleep(PERIOD_S)
-            end = time.monotonic() + WAIT_S
-            while len(self.heard) < self.sent and time.monotonic() < end:
-                await asyncio.sleep(PERIOD_S)
+            with contextlib.suppress(TimeoutError):
+                await until(lambda: len(self.heard) >= self.sent)
             self._dropped = subscription.statistics().dropped
             self._was_cut_off = ids != (publisher.id, subscription.id)
 
@@ -110,7 +111,7 @@ def resident_bytes(pid: int) -> int:
     return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * 4096
 
 
-def with_limits(**limits: float) -> Any:
+def with_limits(**limits: float) -> pytest.MarkDecorator:
     """Mark: the test's daemon runs with these limits (the fixture `settings`)."""
     lines = ["[limits]", *(f"{name} = {value}" for name, value in limits.items())]
     return pytest.mark.parametrize("settings", ["\n".join(lines)], ids=["limits"])

@@ -4,7 +4,6 @@ import heapq
 from collections.abc import Callable, Iterator
 from itertools import count
 
-
 NEVER_NS = 1 << 63
 
 

@@ -8,8 +8,9 @@ import asyncio
 import contextlib
 import os
 import socket
+import struct
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from bus.errors import BrokerUnavailable
@@ -19,6 +20,7 @@ IDLE_EXIT_S = 30
 
 _START_S = 10.0
 _RETRY_S = 0.01
+_UCRED = struct.Struct("=iII")
 _ALREADY_RUNNING = 3  # busd.run.EXIT_ALREADY_RUNNING
 
 
@@ -49,14 +51,17 @@ async def open_socket(path: Path) -> socket.socket:
         raise BrokerUnavailable(f"busd was started at {path} but does not answer: {error}") from None
 
 
-async def start(path: Path) -> None:
-    """Start a busd at `path` in a session of its own; returns when it is ready, or another one was first."""
+async def start(path: Path, options: Sequence[str] = ("--idle-exit", str(IDLE_EXIT_S))) -> None:
+    """Start a busd at `path` in a session of its own; returns when it is ready, or another one was first.
+
+    Its log goes beside the socket. Raises BrokerUnavailable with the reason where it ends or hangs.
+    """
     log = path.with_suffix(".log")
     loop = asyncio.get_running_loop()
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ready:
         ready.bind("")  # an abstract address that the kernel chooses
         ready.setblocking(False)
-        pid = _spawn(path, log, "@" + ready.getsockname()[1:].decode())
+        pid = _spawn(path, log, "@" + ready.getsockname()[1:].decode(), options)
         with contextlib.closing(_PidFile(pid)) as process:
             waits = {
                 loop.create_task(loop.sock_recv(ready, 4096)),
@@ -73,10 +78,10 @@ async def start(path: Path) -> None:
         raise BrokerUnavailable(f"busd could not be started at {path}: {_last_line(log)}")
 
 
-def _spawn(path: Path, log: Path, notify: str) -> int:
+def _spawn(path: Path, log: Path, notify: str, options: Sequence[str]) -> int:
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     environ = {**os.environ, "NOTIFY_SOCKET": notify}
-    arguments = [sys.executable, "-m", "busd", "--socket", str(path), "--idle-exit", str(IDLE_EXIT_S)]
+    arguments = [sys.executable, "-m", "busd", "--socket", str(path), *options]
     flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW
     return os.posix_spawn(
         sys.executable,
@@ -130,10 +135,18 @@ async def _connect(path: Path) -> socket.socket:
     sock.setblocking(False)
     try:
         await asyncio.get_running_loop().sock_connect(sock, str(path))
+        _check_owner(sock, path)
     except BaseException:
         sock.close()
         raise
     return sock
+
+
+def _check_owner(sock: socket.socket, path: Path) -> None:
+    """Under /tmp anybody may have made the default folder before us."""
+    _, uid, _ = _UCRED.unpack(sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size))
+    if uid not in (0, os.geteuid()) and path.parent == Path(f"/tmp/busd-{os.geteuid()}"):
+        raise BrokerUnavailable(f"{path} is served by user {uid}, who should not be there; nothing was sent")
 
 
 async def _connect_when_ready(path: Path) -> socket.socket:

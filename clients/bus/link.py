@@ -118,6 +118,7 @@ class Link:
             self.send_about(endpoint, endpoint.totals())
         self._declarations.remove(endpoint)
         self.send_about(endpoint, m.DestroyEndpoint(endpoint=endpoint.id))
+        endpoint.id = 0  # messages that it still gives out must not be acknowledged any more
 
     def forget_node(self, node: Declared) -> None:
         """Take a node out of the graph; its endpoints must have been closed."""

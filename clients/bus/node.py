@@ -154,11 +154,13 @@ class Node:
         callback: Callable[..., Any] | None = None,
         *,
         events: SubscriptionEvents | None = None,
+        raw: bool = False,
     ) -> Subscription[M]:
         """A subscription to `message_type` on `topic`.
 
         `callback` is `def` or `async def`, of (message) or (message, info). Calls of one subscription never
-        overlap. Without a callback, iterate: `async for message in subscription`.
+        overlap. Without a callback, iterate: `async for message in subscription`. With `raw`, messages are
+        delivered as the bytes that came, undecoded and unchecked.
 
         On return it gets every message whose publish begins later, within its depth. Raises as
         `create_publisher`. Cancellation: not created.
@@ -174,6 +176,7 @@ class Node:
             self._logger,
             self._fail,
             callback,
+            raw=raw,
         )
         await self._declare(link, subscription)
         return subscription

@@ -369,7 +369,7 @@ class Publisher(Endpoint[M]):
                 async with asyncio.timeout(_DRAIN_S):
                     await self._link.wait_for_drain(self._queue)
         if self._queue.runs:
-            lost = self._queue.count
+            lost = self._queue.clear()  # the broker must not get them after it was told of the end
             self._logger.warning(f"{lost} messages on '{self.topic_name}' could not be handed over")
 
     def _type_warning(self) -> str:

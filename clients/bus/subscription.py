@@ -8,7 +8,7 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from inspect import iscoroutinefunction, signature
 from time import monotonic_ns
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, cast
 
 import msgspec
 
@@ -79,12 +79,14 @@ class Subscription(Endpoint[M]):
         logger: Logger,
         on_error: Callable[[BaseException], None],
         callback: Callable[..., Any] | None = None,
+        *,
+        raw: bool = False,
     ) -> None:
         super().__init__(link, node, topic, support, qos, events, logger, on_error)
         keeps_all = qos.history is History.KEEP_ALL
         self._is_lossless = keeps_all and qos.reliability is Reliability.RELIABLE
         self._inbox: Inbox[M] = Inbox(
-            support.decode,
+            cast(Any, bytes) if raw else support.decode,
             0 if keeps_all else qos.depth,
             is_lossless=self._is_lossless,
             on_drop=lambda reason, count: self._tell_lost(),

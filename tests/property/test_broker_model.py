@@ -4,14 +4,16 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any, TypeAlias, TypeVar
 
-from broker_model import Model, ModelPublisher, ModelSubscription
-from broker_world import NUMBER, TEXT, Process, Publisher, Subscription, World
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from broker_model import Model, ModelPublisher, ModelSubscription
+from broker_world import NUMBER, TEXT, Process, Publisher, Subscription, World
+from bus.ids import EndpointId
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from bus.wire.runs import Run
+from busd.core import entities
 from busd.core.limits import Limits
 
 KIB = 1024
@@ -109,7 +111,6 @@ class Books:
         self.model = Model()
         self.due: dict[int, int] = {}
         self.published = 0
-
         for at, (offered, requested, is_blocked) in enumerate(beginning):
             self.connect()
             self.create_publisher(at, "/a", TEXT, offered)
@@ -218,12 +219,16 @@ class Books:
                 last[sample.source] = sample.seq
 
     def check_quotas(self) -> None:
-        for number in self.processes:
-            peer = self.world.broker._peers[number]
-            queues = [one.queue for one in peer.endpoints.values() if hasattr(one, "queue")]
-            histories = [one.history for one in peer.endpoints.values() if getattr(one, "history", None)]
-            assert peer.queued.used == sum(queue.bytes for queue in queues) <= peer.queued.limit
-            assert peer.history.used == sum(queue.bytes for queue in histories) <= peer.history.limit
+        for process in self.processes.values():
+            peer = self.world.broker._peers[process.id]
+            waiting = kept = 0
+            for endpoint in peer.endpoints.values():
+                if isinstance(endpoint, entities.Subscription):
+                    waiting += endpoint.queue.bytes
+                elif endpoint.history is not None:
+                    kept += endpoint.history.bytes
+            assert peer.queued.used == waiting <= peer.queued.limit
+            assert peer.history.used == kept <= peer.history.limit
 
     def check_graph(self) -> None:
         graph = self.world.broker.graph.snapshot(0, statistics=False, pid=1)
@@ -261,7 +266,7 @@ class Books:
 
     def accounted(self, number: int) -> int:
         """Samples that a subscription received, that wait for it, and that were counted as dropped."""
-        inside = self.world.broker.graph.subscriptions[number]
+        inside = self.world.broker.graph.subscriptions[EndpointId(number)]
         return len(self.subscriptions[number].samples) + inside.queue.count + sum(inside.dropped.values())
 
 
@@ -279,7 +284,7 @@ class AgainstModel(Books):
     def check_queues(self) -> None:
         for number, subscription in self.subscriptions.items():
             model = self.model.subscriptions[number]
-            inside = self.world.broker.graph.subscriptions[number]
+            inside = self.world.broker.graph.subscriptions[EndpointId(number)]
             assert [one[:3] for one in subscription.samples] == [one[:3] for one in model.received]
             assert [one.is_replay for one in subscription.samples] == [
                 one.is_replay for one in model.received
@@ -294,7 +299,7 @@ class AgainstModel(Books):
 
     def check_histories(self) -> None:
         for number, publisher in self.model.publishers.items():
-            history = self.world.broker.graph.publishers[number].history
+            history = self.world.broker.graph.publishers[EndpointId(number)].history
             if history is not None:
                 fresh = [one.seq for one in publisher.history]
                 kept = [
@@ -319,3 +324,49 @@ def test_the_books_are_right_when_memory_is_short(beginning: list[Beginning], st
 @given(beginnings, stories)
 def test_against_the_model(beginning: list[Beginning], story: list[Step]) -> None:
     AgainstModel(beginning).play(story)
+
+
+# --- credit
+
+credit_steps = st.one_of(
+    _step("publish", st.integers(1, 5)),
+    _step("publish", st.integers(1, 5)),
+    _step("ack", indices, st.integers(0, 8)),
+    _step("ack", indices, st.integers(0, 8)),
+    _step("join"),
+    _step("leave", indices),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(credit_steps, min_size=10, max_size=40))
+def test_credit_is_what_the_slowest_has_taken(story: list[Step]) -> None:
+    """For a keep-all publisher; a subscription that keeps the last few only is not waited for."""
+    everything = QoSProfile(history="keep_all")
+    world = World()
+    publisher = world.process().publisher("/a", everything)
+    world.process().subscription("/a", QoSProfile(depth=1))
+    taken: dict[Subscription, int] = {}
+    published = credited = 0
+    for name, *arguments in story:
+        match name:
+            case "publish":
+                publisher.publish(*["x"] * arguments[0])
+                published += arguments[0]
+            case "join":
+                taken[world.process().subscription("/a", everything)] = published
+            case "ack" if taken:
+                subscription = list(taken)[arguments[0] % len(taken)]
+                before = taken[subscription]
+                taken[subscription] = min(published, before + arguments[1])
+                subscription.ack(publisher, taken[subscription])
+                if taken[subscription] > before:
+                    credited = max(credited, min(taken.values()))
+            case "leave" if taken:
+                subscription = list(taken)[arguments[0] % len(taken)]
+                del taken[subscription]
+                subscription.process.die()
+                credited = max(credited, min(taken.values(), default=published))
+        numbers = [message.seq for message in publisher.got(m.Credit)]
+        assert numbers == sorted(set(numbers))
+        assert (numbers or [0])[-1] == credited

@@ -3,7 +3,6 @@
 from typing import Any
 
 import msgspec
-from feeding import feed
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
@@ -14,6 +13,7 @@ from bus.wire import messages as m
 from bus.wire.layout import DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES, VERSION
 from bus.wire.runs import Account, Run, RunQueue, frame_record
 from bus.wire.session import Role, Session, State
+from feeding import feed
 
 
 class Sample:
@@ -253,12 +253,14 @@ def shown(item: Any) -> Any:
     return msgspec.msgpack.encode(item)
 
 
+@settings(deadline=None)
 @given(st.lists(control_messages, max_size=5), pieces)
 def test_messages_come_out_as_they_went_in(sent: list[m.Message], sizes: list[int]) -> None:
     stream = b"".join(map(m.encode_frame, sent))
     assert [shown(one) for one in feed(open_session(), stream, sizes)] == [shown(one) for one in sent]
 
 
+@settings(deadline=None)
 @given(st.lists(frames, min_size=1, max_size=5), pieces, st.data())
 def test_damage_is_refused_or_harmless(stream: list[bytes], sizes: list[int], data: st.DataObject) -> None:
     """A byte changed, cut out or put in: RemoteProtocolError at most, and what came before it stays true."""
@@ -281,6 +283,7 @@ def test_damage_is_refused_or_harmless(stream: list[bytes], sizes: list[int], da
     assert found[:intact] == before
 
 
+@settings(deadline=None)
 @given(st.binary(max_size=100))
 def test_any_control_body_is_understood_or_refused(body: bytes) -> None:
     for decoder in (m.from_client, m.from_broker):

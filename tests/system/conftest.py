@@ -4,10 +4,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from neighbours import Neighbours, resident_bytes
-from raw_peer import RawPeer
 
 from conftest import Daemon
+from neighbours import Neighbours, resident_bytes
+from raw_peer import RawPeer
 
 MOST_GROWTH_BYTES = 96 << 20
 """What busd may grow by because of anybody's rudeness, where its limits are not set higher."""

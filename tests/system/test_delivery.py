@@ -209,3 +209,13 @@ class TestThreads:
         for index in range(4):
             mine = [number for number in heard if number // 1000 == index]
             assert mine == list(range(1000 * index, 1000 * index + 500))
+
+
+class TestRaw:
+    async def test_a_raw_subscription_gets_the_bytes(self, node: bus.Node) -> None:
+        subscription = await node.create_subscription(String, "t", 10, raw=True)
+        publisher = await node.create_publisher(String, "t", 10)
+        publisher.publish_encoded(b"\xc1 no message")
+        publisher.publish(String(data="x"))
+        first, second = [(await subscription.receive())[0] for _ in range(2)]
+        assert [first, second] == [b"\xc1 no message", publisher.support.encode(String(data="x"))]

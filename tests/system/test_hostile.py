@@ -1,12 +1,10 @@
-"""A peer that breaks the protocol is told why and cut off; the others do not notice. Real busd, raw sockets."""
+"""A peer that breaks the protocol is told why and cut off; the others do not notice."""
 
 import select
 import socket
 from collections.abc import Callable
 
 import pytest
-from neighbours import wait_until, with_limits
-from raw_peer import HELLO, RawPeer, control, data, text
 
 from bus.qos import History, QoSProfile
 from bus.wire import messages as m
@@ -20,7 +18,8 @@ from bus.wire.layout import (
 )
 from bus.wire.runs import Run
 from conftest import Daemon
-
+from neighbours import wait_until, with_limits
+from raw_peer import HELLO, RawPeer, control, data, text
 
 pytestmark = pytest.mark.usefixtures("neighbours")
 

@@ -2,20 +2,21 @@
 
 import asyncio
 import contextlib
+import re
 import threading
 from collections.abc import Iterator
 
-import bus
 import msgspec
 import pytest
-from bus.msg.std_msgs import String
-from neighbours import descriptors_of, resident_bytes, wait_until, with_limits
-from raw_peer import HELLO, STRING, RawPeer, data, text
 
+import bus
+from bus.msg.std_msgs import String
 from bus.qos import History, QoSProfile
 from bus.wire import messages as m
 from bus.wire.runs import frame_record
 from conftest import WAIT_S, Daemon
+from neighbours import descriptors_of, resident_bytes, wait_until, with_limits
+from raw_peer import HELLO, STRING, RawPeer, data
 
 pytestmark = pytest.mark.usefixtures("neighbours")
 
@@ -43,7 +44,14 @@ def written(peer: RawPeer, raw: bytes) -> Iterator[None]:
 
 class TestOneThatNeverReads:
     @with_limits(queued_bytes_per_peer=2 * MiB, message_bytes=MiB, keep_all_window_bytes=MiB)
-    @pytest.mark.parametrize("size", [0, 100, 60_000])
+    @pytest.mark.parametrize(
+        "size",
+        [
+            pytest.param(0, marks=pytest.mark.xfail(reason="a run costs more than its bytes", strict=True)),
+            100,
+            60_000,
+        ],
+    )
     def test_samples(self, daemon: Daemon, peer: RawPeer, other: RawPeer, size: int) -> None:
         """What waits for it is bounded and counted, however small the samples; it may stay."""
         sleeper = peer.hello().subscription(peer.node("sleeper"), "/flood", qos=KEEP_ALL).id
@@ -126,14 +134,23 @@ class TestOneThatWantsTooMuch:
                 "endpoints of a process: 3 of 3 in use; busd's limit can be raised in busd.toml"
             )
 
-    def test_ten_thousand_types(self, daemon: Daemon, peer: RawPeer) -> None:
+    @pytest.mark.xfail(reason="schemas are not charged to who declares them", strict=True)
+    def test_types_by_the_hundred(self, daemon: Daemon, peer: RawPeer) -> None:
         peer.hello()
         before = resident_bytes(daemon.pid)
         schema = msgspec.Raw(msgspec.msgpack.encode(bytes(200_000)))
-        for number in range(2000):
+        for number in range(400):
             peer.send(m.DeclareType(f"big/msg/T{number}", "hash", schema))
         peer.barrier()
-        assert resident_bytes(daemon.pid) - before < 64 * MiB
+        assert resident_bytes(daemon.pid) - before < 48 * MiB
+
+    def test_ten_thousand_types(self, peer: RawPeer) -> None:
+        """A type is declared without being asked for, so it is its first use that is refused."""
+        node = peer.hello().node()
+        peer.send(*(m.DeclareType(f"small/msg/T{number}", "hash") for number in range(10_000)))
+        answer = peer.publisher(node, "/t", type_name="small/msg/T9999", type_hash="hash")
+        assert (answer.resource, answer.used, answer.limit) == ("types of a process", 4096, 4096)
+        assert isinstance(peer.publisher(node, "/t", type_name="small/msg/T7", type_hash="hash"), m.Created)
 
     def test_a_schema_too_large(self, peer: RawPeer) -> None:
         schema = msgspec.Raw(msgspec.msgpack.encode(bytes(300_000)))
@@ -152,19 +169,32 @@ class TestOneThatWantsTooMuch:
         other.subscription(other.node(), "/t19", qos=latched)
         other.barrier()
 
-    def test_matches(self, daemon: Daemon, peer: RawPeer) -> None:
+    @pytest.mark.xfail(reason="matches are not counted", strict=True)
+    @with_limits(matches_per_peer=100)
+    def test_matches(self, peer: RawPeer) -> None:
         """Endpoints are counted, and so must be what they multiply to."""
         node = peer.hello().node()
-        before = resident_bytes(daemon.pid)
-        requests = [
-            m.encode_frame(kind(n, node, "/t", STRING.name, STRING.hash, QoSProfile(), bytes(16)))
-            for n, kind in enumerate((m.CreatePublisher, m.CreateSubscription) * 1500)
-        ]
-        with written(peer, b"".join(requests)):
-            with contextlib.suppress(AssertionError):
-                for _ in requests:
-                    peer.expect(m.Created | m.Refused)  # type: ignore[arg-type]
-        print((resident_bytes(daemon.pid) - before) >> 20)
+        for _ in range(10):
+            assert isinstance(peer.publisher(node, "/t"), m.Created)
+            assert isinstance(peer.subscription(node, "/t"), m.Created)
+        answer = peer.publisher(node, "/t")
+        assert (answer.resource, answer.used, answer.limit) == ("matches of a process", 110, 100)
+
+
+class TestOneThatMakesBusdTalk:
+    def test_the_log_is_bounded(self, daemon: Daemon, peer: RawPeer, other: RawPeer) -> None:
+        peer.hello().send(*(m.CreateNode(number, "twin") for number in range(1000)))
+        peer.barrier()
+        other.node("late")
+
+        def left_out() -> int:
+            other.ask(m.CreateNode(other.request(), "late"))
+            return sum(map(int, re.findall(r"\((\d+) lines were left out\)", daemon.log.read_text())))
+
+        wait_until(left_out)
+        lines = daemon.log.read_text().count("more than one node named /twin")
+        assert 0 < lines < 1000
+        assert lines + left_out() >= 999
 
 
 class TestOneThatComesTooOften:
@@ -180,8 +210,13 @@ class TestOneThatComesTooOften:
             with pytest.raises(bus.BrokerUnavailable) as caught:
                 await bus.Node("late", arguments=[]).open()
             assert "connections: 4 of 4 in use" in str(caught.value)
-        async with asyncio.timeout(WAIT_S), bus.Node("later", arguments=[]):
-            pass
+        async with asyncio.timeout(WAIT_S):
+            while True:
+                try:
+                    async with bus.Node("later", arguments=[]):
+                        return
+                except bus.BrokerUnavailable:
+                    await asyncio.sleep(0.002)  # busd has not noticed yet that there is room
 
     @with_limits(connections=20)
     def test_a_thousand_that_stay_silent(self, daemon: Daemon) -> None:

@@ -3,8 +3,7 @@
 from collections.abc import Iterable
 
 import pytest
-from feeding import feed
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bus.errors import RemoteProtocolError
@@ -21,6 +20,7 @@ from bus.wire.layout import (
     REPLAY,
 )
 from bus.wire.runs import Run, frame_record
+from feeding import feed
 
 MAX_CONTROL = 4 << 20
 MAX_DATA = 16 << 20
@@ -36,7 +36,7 @@ def control(body: bytes) -> bytes:
 
 def data(body: bytes, *, count: int = 1, first_seq: int = 1, flags: int = 0, zero: int = 0) -> bytes:
     length = DATA_HEAD_BYTES - LENGTH_BYTES + len(body)
-    return DATA_HEAD.pack(length, DATA, flags, 0, 7, 8, first_seq, count, zero) + body
+    return DATA_HEAD.pack(length, DATA, flags, zero, 7, 8, first_seq, count, 0) + body
 
 
 def record(size: int) -> bytes:
@@ -110,6 +110,7 @@ def streams(draw: st.DrawFn) -> tuple[list[bytes], list[int]]:
     return frames, draw(st.lists(piece, max_size=30))
 
 
+@settings(max_examples=60, deadline=None)
 @given(streams())
 def test_the_pieces_do_not_matter(stream: tuple[list[bytes], list[int]]) -> None:
     frames, pieces = stream
@@ -167,6 +168,7 @@ class TestRefusals:
 
     def test_bytes_that_are_to_be_zero(self) -> None:
         assert "flags" in refusal(FRAME_HEAD.pack(4, CONTROL, 0, 1))
+        assert "flags" in refusal(data(record(1), zero=1))
 
     @pytest.mark.parametrize("length", [0, 3])
     def test_a_control_frame_that_is_too_short(self, length: int) -> None:
@@ -199,6 +201,7 @@ class TestRefusals:
         assert len(list(feed(reader(), data(record(1), first_seq=MAX_COUNT)))) == 1
 
 
+@settings(max_examples=60, deadline=None)
 @given(st.binary(max_size=200), st.lists(st.integers(1, 9), max_size=20))
 def test_garbage_is_refused_or_waits(garbage: bytes, pieces: list[int]) -> None:
     """Nothing but RemoteProtocolError, and never more than came."""

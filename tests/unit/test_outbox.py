@@ -16,7 +16,8 @@ def fill(waiting: RunQueue, runs: int, size: int = 10) -> None:
 
 def order(buffers: list[Buffer]) -> list[int]:
     """The endpoint of each data frame, 0 for a control frame."""
-    found, at = [], 0
+    found: list[int] = []
+    at = 0
     while at < len(buffers):
         head = buffers[at]
         is_data = len(head) == DATA_HEAD_BYTES
@@ -26,7 +27,7 @@ def order(buffers: list[Buffer]) -> list[int]:
 
 
 def drain(outbox: Outbox) -> list[int]:
-    found = []
+    found: list[int] = []
     while True:
         buffers, size = outbox.take()
         assert size == sum(map(len, buffers))

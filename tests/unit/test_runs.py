@@ -1,11 +1,11 @@
 """bus.wire.runs: what a queue keeps, drops and gives out. The model in tests/property looks further."""
 
 import pytest
-from feeding import feed
 
 from bus.wire.framing import FrameReader
 from bus.wire.layout import DATA_HEAD, REPLAY
-from bus.wire.runs import Account, Run, RunQueue, frame_record
+from bus.wire.runs import Account, Run, RunQueue, data_head, frame_record
+from feeding import feed
 
 RECORD_BYTES = 13  # of a payload of one letter
 
@@ -188,6 +188,17 @@ class TestFrames:
         waiting.drop(dropped)
         made, _ = frame(waiting)
         assert made.count == 6 - dropped
+
+
+def test_the_head_of_a_frame_towards_the_broker() -> None:
+    """What a publisher packs by itself says the same as what its queue would send."""
+    body = bytes(run("ab", 5).body)
+    (made,) = feed(
+        FrameReader(max_control_bytes=0, max_data_bytes=1000), data_head(4, 5, 2, len(body)) + body
+    )
+    assert isinstance(made, Run)
+    assert (made.endpoint, made.source, made.first_seq, made.count, made.is_replay) == (4, 0, 5, 2, False)
+    assert bytes(made.body) == body
 
 
 class TestAdvance:

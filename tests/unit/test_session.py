@@ -4,7 +4,6 @@ from typing import Any
 
 import msgspec
 import pytest
-from feeding import feed
 
 from bus.errors import RemoteProtocolError
 from bus.wire import messages as m
@@ -22,6 +21,7 @@ from bus.wire.layout import (
 )
 from bus.wire.runs import Run, frame_record
 from bus.wire.session import Role, Session, State
+from feeding import feed
 
 HELLO = m.encode_frame(m.Hello(version=VERSION, pid=7, program="talker"))
 PING = m.encode_frame(m.Ping(number=1))
@@ -100,11 +100,17 @@ class TestStates:
     def test_a_broken_frame_closes(self, role: Role) -> None:
         assert refusal(session(role, State.OPEN), b"\xff" * 8) == "frame of unknown kind 255"
 
-    def test_what_came_before_the_mistake_is_given_out(self, role: Role) -> None:
-        items = feed(session(role, State.OPEN), PING + HELLO)
-        assert next(items) == m.Ping(number=1)
+    @pytest.mark.parametrize("mistake", [HELLO, b"\xff" * 40], ids=["a second Hello", "garbage"])
+    @pytest.mark.parametrize("first", [PING, RUN], ids=["after a message", "after a run"])
+    def test_what_came_before_the_mistake_is_given_out(
+        self, role: Role, first: bytes, mistake: bytes
+    ) -> None:
+        made = session(role, State.OPEN)
+        items = feed(made, first + mistake)
+        assert next(items) is not None
         with pytest.raises(RemoteProtocolError):
             next(items)
+        assert made.state is State.CLOSED
 
 
 class TestRoles:

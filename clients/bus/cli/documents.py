@@ -7,7 +7,7 @@ import asyncio
 import io
 import sys
 from collections.abc import AsyncIterator, Iterable, Iterator
-from threading import Thread
+from threading import Semaphore, Thread
 from typing import Any
 
 import yaml
@@ -44,19 +44,22 @@ def split(lines: Iterable[str]) -> Iterator[str]:
 async def read_documents() -> AsyncIterator[Any]:
     """The documents on the standard input, each as soon as it is whole."""
     loop = asyncio.get_running_loop()
-    arrived: asyncio.Queue[str | None] = asyncio.Queue(_WAITING)
+    arrived: asyncio.Queue[str | None] = asyncio.Queue()
+    room = Semaphore(_WAITING)
 
     def read() -> None:
         try:
             if isinstance(sys.stdin, io.TextIOWrapper):
                 sys.stdin.reconfigure(errors="replace")
             for document in split(sys.stdin):
-                asyncio.run_coroutine_threadsafe(arrived.put(document), loop).result()
-            asyncio.run_coroutine_threadsafe(arrived.put(None), loop).result()
+                room.acquire()
+                loop.call_soon_threadsafe(arrived.put_nowait, document)
+            loop.call_soon_threadsafe(arrived.put_nowait, None)
         except RuntimeError:
             pass  # the loop ended first
 
     # A daemon, because nothing can wake a thread that waits for input.
     Thread(target=read, daemon=True).start()
     while (document := await arrived.get()) is not None:
+        room.release()
         yield load(document)

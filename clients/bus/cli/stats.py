@@ -58,7 +58,7 @@ class Intervals:
         return spread(self._gaps)
 
     def new(self) -> Spread | None:
-        """The gaps, where a message came since they were last given out; for tables, which keep their own time."""
+        """The gaps, where a message came since they were given out last; for tables."""
         if not self._gaps or self._last_ns == self._printed_ns:
             return None
         self._printed_ns = self._last_ns

@@ -5,7 +5,7 @@ import os
 import signal
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Coroutine
-from typing import Any, cast
+from typing import Any
 
 import msgspec
 
@@ -14,10 +14,9 @@ from bus.cli.query import full_type_name
 from bus.graph import Graph
 from bus.node import Node
 from bus.runner import loop_factory
-from bus.typesupport import find_type, type_hash, type_support
+from bus.typesupport import find_type, type_hash
 
 __all__ = [
-    "as_payloads",
     "find_class",
     "for_ever",
     "not_published",
@@ -116,11 +115,6 @@ async def wait_for_class(node: Node, topic: str) -> type[msgspec.Struct]:
         await asyncio.sleep(_LOOK_S)
         found = await find_class(node, await node.graph(), topic)
     return found
-
-
-def as_payloads(message_type: type[msgspec.Struct]) -> None:
-    """Let subscriptions to `message_type` made from now on deliver what came, as a memoryview, undecoded."""
-    cast(Any, type_support(message_type)).decode = memoryview
 
 
 async def for_ever() -> int:

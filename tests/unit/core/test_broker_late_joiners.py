@@ -1,8 +1,8 @@
 """Late joiners: durability transient local, reference 1.4."""
 
 import pytest
-from broker_world import Process, Publisher, World
 
+from broker_world import Process, Publisher, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from busd.core.limits import Limits

@@ -1,11 +1,11 @@
 """Reliable and keep all: credit comes from what the slowest subscription has taken."""
 
 import pytest
-from broker_world import Publisher, Subscription, World
 
+from broker_world import Publisher, Subscription, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
-from busd.core.limits import Limits
+from busd.core.limits import Limits, TopicRule
 
 KIB = 1024
 ALL = QoSProfile(history="keep_all")
@@ -215,8 +215,19 @@ class TestDroppedSamples:
         subscription.ack(publisher, 3)
         assert credits(publisher) == [3]
 
+    def test_one_that_is_too_large(self) -> None:
+        world = World(LIMITS, (TopicRule(pattern="/topic", max_message_bytes=KIB),))
+        publisher = world.process().publisher("/topic", ALL)
+        subscription = world.process().subscription("/topic", ALL)
+        publisher.publish("x" * 2 * KIB)
+        assert credits(publisher) == [1]
+        subscription.process.is_blocked = True
+        publisher.publish("still to be taken")
+        publisher.publish("x" * 2 * KIB)
+        assert credits(publisher) == [1]
+
     def test_a_gap_of_another_publisher_gives_no_credit(self) -> None:
-        world, publisher, (subscription,) = pair()
+        world, publisher, _ = pair()
         other = world.process().publisher("/topic")
         publisher.publish_many("abc")
         other.lose(5)

@@ -1,8 +1,8 @@
 """busd.core.broker: processes come, ask, break the rules and go."""
 
 import pytest
-from broker_world import SECOND, TEXT, Process, Refusal, World
 
+from broker_world import SECOND, TEXT, Process, Refusal, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from busd.core.limits import Limits
@@ -22,6 +22,11 @@ class TestRequests:
         process = World().process()
         process.tell(m.Ping(number=7))
         assert process.got(m.Pong) == [m.Pong(number=7)]
+
+    def test_a_mere_sign_of_life_is_not_answered(self) -> None:
+        process = World().process()
+        process.tell(m.Ping())
+        assert process.got(m.Pong) == []
 
     def test_a_pong_is_welcome(self) -> None:
         process = World().process()

@@ -2,8 +2,8 @@
 
 import msgspec
 import pytest
-from broker_world import NUMBER, TEXT, Process, Refusal, World
 
+from broker_world import NUMBER, TEXT, Process, Refusal, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from busd.core.limits import Limits, TopicRule
@@ -211,9 +211,10 @@ class TestRules:
     def test_a_smaller_depth_stays(self) -> None:
         assert self.process().subscription("/camera/raw", QoSProfile(depth=2)).created.depth == 2
 
-    def test_a_depth_above_the_limit_that_a_rule_caps(self) -> None:
+    @pytest.mark.parametrize("kind", ["publisher", "subscription"])
+    def test_a_depth_above_the_limit_that_a_rule_caps(self, kind: str) -> None:
         process = World(Limits(depth=100), self.RULES).process()
-        assert process.subscription("/camera/raw", QoSProfile(depth=1000)).created.depth == 3
+        assert getattr(process, kind)("/camera/raw", QoSProfile(depth=1000)).created.depth == 3
 
     def test_the_match_and_the_graph_say_it_too(self) -> None:
         process = self.process()

@@ -1,7 +1,6 @@
 """busd.core.graph: the snapshot, and the changes that observers get."""
 
-from broker_world import NUMBER, TEXT, Process, World
-
+from broker_world import NUMBER, TEXT, Line, Process, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 
@@ -127,3 +126,37 @@ class TestChanges:
         world.process().node("later")
         assert observer.got(m.GraphChanged) == []
         assert len(other.got(m.GraphChanged)) == 1
+
+
+class TestStatistics:
+    def test_of_a_publisher(self) -> None:
+        line = Line()
+        line.publisher.publish("four", "x")
+        counted = line.publisher.statistics()
+        assert (counted.samples, counted.bytes) == (2, 5), "bytes of messages, without the wire's headers"
+
+    def test_the_process_knows_more_than_the_broker(self) -> None:
+        """A publisher that lost samples itself, or that has been at another broker before, says so."""
+        line = Line()
+        line.publisher.publish("x")
+        line.talker.tell(m.Report(endpoint=line.publisher.id, samples=9, bytes=90, dropped={"replaced": 8}))
+        assert line.publisher.statistics() == m.EndpointStatistics(
+            samples=9, bytes=90, dropped={"replaced": 8}
+        )
+
+    def test_of_a_subscription_both_parts_together(self) -> None:
+        line = Line(requested=QoSProfile(depth=1))
+        line.listener.is_blocked = True
+        line.publisher.publish_many("abc")
+        line.listener.tell(
+            m.Report(
+                endpoint=line.subscription.id,
+                samples=7,
+                bytes=70,
+                queued=2,
+                dropped={"replaced": 1, "undecodable": 1},
+            )
+        )
+        assert line.subscription.statistics(line.talker) == m.EndpointStatistics(
+            samples=7, bytes=70, queued=3, dropped={"replaced": 3, "undecodable": 1}
+        )

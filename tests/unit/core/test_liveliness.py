@@ -1,7 +1,6 @@
 """busd.core.liveliness: publishers whose lease ends, and who is told."""
 
 from broker_world import Process, Publisher, Subscription, World
-
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 

@@ -1,8 +1,8 @@
 """busd.core.matching: who matches whom, and what both sides are told."""
 
 import pytest
-from broker_world import NUMBER, TEXT, Process, Publisher, Subscription, World
 
+from broker_world import NUMBER, TEXT, Process, Publisher, Subscription, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 

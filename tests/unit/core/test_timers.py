@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from busd.core.timers import Timers
+from busd.core.timers import NEVER_NS, Timers
 
 
 def run_due(timers: Timers, now_ns: int) -> None:
@@ -16,6 +16,7 @@ def run_due(timers: Timers, now_ns: int) -> None:
 def test_nothing_to_do() -> None:
     timers = Timers()
     assert timers.next_due_ns() is None
+    assert timers.earliest_ns == NEVER_NS
     assert list(timers.due(10**18)) == []
 
 
@@ -57,6 +58,7 @@ def test_an_action_may_add_another() -> None:
     assert timers.next_due_ns() == 30
 
 
+@settings(deadline=None)
 @given(st.lists(st.integers(0, 50)), st.lists(st.integers(0, 50)))
 def test_against_a_sorted_list(dues: list[int], looks: list[int]) -> None:
     timers, ran = Timers(), list[int]()
@@ -70,3 +72,4 @@ def test_against_a_sorted_list(dues: list[int], looks: list[int]) -> None:
         last = now_ns
     waiting = [due for due in dues if due > last]
     assert timers.next_due_ns() == min(waiting, default=None)
+    assert timers.earliest_ns == min(waiting, default=NEVER_NS)

@@ -7,7 +7,7 @@ from bus.cli.completion import completed_by, topics
 from bus.cli.output import in_unit, print_json, unit_of
 from bus.cli.qosargs import add_qos_arguments, given_profile
 from bus.cli.stats import Bandwidth
-from bus.cli.stream import as_payloads, for_ever, open_node, positive_int, run_stream, wait_for_class
+from bus.cli.stream import for_ever, open_node, positive_int, run_stream, wait_for_class
 
 _WINDOW = 100
 _PERIOD_S = 1.0
@@ -36,12 +36,11 @@ async def _measure(args: Namespace) -> int:
         topic = node.resolve_topic_name(args.topic_name)
         bandwidth = Bandwidth(args.window)
 
-        def hear(payload: memoryview) -> None:
+        def hear(payload: bytes) -> None:
             bandwidth.add(monotonic_ns(), len(payload))
 
         message_type = await wait_for_class(node, topic)
-        as_payloads(message_type)
-        await node.create_subscription(message_type, topic, given_profile(args), hear)
+        await node.create_subscription(message_type, topic, given_profile(args), hear, raw=True)
         if not args.json:
             print(f"Subscribed to [{topic}]")
         node.create_timer(_PERIOD_S, lambda: _print(topic, bandwidth, as_json=args.json))

@@ -16,7 +16,6 @@ from bus.cli.qosargs import add_qos_arguments, choose_profile
 from bus.cli.render import View, to_csv, to_text, to_yaml
 from bus.cli.silence import Silence
 from bus.cli.stream import (
-    as_payloads,
     find_class,
     not_published,
     open_node,
@@ -112,8 +111,6 @@ async def _echo(args: Namespace) -> int:
             raise CommandError("Could not determine the type for the passed topic")
         profile = choose_profile(graph, topic, args)
         write = _raw(args) if args.raw else _writer(args, type_support(message_type).schema)
-        if args.raw:
-            as_payloads(message_type)
         done = asyncio.get_running_loop().create_future()
         silence = Silence(node, topic)
 
@@ -128,7 +125,9 @@ async def _echo(args: Namespace) -> int:
                     done.set_result(None)
 
         events = SubscriptionEvents(message_lost=None if args.no_lost_messages else _lost_notice(args))
-        subscription = await node.create_subscription(message_type, topic, profile, hear, events=events)
+        subscription = await node.create_subscription(
+            message_type, topic, profile, hear, events=events, raw=args.raw
+        )
         watching = asyncio.create_task(silence.watch(subscription))
         try:
             await asyncio.wait_for(done, args.timeout)

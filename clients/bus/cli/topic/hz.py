@@ -11,7 +11,7 @@ from bus.cli.filter import compile_filter
 from bus.cli.output import dropped_text, print_json, table
 from bus.cli.qosargs import add_qos_arguments, given_profile
 from bus.cli.stats import Flow, Intervals, Spread
-from bus.cli.stream import as_payloads, open_node, positive_int, run_stream, wait_for_class
+from bus.cli.stream import open_node, positive_int, run_stream, wait_for_class
 from bus.node import Node
 from bus.subscription import Subscription
 
@@ -88,10 +88,8 @@ class _Meter:
                 on_message(self)
 
         message_type = await wait_for_class(self._node, self.topic)
-        if passes is None:
-            as_payloads(message_type)
         self._subscription = await self._node.create_subscription(
-            message_type, self.topic, given_profile(self._args), hear
+            message_type, self.topic, given_profile(self._args), hear, raw=passes is None
         )
 
     async def look(self) -> None:

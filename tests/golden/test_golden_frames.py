@@ -1,0 +1,173 @@
+"""The bytes of every kind of frame, as they were when their protocol version came out.
+
+Once a version is out, its files must never change: a wire that needs it is another version. A new file gets
+the hex that the failing test prints.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from bus.qos import QoSProfile
+from bus.wire import messages as m
+from bus.wire.layout import FRAME_HEAD_BYTES, VERSION
+from bus.wire.runs import Account, Run, RunQueue, frame_record
+from bus.wire.session import Role, Session
+from feeding import feed
+
+FOLDER = Path(__file__).parent / f"v{VERSION}"
+GID = bytes(range(16))
+EVERY_POLICY = QoSProfile(
+    depth=7,
+    history="keep_all",
+    reliability="best_effort",
+    durability="transient_local",
+    deadline=0.5,
+    lifespan=2.0,
+    liveliness="manual_by_topic",
+    liveliness_lease_duration=1.5,
+)
+NODE = m.NodeRecord(id=1, name="talker", namespace="/robot", pid=4711)
+ENDPOINT = m.EndpointRecord(
+    id=2,
+    kind="publisher",
+    node=1,
+    topic="/topic",
+    type_name="std_msgs/msg/String",
+    type_hash="RIHS01_df66",
+    gid=GID,
+    qos=QoSProfile(),
+    statistics=m.EndpointStatistics(samples=3, bytes=99, queued=1, dropped={"replaced": 2}),
+)
+MATCH = m.MatchRecord(publisher=2, subscription=3)
+
+FROM_CLIENT: dict[str, m.Message] = {
+    "hello": m.Hello(version=1, capabilities=("shm",), pid=4711, program="talker.py"),
+    "ping": m.Ping(number=5),
+    "pong": m.Pong(number=5),
+    "declare_type": m.DeclareType(
+        type_name="std_msgs/msg/String", type_hash="RIHS01_df66", schema=msgspec.Raw(b"\x81\xa4data\xa3str")
+    ),
+    "create_node": m.CreateNode(request=1, name="talker", namespace="/robot"),
+    "destroy_node": m.DestroyNode(node=1),
+    "create_publisher": m.CreatePublisher(
+        request=2,
+        node=1,
+        topic="/topic",
+        type_name="std_msgs/msg/String",
+        type_hash="RIHS01_df66",
+        qos=EVERY_POLICY,
+        gid=GID,
+        next_seq=8,
+    ),
+    "create_subscription": m.CreateSubscription(
+        request=3,
+        node=1,
+        topic="/topic",
+        type_name="std_msgs/msg/String",
+        type_hash="RIHS01_df66",
+        qos=QoSProfile(),
+        gid=GID,
+        last_seqs={GID: 41},
+    ),
+    "destroy_endpoint": m.DestroyEndpoint(endpoint=2),
+    "assert_liveliness": m.AssertLiveliness(publisher=2),
+    "ack": m.Ack(subscription=3, source=2, seq=1 << 40),
+    "report": m.Report(endpoint=3, samples=10, bytes=400, queued=2, dropped={"undecodable": 1}),
+    "get_graph": m.GetGraph(request=4, statistics=True),
+    "get_type": m.GetType(request=5, type_name="std_msgs/msg/String", type_hash="RIHS01_df66"),
+    "observe": m.Observe(request=6),
+    "observe_off": m.Observe(request=7, on=False),
+    "stop_broker": m.StopBroker(request=8),
+}
+FROM_BROKER: dict[str, m.Message] = {
+    "created": m.Created(
+        request=2, id=2, depth=10, max_message_bytes=1 << 26, window_samples=65536, window_bytes=1 << 22
+    ),
+    "done": m.Done(request=7),
+    "refused": m.Refused(request=2, text="topics: 2 of 2 in use", resource="topics", used=2, limit=2),
+    "fault": m.Fault(text="a Ping came before Hello"),
+    "matched": m.Matched(endpoint=3, other=2, node="/robot/talker", gid=GID, qos=EVERY_POLICY, next_seq=42),
+    "unmatched": m.Unmatched(endpoint=3, other=2),
+    "incompatible": m.Incompatible(
+        endpoint=3,
+        topic="/topic",
+        node="/robot/talker",
+        policy="RELIABILITY",
+        text="ERROR: Best effort publisher and reliable subscription;",
+    ),
+    "liveliness_changed": m.LivelinessChanged(subscription=3, publisher=2, alive=False),
+    "liveliness_lost": m.LivelinessLost(publisher=2),
+    "dropped": m.Dropped(subscription=3, dropped={"replaced": 5, "expired": 1}),
+    "credit": m.Credit(publisher=2, seq=300),
+    "graph": m.Graph(request=4, revision=9, nodes=(NODE,), endpoints=(ENDPOINT,), matches=(MATCH,), pid=1),
+    "graph_changed": m.GraphChanged(
+        revision=10,
+        nodes_added=(NODE,),
+        nodes_removed=(4,),
+        endpoints_removed=(5,),
+        matches_removed=(MATCH,),
+    ),
+    "type_description": m.TypeDescription(request=5, schema=msgspec.Raw(b"\x81\xa4data\xa3str")),
+}
+CONTROL = {**FROM_CLIENT, **FROM_BROKER}
+
+
+def run(*, is_replay: bool = False) -> Run:
+    body = frame_record(b"\xa5hello", 1_000_000_007) + frame_record(b"", -1)
+    return Run(0, 2, 1 << 33, 2, body, is_replay)
+
+
+DATA: dict[str, Run] = {"run": run(), "run_replay": run(is_replay=True)}
+
+
+def frame(what: m.Message | Run) -> bytes:
+    if isinstance(what, m.Message):
+        return m.encode_frame(what)
+    queue = RunQueue(0, Account(1 << 20), endpoint=3)
+    queue.append(what)
+    return b"".join(queue.pop_frame())
+
+
+def golden(name: str) -> bytes:
+    return bytes.fromhex((FOLDER / f"{name}.hex").read_text())
+
+
+@pytest.mark.parametrize("name", [*CONTROL, *DATA])
+def test_what_is_sent(name: str) -> None:
+    made = frame(CONTROL.get(name) or DATA[name])
+    shown = "\n".join(made[at : at + 32].hex(" ") for at in range(0, len(made), 32))
+    assert (FOLDER / f"{name}.hex").exists(), shown
+    assert made == golden(name), shown
+
+
+@pytest.mark.parametrize(("name", "message"), CONTROL.items())
+def test_what_is_understood(name: str, message: m.Message) -> None:
+    decoder = m.from_client if name in FROM_CLIENT else m.from_broker
+    decoded = decoder.decode(golden(name)[FRAME_HEAD_BYTES:])
+    assert type(decoded) is type(message)
+    assert m.encode_frame(decoded) == m.encode_frame(message)
+
+
+@pytest.mark.parametrize(("name", "expected"), DATA.items())
+def test_which_run_is_understood(name: str, expected: Run) -> None:
+    session = Session(Role.CLIENT)
+    found: list[Any] = list(feed(session, golden("hello") + golden(name)))
+    made = found[1]
+    assert (made.endpoint, made.source, made.first_seq, made.count, made.is_replay) == (
+        3, 2, 1 << 33, 2, expected.is_replay,
+    )  # fmt: skip
+    assert [(bytes(payload), stamp_ns) for payload, stamp_ns in made.records()] == [
+        (b"\xa5hello", 1_000_000_007),
+        (b"", -1),
+    ]
+
+
+def test_every_message_has_a_frame() -> None:
+    assert {type(message) for message in CONTROL.values()} == set(m.Message.__subclasses__())
+
+
+def test_every_file_is_used() -> None:
+    assert {path.stem for path in FOLDER.iterdir()} == {*CONTROL, *DATA}
