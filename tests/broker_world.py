@@ -25,12 +25,12 @@ from bus.qos import QoSProfile
 from bus.wire import messages as m
 from bus.wire.layout import DATA, DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES, VERSION
 from bus.wire.outbox import Outbox
-from bus.wire.runs import Run, frame_record
+from bus.wire.runs import Run
 from bus.wire.session import Role, Session
 from busd.core.broker import Broker
 from busd.core.effects import Disconnect, Effect, Flush, Note, Send, Stop
 from busd.core.limits import Limits, TopicRule
-from feeding import feed
+from feeding import feed, frame_record
 
 SECOND = 1_000_000_000
 UID = 1000

@@ -11,7 +11,11 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import hypothesis
 import pytest
+
+hypothesis.settings.register_profile("busd", deadline=None, derandomize=True)
+hypothesis.settings.load_profile("busd")
 
 WAIT_S = 20.0 * float(os.environ.get("BUSD_TESTS_TIMEOUT_FACTOR", "1"))
 """No test waits longer for anything."""
@@ -105,20 +109,21 @@ def no_descriptors_left() -> Iterator[None]:
     """Each test closes what it opens."""
     before = _descriptors()
     yield
-    gc.collect()
-    left = {fd: what for fd, what in _descriptors().items() if before.get(fd) != what}
+    if _descriptors().items() - before.items():
+        gc.collect()
+    left = dict(_descriptors().items() - before.items())
     assert not left, f"descriptors left open: {left}"
 
 
 def _descriptors() -> dict[str, str]:
     found = {}
-    for fd in os.listdir("/proc/self/fd"):
+    for entry in Path("/proc/self/fd").iterdir():
         try:
-            what = os.readlink(f"/proc/self/fd/{fd}")
+            what = str(entry.readlink())
         except OSError:
             continue
         if what.startswith(("socket:", "anon_inode:", "/memfd")) or "busd" in what:
-            found[fd] = what
+            found[entry.name] = what
     return found
 
 

@@ -4,7 +4,13 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from bus.wire.framing import FrameReader
+from bus.wire.layout import RECORD_HEAD
 from bus.wire.session import Session
+
+
+def frame_record(payload: bytes | bytearray | memoryview, stamp_ns: int) -> bytes:
+    """One record: its head and its payload."""
+    return b"".join((RECORD_HEAD.pack(len(payload), stamp_ns), payload))
 
 
 def feed(receiver: FrameReader | Session, data: bytes, chunks: Iterable[int] = ()) -> Iterator[Any]:

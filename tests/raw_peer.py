@@ -33,9 +33,9 @@ from bus.wire.layout import (
     LENGTH_BYTES,
     VERSION,
 )
-from bus.wire.runs import frame_record
 from bus.wire.session import Role, Session
 from conftest import WAIT_S
+from feeding import frame_record
 
 T = TypeVar("T")
 

@@ -1,4 +1,4 @@
-"""What the tests of the semantics share: a node on the test's daemon, waiting, profiles, a type of our own."""
+"""What the tests of the semantics share: a node on the test's daemon, waiting, profiles, a type."""
 
 import asyncio
 from collections.abc import AsyncIterator, Callable
@@ -6,9 +6,9 @@ from typing import Any, ClassVar
 
 import msgspec
 import pytest
-from conftest import WAIT_S, Daemon
 
 import bus
+from conftest import WAIT_S, Daemon
 
 KEEP_ALL = bus.QoSProfile(history="keep_all")
 LATCHED = bus.QoSProfile(5, durability="transient_local")

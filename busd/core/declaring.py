@@ -11,7 +11,7 @@ import msgspec
 from bus import names
 from bus.errors import ConfigurationError, QuotaExceeded, RemoteProtocolError
 from bus.ids import EndpointId, NodeId
-from bus.qos import History, QoSProfile, Reliability
+from bus.qos import History, QoSProfile
 from bus.wire import messages as m
 from bus.wire.runs import RunQueue
 from busd.core.effects import Effect, Note, Send
@@ -63,7 +63,7 @@ class Declarations:
         kind = (message.type_name, message.type_hash)
         if kind not in peer.types:
             self._check_types(peer)
-        peer.types.add(kind)
+        peer.types[kind] = size
         self._graph.types.setdefault(kind, msgspec.Raw(bytes(message.schema)))
 
     def create_node(self, now_ns: int, peer: Peer, message: m.CreateNode, out: list[Effect]) -> None:
@@ -71,7 +71,7 @@ class Declarations:
         names.validate_namespace(message.namespace)
         _check_quota("nodes of a process", len(peer.nodes), self._limits.nodes_per_peer)
         node = Node(NodeId(self._graph.next_id()), peer, message.name, message.namespace)
-        if any(other.full_name == node.full_name for other in self._graph.nodes.values()):
+        if self._graph.has_node_named(node.full_name):
             out.append(Note(logging.WARNING, f"there is more than one node named {node.full_name}"))
         self._graph.add_node(node)
         out.append(Send(peer.id, m.Created(request=message.request, id=node.id)))
@@ -102,7 +102,6 @@ class Declarations:
             lifespan_ns=qos.lifespan_ns,
             lease_ns=qos.lease_ns,
             is_manual=is_manual(qos),
-            is_windowed=qos.history is History.KEEP_ALL and qos.reliability is Reliability.RELIABLE,
             last_sign_ns=now_ns,
             history=RunQueue(_depth(qos), peer.history) if keeps_history(qos) else None,
             credited=message.next_seq - 1,
@@ -194,10 +193,15 @@ class Declarations:
             raise RemoteProtocolError(f"type {message.type_name} was not declared on this connection")
         if message.topic not in self._graph.topics:
             _check_quota("topics", len(self._graph.topics), self._limits.topics)
+        topic = self._graph.topic(message.topic)
+        others = topic.subscriptions if isinstance(message, m.CreatePublisher) else topic.publishers
+        _check_quota("matches of a process", peer.matches + len(others), self._limits.matches_per_peer + 1)
         return node, kind, rules_for(message.topic, self._rules)
 
     def _check_types(self, peer: Peer) -> None:
         _check_quota("types of a process", len(peer.types), self._limits.endpoints_per_peer)
+        held = sum(peer.types.values())
+        _check_quota("bytes of a process's types", held, self._limits.control_bytes_per_peer)
 
     def _check_depth(self, qos: QoSProfile) -> QoSProfile:
         if qos.history is History.KEEP_LAST and qos.depth > self._limits.depth:

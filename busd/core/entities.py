@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from bus.ids import EndpointId, NodeId, PeerId
-from bus.qos import Durability, History, Liveliness, QoSProfile, Reliability
+from bus.qos import Durability, Liveliness, QoSProfile
 from bus.wire.messages import EndpointRecord, EndpointStatistics, NodeRecord, Report
 from bus.wire.runs import Account, RunQueue
 from busd.core.effects import Flush
@@ -26,7 +26,9 @@ class Peer:
     is_observer: bool = False
     nodes: dict[NodeId, "Node"] = field(default_factory=dict)
     endpoints: "dict[EndpointId, Publisher | Subscription]" = field(default_factory=dict)
-    types: set[MessageType] = field(default_factory=set)
+    types: dict[MessageType, int] = field(default_factory=dict)
+    """Declared types with the size of their schemas."""
+    matches: int = 0
     silent: "set[Publisher]" = field(default_factory=set)
     """Publishers with automatic liveliness whose lease ended."""
 
@@ -71,13 +73,12 @@ class Endpoint:
     qos: QoSProfile
     max_message_bytes: int
     report: Report | None = field(default=None, init=False)
+    is_lossless: bool = field(init=False)
 
     kind = ""
 
-    @property
-    def is_lossless(self) -> bool:
-        """Reliable and keep all: the one combination with back-pressure."""
-        return self.qos.history is History.KEEP_ALL and self.qos.reliability is Reliability.RELIABLE
+    def __post_init__(self) -> None:
+        self.is_lossless = self.qos.is_lossless
 
     def statistics(self) -> EndpointStatistics:
         raise NotImplementedError
@@ -104,7 +105,6 @@ class Publisher(Endpoint):
     lifespan_ns: int
     lease_ns: int
     is_manual: bool
-    is_windowed: bool
     last_sign_ns: int
     history: RunQueue | None
     samples: int = 0
@@ -142,6 +142,7 @@ class Subscription(Endpoint):
     kind = "subscription"
 
     def __post_init__(self) -> None:
+        Endpoint.__post_init__(self)
         self.flush = Flush(self.node.peer.id, self.queue)
 
     def statistics(self) -> EndpointStatistics:

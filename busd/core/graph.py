@@ -3,6 +3,7 @@
 Owns the tables and the revision. Knows no rule of matching and sends nothing.
 """
 
+from collections import Counter
 from itertools import count
 
 import msgspec
@@ -23,6 +24,7 @@ class Graph:
         self.topics: dict[str, Topic] = {}
         self.types: dict[MessageType, msgspec.Raw] = {}
         self.revision = 0
+        self._names: Counter[str] = Counter()
         self._ids = count(1)
         self._nodes_added: list[NodeRecord] = []
         self._nodes_removed: list[int] = []
@@ -37,13 +39,20 @@ class Graph:
 
     def add_node(self, node: Node) -> None:
         self.nodes[node.id] = node
+        self._names[node.full_name] += 1
         node.peer.nodes[node.id] = node
         self._nodes_added.append(node.record())
 
     def remove_node(self, node: Node) -> None:
         """The node's endpoints must have been removed."""
         del self.nodes[node.id], node.peer.nodes[node.id]
+        self._names[node.full_name] -= 1
+        if not self._names[node.full_name]:
+            del self._names[node.full_name]
         self._nodes_removed.append(node.id)
+
+    def has_node_named(self, full_name: str) -> bool:
+        return full_name in self._names
 
     def topic(self, name: str) -> Topic:
         """The topic of that name; a new one is not in the table until it has an endpoint."""
@@ -73,10 +82,14 @@ class Graph:
     def add_match(self, publisher: Publisher, subscription: Subscription) -> None:
         publisher.matches[subscription.id] = subscription
         subscription.matches[publisher.id] = publisher
+        publisher.node.peer.matches += 1
+        subscription.node.peer.matches += 1
         self._matches_added.append(MatchRecord(publisher=publisher.id, subscription=subscription.id))
 
     def remove_match(self, publisher: Publisher, subscription: Subscription) -> None:
         del publisher.matches[subscription.id], subscription.matches[publisher.id]
+        publisher.node.peer.matches -= 1
+        subscription.node.peer.matches -= 1
         self._matches_removed.append(MatchRecord(publisher=publisher.id, subscription=subscription.id))
 
     def forget_types(self, peer: Peer, others: list[Peer]) -> None:

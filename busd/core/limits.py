@@ -47,6 +47,8 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Nodes of one process."""
     endpoints_per_peer: _Count = 4096
     """Publishers and subscriptions of one process, over all its nodes."""
+    matches_per_peer: _Count = 65_536
+    """Matches that the endpoints of one process take part in."""
     topics: _Count = 16_384
     """Topics that exist at the same time, over all processes."""
     schema_bytes: _Bytes = 256 * _KiB

@@ -6,7 +6,7 @@ A match starts with the replay of a transient local publisher's history, before 
 import logging
 from collections.abc import Callable
 
-from bus.qos import check_compatible
+from bus.qos import check_compatible, describe_incompatibilities
 from bus.wire.messages import Credit, Incompatible, LivelinessChanged, Matched, Unmatched
 from bus.wire.runs import RunQueue
 from busd.core.effects import Effect, Note, Send
@@ -27,7 +27,7 @@ def incompatibility(publisher: Publisher, subscription: Subscription) -> tuple[s
     found = check_compatible(publisher.qos, subscription.qos)
     if not found:
         return None
-    return found[-1].policy.name, "".join(f"ERROR: {one.text.removeprefix('ERROR: ')}" for one in found)
+    return found[-1].policy.name, describe_incompatibilities(found)
 
 
 def connect(
@@ -39,7 +39,7 @@ def connect(
         _refuse(publisher, subscription, *reason, out)
         return
     graph.add_match(publisher, subscription)
-    if publisher.is_windowed and subscription.is_lossless:
+    if publisher.is_lossless and subscription.is_lossless:
         publisher.acked[subscription.id] = publisher.next_seq - 1
     subscription.has_lifespan = subscription.has_lifespan or publisher.lifespan_ns > 0
     for mine, other in ((publisher, subscription), (subscription, publisher)):

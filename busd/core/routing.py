@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from bus.errors import RemoteProtocolError
 from bus.ids import EndpointId
-from bus.wire.layout import MAX_COUNT, RECORD_HEAD_BYTES
+from bus.wire.layout import MAX_COUNT, MAX_RUN_SAMPLES, RECORD_HEAD_BYTES
 from bus.wire.messages import Dropped
 from bus.wire.runs import Run
 from busd.core.effects import Effect, Send
@@ -42,6 +42,10 @@ class Router:
         payload_bytes = size - run.count * RECORD_HEAD_BYTES
         if payload_bytes < 0:
             raise RemoteProtocolError(f"data frame claims {run.count} samples in {size} bytes")
+        if run.count > MAX_RUN_SAMPLES:
+            raise RemoteProtocolError(
+                f"data frame of {run.count} samples, a run has {MAX_RUN_SAMPLES} at most"
+            )
         gap = run.first_seq - publisher.next_seq
         if gap:
             self._miss(now_ns, publisher, gap)
@@ -67,7 +71,7 @@ class Router:
                 self._overfull.append(subscription)
             if not queue.is_ready:
                 out.append(subscription.flush)
-        if publisher.is_windowed and not publisher.acked:
+        if publisher.is_lossless and not publisher.acked:
             publisher.uncredited_bytes += size
             if (
                 publisher.uncredited_bytes >= self._credit_bytes
@@ -133,8 +137,9 @@ class Router:
 
     def _miss(self, now_ns: int, publisher: Publisher, gap: int) -> None:
         if gap < 0:
+            last_seq = publisher.next_seq - 1
             raise RemoteProtocolError(
-                f"publisher {publisher.id} sent sample {publisher.next_seq + gap} after {publisher.next_seq - 1}"
+                f"publisher {publisher.id} sent sample {last_seq + 1 + gap} after {last_seq}"
             )
         # The publisher's own queue replaced them before they could be handed over.
         for subscription in publisher.matches.values():

@@ -1,4 +1,4 @@
-"""Things to do later, as data: a heap of (due, number, action). Knows no clock; the shell asks what is due."""
+"""What is to be done later: a heap of (due, number, action). Knows no clock; the shell asks what is due."""
 
 import heapq
 from collections.abc import Callable, Iterator
@@ -24,7 +24,7 @@ class Timers:
         self.earliest_ns = self._heap[0][0]
 
     def next_due_ns(self) -> int | None:
-        return self._heap[0][0] if self._heap else None
+        return None if self.earliest_ns == NEVER_NS else self.earliest_ns
 
     def due(self, now_ns: int) -> Iterator[Callable[[int], None]]:
         """Takes out what is due at `now_ns`."""

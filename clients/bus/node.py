@@ -224,7 +224,7 @@ class Node:
             link.stop_observing(changed.set)
 
     async def spin(self) -> None:
-        """Wait for ever while callbacks and timers do the work; an exception of theirs comes out of the node."""
+        """Wait for ever while callbacks and timers work; an exception of theirs comes out of the node."""
         self._opened()
         await asyncio.get_running_loop().create_future()
 

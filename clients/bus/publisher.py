@@ -20,7 +20,7 @@ from bus.errors import ConnectionClosed, PayloadTooLarge
 from bus.events import LivelinessLost, PublisherEvents
 from bus.link import Link
 from bus.logger import Logger
-from bus.qos import Durability, History, QoSProfile, Reliability
+from bus.qos import Durability, History, QoSProfile
 from bus.transport.memory import LARGE_BYTES, keep_freed_memory
 from bus.typesupport import TypeSupport, wrong_class
 from bus.wire import messages as m
@@ -47,7 +47,7 @@ class PublisherStatistics(msgspec.Struct, frozen=True):
     queued: int
     """Messages not yet handed over to the broker."""
     replaced: int
-    """Messages that the depth (or, under keep all, a bound of 64 MiB) replaced before they were handed over."""
+    """Messages that the depth, or a bound of 64 MiB, replaced before they were handed over."""
     refused: int
     """Calls of `publish` that found no room (reliable + keep all)."""
     subscriptions: int
@@ -91,7 +91,7 @@ class Publisher(Endpoint[M]):
         self._refused = 0
         self._lost_liveliness = 0
         # Back-pressure: what was handed over and not yet taken by all.
-        self._is_windowed = keeps_all and qos.reliability is Reliability.RELIABLE
+        self._is_windowed = qos.is_lossless
         self._window_samples = 0
         self._window_bytes = 0
         self._credited = 0

@@ -135,6 +135,11 @@ class QoSProfile(msgspec.Struct, frozen=True, omit_defaults=True):
             settle(self, field, _seconds(field, getattr(self, field)))
 
     @property
+    def is_lossless(self) -> bool:
+        """Reliable and keep all: the one combination that holds a publisher back."""
+        return self.history is History.KEEP_ALL and self.reliability is Reliability.RELIABLE
+
+    @property
     def deadline_ns(self) -> int:
         """0 = infinite."""
         return _nanoseconds(self.deadline)

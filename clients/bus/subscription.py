@@ -18,7 +18,7 @@ from bus.events import LivelinessChanged, MessageLost, SubscriptionEvents
 from bus.inbox import Inbox, Source
 from bus.link import Link
 from bus.logger import Logger
-from bus.qos import Durability, History, QoSProfile, Reliability
+from bus.qos import Durability, History, QoSProfile
 from bus.typesupport import TypeSupport
 from bus.wire import messages as m
 from bus.wire.runs import Run
@@ -84,11 +84,10 @@ class Subscription(Endpoint[M]):
     ) -> None:
         super().__init__(link, node, topic, support, qos, events, logger, on_error)
         keeps_all = qos.history is History.KEEP_ALL
-        self._is_lossless = keeps_all and qos.reliability is Reliability.RELIABLE
         self._inbox: Inbox[M] = Inbox(
             cast(Any, bytes) if raw else support.decode,
             0 if keeps_all else qos.depth,
-            is_lossless=self._is_lossless,
+            is_lossless=qos.is_lossless,
             on_drop=lambda reason, count: self._tell_lost(),
             on_reject=self._reject,
             on_taken=self._acknowledge,
@@ -313,9 +312,7 @@ class Subscription(Endpoint[M]):
     def _make_source(self, matched: m.Matched) -> Source:
         known_seq = self._last_seqs.pop(matched.gid, None)
         last_seq = matched.next_seq - 1 if known_seq is None else known_seq
-        needs_ack = self._is_lossless and (
-            matched.qos.history is History.KEEP_ALL and matched.qos.reliability is Reliability.RELIABLE
-        )
+        needs_ack = self.qos.is_lossless and matched.qos.is_lossless
         source = Source(matched.gid, last_seq, matched.qos.lifespan_ns, needs_ack=needs_ack)
         if known_seq is not None and matched.next_seq - 1 > known_seq:
             if self.qos.durability is Durability.VOLATILE:

@@ -13,9 +13,9 @@ import pytest
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from bus.wire.layout import FRAME_HEAD_BYTES, VERSION
-from bus.wire.runs import Account, Run, RunQueue, frame_record
+from bus.wire.runs import Account, Run, RunQueue
 from bus.wire.session import Role, Session
-from feeding import feed
+from feeding import feed, frame_record
 
 FOLDER = Path(__file__).parent / f"v{VERSION}"
 GID = bytes(range(16))

@@ -11,9 +11,9 @@ from bus.errors import RemoteProtocolError
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from bus.wire.layout import DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES, VERSION
-from bus.wire.runs import Account, Run, RunQueue, frame_record
+from bus.wire.runs import Account, Run, RunQueue
 from bus.wire.session import Role, Session, State
-from feeding import feed
+from feeding import feed, frame_record
 
 
 class Sample:

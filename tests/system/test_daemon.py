@@ -19,8 +19,8 @@ import bus
 from bus.msg.std_msgs import String
 from bus.qos import History, QoSProfile
 from bus.wire import messages as m
-from bus.wire.runs import frame_record
 from conftest import WAIT_S, Daemon
+from feeding import frame_record
 from neighbours import descriptors_of, wait_until
 from raw_peer import HELLO, RawPeer, data
 from semantics import until

@@ -5,11 +5,10 @@ import threading
 import time
 from typing import Any
 
-from semantics import KEEP_ALL, LATCHED, Wheel, accounted, node, send_all, until
-
 import bus
 from bus.events import MessageLost
 from bus.msg.std_msgs import Int32, String
+from semantics import KEEP_ALL, LATCHED, Wheel, accounted, node, send_all, until
 
 __all__ = ["node"]
 

@@ -5,13 +5,13 @@ from typing import Any
 
 import msgspec
 import pytest
-from conftest import WAIT_S, Daemon
-from semantics import LATCHED, Wheel, node, until
 
 import bus
 from bus.events import DeadlineMissed, IncompatibleQoS, LivelinessChanged, MatchedChange
 from bus.msg.geometry_msgs import Twist, Vector3
 from bus.msg.std_msgs import Int32, String
+from conftest import WAIT_S, Daemon
+from semantics import LATCHED, Wheel, node, until
 
 __all__ = ["node"]
 

@@ -6,10 +6,10 @@ import signal
 from pathlib import Path
 
 import pytest
-from programs import EXAMPLES, assert_nothing_is_left, example, on_one_loop, running
 
 import bus
 from bus.msg.std_msgs import String
+from programs import EXAMPLES, assert_nothing_is_left, example, on_one_loop, running
 
 PUBLISHED = re.compile(r'\[INFO\] \[\d{10}\.\d{9}\] \[minimal_publisher\]: Publishing: "Hello World: (\d+)"')
 HEARD = re.compile(r'\[INFO\] \[\d{10}\.\d{9}\] \[(listener_[12])\]: I heard: "Hello World: (\d+)"')

@@ -11,8 +11,9 @@ from bus.msg.std_msgs import String
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from bus.wire.layout import MAX_COUNT, RECORD_HEAD
-from bus.wire.runs import Run, frame_record
+from bus.wire.runs import Run
 from conftest import WAIT_S, Daemon
+from feeding import frame_record
 from neighbours import with_limits
 from raw_peer import STRING, RawPeer, control, data, text
 from semantics import until

@@ -13,8 +13,8 @@ import bus
 from bus.msg.std_msgs import String
 from bus.qos import History, QoSProfile
 from bus.wire import messages as m
-from bus.wire.runs import frame_record
 from conftest import WAIT_S, Daemon
+from feeding import frame_record
 from neighbours import descriptors_of, resident_bytes, wait_until, with_limits
 from raw_peer import HELLO, STRING, RawPeer, data
 

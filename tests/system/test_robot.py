@@ -12,11 +12,11 @@ from time import time_ns
 from typing import Any
 
 import pytest
-from programs import EXAMPLES, assert_nothing_is_left, example, on_one_loop, running
 
 import bus
 from bus.msg.geometry_msgs import Twist, Vector3
 from bus.msg.sensor_msgs import Image
+from programs import EXAMPLES, assert_nothing_is_left, example, on_one_loop, running
 
 ROBOT = EXAMPLES / "robot"
 LAYERS = ("perception", "cognition", "actuation", "monitoring")

@@ -15,7 +15,8 @@ from bus.msg import PACKAGES
 from bus.msg.std_msgs import String
 from bus.typesupport import type_support
 from bus.wire import layout, messages, session
-from bus.wire.runs import Account, Run, RunQueue, frame_record
+from bus.wire.runs import Account, Run, RunQueue
+from feeding import frame_record
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"

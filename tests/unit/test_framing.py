@@ -19,8 +19,8 @@ from bus.wire.layout import (
     MAX_COUNT,
     REPLAY,
 )
-from bus.wire.runs import Run, frame_record
-from feeding import feed
+from bus.wire.runs import Run
+from feeding import feed, frame_record
 
 MAX_CONTROL = 4 << 20
 MAX_DATA = 16 << 20

@@ -2,7 +2,8 @@
 
 from bus.wire.layout import DATA_HEAD, DATA_HEAD_BYTES
 from bus.wire.outbox import TAKE_BYTES, Outbox
-from bus.wire.runs import Account, Buffer, Run, RunQueue, frame_record
+from bus.wire.runs import Account, Buffer, Run, RunQueue
+from feeding import frame_record
 
 
 def queue(endpoint: int) -> RunQueue:

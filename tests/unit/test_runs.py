@@ -4,8 +4,8 @@ import pytest
 
 from bus.wire.framing import FrameReader
 from bus.wire.layout import DATA_HEAD, REPLAY
-from bus.wire.runs import Account, Run, RunQueue, data_head, frame_record
-from feeding import feed
+from bus.wire.runs import Account, Run, RunQueue, data_head
+from feeding import feed, frame_record
 
 RECORD_BYTES = 13  # of a payload of one letter
 

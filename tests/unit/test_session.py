@@ -19,9 +19,9 @@ from bus.wire.layout import (
     RUN_BYTES,
     VERSION,
 )
-from bus.wire.runs import Run, frame_record
+from bus.wire.runs import Run
 from bus.wire.session import Role, Session, State
-from feeding import feed
+from feeding import feed, frame_record
 
 HELLO = m.encode_frame(m.Hello(version=VERSION, pid=7, program="talker"))
 PING = m.encode_frame(m.Ping(number=1))

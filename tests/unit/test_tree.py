@@ -5,8 +5,9 @@ import sys
 import tomllib
 from pathlib import Path
 
-import bus
 import pytest
+
+import bus
 
 ROOT = Path(__file__).parents[2]
 SOURCES = [

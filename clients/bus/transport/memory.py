@@ -1,8 +1,8 @@
 """Tells the C library to keep memory that was freed.
 
-By default glibc gives the memory of every block above 128 KiB back to the kernel, and takes it anew, zeroed
-and page by page, for the next one: hundreds of page faults for each message of 1 MiB, at every process that it
-passes. They cost more than the transport.
+By default glibc gives every block above 128 KiB back to the kernel, and takes the next one anew, zeroed and
+page by page: hundreds of page faults for each message of 1 MiB, in every process that it passes. They cost
+more than the transport.
 """
 
 import sys
@@ -19,7 +19,7 @@ _is_done = False
 
 
 def keep_freed_memory() -> None:
-    """From now on blocks of up to 32 MiB come from the heap, of which 64 MiB are kept. Elsewhere than glibc: no-op.
+    """From now on blocks of up to 32 MiB come from the heap, of which 64 MiB are kept (glibc only).
 
     A process calls it when it first has to do with large messages.
     """

@@ -1,1 +1,1 @@
-"""The protocol of the bus, sans-IO: bytes in, messages out, and back. Both ends use it; see docs/protocol.md."""
+"""The protocol of the bus, sans-IO: bytes in, messages out, and back, for both ends. See docs/protocol.md."""

@@ -46,11 +46,6 @@ class FrameReader:
         self._large_end = 0
         self.fault: RemoteProtocolError | None = None
 
-    @property
-    def is_within_frame(self) -> bool:
-        """Whether a part of a frame has come, and the rest has not."""
-        return self._large is not None or self._end > 0
-
     def get_buffer(self) -> memoryview:
         """Where the next bytes of the stream belong; never empty."""
         if self._large is None:
@@ -76,7 +71,7 @@ class FrameReader:
             while end - start >= FRAME_HEAD_BYTES:
                 if end - start >= DATA_HEAD_BYTES:
                     # The short way, for a whole data frame without fault: one look and no call.
-                    length, kind, flags, zero, endpoint, source, first_seq, number, _ = _unpack_data_head(
+                    length, kind, flags, zero, endpoint, source, first_seq, number, rest = _unpack_data_head(
                         view, start
                     )
                     stop = start + LENGTH_BYTES + length
@@ -89,6 +84,7 @@ class FrameReader:
                         and first_seq + number <= _END_COUNT
                         and flags <= REPLAY
                         and not zero
+                        and not rest
                     ):
                         payload = view[body:stop].tobytes()
                         frames.append(Run(endpoint, source, first_seq, number, payload, flags == REPLAY))
@@ -152,7 +148,9 @@ def _parse(view: memoryview, start: int, stop: int) -> bytes | Run:
     """The frame from `start` to `stop`, as a copy; a long body stays where it is, in a buffer of its own."""
     if view[start + LENGTH_BYTES] == CONTROL:
         return view[start + FRAME_HEAD_BYTES : stop].tobytes()
-    _, _, flags, _, endpoint, source, first_seq, count, _ = _unpack_data_head(view, start)
+    _, _, flags, _, endpoint, source, first_seq, count, zero = _unpack_data_head(view, start)
+    if zero:
+        raise RemoteProtocolError(f"data frame with {zero:#x} where there must be zero")
     if not count:
         raise RemoteProtocolError("data frame without samples")
     if first_seq + count - 1 > MAX_COUNT:

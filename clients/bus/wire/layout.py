@@ -43,7 +43,7 @@ DATA_HEAD_BYTES: Final = DATA_HEAD.size
 RECORD_HEAD_BYTES: Final = RECORD_HEAD.size
 
 MAX_CONTROL_BYTES: Final = 1 << 20
-"""Longest control message towards the broker; snapshots of a graph are longer, and only a broker sends them."""
+"""Longest control message towards the broker; the snapshots that a broker sends are longer."""
 
 MAX_SNAPSHOT_BYTES: Final = 256 << 20
 """Longest control message that a client takes from its broker."""
@@ -53,6 +53,9 @@ MAX_MESSAGE_BYTES: Final = 1 << 30
 
 RUN_BYTES: Final = 64 << 10
 """A publisher ends a run that has reached this size, so a body is shorter than this and one record more."""
+
+MAX_RUN_SAMPLES: Final = RUN_BYTES // RECORD_HEAD_BYTES + 1
+"""Hence no run has more samples."""
 
 MAX_COUNT: Final = (1 << 62) - 1
 """Largest sequence number and counter; the sum of any two fits into 64 bits."""

@@ -196,7 +196,7 @@ class Unmatched(Message, frozen=True, tag="unmatched"):
 
 
 class Incompatible(Message, frozen=True, tag="incompatible"):
-    """`endpoint` (yours) does not match one of `node`'s; `policy` is TYPE or the last QoS policy that differs."""
+    """`endpoint` (yours) matches none of `node`'s. `policy`: TYPE, or the last QoS policy that differs."""
 
     endpoint: int
     topic: str

@@ -72,11 +72,6 @@ class Run:
             yield body[start:offset], stamp_ns
 
 
-def frame_record(payload: Buffer, stamp_ns: int) -> bytes:
-    """One record: its head and its payload."""
-    return b"".join((RECORD_HEAD.pack(len(payload), stamp_ns), payload))
-
-
 def data_head(endpoint: int, first_seq: int, count: int, body_bytes: int) -> bytes:
     """The header of a data frame towards the broker."""
     return DATA_HEAD.pack(_OVERHEAD_BYTES + body_bytes, DATA, 0, 0, endpoint, 0, first_seq, count, 0)

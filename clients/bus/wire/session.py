@@ -64,9 +64,13 @@ class Session:
         Iterating raises RemoteProtocolError where the peer broke a rule, after all that came before.
         """
         frames = self.reader.received(count)
-        if self.state is State.OPEN and len(frames) == 1 and frames[0].__class__ is Run:
-            if self.reader.fault is None:
-                return frames  # the common case at a moderate rate, without a generator's cost
+        if (
+            self.state is State.OPEN
+            and len(frames) == 1
+            and frames[0].__class__ is Run
+            and self.reader.fault is None
+        ):
+            return frames  # the common case at a moderate rate, without a generator's cost
         return self._interpret(frames)
 
     def _interpret(self, frames: list[bytes | Run]) -> Iterator[Any]:

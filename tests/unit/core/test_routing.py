@@ -6,8 +6,8 @@ from broker_world import SECOND, Line, Process, Publisher, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from bus.wire.layout import MAX_COUNT
-from bus.wire.runs import frame_record
 from busd.core.limits import Limits, TopicRule
+from feeding import frame_record
 
 KIB = 1024
 
