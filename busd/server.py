@@ -20,6 +20,9 @@ from busd.peer import Connection
 
 _log = logging.getLogger("busd")
 
+_LATE_NS = 100_000_000
+"""A timer that comes so late says that the process did not run."""
+
 
 class Server:
     """Serves `listener`, a listening non-blocking socket, until `stop`.
@@ -145,6 +148,13 @@ class Server:
         self._timer = self._loop.call_later(max(0, due_ns - monotonic_ns()) / 1e9, self._tick)
 
     def _tick(self) -> None:
+        if monotonic_ns() - self._timer_ns < _LATE_NS:
+            self._carry_out_due()
+        else:
+            # We were stopped, not those whose leases have run out: hear first what they said meanwhile.
+            self._timer = self._loop.call_later(_LATE_NS / 1e9, self._carry_out_due)
+
+    def _carry_out_due(self) -> None:
         self._timer_ns = NEVER_NS
         self._carry_out(self._broker.tick(monotonic_ns()))
         self._flush()

@@ -170,6 +170,12 @@ class Connection:
             stream.close()
         self._finish(ConnectionClosed("the connection to busd is closed"))
 
+    def abandon(self) -> None:
+        """In the child of a fork: let go of what is the parent's, so that its end ends the connection."""
+        stream, self._stream = self._stream, None
+        if stream is not None:
+            stream.abandon()
+
     def _beat(self, interval_s: float) -> None:
         self.send(m.Ping())
         self.beat(interval_s)

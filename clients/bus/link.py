@@ -236,8 +236,15 @@ class Link:
                 else:
                     self._handle(item)
         finally:
-            while touched:
-                touched.pop().wake()
+            if touched:
+                self._wake(touched)
+
+    def _wake(self, touched: set[Endpoint]) -> None:
+        self._reports |= touched
+        if self._report_timer is None:
+            self._report_timer = self.loop.call_later(_REPORT_S, self._send_reports)
+        while touched:
+            touched.pop().wake()
 
     def _handle(self, message: Any) -> None:
         if isinstance(message, m.Created):
@@ -319,7 +326,7 @@ class Link:
             if self.failure is not None:
                 raise self.failure
             if self._opening is not None:
-                await asyncio.shield(self._opening)
+                await asyncio.wait([self._opening])  # whatever becomes of it
             elif self._connection is not None:
                 return self._connection
             else:
@@ -353,8 +360,10 @@ def _forked() -> None:
         link.failure = ForkError(
             "this node was made before a fork; make a node of its own in the child process"
         )
+        if link._connection is not None:
+            link._connection.abandon()
         for endpoint in link._declarations:
-            endpoint.refusal = link.failure
+            endpoint.end(link.failure)
 
 
 os.register_at_fork(after_in_child=_forked)

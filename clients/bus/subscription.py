@@ -166,7 +166,6 @@ class Subscription(Endpoint[M]):
             self._dispatch()
         elif self._waiters:
             self._release_waiters()
-        self._link.report(self)
 
     def declaration(self, request: int, node: int) -> m.Message:
         return m.CreateSubscription(

@@ -76,6 +76,11 @@ class Stream:
         if not self.is_closed:
             self._close()
 
+    def abandon(self) -> None:
+        """In the child of a fork: let go of the socket, but leave the event loop alone, which is the parent's."""
+        self.is_closed = True
+        self._sock.close()
+
     def _read(self) -> None:
         try:
             buffer = self.session.reader.get_buffer()

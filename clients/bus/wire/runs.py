@@ -11,6 +11,8 @@ it drops. Knows no I/O and no clock.
 from collections import deque
 from collections.abc import Iterator
 
+import msgspec
+
 from bus.wire.layout import (
     DATA,
     DATA_HEAD,
@@ -27,36 +29,24 @@ _unpack_record = RECORD_HEAD.unpack_from
 _OVERHEAD_BYTES = DATA_HEAD_BYTES - LENGTH_BYTES
 
 
-class Run:
-    """Samples of one publisher with consecutive sequence numbers, immutable and shared by all its queues.
+class Run(msgspec.Struct, eq=False, gc=False):
+    """Samples of one publisher with consecutive sequence numbers, shared by all queues that it waits in.
 
-    `body` is `count` records back to back. `lifespan_ns` is the publisher's (0: for ever), `received_ns` when
-    the subscription's process got the run (monotonic clock). A replay carries
-    samples that were published before the subscription was there; they don't count against its depth.
+    `body` is `count` records back to back. A replay carries samples that were published before the
+    subscription was there; they don't count against its depth. (A msgspec Struct, because one is made for
+    each frame, and it is made in C.)
     """
 
-    __slots__ = (
-        "body",
-        "count",
-        "endpoint",
-        "first_seq",
-        "is_replay",
-        "lifespan_ns",
-        "received_ns",
-        "source",
-    )
-
-    def __init__(
-        self, endpoint: int, source: int, first_seq: int, count: int, body: Buffer, is_replay: bool = False
-    ) -> None:
-        self.endpoint = endpoint
-        self.source = source
-        self.first_seq = first_seq
-        self.count = count
-        self.body = body
-        self.is_replay = is_replay
-        self.lifespan_ns = 0
-        self.received_ns = 0
+    endpoint: int
+    source: int
+    first_seq: int
+    count: int
+    body: Buffer
+    is_replay: bool = False
+    lifespan_ns: int = 0
+    """The publisher's; 0 = for ever."""
+    received_ns: int = 0
+    """When the subscription's process got the run; monotonic clock."""
 
     def records(self) -> Iterator[tuple[memoryview, int]]:
         """Each payload with its stamp; stops early where the body is shorter than it claims."""
