@@ -20,8 +20,9 @@ from busd.peer import Connection
 
 _log = logging.getLogger("busd")
 
-_LATE_NS = 100_000_000
-"""A timer that comes so late says that the process did not run."""
+_LATE_NS = 250_000_000
+"""A timer that comes so late says that this process was stopped or starved."""
+_GRACE_NS = 50_000_000
 
 
 class Server:
@@ -41,6 +42,7 @@ class Server:
         self._dirty: set[Connection] = set()
         self._timer: asyncio.TimerHandle | None = None
         self._timer_ns = NEVER_NS
+        self._wake_ns = 0
         self._idle_s = idle_s
         self._idle_timer: asyncio.TimerHandle | None = None
         self._loop.add_reader(listener.fileno(), self._accept)
@@ -76,7 +78,7 @@ class Server:
             for item in items:
                 if item.__class__ is Run:
                     effects = broker.route(now_ns, peer, item)
-                    if effects:
+                    if effects and not (items.__class__ is list and self._pass_on(effects)):
                         self._carry_out(effects)
                     if broker.is_overfull:
                         self._flush()
@@ -88,7 +90,8 @@ class Server:
         except RemoteProtocolError as error:
             connection.refuse(str(error))
         finally:
-            self._flush()
+            if self._dirty:
+                self._flush()
             if broker.timers.earliest_ns < self._timer_ns:
                 self._arm_timer()
 
@@ -105,6 +108,21 @@ class Server:
         self._watch_idle()
 
     # --- effects
+
+    def _pass_on(self, effects: list[Effect]) -> bool:
+        """A read brought one run, and it is for one subscription whose process takes it at once.
+
+        At a moderate rate all are like that; the outbox is most of what the broker's part would cost.
+        """
+        flush = effects[0]
+        if len(effects) > 1 or flush.__class__ is not Flush or self._broker.is_overfull:
+            return False
+        connection = self._peers.get(flush.peer)
+        if connection is None or not connection.stream.is_idle:
+            return False
+        head, body = flush.queue.pop_frame()
+        connection.stream.send_now([head, body], len(head) + len(body))
+        return True
 
     def _carry_out(self, effects: list[Effect]) -> None:
         choked: list[Connection] = []
@@ -145,18 +163,21 @@ class Server:
         if self._timer is not None:
             self._timer.cancel()
         self._timer_ns = due_ns
-        self._timer = self._loop.call_later(max(0, due_ns - monotonic_ns()) / 1e9, self._tick)
+        self._wake_at(due_ns)
+
+    def _wake_at(self, due_ns: int) -> None:
+        now_ns = monotonic_ns()
+        self._wake_ns = max(now_ns, due_ns)
+        self._timer = self._loop.call_later((self._wake_ns - now_ns) / 1e9, self._tick)
 
     def _tick(self) -> None:
-        if monotonic_ns() - self._timer_ns < _LATE_NS:
-            self._carry_out_due()
-        else:
-            # We were stopped, not those whose leases have run out: hear first what they said meanwhile.
-            self._timer = self._loop.call_later(_LATE_NS / 1e9, self._carry_out_due)
-
-    def _carry_out_due(self) -> None:
+        now_ns = monotonic_ns()
+        if now_ns - self._wake_ns > _LATE_NS:
+            # We did not run, rather than those whose leases have ended: hear first what they said meanwhile.
+            self._wake_at(now_ns + _GRACE_NS)
+            return
         self._timer_ns = NEVER_NS
-        self._carry_out(self._broker.tick(monotonic_ns()))
+        self._carry_out(self._broker.tick(now_ns))
         self._flush()
         self._arm_timer()
 

@@ -100,7 +100,10 @@ class Connection:
 
     def send_now(self, frame: bytes) -> bool:
         """Send a data frame at once, where nothing waits to be sent; returns whether it was taken over."""
-        return self._stream is not None and self._stream.send_now(frame)
+        if self._stream is None or not self._stream.is_idle:
+            return False
+        self._stream.send_now([frame], len(frame))
+        return True
 
     async def request(self, make: Callable[[int], m.Message]) -> Any:
         """Send the message that `make` gives for a request number; returns the answer.

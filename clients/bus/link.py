@@ -22,6 +22,9 @@ from bus.wire.runs import Run, RunQueue
 
 T = TypeVar("T")
 
+GATHER_NS = 100_000
+"""A message that follows so soon on the one before is gathered with others."""
+
 _REPORT_S = 0.5
 _RETRY_S = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 
@@ -38,7 +41,7 @@ class Link:
         self.loop = asyncio.get_running_loop()
         self.thread = get_ident()
         self.wall_offset_ns = time_ns() - monotonic_ns()
-        self.is_corked = False
+        self.last_sent_ns = 0  # when a publisher last sent past the gathering
         self.failure: BusError | None = None
         self._users = 0
         self._connection: Connection | None = None
@@ -148,12 +151,9 @@ class Link:
 
     def gather(self, publisher: Endpoint) -> None:
         """`publisher` has begun a run, which leaves with the others when the turn of the loop ends."""
+        if not self._gathered:
+            self.loop.call_soon(self._hand_over)
         self._gathered.add(publisher)
-
-    def cork(self) -> None:
-        """From now to the next turn of the loop, what is published is gathered."""
-        self.is_corked = True
-        self.loop.call_soon(self._uncork)
 
     def send_now(self, frame: bytes) -> bool:
         """Send a data frame at once, where nothing waits to be sent; returns whether it was taken over."""
@@ -189,11 +189,6 @@ class Link:
         for publisher in gathered:
             publisher.hand_over()
         self.flush()
-
-    def _uncork(self) -> None:
-        self.is_corked = False
-        if self._gathered:
-            self._hand_over()
 
     def _wrote(self) -> None:
         """The socket took all that was chosen; who waits for that may look again after the next choice."""

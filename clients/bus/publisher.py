@@ -1,8 +1,8 @@
 """Publishers: typed messages in, runs of samples out.
 
-A message is checked, encoded and stamped in `publish`. The first one of a turn of the event loop leaves at
-once; those that follow in the same turn are gathered into runs, which leave when they are full or when the
-turn ends. So a paced publisher has the latency of one system call, and a flood its throughput.
+A message is checked, encoded and stamped in `publish`. It leaves at once, but where the one before left a
+moment ago: then it is gathered with those that follow into a run, which leaves when it is full or when the turn
+of the event loop ends. So a paced publisher has the latency of one system call, and a flood its throughput.
 """
 
 import asyncio
@@ -18,7 +18,7 @@ import msgspec
 from bus.endpoint import Endpoint
 from bus.errors import ConnectionClosed, PayloadTooLarge
 from bus.events import LivelinessLost, PublisherEvents
-from bus.link import Link
+from bus.link import GATHER_NS, Link
 from bus.logger import Logger
 from bus.qos import Durability, History, QoSProfile
 from bus.transport.memory import LARGE_BYTES, keep_freed_memory
@@ -185,31 +185,33 @@ class Publisher(Endpoint[M]):
         self._parts.clear()
         self._budget = 0
         self._next_seq += samples
-        self.samples += samples
-        self.bytes += len(body) - samples * RECORD_HEAD_BYTES
         if self._is_windowed:
             self._flying.append((self._next_seq - 1, len(body)))
             self._flying_bytes += len(body)
-        if self.qos.deadline is not None:
-            self._last_ns = monotonic_ns()
-        link = self._link
-        link.report(self)
         if self._history is not None:
             self._history.push(Run(0, 0, first_seq, samples, body))
             self._history.drop_over_quota()
-        if (
+        link = self._link
+        if not (
             # Nothing waits: past the queues, which are most of what one message costs at a moderate rate.
             self.id
             and not self._queue.runs
             and len(body) < _SHORT_BYTES
             and link.send_now(data_head(self.id, first_seq, samples, len(body)) + body)
         ):
-            return
-        self._replaced += self._queue.push(Run(0, 0, first_seq, samples, body))
+            self._queue_run(Run(0, 0, first_seq, samples, body))
+        self.samples += samples
+        self.bytes += len(body) - samples * RECORD_HEAD_BYTES
+        if self.qos.deadline is not None:
+            self._last_ns = monotonic_ns()
+        link.report(self)
+
+    def _queue_run(self, run: Run) -> None:
+        self._replaced += self._queue.push(run)
         self._replaced += self._queue.drop_over_quota()
         if self.id:
-            link.make_ready(self._queue)
-            link.flush()
+            self._link.make_ready(self._queue)
+            self._link.flush()
 
     def declaration(self, request: int, node: int) -> m.Message:
         return m.CreatePublisher(
@@ -229,7 +231,7 @@ class Publisher(Endpoint[M]):
         self._window_samples = answer.window_samples
         self._window_bytes = answer.window_bytes
         self._full_parts = 2 * answer.depth or 1 << 30
-        self._queue.depth = answer.depth
+        self._queue.set_depth(answer.depth)
         self._queue.endpoint = answer.id
         if self._history is not None:
             # What waits is the end of the history, so the history alone tells a new broker everything.
@@ -301,12 +303,12 @@ class Publisher(Endpoint[M]):
             return False
         self._parts += (_pack_record(size, stamp_ns), payload)
         link = self._link
-        if link.is_corked:
+        if stamp_ns - link.last_sent_ns < GATHER_NS:
             self._budget = max(0, min(room, RUN_BYTES, self._max_bytes) - size - 2 * RECORD_HEAD_BYTES)
             link.gather(self)
         else:
+            link.last_sent_ns = stamp_ns
             self.hand_over()
-            link.cork()
         return True
 
     def _room(self) -> int:

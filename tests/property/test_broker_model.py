@@ -224,9 +224,9 @@ class Books:
             waiting = kept = 0
             for endpoint in peer.endpoints.values():
                 if isinstance(endpoint, entities.Subscription):
-                    waiting += endpoint.queue.bytes
+                    waiting += endpoint.queue.held_bytes
                 elif endpoint.history is not None:
-                    kept += endpoint.history.bytes
+                    kept += endpoint.history.held_bytes
             assert peer.queued.used == waiting <= peer.queued.limit
             assert peer.history.used == kept <= peer.history.limit
 

@@ -105,7 +105,8 @@ class QueueAgainstModel(RuleBasedStateMachine):
 
     @rule(depth=st.integers(0, 8))
     def change_depth(self, depth: int) -> None:
-        self.depth = self.queue.depth = depth
+        self.depth = depth
+        self.queue.set_depth(depth)
 
     @rule(size=st.integers(0, 150))
     def others_hold(self, size: int) -> None:
@@ -187,9 +188,10 @@ class QueueAgainstModel(RuleBasedStateMachine):
     @invariant()
     def counts_agree(self) -> None:
         assert self.queue.count == len(self.samples())
-        assert self.queue.bytes == sum(run.size for run in self.runs)
-        assert self.account.used == self.queue.bytes + self.others
-        assert self.queue.extra == self.room_for_replays
+        assert self.queue.held_bytes == sum(run.size for run in self.runs)
+        assert self.account.used == self.queue.held_bytes + self.others
+        if self.queue.depth:
+            assert self.queue.bound == self.queue.depth + self.room_for_replays
         assert bool(self.queue.runs) == bool(self.runs)
 
 

@@ -117,7 +117,7 @@ class TestQuota:
         assert not waiting.append(run("abc"))
         assert waiting.append(run("def", 4))
         assert waiting.drop_over_quota() == 3
-        assert waiting.account.used == waiting.bytes == 3 * RECORD_BYTES
+        assert waiting.account.used == waiting.held_bytes == 3 * RECORD_BYTES
         assert taken(waiting) == "def"
 
     def test_a_run_that_was_used_in_part_counts_whole_until_it_goes(self) -> None:
@@ -151,7 +151,7 @@ class TestQuota:
                 assert waiting.clear() == 3
             case "drop":
                 assert waiting.drop(99) == 3
-        assert (waiting.count, waiting.bytes, waiting.account.used) == (0, 0, 0)
+        assert (waiting.count, waiting.held_bytes, waiting.account.used) == (0, 0, 0)
 
 
 class TestFrames:
@@ -216,7 +216,7 @@ class TestAdvance:
         waiting.append(run("d", 4))
         use_up(waiting, 1)
         use_up(waiting, 2)
-        assert (waiting.count, waiting.bytes) == (1, RECORD_BYTES)
+        assert (waiting.count, waiting.held_bytes) == (1, RECORD_BYTES)
         assert taken(waiting) == "d"
 
 

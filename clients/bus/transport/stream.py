@@ -62,12 +62,14 @@ class Stream:
             if size < TAKE_BYTES and len(buffers) < MAX_BUFFERS:
                 return  # that was all
 
-    def send_now(self, frame: bytes) -> bool:
-        """Send `frame` past the outbox, where nothing waits there; returns whether it was taken over."""
-        if self.is_blocked or self.is_closed or self.outbox:
-            return False
-        self._send([frame], len(frame))
-        return True
+    @property
+    def is_idle(self) -> bool:
+        """Nothing waits to be sent."""
+        return not (self.is_blocked or self.is_closed or self.outbox)
+
+    def send_now(self, buffers: list[Buffer], size: int) -> None:
+        """Send a frame past the outbox; only while the stream `is_idle`."""
+        self._send(buffers, size)
 
     def close(self) -> None:
         """Send what the socket still takes and close it; what the socket does not take is lost."""

@@ -7,6 +7,8 @@ lying length costs its sender's word and not our memory.
 The first frame that breaks the layout is the reader's `fault`; frames before it are given out.
 """
 
+from struct import Struct
+
 from bus.errors import RemoteProtocolError
 from bus.wire.layout import (
     CONTROL,
@@ -24,6 +26,8 @@ from bus.wire.runs import Buffer, Run
 BUFFER_BYTES = 256 << 10
 _FIRST_GROWTH_BYTES = 4 << 20
 
+_unpack_short = Struct("<IIIIQII").unpack_from  # DATA_HEAD with kind, flags and zero as one word
+_REPLAY_WORD = DATA | REPLAY << 8
 _END_COUNT = MAX_COUNT + 1
 _unpack_frame_head = FRAME_HEAD.unpack_from
 _unpack_data_head = DATA_HEAD.unpack_from
@@ -71,23 +75,19 @@ class FrameReader:
             while end - start >= FRAME_HEAD_BYTES:
                 if end - start >= DATA_HEAD_BYTES:
                     # The short way, for a whole data frame without fault: one look and no call.
-                    length, kind, flags, zero, endpoint, source, first_seq, number, rest = _unpack_data_head(
-                        view, start
-                    )
+                    length, word, endpoint, source, first_seq, number, rest = _unpack_short(view, start)
                     stop = start + LENGTH_BYTES + length
                     body = start + DATA_HEAD_BYTES
                     if (
-                        kind == DATA
+                        (word == DATA or word == _REPLAY_WORD)
                         and body <= stop <= end
                         and length <= most
                         and number
                         and first_seq + number <= _END_COUNT
-                        and flags <= REPLAY
-                        and not zero
                         and not rest
                     ):
                         payload = view[body:stop].tobytes()
-                        frames.append(Run(endpoint, source, first_seq, number, payload, flags == REPLAY))
+                        frames.append(Run(endpoint, source, first_seq, number, payload, word != DATA))
                         start = stop
                         continue
                 stop = start + self._check_head(view, start)

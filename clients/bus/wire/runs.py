@@ -26,6 +26,7 @@ from bus.wire.layout import (
 Buffer = bytes | bytearray | memoryview
 
 _unpack_record = RECORD_HEAD.unpack_from
+_UNBOUNDED = 1 << 62
 _OVERHEAD_BYTES = DATA_HEAD_BYTES - LENGTH_BYTES
 
 
@@ -94,11 +95,10 @@ class RunQueue:
 
     __slots__ = (
         "account",
-        "bytes",
+        "bound",
         "count",
         "depth",
         "endpoint",
-        "extra",
         "is_ready",
         "offset",
         "runs",
@@ -106,34 +106,40 @@ class RunQueue:
     )
 
     def __init__(self, depth: int, account: Account, endpoint: int = 0) -> None:
-        self.depth = depth
         self.account = account
+        self.depth = depth
+        # How many samples may be held: the depth, and room for replayed samples until the queue is empty again.
+        self.bound = depth or _UNBOUNDED
         self.endpoint = endpoint
         self.runs: deque[Run] = deque()
         self.count = 0
-        self.bytes = 0
-        self.extra = 0  # room beyond the depth, for replayed samples, until the queue is empty again
         # The head run may have been used up in part: bytes and samples of it that are gone.
         self.offset = 0
         self.skipped = 0
         self.is_ready = False  # in the ready list of an Outbox
 
+    @property
+    def held_bytes(self) -> int:
+        """Size of the runs that are held."""
+        return sum(len(run.body) for run in self.runs)
+
+    def set_depth(self, depth: int) -> None:
+        self.bound += (depth or _UNBOUNDED) - (self.depth or _UNBOUNDED)
+        self.depth = depth
+
     def append(self, run: Run) -> bool:
         """Append `run`; returns whether the queue now exceeds its depth or quota and must be trimmed."""
         self.runs.append(run)
-        size = len(run.body)
-        self.bytes += size
         self.count += run.count
         account = self.account
-        account.used += size
+        account.used += len(run.body)
         if run.is_replay:
-            self.extra += run.count
-        return (self.count > self.depth + self.extra and self.depth > 0) or account.used > account.limit
+            self.bound += run.count
+        return self.count > self.bound or account.used > account.limit
 
     def trim(self) -> int:
         """Drop the oldest samples beyond the depth; returns how many."""
-        excess = self.count - self.depth - self.extra
-        return self.drop(excess) if self.depth and excess > 0 else 0
+        return self.drop(self.count - self.bound) if self.count > self.bound else 0
 
     def push(self, run: Run) -> int:
         """Append `run`; returns how many of the oldest samples were replaced because of the depth."""
@@ -257,9 +263,7 @@ class RunQueue:
         """The oldest run is used up or dropped."""
         run = self.runs.popleft()
         self.count -= run.count - self.skipped
-        size = len(run.body)
-        self.bytes -= size
-        self.account.used -= size
+        self.account.used -= len(run.body)
         self.offset = self.skipped = 0
         if not self.runs:
-            self.extra = 0
+            self.bound = self.depth or _UNBOUNDED

@@ -1,0 +1,296 @@
+"""A client against a broker that comes and goes at the worst moment; the broker is a fake, so that it can."""
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import bus
+import bus.connection
+from bus.msg.std_msgs import Int32
+from bus.wire import messages as m
+from bus.wire.layout import VERSION
+from bus.wire.runs import Run
+from conftest import WAIT_S
+from fake_broker import FakeBroker, FakeConnection
+from semantics import until
+
+
+@pytest.fixture
+async def broker(socket_path: Path) -> AsyncIterator[FakeBroker]:
+    async with asyncio.timeout(WAIT_S), FakeBroker(socket_path) as broker:
+        yield broker
+
+
+async def opened(broker: FakeBroker, name: str = "node", id: int = 1) -> tuple[bus.Node, FakeConnection]:
+    node = bus.Node(name, arguments=[], rosout=False)
+    opening = asyncio.ensure_future(node.open())
+    client = await broker.accept()
+    await client.create(m.CreateNode, id)
+    await opening
+    return node, client
+
+
+class TestOpening:
+    @pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n"])
+    async def test_something_else_listens(self, broker: FakeBroker, answer: bytes) -> None:
+        async def answer_all() -> None:
+            while True:
+                client = await broker.meet()
+                client.write(answer)
+                await client.close()
+
+        answering = asyncio.ensure_future(answer_all())
+        with pytest.raises(bus.BrokerUnavailable):
+            await bus.Node("node", arguments=[]).open()
+        answering.cancel()
+
+    async def test_another_version(self, broker: FakeBroker) -> None:
+        opening = asyncio.ensure_future(bus.Node("node", arguments=[]).open())
+        client = await broker.meet()
+        client.send(m.Hello(version=VERSION + 1))
+        with pytest.raises(bus.BrokerUnavailable) as caught:
+            await opening
+        assert f"version {VERSION + 1} offered, this side speaks {VERSION}" in str(caught.value)
+
+    async def test_a_refusal_in_words(self, broker: FakeBroker) -> None:
+        for before in ([], [m.Hello(version=VERSION)]):
+            opening = asyncio.ensure_future(bus.Node("node", arguments=[]).open())
+            client = await broker.meet()
+            client.send(*before, m.Fault(text="not today"))
+            with pytest.raises(bus.BrokerUnavailable):
+                await opening
+            if before:
+                assert "not today" in str(opening.exception())
+
+    async def test_one_that_does_not_answer(
+        self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(bus.connection, "ANSWER_S", 0.1)
+        with pytest.raises(bus.BrokerUnavailable, match="does not answer"):
+            await bus.Node("node", arguments=[]).open()
+
+    async def test_given_up(self, broker: FakeBroker) -> None:
+        opening = asyncio.ensure_future(bus.Node("node", arguments=[]).open())
+        client = await broker.meet()
+        await client.expect(m.Hello)
+        opening.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await opening
+        assert await client.receive() is None
+
+    async def test_two_nodes_share_one_that_fails(self, broker: FakeBroker) -> None:
+        nodes = [bus.Node(name, arguments=[]) for name in ("one", "two")]
+        openings = [asyncio.ensure_future(node.open()) for node in nodes]
+        client = await broker.meet()
+        client.send(m.Hello(version=VERSION), m.Fault(text="not today"))
+        for error in await asyncio.gather(*openings, return_exceptions=True):
+            assert isinstance(error, bus.BrokerUnavailable)
+            assert "not today" in str(error)
+
+    @pytest.mark.xfail(reason="a busd that leaves counts as one that refuses", strict=True)
+    async def test_one_that_was_just_leaving(self, broker: FakeBroker) -> None:
+        """A busd that ends when it is idle may have a last connection in its backlog."""
+        opening = asyncio.ensure_future(bus.Node("node", arguments=[], rosout=False).open())
+        leaving = await broker.meet()
+        await leaving.close()
+        async with asyncio.timeout(1):
+            client = await broker.accept()
+            await client.create(m.CreateNode, 1)
+            await opening
+
+
+class TestCreating:
+    async def test_one_that_dies_before_it_answers(self, broker: FakeBroker) -> None:
+        node, client = await opened(broker)
+        creating = asyncio.ensure_future(node.create_publisher(Int32, "t"))
+        await client.expect(m.CreatePublisher)
+        await client.close()
+        client = await broker.accept()
+        await client.create(m.CreateNode, 11)
+        request = await client.create(m.CreatePublisher, 12)
+        assert request.node == 11
+        publisher = await creating
+        assert publisher.id == 12
+        publisher.publish(Int32(data=1))
+        assert (await client.expect(Run)).endpoint == 12
+        await node.close()
+
+    @pytest.mark.parametrize("kind", [m.CreatePublisher, m.CreateSubscription])
+    async def test_cancelled_before_the_answer(self, broker: FakeBroker, kind: Any) -> None:
+        node, client = await opened(broker)
+        make = node.create_publisher if kind is m.CreatePublisher else node.create_subscription
+        creating = asyncio.ensure_future(make(Int32, "t"))
+        request = await client.expect(kind)
+        creating.cancel()
+        await asyncio.gather(creating, return_exceptions=True)
+        client.send(m.Created(request=request.request, id=7))
+        assert (await client.expect(m.DestroyEndpoint)).endpoint == 7
+        await self.reconnects_without_endpoints(broker, client)
+        await node.close()
+
+    @pytest.mark.parametrize("kind", [m.CreatePublisher, m.CreateSubscription])
+    async def test_cancelled_as_the_answer_comes(
+        self, broker: FakeBroker, kind: Any, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """The answer has been read, and its task was to run next."""
+        node, client = await opened(broker)
+        make = node.create_publisher if kind is m.CreatePublisher else node.create_subscription
+        creating = asyncio.ensure_future(make(Int32, "t"))
+        request = await client.expect(kind)
+        resolve = bus.connection.Connection.resolve
+
+        def resolve_and_cancel(connection: bus.connection.Connection, message: Any) -> bool:
+            result = resolve(connection, message)
+            if isinstance(message, m.Created) and message.request == request.request:
+                creating.cancel()
+            return result
+
+        monkeypatch.setattr(bus.connection.Connection, "resolve", resolve_and_cancel)
+        client.send(m.Created(request=request.request, id=7))
+        with pytest.raises(asyncio.CancelledError):
+            await creating
+        assert (await client.expect(m.DestroyEndpoint)).endpoint == 7
+        await self.reconnects_without_endpoints(broker, client)
+        await node.close()
+
+    async def reconnects_without_endpoints(self, broker: FakeBroker, client: FakeConnection) -> None:
+        """What was not created does not come back either."""
+        await client.close()
+        client = await broker.accept()
+        await client.create(m.CreateNode, 21)
+        client.send(m.Ping())
+        assert isinstance(await client.receive(), m.Pong)
+
+    async def test_a_node_given_up_as_the_answer_comes(self, broker: FakeBroker) -> None:
+        first, client = await opened(broker)
+        second = bus.Node("second", arguments=[], rosout=False)
+        opening = asyncio.ensure_future(second.open())
+        request = await client.expect(m.CreateNode)
+        opening.cancel()
+        await asyncio.gather(opening, return_exceptions=True)
+        client.send(m.Created(request=request.request, id=2))
+        assert (await client.expect(m.DestroyNode)).node == 2
+        await first.close()
+
+
+class TestComingBack:
+    async def test_a_node_closed_before_it_is_declared_again(
+        self, broker: FakeBroker, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        """Its old id must not be used towards the new broker, where it may be somebody else's."""
+        staying, client = await opened(broker, "staying", 1)
+        leaving = bus.Node("leaving", arguments=[], rosout=False)
+        opening = asyncio.ensure_future(leaving.open())
+        await client.create(m.CreateNode, 2)
+        await opening
+        await client.close()
+        client = await broker.accept()
+        request = await client.expect(m.CreateNode)
+        await leaving.close()
+        client.send(m.Created(request=request.request, id=11))
+        second = await client.receive()
+        if isinstance(second, m.CreateNode):  # it was on its way already: then it must go again
+            client.send(m.Created(request=second.request, id=12))
+            destroyed = await client.expect(m.DestroyNode)
+            assert destroyed.node == 12
+        client.send(m.Ping())
+        assert isinstance(await client.receive(), m.Pong)
+        await staying.close()
+        assert (await client.expect(m.DestroyNode)).node == 11
+        assert caplog.text.count("lost busd") == 1
+
+    async def test_an_endpoint_closed_before_it_is_declared_again(self, broker: FakeBroker) -> None:
+        node, client = await opened(broker)
+        creating = asyncio.ensure_future(node.create_publisher(Int32, "t"))
+        await client.create(m.CreatePublisher, 2)
+        publisher = await creating
+        await client.close()
+        client = await broker.accept()
+        await client.create(m.CreateNode, 11)
+        request = await client.expect(m.CreatePublisher)
+        await publisher.close()
+        client.send(m.Created(request=request.request, id=12), m.Ping())
+        assert (await client.expect(m.DestroyEndpoint)).endpoint == 12
+        await client.expect(m.Pong)
+        await node.close()
+
+    async def test_a_node_closed_while_its_endpoints_are_declared_again(self, broker: FakeBroker) -> None:
+        node, client = await opened(broker)
+        staying = bus.Node("staying", arguments=[], rosout=False)
+        opening = asyncio.ensure_future(staying.open())
+        await client.create(m.CreateNode, 2)
+        await opening
+        creating = asyncio.ensure_future(node.create_subscription(Int32, "t"))
+        await client.create(m.CreateSubscription, 3)
+        await creating
+        await client.close()
+        client = await broker.accept()
+        await client.create(m.CreateNode, 11)
+        await client.create(m.CreateNode, 12)
+        request = await client.expect(m.CreateSubscription)
+        await node.close()
+        client.send(m.Created(request=request.request, id=13), m.Ping())
+        gone = []
+        while not isinstance(message := await client.receive(), m.Pong):
+            gone.append(message)
+        assert m.DestroyNode(node=11) in gone
+        await staying.close()
+
+    async def test_lost_again_and_again(self, broker: FakeBroker, caplog: pytest.LogCaptureFixture) -> None:
+        """At every step of the way back; it is one loss for the user."""
+        caplog.set_level(logging.INFO, "bus")
+        node, client = await opened(broker)
+        creating = asyncio.ensure_future(node.create_publisher(Int32, "t"))
+        await client.create(m.CreatePublisher, 2)
+        publisher = await creating
+        await client.close()
+        client = await broker.meet()
+        await client.close()
+        client = await broker.accept()
+        await client.close()
+        client = await broker.accept()
+        await client.expect(m.CreateNode)
+        await client.close()
+        client = await broker.accept()
+        await client.create(m.CreateNode, 11)
+        await client.expect(m.CreatePublisher)
+        await client.close()
+        client = await broker.accept()
+        await client.create(m.CreateNode, 21)
+        await client.create(m.CreatePublisher, 22)
+        await client.close()
+        client = await broker.accept()
+        await client.create(m.CreateNode, 31)
+        await client.create(m.CreatePublisher, 32)
+        await until(lambda: "busd is back" in caplog.text and publisher.id == 32)
+        publisher.publish(Int32(data=1))
+        assert (await client.expect(Run)).endpoint == 32
+        await node.close()
+
+    async def test_nonsense_from_the_broker(self, broker: FakeBroker) -> None:
+        """Things that are not there, or not any more: passed over."""
+        node, client = await opened(broker)
+        creating = asyncio.ensure_future(node.create_subscription(Int32, "t"))
+        await client.create(m.CreateSubscription, 2)
+        subscription = await creating
+        client.send(
+            m.Created(request=999, id=5),
+            m.Done(request=999),
+            m.Refused(request=999, text="no"),
+            m.Unmatched(endpoint=2, other=77),
+            m.Unmatched(endpoint=88, other=77),
+            m.Credit(publisher=2, seq=1 << 40),
+            m.LivelinessChanged(subscription=2, publisher=77, alive=False),
+            m.LivelinessLost(publisher=2),
+            m.Dropped(subscription=99, dropped={"replaced": 1}),
+            m.GraphChanged(revision=7),
+            m.Pong(number=9),
+            m.Ping(number=3),
+        )
+        assert (await client.expect(m.Pong)).number == 3
+        assert subscription.get_publisher_count() == 0
+        await node.close()

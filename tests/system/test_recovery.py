@@ -1,0 +1,397 @@
+"""Processes that die, hang and come back: the graph tells the truth, and those who live carry on."""
+
+import asyncio
+import contextlib
+import logging
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import AsyncIterator, Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+import bus
+from bus.msg.std_msgs import Int32, String
+from conftest import WAIT_S, Daemon
+from neighbours import with_limits
+from semantics import LATCHED, until
+
+HANGS_S = 0.5
+
+TALKER = """
+import asyncio, sys
+import bus
+from bus.msg.std_msgs import Int32
+
+async def main():
+    async with bus.Node(sys.argv[1], arguments=[], rosout=False) as node:
+        publisher = await node.create_publisher(Int32, "count", 10)
+        number = 0
+        while True:
+            publisher.publish(Int32(data=number))
+            number += 1
+            await asyncio.sleep(0.01)
+
+bus.run(main())
+"""
+
+
+@pytest.fixture
+def program(daemon: Daemon) -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Starts a Python program that must not say anything on stderr but log lines."""
+    programs: list[subprocess.Popen[str]] = []
+
+    def start(source: str, *arguments: str) -> subprocess.Popen[str]:
+        programs.append(
+            subprocess.Popen(
+                [sys.executable, "-c", source, *arguments],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
+        )
+        return programs[-1]
+
+    yield start
+    for one in programs:
+        one.send_signal(signal.SIGCONT)
+        one.terminate()
+        _, errors = one.communicate(timeout=WAIT_S)
+        assert "Traceback" not in errors, errors
+
+
+@pytest.fixture
+async def node(daemon: Daemon) -> AsyncIterator[bus.Node]:
+    async with asyncio.timeout(WAIT_S), bus.Node("watcher", arguments=[], rosout=False) as node:
+        yield node
+
+
+async def nodes(node: bus.Node) -> set[str]:
+    return {one.name for one in (await node.graph()).nodes}
+
+
+async def until_nodes(node: bus.Node, *names: str) -> None:
+    while await nodes(node) != {"watcher", *names}:  # noqa: ASYNC110
+        await asyncio.sleep(0.002)
+
+
+async def until_restarted(daemon: Daemon, *endpoints: bus.Publisher[Int32] | bus.Subscription[Int32]) -> None:
+    """Kill busd, start another, wait until it knows the endpoints."""
+    daemon.kill()
+    await until(lambda: not any(one.id for one in endpoints))
+    daemon.restart()
+    await until(lambda: all(one.id for one in endpoints))
+
+
+class TestClients:
+    async def test_a_killed_one_is_gone(
+        self, node: bus.Node, program: Callable[..., subprocess.Popen[str]]
+    ) -> None:
+        subscription = await node.create_subscription(Int32, "count", 1000)
+        talker = program(TALKER, "talker")
+        await subscription.receive()
+        assert await nodes(node) == {"watcher", "talker"}
+        talker.kill()
+        await until_nodes(node)
+        assert subscription.get_publisher_count() == 0
+        assert (await node.graph()).publishers == ()
+
+    @with_limits(lease_s=HANGS_S)
+    async def test_a_stopped_one_leaves_and_comes_back(
+        self, node: bus.Node, program: Callable[..., subprocess.Popen[str]]
+    ) -> None:
+        subscription = await node.create_subscription(Int32, "count", 1000)
+        talker = program(TALKER, "talker")
+        await subscription.receive()
+        talker.send_signal(signal.SIGSTOP)
+        await until_nodes(node)
+        while subscription.take():
+            pass
+        talker.send_signal(signal.SIGCONT)
+        await until_nodes(node, "talker")
+        await subscription.receive()
+        talker.terminate()
+        _, log = talker.communicate(timeout=WAIT_S)
+        assert log.count("lost busd (no sign of life for ") == 1
+        assert log.count("busd is back") == 1
+
+    @with_limits(lease_s=3600)
+    async def test_a_child_does_not_keep_its_dead_parent_alive(
+        self, node: bus.Node, program: Callable[..., subprocess.Popen[str]]
+    ) -> None:
+        """A worker that was forked has the parent's socket too."""
+        source = TALKER.replace(
+            "number = 0",
+            """
+        import os, time
+        if not os.fork():
+            sys.stdin.read()
+            os._exit(0)
+        number = 0
+""".strip(),
+        )
+        talker = program(source, "talker")
+        await until_nodes(node, "talker")
+        talker.kill()
+        await until_nodes(node)
+
+
+class TestBroker:
+    async def test_messages_flow_again(
+        self, daemon: Daemon, node: bus.Node, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        caplog.set_level(logging.INFO, "bus")
+        heard: list[int] = []
+        subscription = await node.create_subscription(
+            Int32, "t", 10, lambda message: heard.append(message.data)
+        )
+        publisher = await node.create_publisher(Int32, "t", 10)
+        for restart in range(3):
+            publisher.publish(Int32(data=restart))
+            await until(lambda restart=restart: len(heard) > restart)  # type: ignore[misc]
+            await until_restarted(daemon, publisher, subscription)
+        assert heard == [0, 1, 2]
+        assert (await node.graph()).broker_pid == daemon.pid
+        assert subscription.statistics().dropped == {}
+        said = [record.getMessage() for record in caplog.records if record.name == "bus"]
+        assert len([line for line in said if line.startswith("lost busd")]) == 3
+        assert len([line for line in said if line.startswith("busd is back")]) == 3
+        assert len(said) == 6
+
+    async def test_what_is_published_meanwhile_waits(self, daemon: Daemon, node: bus.Node) -> None:
+        """The newest, as many as the publisher's depth, and the rest is accounted for."""
+        subscription = await node.create_subscription(Int32, "t", 100)
+        publisher = await node.create_publisher(Int32, "t", 3)
+        daemon.kill()
+        await until(lambda: not publisher.id)
+        for number in range(10):
+            publisher.publish(Int32(data=number))
+            await asyncio.sleep(0)
+        daemon.restart()
+        heard = [(await subscription.receive())[0].data for _ in range(3)]
+        assert heard == [7, 8, 9]
+        assert publisher.statistics().replaced == 7
+        await until(lambda: sum(subscription.statistics().dropped.values()) == 7)
+
+    async def test_history_survives_without_duplicates(self, daemon: Daemon, node: bus.Node) -> None:
+        heard: list[int] = []
+        subscription = await node.create_subscription(
+            Int32, "t", LATCHED, lambda message: heard.append(message.data)
+        )
+        publisher = await node.create_publisher(Int32, "t", LATCHED)
+        for number in range(4):
+            publisher.publish(Int32(data=number))
+        await until(lambda: len(heard) == 4)
+        daemon.kill()
+        await until(lambda: not publisher.id)
+        publisher.publish(Int32(data=4))
+        publisher.publish(Int32(data=5))
+        daemon.restart()
+        await until(lambda: len(heard) == 6)
+        await until_restarted(daemon, publisher, subscription)
+        late = await node.create_subscription(Int32, "t", LATCHED)
+        assert [(await late.receive())[0].data for _ in range(5)] == [1, 2, 3, 4, 5]
+        assert heard == [0, 1, 2, 3, 4, 5]
+
+    async def test_back_pressure_survives(self, daemon: Daemon, node: bus.Node) -> None:
+        """A keep-all publisher that waits for room is let go on by the new broker; order holds."""
+        keep_all = bus.QoSProfile(history="keep_all")
+        subscription = await node.create_subscription(Int32, "t", keep_all)
+        publisher = await node.create_publisher(Int32, "t", keep_all)
+
+        async def talk() -> None:
+            for number in range(150_000):
+                await publisher.send(Int32(data=number))
+
+        talking = asyncio.ensure_future(talk())
+        heard = [(await subscription.receive())[0].data]
+        await until_restarted(daemon, publisher, subscription)
+        while heard[-1] != 149_999:
+            heard.append((await subscription.receive())[0].data)
+        await talking
+        assert heard == sorted(set(heard))
+        await until(lambda: len(heard) + sum(subscription.statistics().dropped.values()) >= 150_000)
+
+    async def test_between_processes(
+        self, daemon: Daemon, node: bus.Node, program: Callable[..., subprocess.Popen[str]]
+    ) -> None:
+        subscription = await node.create_subscription(Int32, "count", 1000)
+        talkers = [program(TALKER, f"talker{number}") for number in range(3)]
+        for _ in range(2):
+            await until_nodes(node, "talker0", "talker1", "talker2")
+            await subscription.wait_for_publishers(3)
+            daemon.kill()
+            await until(lambda: not subscription.id)
+            daemon.restart()
+            await subscription.receive()
+        for talker in talkers:
+            assert talker.poll() is None
+
+    @pytest.mark.parametrize("loop", ["uvloop", "asyncio"])
+    def test_one_that_was_stopped_does_not_blame_the_others(
+        self,
+        loop: str,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+        start_daemon: Callable[..., Daemon],
+    ) -> None:
+        """What they said meanwhile waits in the sockets, and is heard before their leases are looked at."""
+        if loop == "asyncio":
+            (tmp_path / "uvloop.py").write_text("raise ImportError('hidden by a test')\n")
+            path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+            monkeypatch.setenv("PYTHONPATH", path)
+        (tmp_path / "busd.toml").write_text(f"[limits]\nlease_s = {HANGS_S}\n")
+        daemon = start_daemon("--config", str(tmp_path / "busd.toml"))
+
+        async def wait_patiently() -> None:
+            async with asyncio.timeout(WAIT_S), bus.Node("patient", arguments=[], rosout=False) as node:
+                publisher = await node.create_publisher(Int32, "t")
+                before = publisher.id
+                daemon.process.send_signal(signal.SIGSTOP)
+                await asyncio.sleep(3 * HANGS_S)
+                daemon.process.send_signal(signal.SIGCONT)
+                await node.graph()
+                assert publisher.id == before
+
+        asyncio.run(wait_patiently())
+
+    async def test_a_node_closed_while_it_is_away(self, daemon: Daemon) -> None:
+        async with asyncio.timeout(WAIT_S):
+            node = bus.Node("leaving", arguments=[])
+            await node.open()
+            publisher = await node.create_publisher(Int32, "t", LATCHED)
+            subscription = await node.create_subscription(Int32, "t", 10)
+            daemon.kill()
+            await until(lambda: not publisher.id)
+            publisher.publish(Int32(data=1))
+            await node.close()
+            with pytest.raises(bus.ConnectionClosed):
+                publisher.publish(Int32(data=2))
+            with pytest.raises(bus.ConnectionClosed):
+                await subscription.receive()
+        daemon.restart()
+        async with asyncio.timeout(WAIT_S), bus.Node("watcher", arguments=[], rosout=False) as watcher:
+            assert await nodes(watcher) == {"watcher"}
+
+    async def test_what_waits_for_it_ends_with_the_node(self, daemon: Daemon) -> None:
+        async with asyncio.timeout(WAIT_S):
+            node = bus.Node("leaving", arguments=[], rosout=False)
+            await node.open()
+            publisher = await node.create_publisher(Int32, "t")
+            daemon.kill()
+            await until(lambda: not publisher.id)
+            waiting = [
+                asyncio.ensure_future(node.create_publisher(Int32, "other")),
+                asyncio.ensure_future(node.graph()),
+                asyncio.ensure_future(publisher.wait_for_subscriptions()),
+            ]
+            await asyncio.sleep(0)
+            await node.close()
+            for error in await asyncio.gather(*waiting, return_exceptions=True):
+                assert isinstance(error, bus.ConnectionClosed)
+
+    async def test_endpoints_made_while_it_is_away(self, daemon: Daemon, node: bus.Node) -> None:
+        first = await node.create_publisher(Int32, "t")
+        daemon.kill()
+        await until(lambda: not first.id)
+        making = asyncio.ensure_future(node.create_subscription(Int32, "t", 10))
+        await asyncio.sleep(0)
+        daemon.restart()
+        subscription = await making
+        first.publish(Int32(data=7))
+        assert (await subscription.receive())[0].data == 7
+
+    async def test_a_new_one_with_less_room(
+        self, daemon: Daemon, node: bus.Node, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        """What it refuses ends, and says why; the rest carries on."""
+        subscription = await node.create_subscription(Int32, "t", 10)
+        publishers = [await node.create_publisher(Int32, "t", 10) for _ in range(3)]
+        daemon.kill()
+        await until(lambda: not subscription.id)
+        (tmp_path / "busd.toml").write_text("[limits]\nendpoints_per_peer = 3\n")
+        daemon.arguments = ("--config", str(tmp_path / "busd.toml"))
+        daemon.restart()
+        await until(lambda: any(one.refusal for one in publishers))
+        await until(lambda: len([one for one in publishers if one.id and not one.refusal]) == 2)
+        with pytest.raises(bus.QuotaExceeded):
+            publishers[2].publish(Int32(data=3))
+        publishers[1].publish(Int32(data=2))
+        assert (await subscription.receive())[0].data == 2
+        assert "endpoints of a process: 3 of 3 in use" in caplog.text
+
+
+class TestFork:
+    async def test_the_child_is_told(self, node: bus.Node) -> None:
+        publisher = await node.create_publisher(Int32, "t", 10)
+        subscription = await node.create_subscription(Int32, "t", 10)
+        publisher.publish(Int32(data=1))  # with a run that is still open, which the child must not add to
+        publisher.publish(Int32(data=2))
+        child = os.fork()
+        if not child:
+            os._exit(await self.fails(node, publisher, subscription))
+        _, status = os.waitpid(child, 0)
+        assert os.waitstatus_to_exitcode(status) == 0
+        publisher.publish(Int32(data=3))
+        assert [(await subscription.receive())[0].data for _ in range(3)] == [1, 2, 3]
+        assert await nodes(node) == {"watcher"}
+
+    @staticmethod
+    async def fails(
+        node: bus.Node, publisher: bus.Publisher[Int32], subscription: bus.Subscription[Int32]
+    ) -> int:
+        """In the child: 0 where everything says ForkError."""
+        failed = 0
+        with contextlib.suppress(bus.ForkError):
+            publisher.publish(Int32(data=666))
+            failed |= 1
+        with contextlib.suppress(bus.ForkError):
+            await publisher.send(Int32(data=666))
+            failed |= 2
+        with contextlib.suppress(bus.ForkError):
+            await subscription.receive()
+            failed |= 4
+        with contextlib.suppress(bus.ForkError):
+            await node.create_publisher(Int32, "t", 10)
+            failed |= 8
+        with contextlib.suppress(bus.ForkError):
+            await node.graph()
+            failed |= 16
+        try:
+            await node.close()
+        except BaseException:
+            failed |= 32
+        return failed
+
+    def test_a_child_has_a_node_of_its_own(self, daemon: Daemon) -> None:
+        """As with multiprocessing's fork: the parent's link is there and must not be taken."""
+
+        async def parent() -> None:
+            async with asyncio.timeout(WAIT_S), bus.Node("parent", arguments=[], rosout=False) as node:
+                subscription = await node.create_subscription(String, "t", 10)
+                child = os.fork()
+                if not child:
+                    status = 1
+                    try:
+                        asyncio.set_event_loop(None)
+                        asyncio._set_running_loop(None)
+                        asyncio.run(talk())
+                        status = 0
+                    finally:
+                        os._exit(status)
+                message, _ = await subscription.receive()
+                assert message.data == "from the child"
+                _, status = os.waitpid(child, 0)
+                assert os.waitstatus_to_exitcode(status) == 0
+                assert (await node.graph()).nodes[0].name == "parent"
+
+        async def talk() -> None:
+            async with bus.Node("child", arguments=[], rosout=False) as node:
+                publisher = await node.create_publisher(String, "t", 10)
+                await publisher.wait_for_subscriptions()
+                publisher.publish(String(data="from the child"))
+
+        asyncio.run(parent())
