@@ -15,8 +15,8 @@ help: ## list the targets
 setup: $(STAMP) ## make .venv and install busd into it, with the development tools
 $(STAMP): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(BIN)/python -m pip install -qq --disable-pip-version-check --upgrade pip
+	$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
 demo: $(STAMP) ## a talker and two listeners, as in the ROS 2 lesson (SECONDS=5 ends by itself)

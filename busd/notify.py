@@ -6,10 +6,9 @@ happens.
 
 import os
 import socket
-import time
 from collections.abc import Mapping
 
-__all__ = ["READY", "STOPPING", "notify", "reloading", "status"]
+__all__ = ["READY", "STOPPING", "notify", "status"]
 
 READY = "READY=1"
 STOPPING = "STOPPING=1"
@@ -40,11 +39,3 @@ def notify(state: str, environ: Mapping[str, str] = os.environ) -> bool:
 def status(text: str) -> str:
     """The state that sets the line which `systemctl status` shows."""
     return f"STATUS={' '.join(text.split())}"
-
-
-def reloading() -> str:
-    """The state that says a reload has begun; send READY when it is done.
-
-    systemd requires the monotonic clock's time with it, so make it when it is sent.
-    """
-    return f"RELOADING=1\nMONOTONIC_USEC={time.monotonic_ns() // 1000}"

@@ -22,6 +22,7 @@ class PeerHost(Protocol):
     """What a connection needs of the server."""
 
     limits: Limits
+    is_background: bool
 
     def greet(self, connection: "Connection", hello: Hello) -> PeerId: ...
 
@@ -95,7 +96,13 @@ class Connection:
             self._host.receive(self, items)
 
     def _greet(self) -> None:
-        hello = Hello(version=VERSION, pid=os.getpid(), program="busd", lease_s=self._host.limits.lease_s)
+        hello = Hello(
+            version=VERSION,
+            pid=os.getpid(),
+            program="busd",
+            lease_s=self._host.limits.lease_s,
+            background=self._host.is_background,
+        )
         self.stream.outbox.put(encode_frame(hello))
 
     def _lost(self, error: Exception | None) -> None:

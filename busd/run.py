@@ -16,7 +16,7 @@ from bus.errors import ConfigurationError
 from busd.config import LOG_LEVELS, Config, load
 from busd.core.broker import Broker
 from busd.listener import AlreadyRunning, Listener, open_listener
-from busd.notify import notify, status
+from busd.notify import READY, STOPPING, notify, status
 from busd.server import Server
 
 EXIT_FAULT = 1
@@ -86,9 +86,12 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _seconds(text: str) -> float:
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0
     if not 0 < value < 1e9:
-        raise argparse.ArgumentTypeError(f"{text} is not a number of seconds above 0")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of seconds above 0")
     return value
 
 
@@ -105,7 +108,10 @@ def _set_up_log(level: str) -> None:
 
 
 class _Bounds(logging.Filter):
-    """Bounds what peers can make of the log: short printable lines, and not too many in a second."""
+    """Bounds what peers can make of the log: short printable lines, and not too many in a second.
+
+    Errors always come through, and debug lines are for somebody who wants all of them.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -114,12 +120,13 @@ class _Bounds(logging.Filter):
 
     def filter(self, record: logging.LogRecord) -> bool:
         left_out = 0
-        if int(record.created) != self._second:
-            left_out = self._lines - _MOST_LINES
-            self._second, self._lines = int(record.created), 0
-        self._lines += 1
-        if self._lines > _MOST_LINES and record.levelno > logging.DEBUG:
-            return False
+        if logging.DEBUG < record.levelno < logging.ERROR:
+            if int(record.created) != self._second:
+                left_out = self._lines - _MOST_LINES
+                self._second, self._lines = int(record.created), 0
+            self._lines += 1
+            if self._lines > _MOST_LINES:
+                return False
         text = record.getMessage()[:_LONGEST_LINE]
         if not text.isprintable():
             text = "".join(c if c.isprintable() else "?" for c in text)
@@ -139,16 +146,16 @@ def _loop_runner() -> Callable[[Coroutine[Any, Any, int]], int]:
 async def _serve(listener: Listener, config: Config, idle_s: float | None) -> int:
     gc.freeze()  # what was imported stays: no collection need look at it
     broker = Broker(config.limits, config.topics, uid=os.getuid(), pid=os.getpid())
-    server = Server(listener.socket, broker, idle_s=idle_s)
+    server = Server(listener, broker, idle_s=idle_s)
     loop = asyncio.get_running_loop()
     for number in _ENDING:
         loop.add_signal_handler(number, server.stop, number.name)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDING)
     log = logging.getLogger("busd")
-    if not notify(f"READY=1\n{status(f'listening on {listener.path}')}"):
+    if not notify(f"{READY}\n{status(f'listening on {listener.path}')}"):
         log.info("listening on %s (pid %d)", listener.path, os.getpid())
     reason = await server.stopped
     signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
-    notify("STOPPING=1")
+    notify(STOPPING)
     log.info("stopped: %s", reason)
     return 0

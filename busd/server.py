@@ -2,7 +2,6 @@
 
 import asyncio
 import logging
-import socket
 from collections.abc import Callable, Iterable
 from time import monotonic_ns
 from typing import Any
@@ -16,6 +15,7 @@ from busd.core.effects import Disconnect, Effect, Flush, Note, Send, Stop
 from busd.core.limits import Limits
 from busd.core.timers import NEVER_NS
 from busd.credentials import peer_credentials
+from busd.listener import Listener
 from busd.peer import Connection
 
 _log = logging.getLogger("busd")
@@ -26,13 +26,15 @@ _GRACE_NS = 50_000_000
 
 
 class Server:
-    """Serves `listener`, a listening non-blocking socket, until `stop`.
+    """Serves `listener` until `stop`, which closes it.
 
-    `idle_s`: stop by itself after so many seconds without a connection (None: never).
+    `idle_s`: stop by itself after so many seconds without a connection (None: never). One that does so was
+    started in the background by a client.
     """
 
-    def __init__(self, listener: socket.socket, broker: Broker, *, idle_s: float | None = None) -> None:
+    def __init__(self, listener: Listener, broker: Broker, *, idle_s: float | None = None) -> None:
         self.limits: Limits = broker.limits
+        self.is_background = idle_s is not None
         self.stopped: asyncio.Future[str] = asyncio.get_running_loop().create_future()
         self._loop = asyncio.get_running_loop()
         self._listener = listener
@@ -43,16 +45,18 @@ class Server:
         self._timer: asyncio.TimerHandle | None = None
         self._timer_ns = NEVER_NS
         self._wake_ns = 0
+        self._is_grace_over = False
         self._idle_s = idle_s
         self._idle_timer: asyncio.TimerHandle | None = None
-        self._loop.add_reader(listener.fileno(), self._accept)
+        self._loop.add_reader(listener.socket.fileno(), self._accept)
         self._watch_idle()
 
     def stop(self, reason: str) -> None:
         """Stop listening, tell nobody, close every connection after sending what it takes."""
         if self.stopped.done():
             return
-        self._loop.remove_reader(self._listener.fileno())
+        self._loop.remove_reader(self._listener.socket.fileno())
+        self._listener.close()  # first of all: whoever connects from now on finds no busd, and starts one
         for timer in (self._timer, self._idle_timer):
             if timer is not None:
                 timer.cancel()
@@ -172,10 +176,12 @@ class Server:
 
     def _tick(self) -> None:
         now_ns = monotonic_ns()
-        if now_ns - self._wake_ns > _LATE_NS:
+        if now_ns - self._wake_ns > _LATE_NS and not self._is_grace_over:
             # We did not run, rather than those whose leases have ended: hear first what they said meanwhile.
+            self._is_grace_over = True
             self._wake_at(now_ns + _GRACE_NS)
             return
+        self._is_grace_over = False
         self._timer_ns = NEVER_NS
         self._carry_out(self._broker.tick(now_ns))
         self._flush()
@@ -185,13 +191,13 @@ class Server:
 
     def _accept(self) -> None:
         try:
-            sock, _ = self._listener.accept()
+            sock, _ = self._listener.socket.accept()
         except (BlockingIOError, InterruptedError, ConnectionAbortedError):
             return
         except OSError as error:
             # Out of descriptors: let those who are connected go on, and look again a little later.
             _log.error("cannot accept a connection: %s", error)
-            self._loop.remove_reader(self._listener.fileno())
+            self._loop.remove_reader(self._listener.socket.fileno())
             self._loop.call_later(0.5, self._resume_accepting)
             return
         sock.setblocking(False)
@@ -208,7 +214,7 @@ class Server:
 
     def _resume_accepting(self) -> None:
         if not self.stopped.done():
-            self._loop.add_reader(self._listener.fileno(), self._accept)
+            self._loop.add_reader(self._listener.socket.fileno(), self._accept)
 
     def _before_write(self, connection: Connection) -> None:
         if connection.id is not None:

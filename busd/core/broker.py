@@ -2,7 +2,8 @@
 
     effects = broker.handle(now_ns, peer, message)     control messages
     effects = broker.route(now_ns, peer, run)          samples (then `trim`, if the broker `is_overfull`)
-    effects = broker.tick(now_ns)                      when `next_deadline_ns()` has come
+    effects = broker.tick(now_ns)                      when `next_deadline_ns()` has come (the hot
+                                                       path reads it as `broker.timers.earliest_ns`)
 
 A peer's mistake becomes a Refused (the request is not carried out) or a Fault and a Disconnect (the peer
 broke the protocol); it is never an exception. An exception out of the broker is a bug of busd.
@@ -17,15 +18,15 @@ from bus.errors import ConfigurationError, QuotaExceeded, RemoteProtocolError
 from bus.ids import EndpointId, PeerId
 from bus.wire import messages as m
 from bus.wire.runs import Account, Run
-from busd.core.declaring import Declarations
+from busd.core.declaring import Registrar
 from busd.core.effects import Disconnect, Effect, Note, Send, Stop
-from busd.core.entities import Peer, Publisher, Subscription
+from busd.core.entities import Peer, Publisher
 from busd.core.graph import Graph
 from busd.core.limits import Limits, TopicRule
 from busd.core.liveliness import Leases
 from busd.core.matching import give_credit
 from busd.core.routing import Router
-from busd.core.timers import Timers
+from busd.core.timers import NEVER_NS, Timers
 
 _LONGEST_PROGRAM = 64
 """Characters of a program's name that are kept, for the log."""
@@ -60,16 +61,16 @@ class Broker:
             is_attached=lambda peer: peer.id in self._peers,
             evict=self._cut,
         )
-        self._declarations = Declarations(self.graph, self.limits, rules, self._leases, self._router)
+        self._registrar = Registrar(self.graph, self.limits, rules, self._leases, self._router)
         self._handlers: dict[type[m.Message], Callable[[int, Peer, Any, list[Effect]], None]] = {
             m.Ping: self._on_ping,
             m.Pong: self._on_nothing,
-            m.DeclareType: self._declarations.declare_type,
-            m.CreateNode: self._declarations.create_node,
-            m.DestroyNode: self._declarations.destroy_node,
-            m.CreatePublisher: self._declarations.create_publisher,
-            m.CreateSubscription: self._declarations.create_subscription,
-            m.DestroyEndpoint: self._declarations.destroy_endpoint,
+            m.DeclareType: self._registrar.declare_type,
+            m.CreateNode: self._registrar.create_node,
+            m.DestroyNode: self._registrar.destroy_node,
+            m.CreatePublisher: self._registrar.create_publisher,
+            m.CreateSubscription: self._registrar.create_subscription,
+            m.DestroyEndpoint: self._registrar.destroy_endpoint,
             m.AssertLiveliness: self._on_assert,
             m.Ack: self._on_ack,
             m.Report: self._on_report,
@@ -78,10 +79,6 @@ class Broker:
             m.Observe: self._on_observe,
             m.StopBroker: self._on_stop,
         }
-
-    @property
-    def peer_count(self) -> int:
-        return len(self._peers)
 
     def attach(self, now_ns: int, hello: m.Hello, *, pid: int, uid: int) -> PeerId:
         """A connection said Hello; `pid` and `uid` are the kernel's word."""
@@ -155,14 +152,14 @@ class Broker:
     def expire(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
         """Drop samples that outlived their lifespan while they waited for this peer."""
         peer = self._peers.get(peer_id)
-        for endpoint in peer.endpoints.values() if peer else ():
-            if isinstance(endpoint, Subscription) and endpoint.has_lifespan:
-                self._router.expire(now_ns, endpoint)
+        for subscription in peer.perishable if peer else ():
+            self._router.expire(now_ns, subscription)
         return self._take_effects()
 
     def next_deadline_ns(self) -> int | None:
         """When `tick` must be called next; None: not before something else happens."""
-        return self.timers.next_due_ns()
+        due_ns = self.timers.earliest_ns
+        return None if due_ns == NEVER_NS else due_ns
 
     def tick(self, now_ns: int) -> list[Effect]:
         """Carry out what is due."""
@@ -197,7 +194,7 @@ class Broker:
     def _forget(self, now_ns: int, peer: Peer) -> None:
         del self._peers[peer.id]
         for node in tuple(peer.nodes.values()):
-            self._declarations.remove_node(now_ns, node, self._out)
+            self._registrar.remove_node(now_ns, node, self._out)
         self.graph.forget_types(peer, list(self._peers.values()))
 
     def _on_ping(self, now_ns: int, peer: Peer, message: m.Ping, out: list[Effect]) -> None:
@@ -208,10 +205,10 @@ class Broker:
         """A sign of life, which `handle` has seen already."""
 
     def _on_assert(self, now_ns: int, peer: Peer, message: m.AssertLiveliness, out: list[Effect]) -> None:
-        self._leases.assert_publisher(now_ns, self._declarations.own_publisher(peer, message.publisher))
+        self._leases.assert_publisher(now_ns, self._registrar.own_publisher(peer, message.publisher))
 
     def _on_ack(self, now_ns: int, peer: Peer, message: m.Ack, out: list[Effect]) -> None:
-        subscription = self._declarations.own_subscription(peer, message.subscription)
+        subscription = self._registrar.own_subscription(peer, message.subscription)
         publisher = subscription.matches.get(EndpointId(message.source))
         # A publisher that has just gone may still be acknowledged.
         if publisher is not None and subscription.id in publisher.acked:
@@ -226,7 +223,7 @@ class Broker:
                 give_credit(publisher, out.append)
 
     def _on_report(self, now_ns: int, peer: Peer, message: m.Report, out: list[Effect]) -> None:
-        self._declarations.own_endpoint(peer, message.endpoint).report = message
+        self._registrar.own_endpoint(peer, message.endpoint).report = message
 
     def _on_get_graph(self, now_ns: int, peer: Peer, message: m.GetGraph, out: list[Effect]) -> None:
         out.append(

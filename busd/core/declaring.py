@@ -34,7 +34,7 @@ _GID_BYTES = 16
 _MAX_TYPE_NAME = 255
 
 
-class Declarations:
+class Registrar:
     """Carries out Create..., Destroy... and DeclareType on the graph."""
 
     def __init__(
@@ -177,6 +177,7 @@ class Declarations:
             for publisher in tuple(endpoint.matches.values()):
                 disconnect(self._graph, publisher, endpoint, out)
             endpoint.queue.clear()
+            endpoint.node.peer.perishable.discard(endpoint)
         self._graph.remove_endpoint(endpoint)
 
     def _check_endpoint(

@@ -15,7 +15,12 @@ class Send(NamedTuple):
 
 
 class Flush(NamedTuple):
-    """A subscription's queue, which was empty, has samples for its peer."""
+    """A subscription's queue, which was empty, has samples for its peer.
+
+    The one effect that is no value: `queue` is the core's own, and the shell takes from it what the socket
+    takes. So nothing is copied, what has waited too long or too deep can still be dropped up to the last
+    moment, and what the shell took no longer counts against the peer's quota.
+    """
 
     peer: PeerId
     queue: RunQueue

@@ -31,6 +31,11 @@ class Peer:
     matches: int = 0
     silent: "set[Publisher]" = field(default_factory=set)
     """Publishers with automatic liveliness whose lease ended."""
+    perishable: "set[Subscription]" = field(default_factory=set)
+    """Subscriptions that samples with a lifespan may wait for."""
+
+    def subscriptions(self) -> "list[Subscription]":
+        return [one for one in self.endpoints.values() if isinstance(one, Subscription)]
 
     def describe(self) -> str:
         return f"{self.program or 'process'} (pid {self.pid})"
@@ -135,7 +140,6 @@ class Subscription(Endpoint):
     matches: dict[EndpointId, Publisher] = field(default_factory=dict)
     dropped: dict[str, int] = field(default_factory=dict)
     is_drop_report_due: bool = False
-    has_lifespan: bool = False
     flush: Flush = field(init=False)
     """The effect that says that the queue is no longer empty; made once, because each run needs it."""
 

@@ -55,7 +55,7 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Size in bytes of one message type's schema."""
     message_bytes: _MessageBytes = 64 * _MiB
     """Size in bytes of one encoded message."""
-    queued_bytes_per_peer: _Bytes = 64 * _MiB
+    queued_bytes_per_peer: _Bytes = 128 * _MiB
     """Bytes of messages that wait for one process; over it, its oldest messages are dropped and counted."""
     control_bytes_per_peer: _Bytes = 8 * _MiB
     """Bytes of control frames that wait for one process; over it, the process is cut off."""

@@ -41,7 +41,8 @@ def connect(
     graph.add_match(publisher, subscription)
     if publisher.is_lossless and subscription.is_lossless:
         publisher.acked[subscription.id] = publisher.next_seq - 1
-    subscription.has_lifespan = subscription.has_lifespan or publisher.lifespan_ns > 0
+    if publisher.lifespan_ns:
+        subscription.node.peer.perishable.add(subscription)
     for mine, other in ((publisher, subscription), (subscription, publisher)):
         message = Matched(
             endpoint=mine.id,

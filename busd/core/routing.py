@@ -6,6 +6,7 @@ then calls `trim`, so that a subscriber that keeps up loses nothing to batching.
 """
 
 from collections.abc import Callable
+from functools import partial
 
 from bus.errors import RemoteProtocolError
 from bus.ids import EndpointId
@@ -84,7 +85,7 @@ class Router:
         """Bring the overfull queues within their bounds: oldest samples first, each counted."""
         for subscription in self._overfull:
             queue = subscription.queue
-            if subscription.has_lifespan:
+            if subscription in subscription.node.peer.perishable:
                 self.expire(now_ns, subscription)
             replaced = queue.trim()
             if replaced:
@@ -93,8 +94,19 @@ class Router:
         self._overfull.clear()
 
     def bound(self, now_ns: int, subscription: Subscription) -> None:
-        """Drop the oldest that wait for the subscription while its process is over its quota."""
-        self._shed(now_ns, subscription, "memory_limit", subscription.queue.drop_over_quota)
+        """Drop what waits for the subscription's process while that is over its quota.
+
+        The longest queues lose their oldest first, each but its newest run; these go last, and never the one
+        that has just come for `subscription`, so that a single message of any size gets through.
+        """
+        account, subscriptions = subscription.queue.account, subscription.node.peer.subscriptions()
+        if account.used <= account.limit:
+            return
+        longest_first = sorted(subscriptions, key=lambda one: one.queue.held_bytes, reverse=True)
+        for spare in (1, 0):
+            for one in longest_first:
+                if spare or one is not subscription:
+                    self._shed(now_ns, one, "memory_limit", partial(one.queue.drop_over_quota, spare=spare))
 
     def expire(self, now_ns: int, subscription: Subscription) -> None:
         """Drop what has outlived its lifespan at the head of the subscription's queue."""

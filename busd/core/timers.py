@@ -23,9 +23,6 @@ class Timers:
         heapq.heappush(self._heap, (due_ns, next(self._numbers), action))
         self.earliest_ns = self._heap[0][0]
 
-    def next_due_ns(self) -> int | None:
-        return None if self.earliest_ns == NEVER_NS else self.earliest_ns
-
     def due(self, now_ns: int) -> Iterator[Callable[[int], None]]:
         """Takes out what is due at `now_ns`."""
         while self._heap and self._heap[0][0] <= now_ns:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from bus import qos as qos
+    from bus.endpoint import Match
     from bus.errors import (
         BrokerUnavailable,
         BusError,
@@ -31,17 +32,28 @@ if TYPE_CHECKING:
         QuotaExceeded,
         RemoteProtocolError,
     )
-    from bus.events import PublisherEvents, SubscriptionEvents
+    from bus.events import (
+        DeadlineMissed,
+        IncompatibleQoS,
+        IncompatibleType,
+        LivelinessChanged,
+        LivelinessLost,
+        MatchedChange,
+        MessageLost,
+        PublisherEvents,
+        SubscriptionEvents,
+    )
     from bus.graph import Graph
     from bus.logger import Logger, Severity, get_logger
-    from bus.node import Node
-    from bus.publisher import Publisher
-    from bus.qos import Durability, History, Liveliness, QoSProfile, Reliability
+    from bus.node import Node, NodeStatistics
+    from bus.publisher import Publisher, PublisherStatistics
+    from bus.qos import Durability, History, Liveliness, QoS, QoSProfile, Reliability
     from bus.runner import run
-    from bus.subscription import MessageInfo, Subscription
+    from bus.subscription import MessageInfo, Subscription, SubscriptionStatistics
     from bus.timer import Timer
 
 _HOMES = {
+    "bus.endpoint": ("Match",),
     "bus.errors": (
         "BrokerUnavailable",
         "BusError",
@@ -55,14 +67,24 @@ _HOMES = {
         "QuotaExceeded",
         "RemoteProtocolError",
     ),
-    "bus.events": ("PublisherEvents", "SubscriptionEvents"),
+    "bus.events": (
+        "DeadlineMissed",
+        "IncompatibleQoS",
+        "IncompatibleType",
+        "LivelinessChanged",
+        "LivelinessLost",
+        "MatchedChange",
+        "MessageLost",
+        "PublisherEvents",
+        "SubscriptionEvents",
+    ),
     "bus.graph": ("Graph",),
     "bus.logger": ("Logger", "Severity", "get_logger"),
-    "bus.node": ("Node",),
-    "bus.publisher": ("Publisher",),
-    "bus.qos": ("Durability", "History", "Liveliness", "QoSProfile", "Reliability"),
+    "bus.node": ("Node", "NodeStatistics"),
+    "bus.publisher": ("Publisher", "PublisherStatistics"),
+    "bus.qos": ("Durability", "History", "Liveliness", "QoS", "QoSProfile", "Reliability"),
     "bus.runner": ("run",),
-    "bus.subscription": ("MessageInfo", "Subscription"),
+    "bus.subscription": ("MessageInfo", "Subscription", "SubscriptionStatistics"),
     "bus.timer": ("Timer",),
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
@@ -72,20 +94,31 @@ __all__ = [
     "BusError",
     "ConfigurationError",
     "ConnectionClosed",
+    "DeadlineMissed",
     "Durability",
     "ForkError",
     "Graph",
     "History",
+    "IncompatibleQoS",
+    "IncompatibleType",
     "Liveliness",
+    "LivelinessChanged",
+    "LivelinessLost",
     "LocalProtocolError",
     "Logger",
+    "Match",
+    "MatchedChange",
     "MessageInfo",
+    "MessageLost",
     "MessageTypeError",
     "Node",
+    "NodeStatistics",
     "PayloadTooLarge",
     "ProtocolError",
     "Publisher",
     "PublisherEvents",
+    "PublisherStatistics",
+    "QoS",
     "QoSProfile",
     "QuotaExceeded",
     "Reliability",
@@ -93,6 +126,7 @@ __all__ = [
     "Severity",
     "Subscription",
     "SubscriptionEvents",
+    "SubscriptionStatistics",
     "Timer",
     "get_logger",
     "qos",
@@ -107,3 +141,7 @@ def __getattr__(name: str) -> Any:
         value = globals()[name] = getattr(import_module(_HOME_OF[name]), name)
         return value
     raise AttributeError(f"module 'bus' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__

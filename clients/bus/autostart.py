@@ -23,39 +23,53 @@ _RETRY_S = 0.01
 _UCRED = struct.Struct("=iII")
 _ALREADY_RUNNING = 3  # busd.run.EXIT_ALREADY_RUNNING
 
+_started: set[int] = set()
+"""Process ids of the busds that this process started and that it has not seen end."""
+
 
 def is_allowed(environ: Mapping[str, str] = os.environ) -> bool:
     """Whether a busd may be started: BUSD_AUTOSTART is not 0."""
     return environ.get("BUSD_AUTOSTART", "1") not in ("0", "no", "off", "false")
 
 
-async def open_socket(path: Path) -> socket.socket:
-    """A non-blocking socket connected to the broker at `path`.
+async def open_socket(path: Path, *, may_start: bool = True) -> socket.socket:
+    """A non-blocking socket connected to the broker at `path`; one is started, if it `may_start`.
 
     Raises BrokerUnavailable where none answers and none may be or could be started.
     """
     try:
         return await _connect(path)
     except (FileNotFoundError, ConnectionRefusedError):
+        if not may_start:
+            raise BrokerUnavailable(f"no busd listens on {path}") from None
         if not is_allowed():
             raise BrokerUnavailable(
                 f"no busd listens on {path}; start one with: busd --socket {path}"
                 " (or let programs start it: unset BUSD_AUTOSTART)"
             ) from None
+    except BrokerUnavailable:
+        raise
     except OSError as error:
         raise BrokerUnavailable(f"cannot connect to busd at {path}: {error.strerror or error}") from None
     await start(path)
     try:
         return await _connect_when_ready(path)
+    except BrokerUnavailable:
+        raise
+    except TimeoutError:
+        reason = f"nothing listens there after {_START_S:g} s"
     except OSError as error:
-        raise BrokerUnavailable(f"busd was started at {path} but does not answer: {error}") from None
+        reason = error.strerror or str(error)
+    raise BrokerUnavailable(f"busd was started at {path} but does not answer: {reason}")
 
 
 async def start(path: Path, options: Sequence[str] = ("--idle-exit", str(IDLE_EXIT_S))) -> None:
     """Start a busd at `path` in a session of its own; returns when it is ready, or another one was first.
 
     Its log goes beside the socket. Raises BrokerUnavailable with the reason where it ends or hangs.
+    Cancellation: it goes on.
     """
+    reap()
     log = path.with_suffix(".log")
     loop = asyncio.get_running_loop()
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ready:
@@ -67,22 +81,40 @@ async def start(path: Path, options: Sequence[str] = ("--idle-exit", str(IDLE_EX
                 loop.create_task(loop.sock_recv(ready, 4096)),
                 loop.create_task(process.wait()),
             }
-            done, pending = await asyncio.wait(waits, timeout=_START_S, return_when=asyncio.FIRST_COMPLETED)
-            for task in pending:
-                task.cancel()
-            await asyncio.gather(*pending, return_exceptions=True)
-            status = process.exit_status()
+            try:
+                done, _ = await asyncio.wait(waits, timeout=_START_S, return_when=asyncio.FIRST_COMPLETED)
+            finally:  # nobody may read from the descriptors any more when they are closed
+                for task in waits:
+                    task.cancel()
+                await asyncio.gather(*waits, return_exceptions=True)
+                status = process.exit_status()
+                if status is None:
+                    _started.add(pid)
     if not done:
         raise BrokerUnavailable(f"busd (pid {pid}) did not become ready within {_START_S:g} s; see {log}")
     if status not in (None, 0, _ALREADY_RUNNING):
         raise BrokerUnavailable(f"busd could not be started at {path}: {_last_line(log)}")
 
 
+def reap() -> None:
+    """Let go of the busds that this process started and that have ended; else they stay as zombies."""
+    for pid in tuple(_started):
+        try:
+            has_ended = os.waitpid(pid, os.WNOHANG)[0] == pid
+        except ChildProcessError:  # somebody else has waited for it, or we are a fork of its parent
+            has_ended = True
+        if has_ended:
+            _started.discard(pid)
+
+
 def _spawn(path: Path, log: Path, notify: str, options: Sequence[str]) -> int:
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     environ = {**os.environ, "NOTIFY_SOCKET": notify}
     arguments = [sys.executable, "-m", "busd", "--socket", str(path), *options]
-    flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW
+    # Appended to: those who come second say so in the log of the one that serves.
+    flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW
+    if not path.with_name(f"{path.name}.lock").exists():  # the last one left in order: a new log
+        flags |= os.O_TRUNC
     return os.posix_spawn(
         sys.executable,
         arguments,
@@ -144,6 +176,8 @@ async def _connect(path: Path) -> socket.socket:
 
 def _check_owner(sock: socket.socket, path: Path) -> None:
     """Under /tmp anybody may have made the default folder before us."""
+    if not hasattr(socket, "SO_PEERCRED"):
+        return
     _, uid, _ = _UCRED.unpack(sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size))
     if uid not in (0, os.geteuid()) and path.parent == Path(f"/tmp/busd-{os.geteuid()}"):
         raise BrokerUnavailable(f"{path} is served by user {uid}, who should not be there; nothing was sent")

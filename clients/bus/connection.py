@@ -33,6 +33,10 @@ ANSWER_S = 10.0
 """How long a broker may take to answer before it counts as hung."""
 
 
+class BrokerLeft(BrokerUnavailable):
+    """It closed the connection without a word, as one does that ends with connections in its backlog."""
+
+
 class Connection:
     """Made by `Connection.open`.
 
@@ -56,6 +60,7 @@ class Connection:
         self._loop = asyncio.get_running_loop()
         self._stream: Stream | None = None
         self._loss: ConnectionClosed | None = None
+        self._was_silent = False
         self._requests: dict[int, asyncio.Future[Any]] = {}
         self._numbers = count(1)
         self._types: set[tuple[str, str]] = set()
@@ -79,6 +84,8 @@ class Connection:
         except TimeoutError:
             raise BrokerUnavailable(f"busd at {path} took the connection but does not answer") from None
         except ConnectionClosed as error:
+            if self._was_silent:
+                raise BrokerLeft(f"busd at {path} closed the connection without a word") from None
             raise BrokerUnavailable(f"busd at {path} refused this process: {error}") from None
         finally:
             if not self._greeted.done() or self._greeted.cancelled() or self._greeted.exception():
@@ -190,6 +197,7 @@ class Connection:
 
     def _lost(self, error: Exception | None) -> None:
         reason = self._loss = ConnectionClosed(str(error) if error else "busd closed the connection")
+        self._was_silent = not isinstance(error, RemoteProtocolError)
         self._stream = None
         self._finish(reason)
         self._on_lost(reason)

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator
 from typing import Any, Protocol
 
 from bus.connection import Connection
-from bus.errors import BusError, ConfigurationError, QuotaExceeded
+from bus.errors import BusError, ConfigurationError, ConnectionClosed, QuotaExceeded
 from bus.logger import get_logger
-from bus.qos import QoSProfile
+from bus.qos import Liveliness, QoSProfile
 from bus.typesupport import TypeSupport
 from bus.wire import messages as m
 from bus.wire.runs import Run
@@ -26,6 +26,13 @@ class Declared(Protocol):
     def declaration(self, request: int, node: int) -> m.Message: ...
 
     def declared(self, answer: m.Created) -> None: ...
+
+
+class Node(Declared, Protocol):
+    """A node, as the link sees it."""
+
+    @property
+    def full_name(self) -> str: ...
 
 
 class Endpoint(Declared, Protocol):
@@ -51,20 +58,42 @@ class Endpoint(Declared, Protocol):
 
     def end(self, reason: BusError) -> None: ...
 
+    def abandon(self, reason: BusError) -> None: ...
+
+
+def lease_s(endpoint: Endpoint) -> float | None:
+    """Within what time the broker wants a sign of life from this process for `endpoint`; None = no matter."""
+    if endpoint.kind == "publisher" and endpoint.qos.liveliness is Liveliness.AUTOMATIC:
+        return endpoint.qos.liveliness_lease_duration
+    return None
+
+
+class _Admission:
+    """What is to be done when the answer to a declaration of `what` comes."""
+
+    __slots__ = ("act", "undo", "what")
+
+    def __init__(
+        self, what: Declared, act: Callable[[m.Created], None], undo: Callable[[m.Created], None]
+    ) -> None:
+        self.what = what
+        self.act = act
+        self.undo = undo
+
 
 class Declarations:
     """`by_id` are the endpoints that the broker knows at the moment."""
 
     def __init__(self) -> None:
         self.by_id: dict[int, Endpoint] = {}
-        self._nodes: dict[Declared, dict[Endpoint, None]] = {}
-        self._admissions: dict[int, Callable[[m.Created], None]] = {}
+        self._nodes: dict[Node, dict[Endpoint, None]] = {}
+        self._admissions: dict[int, _Admission] = {}
 
     def __iter__(self) -> Iterator[Endpoint]:
         """Every endpoint, in the order of their making."""
         return iter([endpoint for endpoints in self._nodes.values() for endpoint in endpoints])
 
-    async def add_node(self, connection: Connection, node: Declared) -> None:
+    async def add_node(self, connection: Connection, node: Node) -> None:
         """Make `node` known to the broker."""
 
         def admit(answer: m.Created) -> None:
@@ -73,31 +102,45 @@ class Declarations:
 
         await self._declare(
             connection,
+            node,
             lambda number: node.declaration(number, 0),
             admit,
-            lambda answer: m.DestroyNode(node=answer.id),
+            lambda answer: connection.send(m.DestroyNode(node=answer.id)),
         )
 
-    async def add(self, connection: Connection, node: Declared, endpoint: Endpoint) -> None:
-        """Make an endpoint of `node` known to the broker. Raises what the broker refuses it with."""
+    async def add(self, connection: Connection, node: Node, endpoint: Endpoint) -> None:
+        """Make an endpoint of `node` known to the broker.
+
+        Raises what the broker refuses it with, ConnectionClosed where the node is closed meanwhile.
+        """
 
         def admit(answer: m.Created) -> None:
+            if node not in self._nodes or endpoint.refusal is not None:
+                undo(answer)
+                return
             endpoint.declared(answer)
             self._nodes[node][endpoint] = None
             self.by_id[answer.id] = endpoint
 
+        def undo(answer: m.Created) -> None:
+            if node in self._nodes:  # else the broker took the endpoint away with its node
+                connection.send(m.DestroyEndpoint(endpoint=answer.id))
+
+        self._check(node)
         connection.declare_type(endpoint.support)
         await self._declare(
             connection,
+            endpoint,
             lambda number: endpoint.declaration(number, node.id),
             admit,
-            lambda answer: m.DestroyEndpoint(endpoint=answer.id),
+            undo,
         )
+        self._check(node)
 
     async def declare_again(self, connection: Connection) -> None:
-        """Tell a new broker everything. An endpoint that it refuses is ended, and the log says why."""
+        """Tell a new broker everything. What it refuses is ended, and the log says why."""
         nodes = tuple(self._nodes)
-        await asyncio.gather(*(self.add_node(connection, node) for node in nodes))
+        await asyncio.gather(*(self._try_node_again(connection, node) for node in nodes))
         pairs = [(node, endpoint) for node in nodes for endpoint in self._nodes.get(node, ())]
         await asyncio.gather(*(self._try_again(connection, node, endpoint) for node, endpoint in pairs))
 
@@ -105,62 +148,85 @@ class Declarations:
         """The broker made something. To be called before anything that came after is handled."""
         admission = self._admissions.pop(answer.request, None)
         if admission is not None:
-            admission(answer)
+            admission.act(answer)
 
     def remove(self, endpoint: Endpoint) -> None:
         for endpoints in self._nodes.values():
             endpoints.pop(endpoint, None)
         self.by_id.pop(endpoint.id, None)
+        self._revoke(endpoint)
 
-    def remove_node(self, node: Declared) -> bool:
+    def remove_node(self, node: Node) -> bool:
         """Returns whether it was declared."""
+        self._revoke(node)
         return self._nodes.pop(node, None) is not None
 
     def disconnected(self) -> None:
         """The broker is gone, and with it all ids."""
         self._admissions.clear()
         self.by_id.clear()
+        for node in self._nodes:
+            node.id = 0
         for endpoint in self:
             endpoint.disconnected()
 
     def shortest_lease_s(self) -> float | None:
-        """The shortest liveliness lease that a publisher has promised."""
-        leases = [
-            endpoint.qos.liveliness_lease_duration
-            for endpoint in self
-            if endpoint.kind == "publisher" and endpoint.qos.liveliness_lease_duration is not None
-        ]
-        return min(leases, default=None)
+        """The shortest lease of all publishers."""
+        return min((lease for lease in map(lease_s, self) if lease is not None), default=None)
 
-    async def _try_again(self, connection: Connection, node: Declared, endpoint: Endpoint) -> None:
+    def _check(self, node: Node) -> None:
+        if node not in self._nodes:
+            raise ConnectionClosed(f"node {node.full_name} was closed, or a new busd refused it")
+
+    def _revoke(self, what: Declared) -> None:
+        """Nobody waits for the answer to its declaration any more: what that makes is not wanted."""
+        for admission in self._admissions.values():
+            if admission.what is what:
+                admission.act = admission.undo
+
+    async def _try_node_again(self, connection: Connection, node: Node) -> None:
+        if node not in self._nodes:  # closed a moment ago
+            return
+        try:
+            await self.add_node(connection, node)
+        except (ConfigurationError, QuotaExceeded) as error:
+            _log.error(f"the new busd refuses the node {node.full_name}: {error}")
+            for endpoint in self._nodes.pop(node, {}):
+                endpoint.end(error)
+
+    async def _try_again(self, connection: Connection, node: Node, endpoint: Endpoint) -> None:
+        if endpoint not in self._nodes.get(node, {}):  # closed a moment ago
+            return
         try:
             await self.add(connection, node, endpoint)
         except (ConfigurationError, QuotaExceeded) as error:
             _log.error(f"the new busd refuses the {endpoint.kind} on '{endpoint.topic_name}': {error}")
             self.remove(endpoint)
             endpoint.end(error)
+        except ConnectionClosed:
+            if node in self._nodes:
+                raise
 
     async def _declare(
         self,
         connection: Connection,
+        what: Declared,
         make: Callable[[int], m.Message],
         admit: Callable[[m.Created], None],
-        undo: Callable[[m.Created], m.Message],
+        undo: Callable[[m.Created], None],
     ) -> None:
         request = 0
 
         def declaration(number: int) -> m.Message:
             nonlocal request
             request = number
-            self._admissions[number] = admit
+            self._admissions[number] = _Admission(what, admit, undo)
             return make(number)
 
         try:
             await connection.request(declaration)
         except (asyncio.CancelledError, TimeoutError):
-            if request in self._admissions:
-                # Nobody waits for the answer any more: what it makes is not wanted.
-                self._admissions[request] = lambda answer: connection.send(undo(answer))
+            self._revoke(what)
             raise
         except BaseException:
             self._admissions.pop(request, None)

@@ -110,6 +110,10 @@ class Endpoint(Generic[M]):
                 waiter.set_exception(reason)
         self._match_waiters.clear()
 
+    def abandon(self, reason: BusError) -> None:
+        """In the child of a fork: not to be used any more; nothing of the parent's loop is touched."""
+        self.refusal = reason
+
     def declaration(self, request: int, node: int) -> m.Message:
         """The message that creates this endpoint at the broker."""
         raise NotImplementedError

@@ -35,11 +35,13 @@ class Source:
         "last_seq",
         "lifespan_ns",
         "needs_ack",
+        "number",
         "taken_seq",
         "unacked_bytes",
     )
 
-    def __init__(self, gid: bytes, last_seq: int, lifespan_ns: int, *, needs_ack: bool) -> None:
+    def __init__(self, number: int, gid: bytes, last_seq: int, lifespan_ns: int, *, needs_ack: bool) -> None:
+        self.number = number
         self.gid = gid
         self.last_seq = last_seq
         self.lifespan_ns = lifespan_ns
@@ -54,7 +56,7 @@ class Inbox(Generic[M]):
     """`depth` 0 is keep all; then `take` decodes a whole run at once, because nothing is ever replaced.
 
     `on_drop(reason, count)` is told of every sample lost here, `on_reject(size, error)` of those that do not
-    decode, `on_taken(source number, source)` of what a lossless publisher must learn.
+    decode, `on_taken(source)` of what a lossless publisher must learn.
     """
 
     def __init__(
@@ -65,7 +67,7 @@ class Inbox(Generic[M]):
         is_lossless: bool,
         on_drop: Callable[[str, int], None],
         on_reject: Callable[[int, Exception], None],
-        on_taken: Callable[[int, Source], None],
+        on_taken: Callable[[Source], None],
     ) -> None:
         self.samples = 0
         self.bytes = 0
@@ -101,9 +103,14 @@ class Inbox(Generic[M]):
         if len(self._gone) > _MOST_GONE:
             self.sources.pop(self._gone.popleft(), None)
 
+    def disconnected(self) -> None:
+        """The broker is gone, and with it the numbers of its publishers; what waits keeps its origin."""
+        self.sources.clear()
+        self._gone.clear()
+
     def put(self, run: Run) -> bool:
         """Queue a run; returns whether the inbox now holds too much and is to be trimmed."""
-        source = self.sources.get(run.source)
+        source = run.origin = self.sources.get(run.source)
         if source is not None:
             run.lifespan_ns = source.lifespan_ns
             if run.first_seq <= source.last_seq and not run.is_replay and not _skip_known(run, source):
@@ -119,7 +126,9 @@ class Inbox(Generic[M]):
         """Drop the oldest beyond the bounds, and count them."""
         if replaced := self._queue.trim():
             self.drop("replaced", replaced)
-        if over := self._queue.drop_over_quota():
+        gone: list[Run] = []
+        if over := self._queue.drop_over_quota(gone):
+            self._let_go(gone)
             self.drop("memory_limit", over)
 
     def drop(self, reason: str, count: int) -> None:
@@ -133,17 +142,16 @@ class Inbox(Generic[M]):
         `limit`: how many may be decoded at once. What is decoded is taken: a newer sample replaces it no
         more. So that is 1, but where nothing is ever replaced or nothing can come in between.
         """
-        if not self._ahead:
-            runs = self._queue.runs
+        ahead, runs = self._ahead, self._queue.runs
+        while not ahead:
             if not runs:
                 return None
             run = runs[0]
-            if run.count == 1 and not run.lifespan_ns and not self.is_lossless:
-                return self._take_single(run) or self.take(limit)
-            self._decode_ahead(limit)
-            if not self._ahead:
-                return None
-        return self._ahead.popleft()
+            if run.count > 1 or run.lifespan_ns or self.is_lossless:
+                self._decode_ahead(run, limit if self._queue.depth else ALL)
+            elif taken := self._take_single(run):
+                return taken
+        return ahead.popleft()
 
     def _take_single(self, run: Run) -> tuple[M, Run, int, int] | None:
         """A run of one sample, as at a moderate rate they all are: the same as below, without the loop."""
@@ -155,65 +163,78 @@ class Inbox(Generic[M]):
             return None
         try:
             message = self._decode(memoryview(body)[RECORD_HEAD_BYTES:])
-        except (ValueError, RecursionError) as error:
-            self._on_reject(size, error)
-            self.drop("undecodable", 1)
+        except Exception as error:  # a message class may raise anything
+            self._reject([(size, error)])
             return None
         self.samples += 1
         self.bytes += size
         return message, run, head[1], run.first_seq
 
-    def _decode_ahead(self, limit: int) -> None:
+    def _decode_ahead(self, run: Run, limit: int) -> None:
+        """Decode up to `limit` samples of the oldest run."""
         queue, ahead, decode = self._queue, self._ahead, self._decode
-        if not queue.depth:
-            limit = ALL
-        while queue.runs and not ahead:
-            run = queue.runs[0]
-            if run.lifespan_ns and (expired := queue.drop_expired(monotonic_ns())):
+        if run.lifespan_ns:
+            gone: list[Run] = []
+            if expired := queue.drop_expired(monotonic_ns(), gone):
+                self._let_go(gone)
                 self.drop("expired", expired)
-                continue
-            begin, first_seq, held = queue.offset, run.first_seq + queue.skipped, run.count - queue.skipped
-            offset, number = begin, min(limit, held)
-            length = len(run.body)
-            # Slicing bytes copies and is faster for short payloads; a view is for long ones.
-            body = run.body if length < _SHORT_BYTES * run.count else memoryview(run.body)
-            seq = first_seq
-            for seq in range(first_seq, first_seq + number):
-                start = offset + RECORD_HEAD_BYTES
-                if start > length:
-                    break
-                size, stamp_ns = _unpack_record(body, offset)
-                offset = start + size
-                if offset > length:
-                    break
-                try:
-                    ahead.append((decode(body[start:offset]), run, stamp_ns, seq))
-                except (ValueError, RecursionError) as error:
-                    self._on_reject(size, error)
-                    self.drop("undecodable", 1)
+                return
+        begin, first_seq, held = queue.offset, run.first_seq + queue.skipped, run.count - queue.skipped
+        offset, number = begin, min(limit, held)
+        length = len(run.body)
+        # Slicing bytes copies and is faster for short payloads; a view is for long ones.
+        body = run.body if length < _SHORT_BYTES * run.count else memoryview(run.body)
+        rejected: list[tuple[int, Exception]] = []
+        seq = first_seq
+        for seq in range(first_seq, first_seq + number):
+            start = offset + RECORD_HEAD_BYTES
+            if start > length:
+                break
+            size, stamp_ns = _unpack_record(body, offset)
+            offset = start + size
+            if offset > length:
+                break
+            try:
+                ahead.append((decode(body[start:offset]), run, stamp_ns, seq))
+            except Exception as error:
+                rejected.append((size, error))
+        else:
+            if number == held:
+                queue.forget_head()
             else:
-                if number == held:
-                    queue.forget_head()
-                else:
-                    queue.advance(number, offset)
-                self.samples += len(ahead)
-                self.bytes += offset - begin - number * RECORD_HEAD_BYTES
-                if self.is_lossless:
-                    self._note_taken(run, seq, offset - begin)
-                continue
-            # The run is shorter than it claims: what it still claims is gone with it.
-            queue.forget_head()
-            self.samples += len(ahead)
-            if self.is_lossless:
-                self._note_taken(run, first_seq + held - 1, length - begin)
-            self.drop("undecodable", first_seq + held - seq)
+                queue.advance(number, offset)
+            self._count(run, seq, offset - begin - number * RECORD_HEAD_BYTES)
+            self._reject(rejected)
+            return
+        # The run is shorter than it claims: what it still claims is gone with it.
+        queue.forget_head()
+        self._count(run, first_seq + held - 1, length - begin)
+        self._reject(rejected)
+        self.drop("undecodable", first_seq + held - seq)
+
+    def _count(self, run: Run, seq: int, size: int) -> None:
+        self.samples += len(self._ahead)
+        self.bytes += size
+        if self.is_lossless:
+            self._note_taken(run, seq, size)
+
+    def _let_go(self, gone: list[Run]) -> None:
+        """Runs went untaken; a lossless publisher must not wait for them."""
+        for run in gone:
+            self._note_taken(run, run.first_seq + run.count - 1, len(run.body))
 
     def _note_taken(self, run: Run, seq: int, size: int) -> None:
-        source = self.sources.get(run.source)
-        if source is not None and source.needs_ack:
+        source = run.origin
+        if isinstance(source, Source) and source.needs_ack and seq > source.taken_seq:
             source.taken_seq = seq
             source.unacked_bytes += size
-            self._on_taken(run.source, source)
+            self._on_taken(source)
+
+    def _reject(self, rejected: list[tuple[int, Exception]]) -> None:
+        # After the queue was brought in order: whoever is told may take again.
+        for size, error in rejected:
+            self._on_reject(size, error)
+            self.drop("undecodable", 1)
 
 
 def _skip_known(run: Run, source: Source) -> bool:

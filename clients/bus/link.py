@@ -13,9 +13,9 @@ from threading import get_ident
 from time import monotonic_ns, time_ns
 from typing import Any, ClassVar, TypeVar
 
-from bus.connection import Connection
-from bus.declarations import Declarations, Declared, Endpoint
-from bus.errors import BrokerUnavailable, BusError, ConnectionClosed, ForkError
+from bus.connection import BrokerLeft, Connection
+from bus.declarations import Declarations, Declared, Endpoint, Node, lease_s
+from bus.errors import BrokerUnavailable, BusError, ConnectionClosed, ForkError, RemoteProtocolError
 from bus.logger import get_logger
 from bus.wire import messages as m
 from bus.wire.runs import Run, RunQueue
@@ -26,6 +26,7 @@ GATHER_NS = 100_000
 """A message that follows so soon on the one before is gathered with others."""
 
 _REPORT_S = 0.5
+_SHORTEST_BEAT_S = 0.01
 _RETRY_S = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 
 _log = get_logger("bus")
@@ -51,7 +52,7 @@ class Link:
         self._touched: set[Endpoint] = set()
         self._reports: set[Endpoint] = set()
         self._report_timer: asyncio.TimerHandle | None = None
-        self._drain_waiters: list[tuple[RunQueue, asyncio.Future[None]]] = []
+        self._drain_waiters: list[asyncio.Future[None]] = []
         self._observers: list[Callable[[], None]] = []
         Link._links.add(self)
 
@@ -92,7 +93,7 @@ class Link:
             self._send_reports()
         if self._connection is not None:
             self._connection.close()
-        self._fail_drains(self.failure)
+        self._look_at_drains()
 
     @property
     def broker_pid(self) -> int:
@@ -101,17 +102,18 @@ class Link:
 
     # --- what is declared
 
-    async def declare_node(self, node: Declared) -> None:
+    async def declare_node(self, node: Node) -> None:
         """Make `node` known to the broker, now and after each reconnection."""
         await self._when_connected(lambda connection: self._declarations.add_node(connection, node))
 
-    async def declare(self, node: Declared, endpoint: Endpoint) -> None:
+    async def declare(self, node: Node, endpoint: Endpoint) -> None:
         """Make an endpoint of `node` known to the broker, now and after each reconnection.
 
         Raises ConfigurationError or QuotaExceeded where the broker refuses it. Cancellation: not declared.
         """
         await self._when_connected(lambda connection: self._declarations.add(connection, node, endpoint))
-        self._set_heartbeat()
+        if lease_s(endpoint) is not None:
+            self._set_heartbeat()
 
     def forget(self, endpoint: Endpoint) -> None:
         """Take an endpoint out of the graph."""
@@ -122,8 +124,10 @@ class Link:
         self._declarations.remove(endpoint)
         self.send_about(endpoint, m.DestroyEndpoint(endpoint=endpoint.id))
         endpoint.id = 0  # messages that it still gives out must not be acknowledged any more
+        if lease_s(endpoint) is not None:
+            self._set_heartbeat()
 
-    def forget_node(self, node: Declared) -> None:
+    def forget_node(self, node: Node) -> None:
         """Take a node out of the graph; its endpoints must have been closed."""
         if self._declarations.remove_node(node):
             self.send_about(node, m.DestroyNode(node=node.id))
@@ -139,7 +143,7 @@ class Link:
 
     async def observe(self, tell: Callable[[], None]) -> None:
         """Call `tell` at every change of the graph from now on, and after a reconnection."""
-        self._observers.append(tell)
+        self._observers.append(tell)  # before anything is awaited: whoever calls may undo it then
         await self.request(lambda number: m.Observe(request=number))
 
     def stop_observing(self, tell: Callable[[], None]) -> None:
@@ -175,12 +179,15 @@ class Link:
             if self.failure is not None:
                 raise self.failure
             waiter = self.loop.create_future()
-            self._drain_waiters.append((queue, waiter))
+            self._drain_waiters.append(waiter)
             await waiter
 
     def report(self, endpoint: Endpoint) -> None:
         """The counters of `endpoint` have changed; the broker is told soon."""
         self._reports.add(endpoint)
+        self._arm_reports()
+
+    def _arm_reports(self) -> None:
         if self._report_timer is None:
             self._report_timer = self.loop.call_later(_REPORT_S, self._send_reports)
 
@@ -192,28 +199,26 @@ class Link:
 
     def _wrote(self) -> None:
         """The socket took all that was chosen; who waits for that may look again after the next choice."""
-        self.loop.call_soon(self._look_at_drains)
+        if self._drain_waiters:
+            self.loop.call_soon(self._look_at_drains)
 
     def _look_at_drains(self) -> None:
         waiters, self._drain_waiters = self._drain_waiters, []
-        for queue, waiter in waiters:
-            if queue.runs:
-                self._drain_waiters.append((queue, waiter))
-            elif not waiter.done():
-                waiter.set_result(None)
-
-    def _fail_drains(self, reason: BusError) -> None:
-        for _, waiter in self._drain_waiters:
+        for waiter in waiters:
             if not waiter.done():
-                waiter.set_exception(reason)
-        self._drain_waiters.clear()
+                waiter.set_result(None)
 
     def _send_reports(self) -> None:
         self._report_timer = None
         self.wall_offset_ns = time_ns() - monotonic_ns()  # the wall clock may have been set
         reports, self._reports = self._reports, set()
         for endpoint in reports:
-            self.send_about(endpoint, endpoint.totals())
+            totals = endpoint.totals()
+            self.send_about(endpoint, totals)
+            if totals.queued and endpoint.refusal is None:
+                self._reports.add(endpoint)  # nobody says so when they are taken
+        if self._reports and self.failure is None:
+            self._arm_reports()
 
     # --- what comes in
 
@@ -222,24 +227,34 @@ class Link:
         endpoints, touched = self._declarations.by_id, self._touched
         try:
             for item in items:
-                if item.__class__ is Run:
-                    subscription = endpoints.get(item.endpoint)
-                    if subscription is not None:  # else it was closed a moment ago
-                        item.received_ns = received_ns
-                        subscription.receive_run(item)
-                        touched.add(subscription)
-                else:
-                    self._handle(item)
+                try:
+                    if item.__class__ is Run:
+                        subscription = endpoints.get(item.endpoint)
+                        if subscription is not None:  # else it was closed a moment ago
+                            item.received_ns = received_ns
+                            touched.add(subscription)
+                            subscription.receive_run(item)
+                    else:
+                        self._handle(item)
+                except RemoteProtocolError:
+                    raise
+                except Exception as error:
+                    self._tell_loop(error)  # the rest of the read is for others
         finally:
             if touched:
                 self._wake(touched)
 
     def _wake(self, touched: set[Endpoint]) -> None:
         self._reports |= touched
-        if self._report_timer is None:
-            self._report_timer = self.loop.call_later(_REPORT_S, self._send_reports)
+        self._arm_reports()
         while touched:
-            touched.pop().wake()
+            try:
+                touched.pop().wake()
+            except Exception as error:
+                self._tell_loop(error)
+
+    def _tell_loop(self, error: Exception) -> None:
+        self.loop.call_exception_handler({"message": "handling what came from busd", "exception": error})
 
     def _handle(self, message: Any) -> None:
         if isinstance(message, m.Created):
@@ -269,12 +284,21 @@ class Link:
 
     async def _open(self) -> None:
         try:
-            await self._connect()
+            await self._connect_first()
         except BaseException as error:
             self.failure = error if isinstance(error, BusError) else BrokerUnavailable(str(error))
             raise
         finally:
             self._opening = None
+
+    async def _connect_first(self) -> None:
+        for pause_s in _RETRY_S:
+            try:
+                await self._connect()
+                return
+            except BrokerLeft:
+                await asyncio.sleep(pause_s)  # one that was idle was just ending: then start another
+        await self._connect()
 
     async def _connect(self) -> Connection:
         connection = Connection(on_received=self._received, on_lost=self._lost, on_wrote=self._wrote)
@@ -297,6 +321,7 @@ class Link:
     async def _reconnect(self) -> None:
         pauses = iter(_RETRY_S)
         pause_s = 0.0
+        known_reason = ""
         try:
             while True:
                 pause_s = next(pauses, pause_s)
@@ -304,10 +329,15 @@ class Link:
                 try:
                     await self._declare_again(await self._connect())
                 except (OSError, BusError) as error:
-                    _log.debug(f"busd is not back yet: {error}")
+                    reason = str(error)
+                    (_log.debug if reason == known_reason else _log.warning)(
+                        f"busd is not back yet: {reason}"
+                    )
+                    known_reason = reason
                     if self._connection is not None:
                         self._connection.close()
                         self._connection = None
+                        self._declarations.disconnected()
                     continue
                 if self._connection is None:  # lost again, a moment ago
                     continue
@@ -343,22 +373,27 @@ class Link:
             await connection.request(lambda number: m.Observe(request=number))
         for tell in tuple(self._observers):
             tell()
+        self.flush()
+        self._look_at_drains()
 
     def _set_heartbeat(self) -> None:
-        if self._connection is not None and self._connection.lease_s:
-            lease_s = self._declarations.shortest_lease_s() or self._connection.lease_s
-            self._connection.beat(min(lease_s, self._connection.lease_s) / 3)
+        connection = self._connection
+        if connection is not None and connection.lease_s:
+            shortest_s = self._declarations.shortest_lease_s() or connection.lease_s
+            connection.beat(max(min(shortest_s, connection.lease_s) / 3, _SHORTEST_BEAT_S))
 
 
 def _forked() -> None:
-    for link in tuple(Link._links):
-        link.failure = ForkError(
-            "this node was made before a fork; make a node of its own in the child process"
-        )
+    # The event loop is the parent's, down to its file descriptors: no task, future or timer may be touched.
+    links = tuple(Link._links)
+    reason = ForkError("this node was made before a fork; make a node of its own in the child process")
+    for link in links:
+        link.failure = reason
         if link._connection is not None:
             link._connection.abandon()
+    for link in links:
         for endpoint in link._declarations:
-            endpoint.end(link.failure)
+            endpoint.abandon(reason)
 
 
 os.register_at_fork(after_in_child=_forked)

@@ -2,10 +2,11 @@
 
 import asyncio
 import sys
+import weakref
 from collections.abc import Callable, Sequence
 from os import PathLike
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, Literal, Self, TypeVar, overload
 
 import msgspec
 
@@ -16,16 +17,18 @@ from bus.errors import ConfigurationError, ConnectionClosed, ForkError
 from bus.events import PublisherEvents, SubscriptionEvents
 from bus.graph import Graph
 from bus.link import Link
-from bus.logger import LogEntry, Logger, get_logger
+from bus.logger import LogEntry, Logger, enable_console, get_logger, set_default_level
 from bus.publisher import Publisher
 from bus.qos import QoS, profile, rosout_default
 from bus.schema import build
-from bus.subscription import Subscription
+from bus.subscription import MessageInfo, Subscription
 from bus.timer import Timer
 from bus.typesupport import type_support
 from bus.wire import messages as m
 
 M = TypeVar("M", bound=msgspec.Struct)
+
+_log = get_logger("bus")
 
 
 class NodeStatistics(msgspec.Struct, frozen=True):
@@ -68,10 +71,17 @@ class Node:
         self._path = socket_path(socket, domain)
         self._logger = get_logger(names.logger_name(self.namespace, self.name))
         for level in self._arguments.log_levels:
-            (get_logger(level.logger) if level.logger else self._logger).set_level(level.severity)
+            if level.logger:
+                get_logger(level.logger).set_level(level.severity)
+            else:
+                set_default_level(level.severity)
+        if not self._arguments.log_to_console:
+            enable_console(False)
+        if self._arguments.parameters:
+            _log.warning("parameters (-p, --params-file) are not supported yet and are ignored", once=True)
         self._link: Link | None = None
         self._endpoints: list[Publisher[Any] | Subscription[Any]] = []
-        self._timers: list[Timer] = []
+        self._timers: weakref.WeakSet[Timer] = weakref.WeakSet()  # one that runs is held by the loop
         self._body: asyncio.Task[Any] | None = None
         self._error: BaseException | None = None
         self._wants_rosout = rosout and self._arguments.log_to_rosout
@@ -101,13 +111,14 @@ class Node:
         link, self._link = self._link, None
         if link is None:
             return
-        for timer in self._timers:
+        for timer in tuple(self._timers):
             timer.close()
         self._logger.remove_sink(self._publish_log)
-        if not isinstance(link.failure, ForkError):
-            await asyncio.gather(*(endpoint.close() for endpoint in self._endpoints))
-            link.forget_node(self)
-        link.release()
+        try:
+            if not isinstance(link.failure, ForkError):
+                await self._close_endpoints(link)
+        finally:
+            link.release()
 
     async def __aenter__(self) -> Self:
         await self.open()
@@ -146,16 +157,40 @@ class Node:
         await self._declare(link, publisher)
         return publisher
 
+    @overload
     async def create_subscription(
         self,
         message_type: type[M],
         topic: str,
         qos: QoS = 10,
-        callback: Callable[..., Any] | None = None,
+        callback: Callable[[M], object] | Callable[[M, MessageInfo], object] | None = None,
+        *,
+        events: SubscriptionEvents | None = None,
+        raw: Literal[False] = False,
+    ) -> Subscription[M]: ...
+
+    @overload
+    async def create_subscription(
+        self,
+        message_type: type[M],
+        topic: str,
+        qos: QoS = 10,
+        callback: Callable[[Any], object] | Callable[[Any, MessageInfo], object] | None = None,
+        *,
+        events: SubscriptionEvents | None = None,
+        raw: bool,
+    ) -> Subscription[Any]: ...
+
+    async def create_subscription(
+        self,
+        message_type: type[M],
+        topic: str,
+        qos: QoS = 10,
+        callback: Callable[..., object] | None = None,
         *,
         events: SubscriptionEvents | None = None,
         raw: bool = False,
-    ) -> Subscription[M]:
+    ) -> Subscription[Any]:
         """A subscription to `message_type` on `topic`.
 
         `callback` is `def` or `async def`, of (message) or (message, info). Calls of one subscription never
@@ -185,7 +220,7 @@ class Node:
         """Call `callback`, `def` or `async def`, every `period_s` seconds; see `Timer`."""
         self._opened()
         timer = Timer(period_s, callback, self._fail)
-        self._timers.append(timer)
+        self._timers.add(timer)
         return timer
 
     def get_logger(self) -> Logger:
@@ -212,8 +247,8 @@ class Node:
         link = self._opened()
         changed = asyncio.Event()
 
-        await link.observe(changed.set)
         try:
+            await link.observe(changed.set)
             while True:
                 changed.clear()
                 graph = await self.graph()
@@ -283,6 +318,19 @@ class Node:
             raise
         self._endpoints = [one for one in self._endpoints if one.refusal is None]
         self._endpoints.append(endpoint)
+
+    async def _close_endpoints(self, link: Link) -> None:
+        try:
+            results = await asyncio.gather(*(one.close() for one in self._endpoints), return_exceptions=True)
+        finally:
+            for endpoint in self._endpoints:
+                if endpoint.refusal is None:  # its close was cut short
+                    link.forget(endpoint)
+                    endpoint.end(ConnectionClosed(f"node {self.full_name} is closed"))
+            link.forget_node(self)
+        for result in results:
+            if isinstance(result, BaseException):
+                raise result
 
     def _fail(self, error: BaseException) -> None:
         """A callback raised: end the body of the `async with`, or tell the event loop where there is none."""

@@ -1,8 +1,9 @@
 """Publishers: typed messages in, runs of samples out.
 
 A message is checked, encoded and stamped in `publish`. It leaves at once, but where the one before left a
-moment ago: then it is gathered with those that follow into a run, which leaves when it is full or when the turn
-of the event loop ends. So a paced publisher has the latency of one system call, and a flood its throughput.
+moment ago: then it is gathered with those that follow into a run, which leaves when it is full or when the
+turn of the event loop ends. So a paced publisher has the latency of one system call, and a flood its
+throughput.
 """
 
 import asyncio
@@ -16,11 +17,12 @@ from typing import Any, TypeVar
 import msgspec
 
 from bus.endpoint import Endpoint
-from bus.errors import ConnectionClosed, PayloadTooLarge
+from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
 from bus.events import LivelinessLost, PublisherEvents
 from bus.link import GATHER_NS, Link
 from bus.logger import Logger
 from bus.qos import Durability, History, QoSProfile
+from bus.threadqueue import ThreadQueue
 from bus.transport.memory import LARGE_BYTES, keep_freed_memory
 from bus.typesupport import TypeSupport, wrong_class
 from bus.wire import messages as m
@@ -29,7 +31,6 @@ from bus.wire.runs import Account, Buffer, Run, RunQueue, data_head
 
 M = TypeVar("M", bound=msgspec.Struct)
 
-_MOST_PARTS = 2 * 512
 _SHORT_BYTES = 4096
 _QUEUE_BYTES = 64 << 20
 _DRAIN_S = 5.0
@@ -98,8 +99,7 @@ class Publisher(Endpoint[M]):
         self._flying_bytes = 0
         self._flying: deque[tuple[int, int]] = deque()
         self._room_waiters: deque[asyncio.Future[None]] = deque()
-        self._from_threads: deque[tuple[bytes, int]] = deque()
-        self._is_collecting = False
+        self._from_threads = ThreadQueue(_QUEUE_BYTES)
         self._watch_deadline()
 
     def publish(self, message: M) -> bool:
@@ -145,9 +145,14 @@ class Publisher(Endpoint[M]):
             await self._wait_for_room()
 
     async def flush(self) -> None:
-        """Wait until everything published has been handed to the broker's socket."""
+        """Wait until everything published has been given to the broker's socket, also across its restart.
+
+        Raises ConnectionClosed where the link ends first. Cancellation: nothing is lost.
+        """
+        self._collect_from_threads()
         self.hand_over()
-        await self._drain()
+        self._link.flush()
+        await self._link.wait_for_drain(self._queue)
 
     async def wait_for_subscriptions(self, number: int = 1) -> None:
         """Wait until at least `number` subscriptions are matched. Cancellation leaves nothing behind."""
@@ -228,6 +233,10 @@ class Publisher(Endpoint[M]):
     def declared(self, answer: m.Created) -> None:
         super().declared(answer)
         self._max_bytes = answer.max_message_bytes
+        limit = max(_QUEUE_BYTES, answer.max_message_bytes + RUN_BYTES)
+        self._queue.account.limit = limit
+        if self._history is not None:
+            self._history.account.limit = limit
         self._window_samples = answer.window_samples
         self._window_bytes = answer.window_bytes
         self._full_parts = 2 * answer.depth or 1 << 30
@@ -278,6 +287,11 @@ class Publisher(Endpoint[M]):
             if not waiter.done():
                 waiter.set_exception(reason)
 
+    def abandon(self, reason: BusError) -> None:
+        super().abandon(reason)
+        self._parts.clear()
+        self._budget = 0
+
     # --- inside
 
     def _first_seq_to_send(self) -> int:
@@ -312,10 +326,10 @@ class Publisher(Endpoint[M]):
         return True
 
     def _room(self) -> int:
-        """Bytes that a keep-all publisher may still hand over before somebody takes something."""
-        if self._next_seq - 1 - self._credited >= self._window_samples:
+        """Bytes that a keep-all publisher may still take before somebody takes something from it."""
+        if self._next_seq - 1 - self._credited + self._from_threads.count >= self._window_samples:
             return 0
-        return self._window_bytes - self._flying_bytes
+        return self._window_bytes - self._flying_bytes - self._from_threads.held_bytes
 
     def _credit(self, seq: int) -> None:
         self._credited = max(self._credited, seq)
@@ -334,44 +348,46 @@ class Publisher(Endpoint[M]):
         await waiter
 
     def _publish_from_thread(self, payload: bytes, stamp_ns: int) -> bool:
-        if self._is_windowed and self._flying and self._room() < len(payload) + RECORD_HEAD_BYTES:
+        waiting = self._from_threads
+        is_ahead = self._is_windowed and (self._flying or waiting.count)
+        if is_ahead and self._room() < len(payload) + RECORD_HEAD_BYTES:
             self._refused += 1
             return False
-        waiting = self._from_threads
-        waiting.append((payload, stamp_ns))
-        if len(waiting) > self._full_parts // 2:
+        if waiting.put(payload, stamp_ns, self._full_parts // 2):
             try:
-                waiting.popleft()
-                self._replaced += 1
-            except IndexError:
-                pass  # the event loop was faster
-        # The collector lowers the flag before it looks, so whoever sees it raised will be looked at.
-        if not self._is_collecting:
-            self._is_collecting = True
-            self._link.loop.call_soon_threadsafe(self._collect_from_threads)
+                self._link.loop.call_soon_threadsafe(self._collect_from_threads)
+            except RuntimeError:
+                raise ConnectionClosed(f"the event loop of '{self.topic_name}' has ended") from None
         return True
 
     def _collect_from_threads(self) -> None:
-        self._is_collecting = False
-        self.hand_over()
-        while self._from_threads and self.refusal is None:
-            payload, stamp_ns = self._from_threads.popleft()
-            self._parts += (_pack_record(len(payload), stamp_ns), payload)
-            if len(self._parts) >= min(self._full_parts, _MOST_PARTS) or len(payload) >= RUN_BYTES:
-                self.hand_over()
-        self.hand_over()
+        """Publish, on the event loop, what other threads have published."""
+        batch = self._from_threads.take()
+        if self.refusal is None:
+            self.hand_over()
+            # Those that were replaced keep their numbers: the gap is how the subscriptions learn of them.
+            self._next_seq += batch.skipped
+            self.samples += batch.skipped
+            self._replaced += batch.skipped
+            held = 0
+            for payload, stamp_ns in batch.samples:
+                size = len(payload) + RECORD_HEAD_BYTES
+                if held and (held + size > RUN_BYTES or len(self._parts) >= self._full_parts):
+                    self.hand_over()
+                    held = 0
+                self._parts += (_pack_record(len(payload), stamp_ns), payload)
+                held += size
+            self.hand_over()
+        self._from_threads.handed_over(batch)
 
     async def _drain(self) -> None:
-        if self._from_threads:
-            self._collect_from_threads()
-        self.hand_over()
-        self._link.flush()
-        if self._queue.runs and self.id:
-            with contextlib.suppress(TimeoutError, ConnectionClosed):
-                async with asyncio.timeout(_DRAIN_S):
-                    await self._link.wait_for_drain(self._queue)
-        if self._queue.runs:
-            lost = self._queue.clear()  # the broker must not get them after it was told of the end
+        """Before the end: hand over what can be handed over in a bounded time; the log tells of the rest."""
+        with contextlib.suppress(TimeoutError, ConnectionClosed):
+            async with asyncio.timeout(_DRAIN_S if self.id else 0):
+                await self.flush()
+        lost = self._queue.clear()
+        if lost:
+            self._replaced += lost
             self._logger.warning(f"{lost} messages on '{self.topic_name}' could not be handed over")
 
     def _type_warning(self) -> str:

@@ -4,6 +4,7 @@ import asyncio
 import gc
 import signal
 import sys
+import threading
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
@@ -22,7 +23,7 @@ def loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
 
 
 def run(main: Coroutine[Any, Any, T]) -> T | None:
-    """Run `main` and return its result, or None where Ctrl-C or SIGTERM ended it.
+    """Run `main` and return its result, or None where Ctrl-C or SIGTERM ended it (in the main thread only).
 
     Both cancel `main`, so that its `finally` and `async with` blocks run; no traceback is printed. Where no
     busd answers and none may be started, the program ends with one line that says so.
@@ -38,6 +39,8 @@ def run(main: Coroutine[Any, Any, T]) -> T | None:
 
 
 async def _with_sigterm(main: Coroutine[Any, Any, T]) -> T | None:
+    if threading.current_thread() is not threading.main_thread():
+        return await main  # Python gives signals to the main thread alone
     loop = asyncio.get_running_loop()
     task = asyncio.current_task()
     assert task is not None

@@ -6,12 +6,12 @@ what is replaced costs next to nothing. One wake-up handles everything that has 
 
 import asyncio
 from collections.abc import AsyncIterator, Callable
-from inspect import iscoroutinefunction, signature
 from time import monotonic_ns
 from typing import Any, NamedTuple, TypeVar, cast
 
 import msgspec
 
+from bus.callbacks import is_async, takes_info
 from bus.endpoint import Endpoint
 from bus.errors import ConnectionClosed
 from bus.events import LivelinessChanged, MessageLost, SubscriptionEvents
@@ -101,9 +101,10 @@ class Subscription(Endpoint[M]):
         self._ack_timer: asyncio.TimerHandle | None = None
         self._waiters: list[asyncio.Future[None]] = []
         self._callback = callback
-        self._wants_info = callback is not None and _takes_info(callback)
-        self._is_async = callback is not None and iscoroutinefunction(_unwrapped(callback))
+        self._wants_info = callback is not None and takes_info(callback)
+        self._is_async = callback is not None and is_async(callback)
         self._is_dispatching = False
+        self._is_scheduled = False
         self._task: asyncio.Task[None] | None = None
         if self._is_async:
             self._task = asyncio.create_task(self._run_async_callback(), name=f"callback of {topic}")
@@ -190,6 +191,7 @@ class Subscription(Endpoint[M]):
         heard = {source.gid: source.last_seq for source in self._inbox.sources.values()}
         self._last_seqs = dict([*self._last_seqs.items(), *heard.items()][-_MOST_REMEMBERED:])
         super().disconnected()
+        self._inbox.disconnected()
         for reason, count in self._dropped_by_broker.items():
             self._dropped_by_earlier_brokers[reason] = self._dropped_by_earlier_brokers.get(reason, 0) + count
         self._dropped_by_broker = {}
@@ -200,11 +202,9 @@ class Subscription(Endpoint[M]):
             case m.Matched():
                 self._inbox.sources[message.other] = self._make_source(message)
                 super().handle(message)
+                self._tell_liveliness(1, 0)
             case m.Unmatched(other=other):
-                source = self._inbox.sources.get(other)
                 super().handle(message)
-                if source is not None and not source.is_alive:
-                    self._tell_liveliness(0, -1)
                 self._inbox.forget(other)
             case m.LivelinessChanged(publisher=publisher, alive=alive):
                 source = self._inbox.sources.get(publisher)
@@ -256,18 +256,18 @@ class Subscription(Endpoint[M]):
 
     def _info(self, taken: tuple[M, Run, int, int]) -> MessageInfo:
         _, run, stamp_ns, seq = taken
-        source = self._inbox.sources.get(run.source)
+        source = run.origin
         offset_ns = self._link.wall_offset_ns
         return MessageInfo(
             stamp_ns + offset_ns,
             run.received_ns + offset_ns,
             seq,
             self._inbox.delivered,
-            source.gid if source is not None else b"",
+            source.gid if isinstance(source, Source) else b"",
         )
 
     def _dispatch(self) -> None:
-        if self._is_dispatching:
+        if self._is_dispatching or self._is_scheduled:
             return
         self._is_dispatching = True
         callback, inbox, wants_info = self._callback, self._inbox, self._wants_info
@@ -287,7 +287,9 @@ class Subscription(Endpoint[M]):
                     return
                 if monotonic_ns() > end_ns:
                     # Let timers and sockets have their turn: a slow callback must not see stale messages.
-                    self._link.loop.call_soon(self._dispatch)
+                    # Until then nobody else dispatches, or the turns would add up.
+                    self._is_scheduled = True
+                    self._link.loop.call_soon(self._dispatch_on)
                     return
                 # A callback that proves fast gets more at a time, which saves looking at the clock.
                 calls, number = 0, min(2 * number, _MOST_IN_A_TURN)
@@ -296,23 +298,35 @@ class Subscription(Endpoint[M]):
         finally:
             self._is_dispatching = False
 
+    def _dispatch_on(self) -> None:
+        self._is_scheduled = False
+        self._dispatch()
+
     async def _run_async_callback(self) -> None:
         callback = self._callback
         assert callback is not None
-        try:
-            while True:
+        while True:
+            try:
                 message, info = await self.receive()
+            except ConnectionClosed:
+                return
+            try:
                 await (callback(message, info) if self._wants_info else callback(message))
-        except ConnectionClosed:
-            return
-        except Exception as error:
-            self._on_error(error)
+            except Exception as error:
+                self._on_error(error)
+
+    def _unmatch(self, other: int) -> None:
+        super()._unmatch(other)
+        source = self._inbox.sources.get(other)
+        if source is not None:
+            self._tell_liveliness(*((-1, 0) if source.is_alive else (0, -1)))
 
     def _make_source(self, matched: m.Matched) -> Source:
         known_seq = self._last_seqs.pop(matched.gid, None)
         last_seq = matched.next_seq - 1 if known_seq is None else known_seq
         needs_ack = self.qos.is_lossless and matched.qos.is_lossless
-        source = Source(matched.gid, last_seq, matched.qos.lifespan_ns, needs_ack=needs_ack)
+        lifespan_ns = matched.qos.lifespan_ns
+        source = Source(matched.other, matched.gid, last_seq, lifespan_ns, needs_ack=needs_ack)
         if known_seq is not None and matched.next_seq - 1 > known_seq:
             if self.qos.durability is Durability.VOLATILE:
                 self._inbox.drop("disconnected", matched.next_seq - 1 - known_seq)
@@ -321,23 +335,27 @@ class Subscription(Endpoint[M]):
                 source.is_rejoined = True  # the replay may fill the gap
         return source
 
-    def _acknowledge(self, number: int, source: Source) -> None:
+    def _acknowledge(self, source: Source) -> None:
         """Samples of a lossless publisher were taken: tell it now if they are many, else a little later."""
         samples = source.taken_seq - source.acked_seq
         if source.unacked_bytes >= self._ack_bytes or samples >= self._ack_samples:
-            self._send_ack(number, source)
+            self._send_ack(source)
         elif self._ack_timer is None:
             self._ack_timer = self._link.loop.call_later(_ACK_DELAY_S, self._acknowledge_all)
 
     def _acknowledge_all(self) -> None:
         self._ack_timer = None
-        for number, source in self._inbox.sources.items():
-            if source.needs_ack and number in self._matches:
-                self._send_ack(number, source)
+        for source in self._inbox.sources.values():
+            if source.taken_seq > source.acked_seq:
+                self._send_ack(source)
 
-    def _send_ack(self, number: int, source: Source) -> None:
+    def _send_ack(self, source: Source) -> None:
         source.acked_seq, source.unacked_bytes = source.taken_seq, 0
-        self._link.send_about(self, m.Ack(subscription=self.id, source=number, seq=source.taken_seq))
+        # A publisher that has gone, or that an earlier broker knew, needs none.
+        if source.number in self._matches and self._inbox.sources.get(source.number) is source:
+            self._link.send_about(
+                self, m.Ack(subscription=self.id, source=source.number, seq=source.taken_seq)
+            )
 
     def _reject(self, size: int, error: Exception) -> None:
         self._logger.warning(
@@ -377,21 +395,3 @@ class Subscription(Endpoint[M]):
             f"New publisher discovered on topic '{self.topic_name}', offering incompatible QoS. "
             f"No messages will be received from it. Last incompatible policy: {policy}"
         )
-
-
-def _unwrapped(callback: Callable[..., Any]) -> Callable[..., Any]:
-    call = getattr(callback, "__call__", callback)  # noqa: B004
-    return callback if iscoroutinefunction(callback) or not iscoroutinefunction(call) else call
-
-
-def _takes_info(callback: Callable[..., Any]) -> bool:
-    try:
-        parameters = signature(callback).parameters.values()
-    except (TypeError, ValueError):
-        return False
-    places = [
-        p
-        for p in parameters
-        if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) and p.default is p.empty
-    ]
-    return len(places) >= 2

@@ -2,10 +2,10 @@
 
 import asyncio
 from collections.abc import Callable
-from inspect import iscoroutinefunction
 from time import monotonic_ns
 from typing import Any
 
+from bus.callbacks import is_async
 from bus.errors import ConfigurationError
 
 
@@ -27,7 +27,7 @@ class Timer:
         self.missed = 0
         self._period_ns = round(period_s * 1e9)
         self._callback = callback
-        self._is_async = iscoroutinefunction(callback)
+        self._is_async = is_async(callback)
         self._on_error = on_error
         self._loop = asyncio.get_running_loop()
         self._handle: asyncio.TimerHandle | None = None

@@ -324,6 +324,10 @@ class TestBroker:
         assert "endpoints of a process: 3 of 3 in use" in caplog.text
 
 
+def exit_status(child: int) -> int:
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
 class TestFork:
     async def test_the_child_is_told(self, node: bus.Node) -> None:
         publisher = await node.create_publisher(Int32, "t", 10)
@@ -333,8 +337,7 @@ class TestFork:
         child = os.fork()
         if not child:
             os._exit(await self.fails(node, publisher, subscription))
-        _, status = os.waitpid(child, 0)
-        assert os.waitstatus_to_exitcode(status) == 0
+        assert exit_status(child) == 0
         publisher.publish(Int32(data=3))
         assert [(await subscription.receive())[0].data for _ in range(3)] == [1, 2, 3]
         assert await nodes(node) == {"watcher"}
@@ -384,8 +387,7 @@ class TestFork:
                         os._exit(status)
                 message, _ = await subscription.receive()
                 assert message.data == "from the child"
-                _, status = os.waitpid(child, 0)
-                assert os.waitstatus_to_exitcode(status) == 0
+                assert exit_status(child) == 0
                 assert (await node.graph()).nodes[0].name == "parent"
 
         async def talk() -> None:

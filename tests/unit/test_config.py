@@ -180,8 +180,8 @@ def test_limits_are_checked_without_a_file_too() -> None:
     assert type(Limits(lease_s=3).lease_s) is float
     with pytest.raises(ConfigurationError, match=r"limits\.connections = 0: expected `int` >= 1"):
         Limits(connections=0)
-    with pytest.raises(ConfigurationError, match=r"keep_all_window_bytes = 70000000 does not fit"):
-        Limits(keep_all_window_bytes=70_000_000)
+    with pytest.raises(ConfigurationError, match=r"keep_all_window_bytes = 140000000 does not fit"):
+        Limits(keep_all_window_bytes=140_000_000)
     with pytest.raises(ConfigurationError, match=r"schema_bytes = 9000000 does not fit"):
         Limits(schema_bytes=9_000_000)
 

@@ -120,6 +120,15 @@ class TestQuota:
         assert waiting.account.used == waiting.held_bytes == 3 * RECORD_BYTES
         assert taken(waiting) == "def"
 
+    def test_the_newest_are_spared(self) -> None:
+        waiting = queue(limit=RECORD_BYTES)
+        for at, letters in enumerate(("ab", "cd", "ef")):
+            waiting.append(run(letters, 1 + 2 * at))
+        assert waiting.drop_over_quota(spare=2) == 2
+        assert waiting.drop_over_quota(spare=1) == 2
+        assert waiting.drop_over_quota(spare=1) == 0
+        assert taken(waiting) == "ef"
+
     def test_a_run_that_was_used_in_part_counts_whole_until_it_goes(self) -> None:
         waiting = queue(limit=3 * RECORD_BYTES)
         waiting.append(run("abc"))

@@ -79,7 +79,7 @@ class Stream:
             self._close()
 
     def abandon(self) -> None:
-        """In the child of a fork: let go of the socket, but leave the event loop alone, which is the parent's."""
+        """In the child of a fork: let go of the socket, but leave alone the event loop, the parent's."""
         self.is_closed = True
         self._sock.close()
 

@@ -27,7 +27,7 @@ BUFFER_BYTES = 256 << 10
 _FIRST_GROWTH_BYTES = 4 << 20
 
 _unpack_short = Struct("<IIIIQII").unpack_from  # DATA_HEAD with kind, flags and zero as one word
-_REPLAY_WORD = DATA | REPLAY << 8
+_DATA_WORDS = (DATA, DATA | REPLAY << 8)
 _END_COUNT = MAX_COUNT + 1
 _unpack_frame_head = FRAME_HEAD.unpack_from
 _unpack_data_head = DATA_HEAD.unpack_from
@@ -79,7 +79,7 @@ class FrameReader:
                     stop = start + LENGTH_BYTES + length
                     body = start + DATA_HEAD_BYTES
                     if (
-                        (word == DATA or word == _REPLAY_WORD)
+                        word in _DATA_WORDS
                         and body <= stop <= end
                         and length <= most
                         and number

@@ -29,7 +29,8 @@ class Message(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="m", ta
 class Hello(Message, frozen=True, tag="hello"):
     """The first frame in either direction.
 
-    `lease_s` is the broker's: a client that is silent for longer counts as hung.
+    `lease_s` is the broker's: a client that is silent for longer counts as hung. So is `background`: it was
+    started by a client and leaves when it is idle, so that a client may start the next one.
     """
 
     version: int
@@ -37,6 +38,7 @@ class Hello(Message, frozen=True, tag="hello"):
     pid: int = 0
     program: str = ""
     lease_s: float = 0.0
+    background: bool = False
 
 
 class Ping(Message, frozen=True, tag="ping"):

@@ -48,6 +48,8 @@ class Run(msgspec.Struct, eq=False, gc=False):
     """The publisher's; 0 = for ever."""
     received_ns: int = 0
     """When the subscription's process got the run; monotonic clock."""
+    origin: object = None
+    """What the subscription knows of the publisher."""
 
     def records(self) -> Iterator[tuple[memoryview, int]]:
         """Each payload with its stamp; stops early where the body is shorter than it claims."""
@@ -99,6 +101,7 @@ class RunQueue:
         "count",
         "depth",
         "endpoint",
+        "held_bytes",
         "is_ready",
         "offset",
         "runs",
@@ -108,20 +111,16 @@ class RunQueue:
     def __init__(self, depth: int, account: Account, endpoint: int = 0) -> None:
         self.account = account
         self.depth = depth
-        # How many samples may be held: the depth, and room for replayed samples until the queue is empty again.
+        # How many samples may be held: the depth, and room for replayed ones until the queue is empty again.
         self.bound = depth or _UNBOUNDED
         self.endpoint = endpoint
         self.runs: deque[Run] = deque()
         self.count = 0
+        self.held_bytes = 0  # size of the runs that are held
         # The head run may have been used up in part: bytes and samples of it that are gone.
         self.offset = 0
         self.skipped = 0
         self.is_ready = False  # in the ready list of an Outbox
-
-    @property
-    def held_bytes(self) -> int:
-        """Size of the runs that are held."""
-        return sum(len(run.body) for run in self.runs)
 
     def set_depth(self, depth: int) -> None:
         self.bound += (depth or _UNBOUNDED) - (self.depth or _UNBOUNDED)
@@ -131,8 +130,10 @@ class RunQueue:
         """Append `run`; returns whether the queue now exceeds its depth or quota and must be trimmed."""
         self.runs.append(run)
         self.count += run.count
+        size = len(run.body)
+        self.held_bytes += size
         account = self.account
-        account.used += len(run.body)
+        account.used += size
         if run.is_replay:
             self.bound += run.count
         return self.count > self.bound or account.used > account.limit
@@ -177,13 +178,13 @@ class RunQueue:
                 gone.append(run)
         return dropped
 
-    def drop_over_quota(self, gone: list[Run] | None = None) -> int:
+    def drop_over_quota(self, gone: list[Run] | None = None, *, spare: int = 0) -> int:
         """Drop whole runs, oldest first, until the account is within its limit; returns the samples dropped.
 
-        The runs are added to `gone`.
+        The `spare` newest runs stay in any case. Those that go are added to `gone`.
         """
         dropped = 0
-        while self.runs and self.account.used > self.account.limit:
+        while len(self.runs) > spare and self.account.used > self.account.limit:
             run = self.runs[0]
             held = run.count - self.skipped
             dropped += held
@@ -263,7 +264,9 @@ class RunQueue:
         """The oldest run is used up or dropped."""
         run = self.runs.popleft()
         self.count -= run.count - self.skipped
-        self.account.used -= len(run.body)
+        size = len(run.body)
+        self.held_bytes -= size
+        self.account.used -= size
         self.offset = self.skipped = 0
         if not self.runs:
             self.bound = self.depth or _UNBOUNDED

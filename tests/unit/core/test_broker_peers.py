@@ -10,7 +10,7 @@ from busd.core.limits import Limits
 
 def assert_nothing_is_left(world: World) -> None:
     broker, graph = world.broker, world.broker.graph
-    assert broker.peer_count == len(world.processes) == 0
+    assert broker._peers == world.processes == {}
     tables = (graph.nodes, graph.publishers, graph.subscriptions, graph.topics, graph.types)
     assert not any(tables)
     world.advance(world.broker.limits.lease_s + 1)

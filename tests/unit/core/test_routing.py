@@ -255,6 +255,43 @@ class TestMemory:
             counted = subscription.statistics(line.talker)
             assert counted.queued + counted.dropped["memory_limit"] == 50
 
+    def test_the_longest_queue_pays(self) -> None:
+        """Not the one that something came for last: a flood costs the process's other topics nothing."""
+        line = Line(requested=QoSProfile(history="keep_all"), limits=self.LIMITS)
+        quiet = line.listener.subscription("/quiet")
+        whisper = line.talker.publisher("/quiet")
+        line.listener.is_blocked = True
+        for letter in "abcde":
+            line.publisher.publish_many(["x" * 1000] * 20)
+            whisper.publish(letter)
+            assert self.used(line.listener) <= self.LIMITS.queued_bytes_per_peer
+        line.listener.unblock()
+        assert quiet.payloads == [*"abcde"]
+        assert quiet.statistics().dropped == {}
+        assert set(line.dropped) == {"memory_limit"}
+
+    def test_the_newest_of_each_queue_goes_last(self) -> None:
+        line = Line(requested=QoSProfile(history="keep_all"), limits=self.LIMITS)
+        large = line.listener.subscription("/large")
+        publisher = line.talker.publisher("/large")
+        line.listener.is_blocked = True
+        line.publisher.publish_many(["x" * 1000] * 9)
+        publisher.publish(*["y" * 2000] * 4)
+        line.listener.unblock()
+        assert len(line.subscription.payloads) == 2
+        assert len(large.payloads) == 4
+
+    def test_a_message_of_any_allowed_size_gets_through(self) -> None:
+        limits = Limits(queued_bytes_per_peer=2 * KIB, message_bytes=2 * KIB, keep_all_window_bytes=KIB)
+        line = Line(requested=QoSProfile(history="keep_all"), limits=limits)
+        neighbour = line.listener.subscription("/topic")
+        line.listener.is_blocked = True
+        for letter in "abc":
+            line.publisher.publish(letter * 2 * KIB)
+        line.listener.unblock()
+        assert [len(payload) for payload in (*line.subscription.payloads, *neighbour.payloads)] == [2 * KIB]
+        assert {payload[0] for payload in (*line.subscription.payloads, *neighbour.payloads)} == {"c"}
+
     def test_depth_counts_first(self) -> None:
         line = Line(requested=QoSProfile(depth=2), limits=self.LIMITS)
         line.listener.is_blocked = True
@@ -293,6 +330,15 @@ class TestExpiry:
         line.world.advance(2.0)
         line.publisher.publish("c")
         assert line.dropped == {"expired": 2}
+
+    def test_only_those_with_a_lifespan_are_looked_at(self) -> None:
+        line = Line(offered=self.LASTING_A_SECOND)
+        for _ in range(3):
+            line.listener.subscription("/other")
+        perishable = line.world.broker._peers[line.listener.id].perishable
+        assert [one.id for one in perishable] == [line.subscription.id]
+        line.subscription.destroy()
+        assert not perishable
 
     def test_without_a_lifespan_nothing_expires(self) -> None:
         line = Line()

@@ -1,0 +1,24 @@
+"""What a user's callback is like: whether it must be awaited, and whether it wants the info of a message."""
+
+from collections.abc import Callable
+from functools import partial
+from inspect import Parameter, iscoroutinefunction, signature
+
+__all__ = ["is_async", "takes_info"]
+
+
+def is_async(callback: Callable[..., object]) -> bool:
+    """Whether what a call returns is to be awaited: async functions and methods, objects with such a call."""
+    while isinstance(callback, partial):
+        callback = callback.func
+    return iscoroutinefunction(callback) or iscoroutinefunction(getattr(callback, "__call__", None))  # noqa: B004
+
+
+def takes_info(callback: Callable[..., object]) -> bool:
+    """Whether it must be given a second argument; one that has a default is the user's own."""
+    try:
+        parameters = signature(callback).parameters.values()
+    except (TypeError, ValueError):  # some that are written in C
+        return False
+    positional = (Parameter.POSITIONAL_ONLY, Parameter.POSITIONAL_OR_KEYWORD)
+    return sum(one.kind in positional and one.default is Parameter.empty for one in parameters) >= 2

@@ -1,0 +1,61 @@
+"""What other threads publish, until the event loop collects it: bounded, counted, behind a lock."""
+
+from collections import deque
+from threading import Lock
+from typing import NamedTuple
+
+from bus.wire.layout import RECORD_HEAD_BYTES
+
+
+class Batch(NamedTuple):
+    """Payloads with their stamps, oldest first; before them `skipped` others were replaced."""
+
+    samples: deque[tuple[bytes, int]]
+    skipped: int
+
+
+class ThreadQueue:
+    """`count` and `held_bytes` (records with their heads): what was put and is not yet handed over."""
+
+    def __init__(self, limit_bytes: int) -> None:
+        self.count = 0
+        self.held_bytes = 0
+        self._limit_bytes = limit_bytes
+        self._lock = Lock()
+        self._samples: deque[tuple[bytes, int]] = deque()
+        self._skipped = 0
+        self._is_announced = False
+
+    def put(self, payload: bytes, stamp_ns: int, depth: int) -> bool:
+        """Queue a sample, replacing the oldest beyond `depth`; returns whether the event loop must be told.
+
+        Safe from any thread.
+        """
+        with self._lock:
+            self._samples.append((payload, stamp_ns))
+            self._hold(1, len(payload))
+            while len(self._samples) > depth or (
+                self.held_bytes > self._limit_bytes and len(self._samples) > 1
+            ):
+                self._hold(-1, -len(self._samples.popleft()[0]))
+                self._skipped += 1
+            must_tell, self._is_announced = not self._is_announced, True
+            return must_tell
+
+    def take(self) -> Batch:
+        """All that waits; it still counts as held."""
+        with self._lock:
+            batch = Batch(self._samples, self._skipped)
+            self._samples, self._skipped = deque(), 0
+            self._is_announced = False
+            return batch
+
+    def handed_over(self, batch: Batch) -> None:
+        """`batch` is counted elsewhere now."""
+        with self._lock:
+            for payload, _ in batch.samples:
+                self._hold(-1, -len(payload))
+
+    def _hold(self, count: int, size: int) -> None:
+        self.count += count
+        self.held_bytes += size + count * RECORD_HEAD_BYTES

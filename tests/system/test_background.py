@@ -1,0 +1,131 @@
+"""bus.autostart: what a busd that was started in the background leaves in the process that started it."""
+
+import asyncio
+import os
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from bus import autostart
+from bus.errors import BrokerUnavailable
+from bus.wire.messages import Hello
+from conftest import WAIT_S, Daemon
+from raw_peer import HELLO, RawPeer
+from semantics import until
+
+IDLE = ("--idle-exit", "60")
+
+
+@pytest.fixture
+def path(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    monkeypatch.delenv("BUSD_AUTOSTART")
+    monkeypatch.setattr(autostart, "_started", set())
+    yield socket_path
+    for pid in autostart._started:
+        os.kill(pid, signal.SIGKILL)
+        with suppress(ChildProcessError):
+            os.waitpid(pid, 0)
+
+
+def is_zombie(pid: int) -> bool:
+    return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+
+
+async def started(path: Path) -> int:
+    async with asyncio.timeout(WAIT_S):
+        await autostart.start(path, IDLE)
+    (pid,) = autostart._started
+    return pid
+
+
+@pytest.mark.parametrize("turns", [0, 1, 2, 5])
+async def test_cancelled_while_it_starts(path: Path, turns: int) -> None:
+    """Nothing reads any more from descriptors that are closed: uvloop ends the process for that."""
+    for _ in range(3):
+        starting = asyncio.ensure_future(autostart.start(path, IDLE))
+        for _ in range(turns + 1):
+            await asyncio.sleep(0)
+        starting.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await starting
+    assert await started_again(path)
+
+
+async def started_again(path: Path) -> bool:
+    async with asyncio.timeout(WAIT_S):
+        (await autostart.open_socket(path)).close()
+    return bool(autostart._started)
+
+
+async def test_no_zombies(path: Path) -> None:
+    first = await started(path)
+    os.kill(first, signal.SIGTERM)
+    await until(lambda: is_zombie(first))
+    second = await started(path)
+    assert second != first
+    assert not Path(f"/proc/{first}").exists()
+    os.kill(second, signal.SIGTERM)
+    await until(lambda: is_zombie(second))
+    autostart.reap()
+    assert not Path(f"/proc/{second}").exists()
+    assert not autostart._started
+
+
+async def test_who_comes_second_leaves_the_log_alone(path: Path) -> None:
+    await started(path)
+    log = path.with_suffix(".log")
+    with log.open("a") as file:
+        file.write("precious\n")
+    async with asyncio.timeout(WAIT_S):
+        await autostart.start(path, IDLE)
+    before, after = log.read_text().splitlines()
+    assert before == "precious"
+    assert "busd is already running" in after
+
+
+async def test_a_new_daemon_begins_a_new_log(path: Path) -> None:
+    path.with_suffix(".log").write_text("yesterday\n")
+    await started(path)
+    assert "yesterday" not in path.with_suffix(".log").read_text()
+
+
+async def test_not_where_the_caller_forbids_it(path: Path) -> None:
+    with pytest.raises(BrokerUnavailable) as caught:
+        await autostart.open_socket(path, may_start=False)
+    assert str(caught.value) == f"no busd listens on {path}"
+    assert not autostart._started
+
+
+async def test_a_start_without_a_socket_gives_its_reason(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def nothing(path: Path) -> None:
+        pass
+
+    monkeypatch.setattr(autostart, "start", nothing)
+    monkeypatch.setattr(autostart, "_START_S", 0.05)
+    with pytest.raises(BrokerUnavailable, match=r"does not answer: nothing listens there after 0\.05 s"):
+        await autostart.open_socket(path)
+
+
+async def test_a_stranger_s_socket_is_named_as_it_is(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    await started(path)
+
+    def refuse(*_: object) -> None:
+        raise BrokerUnavailable("served by a stranger")
+
+    monkeypatch.setattr(autostart, "_check_owner", refuse)
+    with pytest.raises(BrokerUnavailable) as caught:
+        await autostart.open_socket(path)
+    assert str(caught.value) == "served by a stranger"
+
+
+@pytest.mark.parametrize(("arguments", "background"), [((), False), (IDLE, True)])
+def test_it_says_so_in_its_hello(
+    start_daemon: Callable[..., Daemon], arguments: tuple[str, ...], background: bool
+) -> None:
+    daemon = start_daemon(*arguments)
+    with RawPeer(daemon.path) as peer:
+        peer.write(HELLO)
+        assert peer.expect(Hello).background is background

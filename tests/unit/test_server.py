@@ -1,0 +1,57 @@
+"""busd.server: the order in which it ends, and what it does where it did not run for a while."""
+
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from busd import server as server_module
+from busd.core.broker import Broker
+from busd.listener import Listener, open_listener
+from busd.server import Server
+
+SECOND = 1_000_000_000
+
+
+@pytest.fixture
+def listener(tmp_path: Path) -> Iterator[Listener]:
+    with open_listener(tmp_path / "busd.sock") as listener:
+        yield listener
+
+
+async def test_it_stops_listening_first(listener: Listener) -> None:
+    """Who connects to a busd that ends must find none, rather than one that says nothing."""
+    server = Server(listener, Broker())
+    server.stop("a test")
+    assert not listener.path.exists()
+    with socket.socket(socket.AF_UNIX) as late, pytest.raises(FileNotFoundError):
+        late.connect(str(listener.path))
+    with open_listener(listener.path):
+        pass  # the next one need not wait for the process to end
+    assert await server.stopped == "a test"
+
+
+async def test_only_one_with_an_idle_exit_is_in_the_background(listener: Listener) -> None:
+    server = Server(listener, Broker(), idle_s=30)
+    assert server.is_background
+    server.stop("a test")
+
+
+async def test_grace_is_given_once(listener: Listener, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine that is always late must still see leases end."""
+    now_ns = 100 * SECOND
+    monkeypatch.setattr(server_module, "monotonic_ns", lambda: now_ns)
+    broker, ran = Broker(), list[int]()
+    server = Server(listener, broker)
+    for _ in range(2):
+        ran.clear()
+        broker.timers.add(now_ns + SECOND, ran.append)
+        server._arm_timer()
+        now_ns += 3 * SECOND
+        server._tick()
+        assert ran == []
+        now_ns += SECOND
+        server._tick()
+        assert ran == [now_ns]
+    server.stop("a test")
