@@ -16,7 +16,7 @@ from busd.core.limits import Limits
 from busd.core.timers import NEVER_NS
 from busd.credentials import peer_credentials
 from busd.listener import Listener
-from busd.peer import Connection
+from busd.peer import PeerConnection
 
 _log = logging.getLogger("busd")
 
@@ -39,9 +39,9 @@ class Server:
         self._loop = asyncio.get_running_loop()
         self._listener = listener
         self._broker = broker
-        self._connections: set[Connection] = set()
-        self._peers: dict[PeerId, Connection] = {}
-        self._dirty: set[Connection] = set()
+        self._connections: set[PeerConnection] = set()
+        self._peers: dict[PeerId, PeerConnection] = {}
+        self._dirty: set[PeerConnection] = set()
         self._timer: asyncio.TimerHandle | None = None
         self._timer_ns = NEVER_NS
         self._wake_ns = 0
@@ -66,7 +66,7 @@ class Server:
 
     # --- PeerHost
 
-    def greet(self, connection: Connection, hello: Hello) -> PeerId:
+    def greet(self, connection: PeerConnection, hello: Hello) -> PeerId:
         who = connection.credentials
         peer = self._broker.attach(monotonic_ns(), hello, pid=who.pid, uid=who.uid)
         self._peers[peer] = connection
@@ -74,7 +74,7 @@ class Server:
         self._arm_timer()
         return peer
 
-    def receive(self, connection: Connection, items: Iterable[Any]) -> None:
+    def receive(self, connection: PeerConnection, items: Iterable[Any]) -> None:
         broker, peer = self._broker, connection.id
         assert peer is not None
         now_ns = monotonic_ns()
@@ -99,7 +99,7 @@ class Server:
             if broker.timers.earliest_ns < self._timer_ns:
                 self._arm_timer()
 
-    def lose(self, connection: Connection, reason: str, *, is_cut: bool) -> None:
+    def lose(self, connection: PeerConnection, reason: str, *, is_cut: bool) -> None:
         if connection not in self._connections:
             return
         self._connections.discard(connection)
@@ -129,7 +129,7 @@ class Server:
         return True
 
     def _carry_out(self, effects: list[Effect]) -> None:
-        choked: list[Connection] = []
+        choked: list[PeerConnection] = []
         for effect in effects:
             if effect.__class__ is Flush:  # the hot one: cheaper to ask for than to match
                 if connection := self._peers.get(effect.peer):
@@ -201,7 +201,7 @@ class Server:
             self._loop.call_later(0.5, self._resume_accepting)
             return
         sock.setblocking(False)
-        connection = Connection(self, sock, peer_credentials(sock))
+        connection = PeerConnection(self, sock, peer_credentials(sock))
         self._connections.add(connection)
         self._watch_idle()
         if len(self._connections) > self.limits.connections:
@@ -216,7 +216,7 @@ class Server:
         if not self.stopped.done():
             self._loop.add_reader(self._listener.socket.fileno(), self._accept)
 
-    def _before_write(self, connection: Connection) -> None:
+    def _before_write(self, connection: PeerConnection) -> None:
         if connection.id is not None:
             self._carry_out(self._broker.expire(monotonic_ns(), connection.id))
             self._flush()

@@ -103,9 +103,10 @@ class Router:
         if account.used <= account.limit:
             return
         longest_first = sorted(subscriptions, key=lambda one: one.queue.held_bytes, reverse=True)
+        spared = subscription if subscription.queue.runs else longest_first[0]
         for spare in (1, 0):
             for one in longest_first:
-                if spare or one is not subscription:
+                if spare or one is not spared:
                     self._shed(now_ns, one, "memory_limit", partial(one.queue.drop_over_quota, spare=spare))
 
     def expire(self, now_ns: int, subscription: Subscription) -> None:

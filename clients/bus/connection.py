@@ -54,6 +54,7 @@ class Connection:
         self.outbox = Outbox()
         self.pid = 0
         self.lease_s = 0.0
+        self.is_background = False
         self._on_received = on_received
         self._on_lost = on_lost
         self._on_wrote = on_wrote
@@ -67,12 +68,12 @@ class Connection:
         self._heartbeat: asyncio.TimerHandle | None = None
         self._greeted: asyncio.Future[m.Hello] = self._loop.create_future()
 
-    async def open(self, path: Path) -> None:
-        """Connect to the broker at `path` (starting one where that is allowed) and exchange Hellos.
+    async def open(self, path: Path, *, may_start: bool = True) -> None:
+        """Connect to the broker at `path` (or start one, if this `may_start` one) and exchange Hellos.
 
         Raises BrokerUnavailable. Cancellation: closed.
         """
-        sock = await open_socket(path)
+        sock = await open_socket(path, may_start=may_start)
         self._stream = Stream(
             sock, Session(Role.CLIENT), self.outbox, on_received=self._on_received, on_lost=self._lost
         )
@@ -92,7 +93,7 @@ class Connection:
                 self.close()
         if self._stream is None:  # its last word came right behind its Hello
             raise BrokerUnavailable(f"busd at {path} refused this process: {self._loss}")
-        self.pid, self.lease_s = hello.pid, hello.lease_s
+        self.pid, self.lease_s, self.is_background = hello.pid, hello.lease_s, hello.background
 
     def send(self, message: m.Message) -> None:
         """Send a control message; nothing happens on a connection that has ended."""

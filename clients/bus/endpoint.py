@@ -96,9 +96,11 @@ class Endpoint(Generic[M]):
     async def close(self) -> None:
         """Hand over what was published, leave the graph. Closing twice is allowed."""
         if self.refusal is None:
-            await self._drain()
-            self._link.forget(self)
-            self.end(ConnectionClosed(f"this {self.kind} on '{self.topic_name}' is closed"))
+            try:
+                await self._drain()
+            finally:
+                self._link.forget(self)
+                self.end(ConnectionClosed(f"this {self.kind} on '{self.topic_name}' is closed"))
 
     def end(self, reason: BusError) -> None:
         """The endpoint can't be used any more; those who wait get `reason`."""

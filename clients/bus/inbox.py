@@ -127,7 +127,7 @@ class Inbox(Generic[M]):
         if replaced := self._queue.trim():
             self.drop("replaced", replaced)
         gone: list[Run] = []
-        if over := self._queue.drop_over_quota(gone):
+        if over := self._queue.drop_over_quota(gone, spare=1):
             self._let_go(gone)
             self.drop("memory_limit", over)
 
@@ -156,19 +156,19 @@ class Inbox(Generic[M]):
     def _take_single(self, run: Run) -> tuple[M, Run, int, int] | None:
         """A run of one sample, as at a moderate rate they all are: the same as below, without the loop."""
         self._queue.forget_head()
-        body = run.body
-        size = len(body) - RECORD_HEAD_BYTES
-        if size < 0 or (head := _unpack_record(body, 0))[0] != size:
+        body = memoryview(run.body)
+        size, stamp_ns = _unpack_record(body) if len(body) >= RECORD_HEAD_BYTES else (len(body), 0)
+        if RECORD_HEAD_BYTES + size > len(body):
             self.drop("undecodable", 1)
             return None
         try:
-            message = self._decode(memoryview(body)[RECORD_HEAD_BYTES:])
+            message = self._decode(body[RECORD_HEAD_BYTES : RECORD_HEAD_BYTES + size])
         except Exception as error:  # a message class may raise anything
             self._reject([(size, error)])
             return None
         self.samples += 1
         self.bytes += size
-        return message, run, head[1], run.first_seq
+        return message, run, stamp_ns, run.first_seq
 
     def _decode_ahead(self, run: Run, limit: int) -> None:
         """Decode up to `limit` samples of the oldest run."""

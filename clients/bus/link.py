@@ -27,6 +27,7 @@ GATHER_NS = 100_000
 
 _REPORT_S = 0.5
 _SHORTEST_BEAT_S = 0.01
+_USERS_TURN_NS = 5_000_000_000
 _RETRY_S = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 
 _log = get_logger("bus")
@@ -45,6 +46,7 @@ class Link:
         self.last_sent_ns = 0  # when a publisher last sent past the gathering
         self.failure: BusError | None = None
         self._users = 0
+        self._was_background = True
         self._connection: Connection | None = None
         self._opening: asyncio.Task[None] | None = None
         self._declarations = Declarations()
@@ -94,11 +96,6 @@ class Link:
         if self._connection is not None:
             self._connection.close()
         self._look_at_drains()
-
-    @property
-    def broker_pid(self) -> int:
-        """The broker's process; 0 while it is away."""
-        return self._connection.pid if self._connection is not None else 0
 
     # --- what is declared
 
@@ -300,14 +297,15 @@ class Link:
                 await asyncio.sleep(pause_s)  # one that was idle was just ending: then start another
         await self._connect()
 
-    async def _connect(self) -> Connection:
+    async def _connect(self, *, may_start: bool = True) -> Connection:
         connection = Connection(on_received=self._received, on_lost=self._lost, on_wrote=self._wrote)
         self._connection = connection
         try:
-            await connection.open(self.path)
+            await connection.open(self.path, may_start=may_start)
         except BaseException:
             self._connection = None
             raise
+        self._was_background = connection.is_background
         self._set_heartbeat()
         return connection
 
@@ -322,27 +320,27 @@ class Link:
         pauses = iter(_RETRY_S)
         pause_s = 0.0
         known_reason = ""
+        lost_ns = monotonic_ns()
         try:
             while True:
                 pause_s = next(pauses, pause_s)
                 await asyncio.sleep(pause_s)
+                # A daemon that its user started is his to start again, with his options: leave him the time.
+                may_start = self._was_background or monotonic_ns() - lost_ns > _USERS_TURN_NS
                 try:
-                    await self._declare_again(await self._connect())
+                    await self._declare_again(await self._connect(may_start=may_start))
                 except (OSError, BusError) as error:
-                    reason = str(error)
-                    (_log.debug if reason == known_reason else _log.warning)(
-                        f"busd is not back yet: {reason}"
-                    )
-                    known_reason = reason
+                    log = _log.debug if str(error) == known_reason else _log.warning
+                    known_reason = str(error)
+                    log(f"busd is not back yet: {error}")
                     if self._connection is not None:
                         self._connection.close()
                         self._connection = None
                         self._declarations.disconnected()
                     continue
-                if self._connection is None:  # lost again, a moment ago
-                    continue
-                _log.info(f"busd is back (pid {self.broker_pid})")
-                return
+                if self._connection is not None:  # else lost again, a moment ago
+                    _log.info(f"busd is back (pid {self._connection.pid})")
+                    return
         finally:
             self._opening = None
 

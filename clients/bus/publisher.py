@@ -195,7 +195,7 @@ class Publisher(Endpoint[M]):
             self._flying_bytes += len(body)
         if self._history is not None:
             self._history.push(Run(0, 0, first_seq, samples, body))
-            self._history.drop_over_quota()
+            self._history.drop_over_quota(spare=1)
         link = self._link
         if not (
             # Nothing waits: past the queues, which are most of what one message costs at a moderate rate.
@@ -213,7 +213,7 @@ class Publisher(Endpoint[M]):
 
     def _queue_run(self, run: Run) -> None:
         self._replaced += self._queue.push(run)
-        self._replaced += self._queue.drop_over_quota()
+        self._replaced += self._queue.drop_over_quota(spare=1)
         if self.id:
             self._link.make_ready(self._queue)
             self._link.flush()
@@ -282,6 +282,7 @@ class Publisher(Endpoint[M]):
         super().end(reason)
         self._parts.clear()
         self._budget = 0
+        self._queue.clear()
         while self._room_waiters:
             waiter = self._room_waiters.popleft()
             if not waiter.done():

@@ -34,6 +34,10 @@ def is_zombie(pid: int) -> bool:
     return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
 
 
+def is_there(pid: int) -> bool:
+    return Path(f"/proc/{pid}").exists()
+
+
 async def started(path: Path) -> int:
     async with asyncio.timeout(WAIT_S):
         await autostart.start(path, IDLE)
@@ -66,11 +70,11 @@ async def test_no_zombies(path: Path) -> None:
     await until(lambda: is_zombie(first))
     second = await started(path)
     assert second != first
-    assert not Path(f"/proc/{first}").exists()
+    assert not is_there(first)
     os.kill(second, signal.SIGTERM)
     await until(lambda: is_zombie(second))
     autostart.reap()
-    assert not Path(f"/proc/{second}").exists()
+    assert not is_there(second)
     assert not autostart._started
 
 

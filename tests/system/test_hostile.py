@@ -1,6 +1,7 @@
 """A peer that breaks the protocol is told why and cut off; the others do not notice."""
 
 import select
+import signal
 import socket
 from collections.abc import Callable
 
@@ -138,6 +139,17 @@ class TestBytes:
             run = other.expect(Run)
             assert (run.endpoint, run.first_seq) == (subscription, heard + 1)
             heard += run.count
+
+    def test_it_goes_with_answers_unread(self, daemon: Daemon, peer: RawPeer, other: RawPeer) -> None:
+        """Then the kernel reports an error with what it said last, which some loops report once only."""
+        publisher = peer.hello().publisher(peer.node("hasty"), "/t").id
+        peer.send(m.Ping())
+        assert peer.socket.recv(1, socket.MSG_PEEK)
+        daemon.process.send_signal(signal.SIGSTOP)
+        peer.write(data(publisher, text("farewell")))
+        peer.close()
+        daemon.process.send_signal(signal.SIGCONT)
+        wait_until(lambda: not knows_of(other, "hasty"))
 
 
 class TestHello:

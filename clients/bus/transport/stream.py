@@ -7,6 +7,7 @@ and not at the end of the loop's turn. Must not know what the messages mean.
 import asyncio
 import socket
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Any
 
 from bus.errors import RemoteProtocolError
@@ -83,7 +84,8 @@ class Stream:
         self.is_closed = True
         self._sock.close()
 
-    def _read(self) -> None:
+    def _read(self) -> bool:
+        """Take one buffer; returns whether there may be more."""
         try:
             buffer = self.session.reader.get_buffer()
             count = self._sock.recv_into(buffer)
@@ -91,12 +93,15 @@ class Stream:
                 keep_freed_memory()
             if count:
                 self.on_received(self.session.received(count))
-            else:
-                self._lose(None)
+                if not self.is_closed and self._sock.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
+                    self._loop.call_soon(self._read_rest)
+                return True
+            self._lose(None)
         except (BlockingIOError, InterruptedError):
-            return
+            pass
         except (OSError, RemoteProtocolError) as error:
             self._lose(error)
+        return False
 
     def _send(self, buffers: list[Buffer], size: int) -> None:
         try:
@@ -137,6 +142,13 @@ class Stream:
         if self.is_blocked:
             self._loop.remove_writer(self._sock.fileno())
         self.is_blocked = self._is_unheard = True
+        self._loop.call_soon(self._read_rest)
+
+    def _read_rest(self) -> None:
+        # Not left to the event loop: libuv reports a socket only once whose other side left bytes unread,
+        # and then there is an error on it (SO_ERROR), which a failed attempt to send has perhaps taken off it.
+        if not self.is_closed and self._read():
+            self._loop.call_soon(self._read_rest)
 
     def _lose(self, error: Exception | None) -> None:
         if not self.is_closed:
@@ -148,7 +160,11 @@ class Stream:
         self._loop.remove_reader(self._sock.fileno())
         if self.is_blocked:
             self._loop.remove_writer(self._sock.fileno())
-        self._sock.close()
+        with suppress(OSError), self._sock:
+            # Nothing unread may be left: the other side's libuv would perhaps not see the end (`_read_rest`).
+            self._sock.shutdown(socket.SHUT_RDWR)
+            while self._sock.recv(BUFFER_BYTES):
+                pass
 
 
 def _unsent(buffers: list[Buffer], sent: int) -> list[Buffer]:

@@ -1,0 +1,292 @@
+"""The link to the broker: what is declared anew, what is undone, and what one failure must not take along."""
+
+import asyncio
+import logging
+import os
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import bus
+import bus.link
+from bus.connection import Connection
+from bus.declarations import Declarations
+from bus.msg.std_msgs import Int32
+from bus.wire import messages as m
+from bus.wire.layout import VERSION
+from bus.wire.runs import Run
+from conftest import WAIT_S
+from fake_broker import FakeBroker, FakeConnection
+from semantics import KEEP_ALL, node, until
+
+__all__ = ["node"]
+
+SILENT_S = 1e6
+"""A lease with which no sign of life helps a test along."""
+
+
+@pytest.fixture
+async def broker(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[FakeBroker]:
+    monkeypatch.setattr(bus.link, "_RETRY_S", (0.0, 0.01))
+    async with asyncio.timeout(WAIT_S), FakeBroker(socket_path) as broker:
+        yield broker
+
+
+async def opened(broker: FakeBroker) -> tuple[bus.Node, FakeConnection]:
+    opening = asyncio.ensure_future(opened_too("node"))
+    client = await broker.accept(lease_s=SILENT_S)
+    await client.create(m.CreateNode, 1)
+    return await opening, client
+
+
+async def opened_too(name: str) -> bus.Node:
+    node = bus.Node(name, arguments=[], rosout=False)
+    await node.open()
+    return node
+
+
+async def with_publisher(
+    node: bus.Node, client: FakeConnection, id: int, qos: bus.QoS = 10
+) -> bus.Publisher[Int32]:
+    creating = asyncio.ensure_future(node.create_publisher(Int32, "t", qos))
+    await client.create(m.CreatePublisher, id)
+    return await creating
+
+
+def matched(endpoint: int) -> m.Matched:
+    return m.Matched(
+        endpoint=endpoint, other=99, gid=b"g" * 16, node="/other", qos=bus.QoSProfile(), next_seq=1
+    )
+
+
+class TestDeclaringAgain:
+    async def test_what_failed_halfway_is_undone(
+        self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """As where one of many answers does not come in time."""
+        node, client = await opened(broker)
+        publisher = await with_publisher(node, client, 2)
+        declare_again, failures = Declarations.declare_again, [TimeoutError("too slow")]
+
+        async def failing(declarations: Declarations, connection: Connection) -> None:
+            await declare_again(declarations, connection)
+            await until(lambda: publisher.get_subscription_count() == 1)
+            if failures:
+                raise failures.pop()
+
+        monkeypatch.setattr(Declarations, "declare_again", failing)
+        await client.close()
+        for first_id in (11, 21):
+            client = await broker.accept(lease_s=SILENT_S)
+            await client.create(m.CreateNode, first_id)
+            await client.create(m.CreatePublisher, first_id + 1)
+            client.send(m.Matched(**{**_fields(matched(first_id + 1)), "other": first_id + 5}))
+            if first_id == 11:
+                await until(lambda: not failures)
+                publisher.publish(Int32(data=1))
+        assert (await client.expect(Run)).endpoint == 22
+        assert publisher.get_subscription_count() == 1
+        await node.close()
+
+    async def test_a_node_that_the_new_broker_refuses(
+        self, broker: FakeBroker, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        node, client = await opened(broker)
+        publisher = await with_publisher(node, client, 2)
+        opening = asyncio.ensure_future(opened_too("staying"))
+        await client.create(m.CreateNode, 3)
+        staying = await opening
+        await client.close()
+        client = await broker.accept()
+        request = await client.expect(m.CreateNode)
+        client.send(m.Refused(request=request.request, text="no room", resource="nodes", used=1, limit=1))
+        await client.create(m.CreateNode, 13)
+        assert (await with_publisher(staying, client, 14)).id == 14
+        with pytest.raises(bus.QuotaExceeded):
+            publisher.publish(Int32())
+        with pytest.raises(bus.ConnectionClosed, match="/node"):
+            await node.create_publisher(Int32, "t")
+        assert caplog.text.count("refuses the node /node") == 1
+        await node.close()
+        client.send(m.Ping(number=5))
+        while not isinstance(message := await client.receive(), m.Pong):
+            assert not isinstance(message, m.DestroyNode)
+        await staying.close()
+
+    async def test_the_log_tells_each_new_reason(
+        self, broker: FakeBroker, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        node, client = await opened(broker)
+        await client.close()
+        for reason in ("not today", "not today", "not tomorrow"):
+            client = await broker.meet()
+            await client.expect(m.Hello)
+            client.send(m.Hello(version=VERSION), m.Fault(text=reason))
+        client = await broker.accept()
+        await client.create(m.CreateNode, 11)
+        await node.close()
+        warnings = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
+        assert [text.rpartition(": ")[2] for text in warnings if "not back" in text] == [
+            "not today",
+            "not tomorrow",
+        ]
+
+    async def test_what_was_published_meanwhile_leaves_at_once(self, broker: FakeBroker) -> None:
+        node, client = await opened(broker)
+        publisher = await with_publisher(node, client, 2, KEEP_ALL)
+        await client.close()
+        client = await broker.accept(lease_s=SILENT_S)
+        publisher.publish(Int32(data=1))
+        flushing = asyncio.ensure_future(publisher.flush())
+        await client.create(m.CreateNode, 11)
+        await client.create(m.CreatePublisher, 12)
+        assert (await client.expect(Run)).endpoint == 12
+        await flushing
+        await node.close()
+
+
+class TestClosing:
+    async def test_a_node_closed_while_its_endpoint_is_made(self, broker: FakeBroker) -> None:
+        """The broker took the endpoint away with the node: nothing is to be said about it any more."""
+        node, client = await opened(broker)
+        opening = asyncio.ensure_future(opened_too("staying"))
+        await client.create(m.CreateNode, 3)
+        staying = await opening
+        creating = asyncio.ensure_future(node.create_publisher(Int32, "t"))
+        request = await client.expect(m.CreatePublisher)
+        await node.close()
+        client.send(m.Created(request=request.request, id=7), m.Ping(number=5))
+        with pytest.raises(bus.ConnectionClosed, match="/node was closed"):
+            await creating
+        seen = []
+        while not isinstance(message := await client.receive(), m.Pong):
+            seen.append(message)
+        assert seen == [m.DestroyNode(node=1)]
+        await staying.close()
+
+    @pytest.mark.parametrize("how", ["cancelled", "failing"])
+    async def test_a_close_cut_short_leaves_the_graph(
+        self, node: bus.Node, how: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        leaving = await opened_too("leaving")
+        subscription = await leaving.create_subscription(Int32, "t")
+
+        async def close() -> None:
+            if how == "failing":
+                raise RuntimeError("no")
+            await asyncio.Event().wait()
+
+        monkeypatch.setattr(subscription, "close", close)
+        closing = asyncio.ensure_future(leaving.close())
+        await asyncio.sleep(0)
+        if how == "cancelled":
+            closing.cancel()
+        with pytest.raises(asyncio.CancelledError if how == "cancelled" else RuntimeError):
+            await closing
+        await node.wait_for_graph(lambda graph: [one.full_name for one in graph.nodes] == ["/tester"])
+        with pytest.raises(bus.ConnectionClosed):
+            await subscription.receive()
+
+    async def test_an_observer_given_up_before_the_answer(self, broker: FakeBroker) -> None:
+        node, client = await opened(broker)
+        waiting = asyncio.ensure_future(node.wait_for_graph(lambda graph: True))
+        assert (await client.expect(m.Observe)).on
+        waiting.cancel()
+        assert not (await client.expect(m.Observe)).on
+        await node.close()
+
+
+class TestReceiving:
+    async def test_one_failure_does_not_take_the_rest_of_the_read_along(
+        self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        told: list[Any] = []
+        asyncio.get_running_loop().set_exception_handler(lambda loop, context: told.append(context))
+        node, client = await opened(broker)
+        publisher = await with_publisher(node, client, 2)
+
+        def handle(message: Any) -> None:
+            raise RuntimeError("a bug")
+
+        monkeypatch.setattr(publisher, "handle", handle)
+        client.send(matched(2), m.Ping(number=5))
+        assert (await client.expect(m.Pong)).number == 5
+        assert [repr(one["exception"]) for one in told] == ["RuntimeError('a bug')"]
+        await node.close()
+
+
+class TestSigns:
+    async def test_counters_follow_what_is_taken(self, node: bus.Node) -> None:
+        """Nothing comes in any more, but what waited goes."""
+        publisher = await node.create_publisher(Int32, "t")
+        subscription = await node.create_subscription(Int32, "t")
+        for number in range(5):
+            publisher.publish(Int32(data=number))
+
+        async def queued() -> int:
+            graph = await node.graph(statistics=True)
+            [found] = [one for one in graph.subscriptions if one.topic == "/t"]
+            return found.statistics.queued if found.statistics is not None else 0
+
+        while await queued() != 5:  # noqa: ASYNC110
+            await asyncio.sleep(0.01)
+        while subscription.take():
+            pass
+        while await queued():  # noqa: ASYNC110
+            await asyncio.sleep(0.01)
+
+    async def test_the_heartbeat_follows_the_leases(
+        self, node: bus.Node, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        beats: list[float] = []
+        beat = Connection.beat
+
+        def recorded(connection: Connection, interval_s: float) -> None:
+            beats.append(interval_s)
+            beat(connection, interval_s)
+
+        monkeypatch.setattr(Connection, "beat", recorded)
+        manual = bus.QoSProfile(liveliness="manual_by_topic", liveliness_lease_duration=0.003)
+        await node.create_publisher(Int32, "manual", manual)
+        await node.create_publisher(Int32, "none")
+        await node.create_subscription(Int32, "t", bus.QoSProfile(liveliness_lease_duration=9.0))
+        assert beats == []
+        long = await node.create_publisher(Int32, "t", bus.QoSProfile(liveliness_lease_duration=0.3))
+        short = await node.create_publisher(Int32, "t", bus.QoSProfile(liveliness_lease_duration=0.003))
+        assert beats == [pytest.approx(0.1), 0.01]
+        await short.close()
+        await long.close()
+        assert beats[2:] == [pytest.approx(0.1), pytest.approx(10 / 3)]
+
+
+async def test_every_endpoint_of_a_forked_child_refuses(node: bus.Node) -> None:
+    async def callback(message: Int32) -> None:
+        pass
+
+    async with bus.Node("other", arguments=[], rosout=False) as other:
+        subscription = await node.create_subscription(Int32, "t", 10, callback)
+        publishers = [await one.create_publisher(Int32, "t") for one in (node, other)]
+        reader, writer = os.pipe()
+        child = os.fork()
+        if not child:
+            try:
+                for publisher in publishers:
+                    try:
+                        publisher.publish(Int32())
+                    except bus.ForkError:
+                        os.write(writer, b"refused ")
+            finally:
+                os._exit(0)
+        os.close(writer)
+        with os.fdopen(reader, "rb") as pipe:
+            said = pipe.read()
+        os.waitpid(child, 0)  # noqa: ASYNC222
+        assert said == b"refused refused "
+        publishers[1].publish(Int32())
+        await until(lambda: subscription.statistics().delivered == 1)
+
+
+def _fields(message: m.Matched) -> dict[str, Any]:
+    return {name: getattr(message, name) for name in message.__struct_fields__}

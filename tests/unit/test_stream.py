@@ -1,0 +1,70 @@
+"""bus.transport.stream: how a connection ends."""
+
+import asyncio
+import socket
+from collections.abc import Iterator
+
+import pytest
+
+from bus.transport.stream import Stream
+from bus.wire import messages as m
+from bus.wire.layout import VERSION
+from bus.wire.outbox import Outbox
+from bus.wire.session import Role, Session
+from conftest import WAIT_S
+
+HELLO = m.encode_frame(m.Hello(version=VERSION))
+
+
+class End:
+    """One end of a connection, which remembers what came and why it ended."""
+
+    def __init__(self, sock: socket.socket) -> None:
+        sock.setblocking(False)
+        self.items: list[object] = []
+        self.lost: asyncio.Future[Exception | None] = asyncio.get_running_loop().create_future()
+        self.stream = Stream(
+            sock,
+            Session(Role.BROKER),
+            Outbox(),
+            on_received=self.items.extend,
+            on_lost=self.lost.set_result,
+        )
+
+    async def ended(self) -> None:
+        async with asyncio.timeout(WAIT_S):
+            await self.lost
+
+
+@pytest.fixture
+def pair() -> Iterator[tuple[socket.socket, socket.socket]]:
+    mine, other = socket.socketpair()
+    with mine, other:
+        yield mine, other
+
+
+async def test_closed_with_something_unread(pair: tuple[socket.socket, socket.socket]) -> None:
+    """The other side hears the last words and sees the end, which libuv alone may not tell it."""
+    mine, other = pair
+    end, leaver = End(mine), End(other)
+    mine.send(HELLO)
+    other.send(HELLO)
+    leaver.stream.close()
+    await end.ended()
+    assert len(end.items) == 1
+
+
+async def test_killed_with_something_unread(pair: tuple[socket.socket, socket.socket]) -> None:
+    """A process that is killed tidies nothing up; at the next thing sent to it we notice."""
+    mine, other = pair
+    end = End(mine)
+    mine.send(HELLO)
+    other.send(HELLO)
+    other.close()
+    while not end.items:  # noqa: ASYNC110
+        await asyncio.sleep(0)
+    if not end.lost.done():
+        end.stream.outbox.put(HELLO)
+        end.stream.flush()
+    await end.ended()
+    assert len(end.items) == 1
