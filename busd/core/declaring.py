@@ -6,8 +6,6 @@ QuotaExceeded (the broker answers Refused); an id that is not the peer's own rai
 
 import logging
 
-import msgspec
-
 from bus import names
 from bus.errors import ConfigurationError, QuotaExceeded, RemoteProtocolError
 from bus.ids import EndpointId, NodeId
@@ -64,7 +62,7 @@ class Registrar:
         if kind not in peer.types:
             self._check_types(peer)
         peer.types[kind] = size
-        self._graph.types.setdefault(kind, msgspec.Raw(bytes(message.schema)))
+        self._graph.types.setdefault(kind, message.schema)
 
     def create_node(self, now_ns: int, peer: Peer, message: m.CreateNode, out: list[Effect]) -> None:
         names.validate_node_name(message.name)
@@ -196,7 +194,9 @@ class Registrar:
             _check_quota("topics", len(self._graph.topics), self._limits.topics)
         topic = self._graph.topic(message.topic)
         others = topic.subscriptions if isinstance(message, m.CreatePublisher) else topic.publishers
-        _check_quota("matches of a process", peer.matches + len(others), self._limits.matches_per_peer + 1)
+        matches = peer.matches + len(others)
+        if matches > self._limits.matches_per_peer:
+            raise QuotaExceeded("matches of a process", used=matches, limit=self._limits.matches_per_peer)
         return node, kind, rules_for(message.topic, self._rules)
 
     def _check_types(self, peer: Peer) -> None:

@@ -6,8 +6,6 @@ Owns the tables and the revision. Knows no rule of matching and sends nothing.
 from collections import Counter
 from itertools import count
 
-import msgspec
-
 from bus.ids import EndpointId, NodeId
 from bus.wire.messages import EndpointRecord, GraphChanged, MatchRecord, NodeRecord
 from bus.wire.messages import Graph as Snapshot
@@ -22,7 +20,7 @@ class Graph:
         self.publishers: dict[EndpointId, Publisher] = {}
         self.subscriptions: dict[EndpointId, Subscription] = {}
         self.topics: dict[str, Topic] = {}
-        self.types: dict[MessageType, msgspec.Raw] = {}
+        self.types: dict[MessageType, bytes] = {}
         self.revision = 0
         self._names: Counter[str] = Counter()
         self._ids = count(1)
@@ -82,14 +80,14 @@ class Graph:
     def add_match(self, publisher: Publisher, subscription: Subscription) -> None:
         publisher.matches[subscription.id] = subscription
         subscription.matches[publisher.id] = publisher
-        publisher.node.peer.matches += 1
-        subscription.node.peer.matches += 1
+        for peer in {publisher.node.peer, subscription.node.peer}:
+            peer.matches += 1
         self._matches_added.append(MatchRecord(publisher=publisher.id, subscription=subscription.id))
 
     def remove_match(self, publisher: Publisher, subscription: Subscription) -> None:
         del publisher.matches[subscription.id], subscription.matches[publisher.id]
-        publisher.node.peer.matches -= 1
-        subscription.node.peer.matches -= 1
+        for peer in {publisher.node.peer, subscription.node.peer}:
+            peer.matches -= 1
         self._matches_removed.append(MatchRecord(publisher=publisher.id, subscription=subscription.id))
 
     def forget_types(self, peer: Peer, others: list[Peer]) -> None:

@@ -136,7 +136,7 @@ class Connection:
         """Make a message type known, once for each connection."""
         if (support.name, support.hash) not in self._types:
             self._types.add((support.name, support.hash))
-            schema = msgspec.Raw(msgspec.msgpack.encode(support.schema))
+            schema = msgspec.msgpack.encode(support.schema)
             self.send(m.DeclareType(type_name=support.name, type_hash=support.hash, schema=schema))
 
     def resolve(self, message: Any) -> bool:

@@ -7,7 +7,6 @@ the hex that the failing test prints.
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import pytest
 
 from bus.qos import QoSProfile
@@ -48,7 +47,7 @@ FROM_CLIENT: dict[str, m.Message] = {
     "ping": m.Ping(number=5),
     "pong": m.Pong(number=5),
     "declare_type": m.DeclareType(
-        type_name="std_msgs/msg/String", type_hash="RIHS01_df66", schema=msgspec.Raw(b"\x81\xa4data\xa3str")
+        type_name="std_msgs/msg/String", type_hash="RIHS01_df66", schema=(b"\x81\xa4data\xa3str")
     ),
     "create_node": m.CreateNode(request=1, name="talker", namespace="/robot"),
     "destroy_node": m.DestroyNode(node=1),
@@ -110,7 +109,7 @@ FROM_BROKER: dict[str, m.Message] = {
         endpoints_removed=(5,),
         matches_removed=(MATCH,),
     ),
-    "type_description": m.TypeDescription(request=5, schema=msgspec.Raw(b"\x81\xa4data\xa3str")),
+    "type_description": m.TypeDescription(request=5, schema=(b"\x81\xa4data\xa3str")),
 }
 CONTROL = {**FROM_CLIENT, **FROM_BROKER}
 

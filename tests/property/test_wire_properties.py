@@ -11,7 +11,7 @@ from bus.errors import RemoteProtocolError
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from bus.wire.layout import DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES, VERSION
-from bus.wire.runs import Account, Run, RunQueue
+from bus.wire.runs import RUN_COST_BYTES, Account, Run, RunQueue
 from bus.wire.session import Role, Session, State
 from feeding import feed, frame_record
 
@@ -42,7 +42,7 @@ class QueueAgainstModel(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
         self.depth = 0
-        self.account = Account(200)
+        self.account = Account(200 + 3 * RUN_COST_BYTES)
         self.queue = RunQueue(0, self.account, endpoint=3)
         self.runs: list[ModelRun] = []
         self.room_for_replays = 0
@@ -97,7 +97,7 @@ class QueueAgainstModel(RuleBasedStateMachine):
         self.next_seq = first + len(samples)
         run = Run(0, 8, first, len(samples), body, is_replay)
         run.lifespan_ns = lifespan_ns
-        self.runs.append(ModelRun(samples, len(body), lifespan_ns, is_replay=is_replay))
+        self.runs.append(ModelRun(samples, len(body) + RUN_COST_BYTES, lifespan_ns, is_replay=is_replay))
         if is_replay:
             self.room_for_replays += len(samples)
         over_quota = sum(run.size for run in self.runs) + self.others > self.account.limit
@@ -207,7 +207,7 @@ names = st.text(max_size=8)
 control_messages = st.one_of(
     st.builds(m.Ping, number=st.integers(0, 2**40)),
     st.builds(m.CreateNode, request=st.integers(0, 99), name=names, namespace=names),
-    st.builds(m.DeclareType, type_name=names, type_hash=names, schema=st.just(msgspec.Raw(b"\x81\xa1a\x01"))),
+    st.builds(m.DeclareType, type_name=names, type_hash=names, schema=st.just(b"\x81\xa1a\x01")),
     st.builds(
         m.CreateSubscription,
         request=st.integers(0, 99),

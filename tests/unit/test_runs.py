@@ -4,10 +4,15 @@ import pytest
 
 from bus.wire.framing import FrameReader
 from bus.wire.layout import DATA_HEAD, REPLAY
-from bus.wire.runs import Account, Run, RunQueue, data_head
+from bus.wire.runs import RUN_COST_BYTES, Account, Run, RunQueue, data_head
 from feeding import feed, frame_record
 
 RECORD_BYTES = 13  # of a payload of one letter
+
+
+def held(letters: int) -> int:
+    """What a run of so many letters is charged with."""
+    return letters * RECORD_BYTES + RUN_COST_BYTES
 
 
 def run(
@@ -113,15 +118,15 @@ class TestDepth:
 
 class TestQuota:
     def test_whole_runs_go_oldest_first(self) -> None:
-        waiting = queue(limit=4 * RECORD_BYTES)
+        waiting = queue(limit=held(4))
         assert not waiting.append(run("abc"))
         assert waiting.append(run("def", 4))
         assert waiting.drop_over_quota() == 3
-        assert waiting.account.used == waiting.held_bytes == 3 * RECORD_BYTES
+        assert waiting.account.used == waiting.held_bytes == held(3)
         assert taken(waiting) == "def"
 
     def test_the_newest_are_spared(self) -> None:
-        waiting = queue(limit=RECORD_BYTES)
+        waiting = queue(limit=held(1))
         for at, letters in enumerate(("ab", "cd", "ef")):
             waiting.append(run(letters, 1 + 2 * at))
         assert waiting.drop_over_quota(spare=2) == 2
@@ -130,21 +135,21 @@ class TestQuota:
         assert taken(waiting) == "ef"
 
     def test_a_run_that_was_used_in_part_counts_whole_until_it_goes(self) -> None:
-        waiting = queue(limit=3 * RECORD_BYTES)
+        waiting = queue(limit=held(3))
         waiting.append(run("abc"))
         use_up(waiting, 1)
-        assert waiting.account.used == 3 * RECORD_BYTES
+        assert waiting.account.used == held(3)
         assert waiting.append(run("d", 4))
         assert waiting.drop_over_quota() == 2
         assert taken(waiting) == "d"
 
     def test_other_queues_of_the_holder_count(self) -> None:
-        account = Account(2 * RECORD_BYTES)
+        account = Account(held(2))
         one, other = RunQueue(0, account), RunQueue(0, account)
         one.append(run("ab"))
         assert other.append(run("c"))
         assert other.drop_over_quota() == 1
-        assert account.used == 2 * RECORD_BYTES
+        assert account.used == held(2)
 
     @pytest.mark.parametrize("empty", ["advance", "pop_frame", "clear", "drop"])
     def test_what_leaves_is_not_charged(self, empty: str) -> None:
@@ -225,7 +230,7 @@ class TestAdvance:
         waiting.append(run("d", 4))
         use_up(waiting, 1)
         use_up(waiting, 2)
-        assert (waiting.count, waiting.held_bytes) == (1, RECORD_BYTES)
+        assert (waiting.count, waiting.held_bytes) == (1, held(1))
         assert taken(waiting) == "d"
 
 

@@ -65,7 +65,7 @@ class TestEncoding:
         assert body_of(message)["qos"] == {"depth": 3}
 
     def test_a_schema_travels_untouched(self) -> None:
-        schema = msgspec.Raw(msgspec.msgpack.encode({"fields": [1, None]}))
+        schema = msgspec.msgpack.encode({"fields": [1, None]})
         message = m.from_client.decode(
             m.encode_frame(m.DeclareType(type_name="a", type_hash="b", schema=schema))[FRAME_HEAD_BYTES:]
         )

@@ -146,7 +146,7 @@ class Stream:
 
     def _read_rest(self) -> None:
         # Not left to the event loop: libuv reports a socket only once whose other side left bytes unread,
-        # and then there is an error on it (SO_ERROR), which a failed attempt to send has perhaps taken off it.
+        # and then with an error (SO_ERROR), which a failed attempt to send has perhaps taken off it.
         if not self.is_closed and self._read():
             self._loop.call_soon(self._read_rest)
 

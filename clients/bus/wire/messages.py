@@ -59,7 +59,7 @@ class DeclareType(Message, frozen=True, tag="type"):
 
     type_name: str
     type_hash: str
-    schema: msgspec.Raw = msgspec.Raw(b"\xc0")
+    schema: bytes = b"\xc0"
 
 
 class CreateNode(Message, frozen=True, tag="node+"):
@@ -298,7 +298,7 @@ class GraphChanged(Message, frozen=True, tag="graph*"):
 
 class TypeDescription(Message, frozen=True, tag="type="):
     request: int
-    schema: msgspec.Raw
+    schema: bytes
 
 
 FromClient = (

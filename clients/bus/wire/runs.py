@@ -26,6 +26,9 @@ from bus.wire.layout import (
 Buffer = bytes | bytearray | memoryview
 
 _unpack_record = RECORD_HEAD.unpack_from
+RUN_COST_BYTES = 256
+"""What it costs to hold a run besides its body, about. Charged too: small runs are mostly that."""
+
 _UNBOUNDED = 1 << 62
 _OVERHEAD_BYTES = DATA_HEAD_BYTES - LENGTH_BYTES
 
@@ -116,7 +119,7 @@ class RunQueue:
         self.endpoint = endpoint
         self.runs: deque[Run] = deque()
         self.count = 0
-        self.held_bytes = 0  # size of the runs that are held
+        self.held_bytes = 0  # of the runs that are held, and what it costs to hold them
         # The head run may have been used up in part: bytes and samples of it that are gone.
         self.offset = 0
         self.skipped = 0
@@ -130,7 +133,7 @@ class RunQueue:
         """Append `run`; returns whether the queue now exceeds its depth or quota and must be trimmed."""
         self.runs.append(run)
         self.count += run.count
-        size = len(run.body)
+        size = len(run.body) + RUN_COST_BYTES
         self.held_bytes += size
         account = self.account
         account.used += size
@@ -264,7 +267,7 @@ class RunQueue:
         """The oldest run is used up or dropped."""
         run = self.runs.popleft()
         self.count -= run.count - self.skipped
-        size = len(run.body)
+        size = len(run.body) + RUN_COST_BYTES
         self.held_bytes -= size
         self.account.used -= size
         self.offset = self.skipped = 0

@@ -163,7 +163,7 @@ class TestMemory:
             publisher.publish(f"{at:1000}")
             assert self.account(publisher.process, "history") <= 10 * KIB
         late = world.process().subscription("/topic", kept(1000))
-        assert [int(payload) for payload in late.payloads] == list(range(40, 50))
+        assert [int(payload) for payload in late.payloads] == list(range(42, 50))
 
     def test_history_is_given_back(self) -> None:
         world = World(self.LIMITS)

@@ -159,11 +159,9 @@ class TestTypes:
 
     def test_a_schema_that_is_too_long(self) -> None:
         process = World(Limits(schema_bytes=ONE_KIB)).process()
-        process.tell(
-            m.DeclareType(type_name="a", type_hash="1", schema=msgspec.Raw(b"\xd9\xff" + b"x" * 255))
-        )
+        process.tell(m.DeclareType(type_name="a", type_hash="1", schema=(b"\xd9\xff" + b"x" * 255)))
         assert process.cut_reason is None
-        long = msgspec.Raw(msgspec.msgpack.encode("x" * ONE_KIB))
+        long = msgspec.msgpack.encode("x" * ONE_KIB)
         process.tell(m.DeclareType(type_name="b", type_hash="1", schema=long))
         assert process.cut_reason == "schema of 1027 bytes, the limit is 1024"
 
@@ -171,7 +169,7 @@ class TestTypes:
         world = World()
         one, other = world.process(), world.process()
         for process, schema in ((one, "first"), (other, "second")):
-            raw = msgspec.Raw(msgspec.msgpack.encode(schema))
+            raw = msgspec.msgpack.encode(schema)
             process.tell(m.DeclareType(type_name="a", type_hash="1", schema=raw))
         answer = other.request(m.GetType(request=0, type_name="a", type_hash="1"), m.TypeDescription)
         assert msgspec.msgpack.decode(answer.schema) == "first"
