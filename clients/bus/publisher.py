@@ -258,14 +258,13 @@ class Publisher(Endpoint[M]):
         self._queue.is_ready = False  # the outbox that knew it is gone
 
     def handle(self, message: Any) -> None:
-        match message:
-            case m.Credit(seq=seq):
-                self._credit(seq)
-            case m.LivelinessLost():
-                self._lost_liveliness += 1
-                self._tell(self._events.liveliness_lost, LivelinessLost(self._lost_liveliness, 1))
-            case _:
-                super().handle(message)
+        if isinstance(message, m.Credit):
+            self._credit(message.seq)
+        elif isinstance(message, m.LivelinessLost):
+            self._lost_liveliness += 1
+            self._tell(self._events.liveliness_lost, LivelinessLost(self._lost_liveliness, 1))
+        else:
+            super().handle(message)
 
     def totals(self) -> m.Report:
         """This publisher's counters, for the graph."""
