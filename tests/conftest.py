@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import hypothesis
@@ -16,6 +17,9 @@ import pytest
 
 hypothesis.settings.register_profile("busd", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("busd")
+
+# For the tests themselves; what they start shall be as users see it.
+_WITH_DEBUG = bool(os.environ.pop("PYTHONASYNCIODEBUG", ""))
 
 WAIT_S = 20.0 * float(os.environ.get("BUSD_TESTS_TIMEOUT_FACTOR", "1"))
 """No test waits longer for anything."""
@@ -35,7 +39,7 @@ class Daemon:
             process = subprocess.Popen(
                 [sys.executable, "-m", "busd", "--socket", str(self.path), *self.arguments],
                 stderr=log,
-                env={**os.environ, "PYTHONASYNCIODEBUG": ""},
+                env=dict(os.environ),
             )
         self._wait_until_ready(process)
         return process
@@ -128,6 +132,15 @@ def _descriptors() -> dict[str, str]:
 
 
 def pytest_asyncio_loop_factories(config: pytest.Config, item: pytest.Item) -> object:
+    """Every async test runs on both event loops."""
     import uvloop
 
-    return {"asyncio": asyncio.new_event_loop, "uvloop": uvloop.new_event_loop}
+    def with_debug(factory: Callable[[], asyncio.AbstractEventLoop]) -> asyncio.AbstractEventLoop:
+        loop = factory()
+        loop.set_debug(_WITH_DEBUG)
+        return loop
+
+    return {
+        "asyncio": partial(with_debug, asyncio.new_event_loop),
+        "uvloop": partial(with_debug, uvloop.new_event_loop),
+    }

@@ -131,7 +131,7 @@ class TestBytes:
         publisher = peer.publisher(node, "/t").id
         parts = []
         for seq in range(1, 1001):
-            parts += [m.encode_frame(m.Ping()), data(publisher, text(str(seq)), first_seq=seq)]
+            parts += [m.encode_frame(m.Ping(number=seq)), data(publisher, text(str(seq)), first_seq=seq)]
         peer.write(b"".join(parts))
         peer.close()
         heard = 0
@@ -140,10 +140,11 @@ class TestBytes:
             assert (run.endpoint, run.first_seq) == (subscription, heard + 1)
             heard += run.count
 
+    @with_limits(lease_s=3600)
     def test_it_goes_with_answers_unread(self, daemon: Daemon, peer: RawPeer, other: RawPeer) -> None:
         """Then the kernel reports an error with what it said last, which some loops report once only."""
         publisher = peer.hello().publisher(peer.node("hasty"), "/t").id
-        peer.send(m.Ping())
+        peer.send(m.Ping(number=1))
         assert peer.socket.recv(1, socket.MSG_PEEK)
         daemon.process.send_signal(signal.SIGSTOP)
         peer.write(data(publisher, text("farewell")))
