@@ -381,6 +381,8 @@ class Line:
 
 def _samples(run: Run) -> list[Sample]:
     return [
-        Sample(run.source, run.first_seq + at, bytes(payload).decode(errors="replace"), stamp_ns, run.is_replay)
+        Sample(
+            run.source, run.first_seq + at, bytes(payload).decode(errors="replace"), stamp_ns, run.is_replay
+        )
         for at, (payload, stamp_ns) in enumerate(run.records())
     ]
