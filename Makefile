@@ -34,11 +34,14 @@ lint: $(STAMP) ## style, types and layers
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+sanitize: ## the ring of the coming shared-memory route, as C programs under the sanitizers (needs gcc)
+	$(MAKE) -C tests/native test sanitize
+
 fmt: $(STAMP) ## format the sources
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-bench-quick: $(STAMP) ## throughput and latency of the socket route, about a minute
+bench-quick: $(STAMP) ## throughput, latency, start, idle and checking, about two minutes
 	$(BIN)/python -m benchmarks --quick
 
 bench: $(STAMP) ## the same, longer
@@ -48,4 +51,4 @@ clean: ## remove what the other targets made
 	rm -rf $(VENV) build *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test lint fmt bench-quick bench clean
+.PHONY: help setup demo robot test lint sanitize fmt bench-quick bench clean

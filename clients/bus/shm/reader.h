@@ -1,0 +1,182 @@
+/* A reader's side of the ring: take what is there, learn what is lost, hold records in place. Begin with ring.h.
+ *
+ * Maps the ring read-only and believes nothing of it: sizes come from the geometry that ring_check() copied,
+ * and every offset is brought within them. A round of a process is
+ *
+ *     ring_poll(depth), then for each record: ring_look(), ring_copy_out() or ring_pin(), ring_step();
+ *     then ring_tell_cursor() once, and where the match is lossless, ring_room_is_due().
+ *
+ * What was published from its start on = taken by ring_step() + overrun + replaced + what still waits.
+ */
+#ifndef BUS_SHM_READER_H
+#define BUS_SHM_READER_H
+
+#include "copy.h"
+#include "doorbell.h"
+#include "ring.h"
+
+struct ring_reader {
+    const struct ring_header *header;
+    const _Atomic uint64_t *index;
+    const unsigned char *data;
+    uint64_t capacity, index_length;
+    struct reader_slot *slot; /* its own, shown to the writer; NULL: neither lossless nor pins */
+    uint64_t next;            /* sequence number that it takes next */
+    uint64_t latest;          /* at the last poll */
+    uint64_t overrun;         /* samples lost because the writer lapped this reader */
+    uint64_t replaced;        /* samples passed over because more than `depth` were waiting */
+    uint64_t room_rung;       /* the writer's sleep that it has rung for */
+};
+
+struct ring_record {
+    uint64_t seq, stamp_ns;
+    uint32_t size, flags;
+    const void *payload; /* in the ring: bytes may change unless pinned */
+};
+
+/* `geometry` as copied and accepted by ring_check(). Then ring_join() or ring_seek(). */
+static inline void ring_reader_attach(
+    struct ring_reader *r, const void *memory, const struct ring_geometry *geometry, struct reader_slot *slot)
+{
+    *r = (struct ring_reader){
+        .header = memory,
+        .index = (const _Atomic uint64_t *)((const char *)memory + geometry->index_offset),
+        .data = (const unsigned char *)memory + geometry->data_offset,
+        .capacity = geometry->capacity,
+        .index_length = geometry->index_length,
+        .slot = slot,
+    };
+}
+
+/* Goes on with `seq`: the start of a match as the broker tells it, or the reader's own next in a grown ring. */
+static inline void ring_seek(struct ring_reader *r, uint64_t seq) { r->next = seq; }
+
+/* Starts with the newest `history` records, or as many as there are; 0: with the next one to come. */
+static inline void ring_join(struct ring_reader *r, uint64_t history)
+{
+    /* PAIR(latest): acquire, as in ring_poll() */
+    const uint64_t end = atomic_load_explicit(&r->header->latest, memory_order_acquire) + 1;
+    /* relaxed: an old value makes a start that ring_look() finds lapped */
+    const uint64_t oldest = atomic_load_explicit(&r->header->oldest, memory_order_relaxed);
+    const uint64_t there = oldest < end ? end - oldest : 0;
+    r->next = end - (history < there ? history : there);
+}
+
+/* Looks for new samples; returns how many wait, after passing over those beyond `depth` (0: no depth). */
+static inline uint64_t ring_poll(struct ring_reader *r, uint64_t depth)
+{
+    /* PAIR(latest): acquire. Records and index entries up to it are whole. Counterpart: ring_publish(). */
+    r->latest = atomic_load_explicit(&r->header->latest, memory_order_acquire);
+    if (r->latest < r->next)
+        return 0;
+    const uint64_t waiting = r->latest - r->next + 1;
+    if (depth == 0 || waiting <= depth)
+        return waiting;
+    r->replaced += waiting - depth;
+    r->next += waiting - depth;
+    return depth;
+}
+
+/* True where everything is taken and the writer has left this ring. */
+static inline bool ring_is_finished(const struct ring_reader *r)
+{
+    /* PAIR(closed): acquire, so the latest read after it is final. Counterpart: ring_close(). */
+    if (atomic_load_explicit(&r->header->closed, memory_order_acquire) == 0)
+        return false;
+    /* relaxed: PAIR(closed) orders it, and no record is read by it */
+    return atomic_load_explicit(&r->header->latest, memory_order_relaxed) < r->next;
+}
+
+/* After reading bytes of record r->next: true where all of them were the record's. Else counts what is lost
+ * and goes to the oldest record. */
+static inline bool ring_is_intact(struct ring_reader *r)
+{
+    /* PAIR(oldest): acquire fence, then load. If a byte read above was written after the record was given up,
+     * this sees that it was. Counterpart: ring_give_up(). */
+    atomic_thread_fence(memory_order_acquire);
+    const uint64_t oldest = atomic_load_explicit(&r->header->oldest, memory_order_relaxed);
+    if (oldest <= r->next)
+        return true;
+    r->overrun += oldest - r->next;
+    r->next = oldest;
+    return false;
+}
+
+/* The head of the next record, its payload still in the ring. RING_OK, RING_EMPTY (poll again), RING_OVERRUN
+ * (poll again) or RING_CORRUPT (leave this ring). */
+static inline enum ring_status ring_look(struct ring_reader *r, struct ring_record *record)
+{
+    if (r->next > r->latest)
+        return RING_EMPTY;
+    /* relaxed: PAIR(latest) ordered it; if it has a new owner since, PAIR(oldest) tells */
+    const uint64_t at = atomic_load_explicit(&r->index[r->next & (r->index_length - 1)], memory_order_relaxed);
+    const uint64_t begin = at & (r->capacity - 1) & ~(uint64_t)(RING_ALIGN - 1);
+    const unsigned char *head = r->data + begin;
+    const uint64_t seq = load_word(head), stamp_ns = load_word(head + 8), size_and_flags = load_word(head + 16);
+    if (!ring_is_intact(r))
+        return RING_OVERRUN;
+    const uint32_t size = (uint32_t)size_and_flags;
+    if (seq != r->next || size > r->capacity - begin - RING_HEAD_BYTES)
+        return RING_CORRUPT;
+    *record = (struct ring_record){seq, stamp_ns, size, (uint32_t)(size_and_flags >> 32), head + RING_HEAD_BYTES};
+    return RING_OK;
+}
+
+/* Copies the payload that ring_look() found. RING_OK, or RING_OVERRUN: what was copied is worthless. A build with
+ * BROKEN_NO_VALIDATE exists to see the litmus tests fail. */
+static inline enum ring_status ring_copy_out(struct ring_reader *r, const struct ring_record *record, void *bytes)
+{
+    copy_from_shared(bytes, record->payload, record->size);
+#ifdef BROKEN_NO_VALIDATE
+    return RING_OK;
+#endif
+    return ring_is_intact(r) ? RING_OK : RING_OVERRUN;
+}
+
+/* The next record is taken. */
+static inline void ring_step(struct ring_reader *r) { r->next++; }
+
+/* Shows the writer how far this reader is: what is before it may be overwritten, but for pins. */
+static inline void ring_tell_cursor(struct ring_reader *r)
+{
+    /* PAIR(cursor): release. Copies of what is taken are over, and pins on it stand. Counterpart: ring_taken(). */
+    atomic_store_explicit(&r->slot->cursor, r->next, memory_order_release);
+}
+
+/* After ring_tell_cursor(): true where the writer sleeps for room and must be rung now. */
+static inline bool ring_room_is_due(struct ring_reader *r)
+{
+    bell_fence(); /* PAIR(sleep): after the cursor. Counterpart: ring_wait_for_room(). */
+    return bell_is_due(&r->header->room, &r->room_rung, r->next);
+}
+
+/* Holds the record that ring_look() found in place until ring_unpin(*pin): its payload may then be read at
+ * leisure, also after ring_step(). Only once the writer has this reader's gate. RING_OK, RING_OVERRUN, or
+ * RING_PINNED: all pins of this match are in use, copy instead. */
+static inline enum ring_status ring_pin(struct ring_reader *r, const struct ring_record *record, unsigned *pin)
+{
+    for (unsigned i = 0; i < READER_PINS; i++) {
+        _Atomic uint64_t *word = &r->slot->pins[i];
+        if (atomic_load_explicit(word, memory_order_relaxed) != 0) /* own word */
+            continue;
+        /* PAIR(unpin): release, for the record that this word held before. */
+        atomic_store_explicit(word, record->seq, memory_order_release);
+        /* PAIR(pin): either this side sees that it is too late or the writer sees the pin: ring_give_up(). */
+        bell_fence();
+        if (ring_is_intact(r)) {
+            *pin = i;
+            return RING_OK;
+        }
+        atomic_store_explicit(word, 0, memory_order_release); /* PAIR(unpin) */
+        return RING_OVERRUN;
+    }
+    return RING_PINNED;
+}
+
+static inline void ring_unpin(struct reader_slot *slot, unsigned pin)
+{
+    /* PAIR(unpin): release. Reads of the record are over. Counterpart: ring_hole_in(). */
+    atomic_store_explicit(&slot->pins[pin], 0, memory_order_release);
+}
+
+#endif

@@ -1,0 +1,281 @@
+/* The writer's side of the ring: makes room, steps over pins, publishes. Begin with ring.h.
+ *
+ * Only the process that made a segment can map it writable, so all words of the ring are the writer's own; what
+ * it reads of others are cursors and pins, through its gates, and a lie there costs only the liar.
+ */
+#ifndef BUS_SHM_WRITER_H
+#define BUS_SHM_WRITER_H
+
+#include "copy.h"
+#include "doorbell.h"
+#include "ring.h"
+
+#ifndef RING_LEAD
+#define RING_LEAD 16u /* records given up ahead, so that `oldest` changes seldom and stays in readers' caches */
+#endif
+
+/* A pinned record that the writer has given up and steps over; active while the pin still holds `seq`. */
+struct ring_hole {
+    uint64_t seq; /* 0: none */
+    uint64_t begin, end;
+};
+
+/* One match, as its writer sees it. Has a hole for each pin, so holes never run out. */
+struct ring_gate {
+    const struct reader_slot *slot;
+    bool is_lossless;
+    struct ring_hole holes[READER_PINS];
+};
+
+/* `gates` is the caller's array and may move or change while no call runs; then ring_gates_changed(). */
+struct ring_writer {
+    struct ring_header *header;
+    _Atomic uint64_t *index;
+    unsigned char *data;
+    uint64_t capacity, index_length, max_payload;
+    uint64_t keep; /* newest records that must stay, 1 or more: largest depth of publisher and matches */
+    uint64_t latest, oldest, head; /* head: position of the next record */
+    uint64_t loan;                 /* bytes of the record reserved at head; 0: none */
+    uint64_t floor;                /* what lossless readers had taken when last looked at */
+    struct ring_gate *gates;
+    size_t gate_count, hole_count;
+};
+
+/* Takes over a formatted ring where its last writer left it, also one that was killed in mid-write. Gates come
+ * later; a ring with pins from before must not be taken over, for nobody knows any more where they lie. */
+static inline void ring_writer_attach(struct ring_writer *w, void *memory)
+{
+    struct ring_header *header = memory;
+    const struct ring_geometry *geometry = &header->geometry;
+    *w = (struct ring_writer){
+        .header = header,
+        .index = (_Atomic uint64_t *)((char *)memory + geometry->index_offset),
+        .data = (unsigned char *)memory + geometry->data_offset,
+        .capacity = geometry->capacity,
+        .index_length = geometry->index_length,
+        .max_payload = ring_max_payload(geometry->capacity),
+        .keep = 1,
+        /* relaxed, all three: only writers write them, and the last one is gone */
+        .latest = atomic_load_explicit(&header->latest, memory_order_relaxed),
+        .oldest = atomic_load_explicit(&header->oldest, memory_order_relaxed),
+        .head = atomic_load_explicit(&header->end, memory_order_relaxed),
+    };
+}
+
+/* What all lossless readers have taken: nothing before it is needed by them. */
+static inline uint64_t ring_taken(const struct ring_writer *w)
+{
+    uint64_t taken = UINT64_MAX;
+    for (size_t i = 0; i < w->gate_count; i++) {
+        if (!w->gates[i].is_lossless)
+            continue;
+        /* PAIR(cursor): acquire. The reader's copies of what it took are over. Counterpart: ring_tell_cursor(). */
+        const uint64_t cursor = atomic_load_explicit(&w->gates[i].slot->cursor, memory_order_acquire);
+        if (cursor < taken)
+            taken = cursor;
+    }
+    return taken;
+}
+
+static inline void ring_gates_changed(struct ring_writer *w)
+{
+    w->floor = 0;
+    w->hole_count = 0;
+    for (size_t i = 0; i < w->gate_count; i++)
+        for (size_t j = 0; j < READER_PINS; j++)
+            w->hole_count += w->gates[i].holes[j].seq != 0;
+}
+
+/* The first record that survives once seq `next` ends at position `end`: by bytes, and by index entries. */
+static inline uint64_t ring_survivor(const struct ring_writer *w, uint64_t next, uint64_t end)
+{
+    uint64_t seq = w->oldest;
+    if (next - seq >= w->index_length)
+        seq = next - w->index_length + 1;
+    while (seq <= w->latest) {
+        /* relaxed: own word */
+        const uint64_t at = atomic_load_explicit(&w->index[seq & (w->index_length - 1)], memory_order_relaxed);
+        if (at + w->capacity >= end)
+            break;
+        seq++;
+    }
+    return seq;
+}
+
+/* End of a hole that [begin, end) runs into, 0 where there is none. Forgets the holes that are released. */
+static inline uint64_t ring_hole_in(struct ring_writer *w, uint64_t begin, uint64_t end)
+{
+    for (size_t i = 0; w->hole_count != 0 && i < w->gate_count; i++) {
+        for (size_t j = 0; j < READER_PINS; j++) {
+            struct ring_hole *hole = &w->gates[i].holes[j];
+            if (hole->seq == 0)
+                continue;
+            /* PAIR(unpin): acquire. The holder's reads are over. Counterpart: ring_unpin(). */
+            if (atomic_load_explicit(&w->gates[i].slot->pins[j], memory_order_acquire) != hole->seq) {
+                hole->seq = 0;
+                w->hole_count--;
+            } else if (hole->begin < end && begin < hole->end) {
+                return hole->end;
+            }
+        }
+    }
+    return 0;
+}
+
+/* First position from `position` on where `total` bytes lie in one piece and clear of holes; or one that is
+ * more than a lap ahead. */
+static inline uint64_t ring_place(struct ring_writer *w, uint64_t position, uint64_t total)
+{
+    const uint64_t last = w->head + w->capacity - total;
+    while (position <= last) {
+        const uint64_t begin = position & (w->capacity - 1);
+        uint64_t end = w->capacity;
+        if (begin + total <= w->capacity && (end = ring_hole_in(w, begin, begin + total)) == 0)
+            break;
+        position += end - begin;
+    }
+    return position;
+}
+
+/* Announces that everything before `survivor` is given up, and makes holes of what is pinned in it. */
+static inline void ring_give_up(struct ring_writer *w, uint64_t survivor)
+{
+    const uint64_t before = w->oldest;
+    w->oldest = survivor;
+    atomic_store_explicit(&w->header->oldest, survivor, memory_order_relaxed); /* the next line orders it */
+    /* PAIR(oldest): release fence. Who sees a byte written from here on, and then fences, sees the store above.
+     * Counterpart: ring_is_intact(). A full one, because x86 orders the streaming stores of a long memcpy after
+     * earlier stores only so; and for pins. */
+    /* PAIR(pin): either this side sees the pin below or its reader sees that it came too late: ring_pin(). */
+    bell_fence();
+    for (size_t i = 0; i < w->gate_count; i++) {
+        for (size_t j = 0; j < READER_PINS; j++) {
+            /* PAIR(unpin): acquire, for a pin that has moved on from the record of an older hole. */
+            const uint64_t seq = atomic_load_explicit(&w->gates[i].slot->pins[j], memory_order_acquire);
+            if (seq < before || seq >= survivor)
+                continue;
+            /* relaxed: own word */
+            const uint64_t at = atomic_load_explicit(&w->index[seq & (w->index_length - 1)], memory_order_relaxed);
+            const uint64_t begin = at & (w->capacity - 1);
+            const uint64_t size = load_word(w->data + begin + 16) & UINT32_MAX;
+            w->hole_count += w->gates[i].holes[j].seq == 0;
+            w->gates[i].holes[j] = (struct ring_hole){seq, begin, begin + ring_record_bytes(size)};
+        }
+    }
+}
+
+/* Makes room for a record of up to `size` bytes and lends the place in *payload; ring_publish() ends the loan,
+ * another ring_reserve() takes it back. `force` gives up depth (never a lossless reader's records, nor pins).
+ * Returns RING_OK, RING_TOO_LARGE, RING_SHORT, RING_FULL or RING_PINNED; after RING_PINNED
+ * records may be given up that are still whole; after the other refusals nothing has changed. */
+static inline enum ring_status ring_reserve(struct ring_writer *w, uint64_t size, bool force, void **payload)
+{
+    w->loan = 0;
+    if (size > w->max_payload)
+        return RING_TOO_LARGE;
+    const uint64_t total = ring_record_bytes(size), next = w->latest + 1;
+    uint64_t position = ring_place(w, w->head, total), survivor;
+    while (position <= w->head + w->capacity - total
+           && (survivor = ring_survivor(w, next, position + total)) != w->oldest) {
+        if (!force && next - survivor + 1 < w->keep)
+            return RING_SHORT;
+        if (survivor > w->floor && survivor > (w->floor = ring_taken(w)))
+            return RING_FULL;
+        if (RING_LEAD * total <= w->capacity / 8 && next > w->keep) {
+            uint64_t ahead = ring_survivor(w, next + RING_LEAD, position + (1 + RING_LEAD) * total);
+            const uint64_t kept = next - w->keep + 1, most = kept < w->floor ? kept : w->floor;
+            ahead = ahead < most ? ahead : most;
+            survivor = ahead > survivor ? ahead : survivor;
+        }
+        ring_give_up(w, survivor);
+        position = ring_place(w, position, total); /* what was given up may be pinned */
+    }
+    if (position > w->head + w->capacity - total)
+        return RING_PINNED;
+    w->head = position;
+    w->loan = total;
+    *payload = w->data + (position & (w->capacity - 1)) + RING_HEAD_BYTES;
+    return RING_OK;
+}
+
+/* Publishes the record lent by ring_reserve(), `size` at most what was reserved. Returns its sequence number. */
+static inline uint64_t ring_publish(struct ring_writer *w, uint32_t size, uint64_t stamp_ns, uint32_t flags)
+{
+    const uint64_t seq = w->latest + 1;
+    unsigned char *record = w->data + (w->head & (w->capacity - 1));
+    store_word(record, seq);
+    store_word(record + 8, stamp_ns);
+    store_word(record + 16, (uint64_t)flags << 32 | size);
+    /* relaxed: PAIR(latest) orders it for who takes seq, PAIR(oldest) for who takes the entry's last owner */
+    atomic_store_explicit(&w->index[seq & (w->index_length - 1)], w->head, memory_order_relaxed);
+    w->head += ring_record_bytes(size);
+    w->loan = 0;
+    w->latest = seq;
+    /* relaxed: read by a new attach only, when this writer is gone; killed here, it wastes one record's room */
+    atomic_store_explicit(&w->header->end, w->head, memory_order_relaxed);
+    /* PAIR(latest): release. Publishes record and index entry. Counterpart: ring_poll(), ring_join(). */
+    atomic_store_explicit(&w->header->latest, seq, memory_order_release);
+    return seq;
+}
+
+/* ring_reserve(), copy, ring_publish(). */
+static inline enum ring_status ring_write(
+    struct ring_writer *w, const void *bytes, uint32_t size, uint64_t stamp_ns, uint32_t flags, bool force)
+{
+    void *payload;
+    const enum ring_status status = ring_reserve(w, size, force, &payload);
+    if (status != RING_OK)
+        return status;
+    copy_to_shared(payload, bytes, size);
+    ring_publish(w, size, stamp_ns, flags);
+    return RING_OK;
+}
+
+/* Nothing more is written here; readers that have taken everything go on in the next ring. */
+static inline void ring_close(struct ring_writer *w)
+{
+    /* PAIR(closed): release, after the last latest. Counterpart: ring_is_finished(). */
+    atomic_store_explicit(&w->header->closed, 1, memory_order_release);
+}
+
+/* After RING_FULL: announces the writer's sleep until half of what the slowest lossless reader has left is
+ * taken. False: no need to sleep, try again. After waking: bell_disarm(&w->header->room). */
+static inline bool ring_wait_for_room(struct ring_writer *w)
+{
+    const uint64_t taken = ring_taken(w);
+    if (taken > w->latest)
+        return false;
+    const uint64_t wanted = taken + (w->latest + 2 - taken) / 2;
+    bell_arm(&w->header->room, wanted); /* PAIR(sleep): before looking again. Counterpart: ring_room_is_due(). */
+    if (ring_taken(w) < wanted)
+        return true;
+    bell_disarm(&w->header->room);
+    return false;
+}
+
+/* Growth: the sequence number from which on the newest `count` records would be carried to a new ring, whose
+ * first_seq it must be. */
+static inline uint64_t ring_carry_from(const struct ring_writer *w, uint64_t count)
+{
+    const uint64_t there = w->latest + 1 - w->oldest;
+    return w->latest + 1 - (count < there ? count : there);
+}
+
+/* Copies the records of `old` from ring_carry_from() on into `w`, newly attached and without gates. Seqs, stamps
+ * and flags stay, so a reader goes on in the new ring by ring_seek() to its own next. */
+static inline enum ring_status ring_carry(struct ring_writer *w, const struct ring_writer *old)
+{
+    for (uint64_t seq = w->latest + 1; seq <= old->latest; seq++) {
+        /* relaxed: own word */
+        const uint64_t at = atomic_load_explicit(&old->index[seq & (old->index_length - 1)], memory_order_relaxed);
+        const unsigned char *record = old->data + (at & (old->capacity - 1));
+        const uint64_t stamp_ns = load_word(record + 8), size_and_flags = load_word(record + 16);
+        const uint32_t size = (uint32_t)size_and_flags, flags = (uint32_t)(size_and_flags >> 32);
+        const enum ring_status status = ring_write(w, record + RING_HEAD_BYTES, size, stamp_ns, flags, true);
+        if (status != RING_OK)
+            return status;
+    }
+    return RING_OK;
+}
+
+#endif
