@@ -19,6 +19,7 @@ from bus.typesupport import type_support
 
 _RATE_HZ = 1.0
 _KEEP_ALIVE_S = 0.1
+_CLOCK_S = 0.01  # an event loop's timers may be early by their clock's grain
 _REPEAT_S = 1.0
 
 
@@ -120,8 +121,8 @@ async def _wait_for_subscriptions(publisher: Publisher[Any], wanted: int, args: 
     loop = asyncio.get_running_loop()
     end_s = None if args.max_wait_time_secs is None else loop.time() + args.max_wait_time_secs
     while (found := publisher.get_subscription_count()) < wanted:
-        left_s = _REPEAT_S if end_s is None else min(_REPEAT_S, end_s - loop.time())
-        if left_s <= 0:
+        left_s = _REPEAT_S if end_s is None else end_s - loop.time()
+        if left_s < _CLOCK_S:
             raise CommandError(
                 f"Timed out waiting for subscribers: Expected {wanted} subscribers "
                 f"but only got {found} subscribers"
@@ -129,7 +130,7 @@ async def _wait_for_subscriptions(publisher: Publisher[Any], wanted: int, args: 
         if not args.json:
             print(f"Waiting for at least {wanted} matching subscription(s)...")
         try:
-            await asyncio.wait_for(publisher.wait_for_subscriptions(wanted), left_s)
+            await asyncio.wait_for(publisher.wait_for_subscriptions(wanted), min(_REPEAT_S, left_s))
         except TimeoutError:
             pass
 
