@@ -8,9 +8,10 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Callable, Coroutine, Iterator
+from functools import partial, wraps
 from pathlib import Path
+from typing import Any
 
 import hypothesis
 import pytest
@@ -23,6 +24,9 @@ _WITH_DEBUG = bool(os.environ.pop("PYTHONASYNCIODEBUG", ""))
 
 WAIT_S = 20.0 * float(os.environ.get("BUSD_TESTS_TIMEOUT_FACTOR", "1"))
 """No test waits longer for anything."""
+
+TEST_S = 6 * WAIT_S
+"""No async test takes longer: one that hangs fails, and shows where."""
 
 
 class Daemon:
@@ -144,3 +148,18 @@ def pytest_asyncio_loop_factories(config: pytest.Config, item: pytest.Item) -> o
         "asyncio": partial(with_debug, asyncio.new_event_loop),
         "uvloop": partial(with_debug, uvloop.new_event_loop),
     }
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if isinstance(item, pytest.Function) and asyncio.iscoroutinefunction(item.obj):
+            item.obj = bounded(item.obj)
+
+
+def bounded(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., Coroutine[Any, Any, None]]:
+    @wraps(test)
+    async def run(*args: Any, **kwargs: Any) -> None:
+        async with asyncio.timeout(TEST_S):
+            await test(*args, **kwargs)
+
+    return run
