@@ -3,17 +3,23 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
-STAMP  := $(VENV)/.installed
+# The native core (shared memory): auto builds it where that can be done, yes must have it, no goes without.
+BUS_NATIVE ?= auto
+export BUS_NATIVE
+STAMP  := $(VENV)/.installed-$(BUS_NATIVE)
+CORE   := setup.py $(wildcard clients/bus/shm/*.c clients/bus/shm/*.h)
 SECONDS ?=
 PYTEST_ARGS ?=
+NATIVE_LOG := tests/native/build/short.log
 
 .DEFAULT_GOAL := help
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 12
 
-setup: $(STAMP) ## make .venv and install busd into it, with the development tools
-$(STAMP): pyproject.toml
+setup: $(STAMP) ## make .venv and install busd into it, with the development tools (BUS_NATIVE=yes|no)
+$(STAMP): pyproject.toml $(CORE)
+	@rm -f $(VENV)/.installed* clients/bus/shm/*.so
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install -qq --disable-pip-version-check --upgrade pip
 	$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[dev]'
@@ -25,7 +31,8 @@ demo: $(STAMP) ## a talker and two listeners, as in the ROS 2 lesson (SECONDS=5 
 robot: $(STAMP) ## the lesson's robot: perception, cognition, actuation, monitoring (SECONDS=10)
 	@$(BIN)/python examples/robot/main.py $(SECONDS)
 
-test: $(STAMP) ## the whole test suite
+test: $(STAMP) ## the whole test suite (BUS_NATIVE=no: as without the native core)
+	$(if $(PYTEST_ARGS)$(filter no,$(BUS_NATIVE)),,@$(MAKE) --no-print-directory native)
 	PYTHONASYNCIODEBUG=1 $(BIN)/python -m pytest $(PYTEST_ARGS)
 
 lint: $(STAMP) ## style, types and layers
@@ -34,7 +41,14 @@ lint: $(STAMP) ## style, types and layers
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-sanitize: ## the ring of the coming shared-memory route, as C programs under the sanitizers (needs gcc)
+native: ## the ring's C tests in half a minute, a part of `test`; nothing where gcc is not there
+	@if echo '#include <stdlib.h>' | gcc -E - >/dev/null 2>&1; then \
+		mkdir -p $(dir $(NATIVE_LOG)) && $(MAKE) -C tests/native short >$(NATIVE_LOG) 2>&1 \
+			|| { cat $(NATIVE_LOG); exit 1; }; \
+		echo "the ring's C tests passed, see $(NATIVE_LOG)"; \
+	else echo "no gcc: the ring's C tests were left out"; fi
+
+sanitize: ## the ring as C programs under the sanitizers, and broken on purpose (needs gcc)
 	$(MAKE) -C tests/native test sanitize
 
 fmt: $(STAMP) ## format the sources
@@ -48,7 +62,7 @@ bench: $(STAMP) ## the same, longer
 	$(BIN)/python -m benchmarks
 
 clean: ## remove what the other targets made
-	rm -rf $(VENV) build *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) build tests/native/build clients/bus/shm/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test lint sanitize fmt bench-quick bench clean
+.PHONY: help setup demo robot test native lint sanitize fmt bench-quick bench clean

@@ -12,9 +12,20 @@ from benchmarks import report
 from benchmarks.machine import ROOT, look_at_machine
 from benchmarks.plan import Plan
 
-BENCHMARKS = ("throughput", "latency", "startup", "idle", "check_cost")
+BENCHMARKS = (
+    "latency",
+    "latency_large",
+    "throughput",
+    "bulk",
+    "fanout",
+    "cost",
+    "memory",
+    "startup",
+    "idle",
+    "check_cost",
+)
 RESULTS = ROOT / "benchmarks" / "results"
-_QUICK_REPETITIONS, _REPETITIONS = 3, 7
+_QUICK_REPETITIONS, _REPETITIONS = 2, 7
 
 
 def main() -> int:

@@ -64,3 +64,11 @@ def ratios(
         for our, their in zip(ours, theirs, strict=False)
         if our.get(key) and their.get(their_key or key)
     ]
+
+
+def bytes_text(size: int) -> str:
+    """`64 B`, `1 KiB`, `2 MiB`."""
+    for unit, factor in (("MiB", 1 << 20), ("KiB", 1 << 10)):
+        if size >= factor:
+            return f"{size // factor} {unit}"
+    return f"{size} B"

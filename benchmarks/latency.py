@@ -1,77 +1,64 @@
 """One-way latency of paced messages, from the call that publishes to the message in the subscriber's hands.
 
-Next to it, in turns, the floor: two bare hops over UNIX sockets with uvloop's protocols. Processes wait for
-events and never poll; where they run is the scheduler's choice.
+Next to busd, in turns, the floors of its two routes and the rivals. Where the processes run is the
+scheduler's choice; who polls and does not wait for events says so.
 """
 
-import msgspec
+from msgspec.structs import replace
 
-from benchmarks.cases import Case, Figures, interleave
-from benchmarks.figures import percentiles, ratios
-from benchmarks.harness import START_S, Group
+from benchmarks import paced
+from benchmarks.cases import interleave
+from benchmarks.figures import ratios
 from benchmarks.plan import Plan
-from benchmarks.report import Column, Row, Section, compare
-from benchmarks.systems import BUS, TWO_HOPS, System
-from benchmarks.work import Arrivals, Work
+from benchmarks.report import Row, Section, compare
+from benchmarks.systems import BUS, BUS_SOCKET, FLOOR, ICEORYX, PIPE, PYZMQ, TWO_HOPS
+from benchmarks.work import Work
 
 NAME = "latency"
-GOAL = 2.0
 _RATE = 1000.0
-
-_COLUMNS = [
-    Column("p50", "µs: p50"),
-    Column("p90", "p90"),
-    Column("p99", "p99"),
-    Column("p99.9", "p99.9"),
-    Column("max", "max"),
-    Column("due_p99", "since due: p99"),
-    Column("late_p50", "sender late: p50"),
+_BUSY_POLL_S = 0.002
+_OURS, _SOCKET, _POLLING = BUS.name, BUS_SOCKET.name, f"{BUS.name}, busy polling"
+_EVENT, _ICEORYX_POLLING = f"{ICEORYX.name}, event-driven", f"{ICEORYX.name}, busy polling"
+_GOALS = [
+    # ours, theirs, percentile, at most
+    (_OURS, FLOOR.name, "p50", 1.3),
+    (_OURS, FLOOR.name, "p99", 1.5),
+    (_OURS, PYZMQ.name, "p50", 1.0),
+    (_OURS, _EVENT, "p50", 1.0),
+    (_POLLING, _ICEORYX_POLLING, "p50", 1.0),
+    (_SOCKET, TWO_HOPS.name, "p50", 2.0),
 ]
 _NOTES = [
-    "one way, by CLOCK_MONOTONIC in the message; warm-up left out; percentiles are of each repetition; the "
-    "scheduler chooses the CPUs",
-    "the schedule is fixed: a message that could not be sent when it was due is sent late, and its delay "
-    "counts in `since due`, which is the age from when it should have been sent",
+    *paced.LATENCY_NOTES,
+    "into a subscriber on uvloop, with a callback where nothing else is said; iceoryx2 has no event loop and "
+    "blocks in its listener; busy polling uses a whole CPU while messages come",
 ]
 
 
 def run(plan: Plan) -> Section:
-    """Measure busd with a callback and with `async for`, and the floor."""
-    work = Work(size=64, count=plan.choose(3_000, 15_000), warm_up=300, rate=_RATE, take_by="callback")
-    iterating = msgspec.structs.replace(work, take_by="async for")
+    """Measure 64 B at 1,000/s."""
+    work = Work(size=64, count=plan.choose(1_000, 6_000), warm_up=200, rate=_RATE, take_by="callback")
     cases = [
-        Case("busd, callback", lambda: measure(BUS, work)),
-        Case("two bare hops", lambda: measure(TWO_HOPS, work)),
-        Case("busd, async for", lambda: measure(BUS, iterating)),
+        paced.case(_OURS, BUS, work),
+        paced.case(FLOOR.name, FLOOR, work),
+        paced.case(f"{_OURS}, async for", BUS, replace(work, take_by="async for")),
+        paced.case(_SOCKET, BUS_SOCKET, work),
+        paced.case(TWO_HOPS.name, TWO_HOPS, work),
+        paced.case(PYZMQ.name, PYZMQ, work),
+        paced.case(PIPE.name, PIPE, work),
+        paced.case(_EVENT, ICEORYX, replace(work, take_by="event")),
+        paced.case(_POLLING, BUS, replace(work, busy_poll_s=_BUSY_POLL_S)),
+        paced.case(_ICEORYX_POLLING, ICEORYX, replace(work, take_by="polling")),
     ]
-    outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"latency {text}"))
-    floor = outcomes["two bare hops"].repetitions
+    outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
     comparisons = []
-    for name, goal in (("busd, callback", GOAL), ("busd, async for", None)):
-        ours = outcomes[name].repetitions
-        comparisons += compare(f"{name} / two bare hops, p50", ratios(ours, floor, "p50"), at_most=goal)
-        comparisons += compare(f"{name} / two bare hops, p99", ratios(ours, floor, "p99"))
+    for ours, theirs, key, goal in _GOALS:
+        values = ratios(outcomes[ours].repetitions, outcomes[theirs].repetitions, key)
+        comparisons += compare(f"{ours} / {theirs}, {key}", values, at_most=goal)
+    floor = outcomes[FLOOR.name].repetitions
+    for name in (PYZMQ.name, _EVENT, PIPE.name, _SOCKET):
+        values = ratios(outcomes[name].repetitions, floor, "p50")
+        comparisons += compare(f"{name} / {FLOOR.name}, p50", values)
     rows = [Row.of(outcomes[case.name]) for case in cases]
-    return Section(NAME, f"Latency: String of 64 B at {_RATE:,.0f}/s", _COLUMNS, rows, comparisons, _NOTES)
-
-
-def measure(system: System, work: Work) -> Figures:
-    """One paced stream. Raises Failure where it did not come to its end."""
-    with Group() as group:
-        system.start_servers(group)
-        subscriber = system.start_role(group, "subscriber", work)
-        publisher = system.start_role(group, "publisher", work)
-        publisher.tell("go")
-        limit_s = 2 * (work.warm_up + work.count) / work.rate + START_S
-        event = group.expect(subscriber, "received", within_s=limit_s)
-    return summary(msgspec.convert(event, Arrivals))
-
-
-def summary(found: Arrivals) -> Figures:
-    """Percentiles in µs."""
-    due_ns = [late + age for late, age in zip(found.late_ns, found.age_ns, strict=True)]
-    return (
-        percentiles(found.age_ns, scale=1e-3)
-        | percentiles(due_ns, prefix="due_", scale=1e-3)
-        | percentiles(found.late_ns, prefix="late_", scale=1e-3)
-    )
+    title = f"Latency: String of 64 B at {_RATE:,.0f}/s"
+    return Section(NAME, title, paced.LATENCY_COLUMNS, rows, comparisons, _NOTES)

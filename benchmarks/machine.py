@@ -10,7 +10,7 @@ import msgspec
 
 ROOT = Path(__file__).resolve().parent.parent
 
-_PACKAGES = ("busd", "msgspec", "uvloop")
+_PACKAGES = ("busd", "msgspec", "uvloop", "pyzmq", "iceoryx2")
 _GIT_S = 5.0
 
 

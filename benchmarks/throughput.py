@@ -10,23 +10,29 @@ from time import monotonic_ns
 import msgspec
 
 from benchmarks.cases import Case, Figures, interleave
-from benchmarks.figures import per_100k, ratios
+from benchmarks.figures import bytes_text, per_100k, ratios
 from benchmarks.harness import Failure, Group
 from benchmarks.plan import Plan
-from benchmarks.report import Column, Row, Section, compare
-from benchmarks.systems import BUS, System
+from benchmarks.report import Column, Comparison, Row, Section, compare
+from benchmarks.systems import BUS, BUS_SOCKET, PYZMQ, System
 from benchmarks.work import Work, text_of
 from bus.msg.std_msgs import String
 
 NAME = "throughput"
-GOAL_PER_S = 1_000_000
 _LIMIT_S = 60.0
 _KiB = 1024
 
-_COUNTS = {64: (300_000, 2_000_000), _KiB: (150_000, 1_000_000), 64 * _KiB: (8_000, 40_000)}
-_COUNTS[_KiB * _KiB] = (600, 3_000)
+_COUNTS = {64: (300_000, 3_000_000), _KiB: (150_000, 1_500_000), 64 * _KiB: (8_000, 60_000)}
+_COUNTS[_KiB * _KiB] = (400, 3_000)
+_GOALS = [
+    # system, size, figure, at least
+    (BUS, 64, "per_s", 3e6),
+    (BUS, _KiB, "per_s", 1.5e6),
+    (BUS, 64 * _KiB, "bytes_per_s", 3e9),
+    (BUS_SOCKET, 64, "per_s", 1e6),
+]
 
-_COLUMNS = [
+COLUMNS = [
     Column("per_s", "messages/s"),
     Column("bytes_per_s", "bytes/s"),
     Column("cpu_publisher", "CPU s per 100k: publisher"),
@@ -36,40 +42,52 @@ _COLUMNS = [
 _NOTES = [
     "reliable + keep all, String: a new message object for each publish, a str in the subscriber's hands; "
     "every run checked: all arrived, none dropped",
-    "by publish: publish(), and send() where it says that there is no room; by send: await send() each time",
+    "publish(), and send() where it says that there is no room; send: await send() each time; with a "
+    "callback where nothing else is said",
     "codec alone: construct, encode and decode the same messages in one process, with nothing in between",
 ]
 
 
 def run(plan: Plan) -> Section:
-    """Measure every size with a callback and with `async for`."""
+    """Measure every size by both routes."""
     cases = []
     for size, counts in _COUNTS.items():
-        work = Work(size=size, count=plan.choose(*counts), warm_up=plan.choose(*counts) // 10)
-        cases.append(Case(f"{_bytes(size)}, codec alone", partial(measure_codec, work)))
-        ways = [("publish", "callback"), ("publish", "async for")]
-        ways += [("send", "callback")] if size == 64 else []
-        for publish_by, take_by in ways:
-            name = f"{_bytes(size)}, by {publish_by}, {take_by}"
-            exact = msgspec.structs.replace(work, publish_by=publish_by, take_by=take_by)
-            cases.append(Case(name, partial(measure, BUS, exact)))
-    outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"throughput {text}"))
-    best = outcomes["64 B, by publish, callback"].repetitions
-    alone = outcomes["64 B, codec alone"].repetitions
-    comparisons = compare(
-        "64 B, messages/s, callback", [one["per_s"] for one in best], at_least=GOAL_PER_S
-    ) + compare("64 B, callback, as a part of codec alone", ratios(best, alone, "per_s"))
+        count = plan.choose(*counts)
+        work = Work(size=size, count=count, warm_up=count // 10, publish_by="publish", take_by="callback")
+        text = bytes_text(size)
+        cases.append(Case(f"{text}, codec alone", partial(measure_codec, work)))
+        cases += [case(f"{text}, {system.name}", system, work) for system in (BUS, BUS_SOCKET)]
+        if size == 64:
+            iterating = msgspec.structs.replace(work, take_by="async for")
+            sending = msgspec.structs.replace(work, publish_by="send")
+            cases.append(case(f"{text}, {BUS.name}, async for", BUS, iterating))
+            cases.append(case(f"{text}, {BUS.name}, send", BUS, sending))
+            cases.append(case(f"{text}, {BUS_SOCKET.name}, async for", BUS_SOCKET, iterating))
+        if size <= _KiB:
+            cases.append(case(f"{text}, {PYZMQ.name}", PYZMQ, work))
+    outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
+    comparisons: list[Comparison] = []
+    for system, size, key, goal in _GOALS:
+        name = f"{bytes_text(size)}, {system.name}"
+        found = outcomes[name].repetitions
+        unit = "bytes/s" if key == "bytes_per_s" else "messages/s"
+        comparisons += compare(f"{name}, {unit}", [one[key] for one in found], at_least=goal)
+        alone = outcomes[f"{bytes_text(size)}, codec alone"].repetitions
+        comparisons += compare(f"{name}, as a part of codec alone", ratios(found, alone, "per_s"))
     rows = [Row.of(outcomes[case.name]) for case in cases]
-    title = "Throughput: publisher -> busd -> subscriber, lossless"
-    return Section(NAME, title, _COLUMNS, rows, comparisons, _NOTES)
+    return Section(NAME, "Throughput: String, lossless, 1 to 1", COLUMNS, rows, comparisons, _NOTES)
+
+
+def case(name: str, system: System, work: Work) -> Case:
+    """A line of a table: `work` done by `system`."""
+    return Case(name, partial(measure, system, work), system.missing())
 
 
 def measure(system: System, work: Work) -> Figures:
     """One flood. Raises Failure where it did not come to its end, or lost something."""
     with Group() as group:
         servers = system.start_servers(group)
-        subscriber = system.start_role(group, "subscriber", work)
-        publisher = system.start_role(group, "publisher", work)
+        publisher, subscriber = system.start_pair(group, work)
         publisher.tell("warm_up")
         group.expect(subscriber, "warm", within_s=_LIMIT_S)
         before_ns = [child.cpu_ns() for child in (publisher, subscriber, *servers)]
@@ -77,9 +95,8 @@ def measure(system: System, work: Work) -> Figures:
         begin_ns = int(group.expect(publisher, "sent", within_s=_LIMIT_S)["begin_ns"])
         received = group.expect(subscriber, "received", within_s=_LIMIT_S)
         after_ns = [child.cpu_ns() for child in (publisher, subscriber, *servers)]
-    expected = work.warm_up + work.count
-    if received["count"] != expected or received["dropped"]:
-        raise Failure(f"{received['count']} of {expected} arrived; dropped: {received['dropped']}")
+    if received["count"] != work.total or received["dropped"]:
+        raise Failure(f"{received['count']} of {work.total} arrived; dropped: {received['dropped']}")
     seconds = (received["end_ns"] - begin_ns) / 1e9
     cpu_s = [(after - before) / 1e9 for before, after in zip(before_ns, after_ns, strict=True)]
     return {
@@ -100,10 +117,3 @@ def measure_codec(work: Work) -> Figures:
         decode(encode(String(data=text)))
     seconds = (monotonic_ns() - begin_ns) / 1e9
     return {"per_s": work.count / seconds, "bytes_per_s": work.count * work.size / seconds}
-
-
-def _bytes(size: int) -> str:
-    for unit, factor in (("MiB", _KiB**2), ("KiB", _KiB)):
-        if size >= factor:
-            return f"{size // factor} {unit}"
-    return f"{size} B"

@@ -10,14 +10,19 @@ from time import monotonic_ns, sleep
 import msgspec
 
 TOPIC = "bench"
+HEAD = 64
+"""Characters at the beginning of a paced message, in which its stamps stand."""
+_LOOP_NS = 2_000_000
 _FILLING = "The quick brown fox jumps over the lazy dog. "
 
 
 class Work(msgspec.Struct, frozen=True, kw_only=True):
-    """One measurement. Messages are a `str` of `size` ASCII characters at both ends.
+    """One measurement. Messages are a `str` of `size` ASCII characters at both ends, or `bytes`.
 
     `rate` messages a second, or as fast as it goes without loss (0). `warm_up` messages come before those
-    that count. `publish_by` and `take_by` choose between the ways in which a system can be used.
+    that count. `publish_by` and `take_by` choose between the ways in which a system can be used. For
+    `busy_poll_s` after each message the subscriber looks for the next one without sleeping, where it can.
+    `gives_turns`: the publisher is a program of asyncio, whose loop gets a turn after each paced message.
     """
 
     size: int
@@ -26,6 +31,13 @@ class Work(msgspec.Struct, frozen=True, kw_only=True):
     rate: float = 0.0
     publish_by: str = ""
     take_by: str = ""
+    busy_poll_s: float = 0.0
+    gives_turns: bool = True
+
+    @property
+    def total(self) -> int:
+        """All messages."""
+        return self.warm_up + self.count
 
 
 class Arrivals(msgspec.Struct, frozen=True):
@@ -45,24 +57,29 @@ async def pace(send: Callable[[str], object], work: Work) -> None:
 
     Who is held up sends what is overdue at once, and does not skip it (no coordinated omission): each text
     begins with the time at which it was due and the one at which it was sent. After each message the event
-    loop gets a turn. The process sleeps on its own, because the timers of uvloop have whole milliseconds.
+    loop gets a turn, if `work.gives_turns`. The process sleeps on its own, because the timers of uvloop have
+    whole milliseconds.
     """
     period_ns = 1e9 / work.rate
     start_ns = monotonic_ns() + period_ns
-    for number in range(work.warm_up + work.count):
+    for number in range(work.total):
         due_ns = int(start_ns + number * period_ns)
+        if work.gives_turns and due_ns - monotonic_ns() > 2 * _LOOP_NS:
+            # Much time: the loop has it, and may need it, to send what is large.
+            await asyncio.sleep((due_ns - monotonic_ns() - _LOOP_NS) / 1e9)
         rest_ns = due_ns - monotonic_ns()
         if rest_ns > 0:
             sleep(rest_ns / 1e9)  # noqa: ASYNC251
         send(f"{due_ns} {monotonic_ns()} ".ljust(work.size))
-        await asyncio.sleep(0)
+        if work.gives_turns:
+            await asyncio.sleep(0)
 
 
-def arrivals(texts: Iterable[str], arrived_ns: Iterable[int], work: Work) -> Arrivals:
-    """What the stamps in `texts`, of which the first `warm_up` don't count, say of the way."""
+def arrivals(heads: Iterable[str | bytes], arrived_ns: Iterable[int], work: Work) -> Arrivals:
+    """What the stamps in `heads`, of which the first `warm_up` don't count, say of the way."""
     late, age = [], []
-    for text, now_ns in zip(texts, arrived_ns, strict=True):
-        due_ns, sent_ns = map(int, text.split())
+    for head, now_ns in zip(heads, arrived_ns, strict=True):
+        due_ns, sent_ns = map(int, head.split())
         late.append(sent_ns - due_ns)
         age.append(now_ns - sent_ns)
     return Arrivals(late_ns=late[work.warm_up :], age_ns=age[work.warm_up :])

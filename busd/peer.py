@@ -1,21 +1,49 @@
-"""One connection of the daemon: from accept over Hello to the end. Makes no routing decision."""
+"""One connection of the daemon: from accept over Hello to the end. Makes no routing decision.
+
+Descriptors that a peer sends are looked at here, before the core sees them: nobody shall map what could
+shrink under him. Of each peer busd holds one for each publisher, which are limited, its doorbell and its
+readers' segment. Those of publishers that are gone may wait for a while to be sent to a peer that does not
+read, so there is a bound for all of them together, and new connections always find room.
+"""
 
 import asyncio
 import os
+import resource
 import socket
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any, Protocol
 
+from bus.descriptor import Descriptor
 from bus.errors import RemoteProtocolError
 from bus.ids import PeerId
+from bus.shm.descriptors import doorbell_fault, readers_fault, ring_fault
 from bus.transport.stream import Stream
 from bus.wire.layout import VERSION
-from bus.wire.messages import Fault, Hello, Message, encode_frame
+from bus.wire.messages import (
+    CreatePublisher,
+    Fault,
+    Hello,
+    Message,
+    ReplaceRing,
+    Share,
+    encode_frame,
+)
 from bus.wire.outbox import Outbox
-from bus.wire.session import Role, Session
+from bus.wire.session import Carried, Role, Session
 from busd.core.limits import Limits
 from busd.credentials import Credentials
+
+_FAULTS: dict[type[Message], tuple[Callable[[int], str], ...]] = {
+    Share: (doorbell_fault, readers_fault),
+    CreatePublisher: (ring_fault,),
+    ReplaceRing: (ring_fault,),
+}
+"""What a message may bring, and how to tell what is wrong with it."""
+
+
+_SPARE = 32
+"""Descriptors for all but connections and what peers share."""
 
 
 class PeerHost(Protocol):
@@ -44,14 +72,33 @@ class PeerConnection:
             Outbox(),
             on_received=self._received,
             on_lost=self._lost,
+            takes_descriptors=True,
         )
         self._handshake = asyncio.get_running_loop().call_later(
             host.limits.handshake_s, self.refuse, f"no Hello within {host.limits.handshake_s:g} s"
         )
 
-    def send(self, message: Message) -> None:
+    def send(self, message: Message, descriptors: tuple[Descriptor, ...] = ()) -> None:
         """Queue a control message."""
-        self.stream.outbox.put(encode_frame(message))
+        self.stream.outbox.put(encode_frame(message), descriptors)
+
+    def accept(self, carried: Carried) -> tuple[Descriptor, ...]:
+        """The descriptors that came with a message; none where busd has too many.
+
+        Raises RemoteProtocolError where one is not what the message says it is.
+        """
+        kind, claimed = type(carried.message), getattr(carried.message, "descriptors", 0)
+        faults = _FAULTS.get(kind, ())
+        if claimed != len(faults):
+            raise RemoteProtocolError(
+                f"{kind.__name__} with {claimed} descriptors, it brings {len(faults)} or none"
+            )
+        for find_fault, descriptor in zip(faults, carried.descriptors, strict=False):
+            if fault := find_fault(descriptor.fileno()):
+                raise RemoteProtocolError(f"{kind.__name__} with a bad descriptor: {fault}")
+        # Numbers are given lowest first, so a high one says that there are as many.
+        room = resource.getrlimit(resource.RLIMIT_NOFILE)[0] - self._host.limits.connections - _SPARE
+        return carried.descriptors if all(one.fileno() < room for one in carried.descriptors) else ()
 
     @property
     def is_choked(self) -> bool:

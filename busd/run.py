@@ -5,9 +5,11 @@ import asyncio
 import gc
 import logging
 import os
+import resource
 import signal
 import sys
 from collections.abc import Callable, Coroutine, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
     try:
         path = socket_path(options.socket, options.domain)
+        _allow_descriptors()
         config = load(options.config) if options.config else Config()
         _set_up_log(options.log_level or config.log_level)
         with open_listener(path) as listener:
@@ -133,6 +136,13 @@ class _Bounds(logging.Filter):
         record.msg = f"{text} ({left_out} lines were left out)" if left_out > 0 else text
         record.args = ()
         return True
+
+
+def _allow_descriptors() -> None:
+    """As many as the system lets us have: each publisher that shares memory costs one here."""
+    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with suppress(ValueError, OSError):  # some systems say "no limit" and mean another
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
 
 
 def _loop_runner() -> Callable[[Coroutine[Any, Any, int]], int]:

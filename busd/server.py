@@ -10,6 +10,7 @@ from bus.errors import RemoteProtocolError
 from bus.ids import PeerId
 from bus.wire.messages import Hello
 from bus.wire.runs import Run
+from bus.wire.session import Carried
 from busd.core.broker import Broker
 from busd.core.effects import Disconnect, Effect, Flush, Note, Send, Stop
 from busd.core.limits import Limits
@@ -85,8 +86,11 @@ class Server:
                     if effects and not (items.__class__ is list and self._pass_on(effects)):
                         self._carry_out(effects)
                     if broker.is_overfull:
-                        self._flush()
+                        self._flush(connection)
                         self._carry_out(broker.trim(now_ns))
+                elif item.__class__ is Carried:
+                    descriptors = connection.accept(item)
+                    self._carry_out(broker.handle(now_ns, peer, item.message, descriptors))
                 else:
                     self._carry_out(broker.handle(now_ns, peer, item))
                 if connection.stream.is_closed:
@@ -95,7 +99,7 @@ class Server:
             connection.refuse(str(error))
         finally:
             if self._dirty:
-                self._flush()
+                self._flush(connection)
             if broker.timers.earliest_ns < self._timer_ns:
                 self._arm_timer()
 
@@ -137,11 +141,11 @@ class Server:
                     self._dirty.add(connection)
                 continue
             match effect:
-                case Send(peer, message):
+                case Send(peer, message, descriptors):
                     if connection := self._peers.get(peer):
                         if connection.is_choked:  # before this one: a single message may be longer
                             choked.append(connection)
-                        connection.send(message)
+                        connection.send(message, descriptors)
                         self._dirty.add(connection)
                 case Disconnect(peer, _):
                     if connection := self._peers.pop(peer, None):
@@ -156,9 +160,19 @@ class Server:
         for connection in choked:  # only now: its end has effects, which come after these
             connection.relieve()
 
-    def _flush(self) -> None:
-        while self._dirty:
-            self._dirty.pop().stream.flush()
+    def _flush(self, last: PeerConnection | None = None) -> None:
+        """Send to all that something waits for; to `last`, whose message this is about, after the others.
+
+        A subscription that learns that it exists may count on every publisher having been told of it.
+        """
+        dirty = self._dirty
+        is_last_dirty = last in dirty
+        if last is not None:
+            dirty.discard(last)
+        while dirty:
+            dirty.pop().stream.flush()
+        if last is not None and is_last_dirty:
+            last.stream.flush()
 
     def _arm_timer(self) -> None:
         due_ns = self._broker.timers.earliest_ns

@@ -1,4 +1,7 @@
-"""What busd should do, done one sample at a time with lists: matching, depth, durability, lifespan, death."""
+"""What busd should do, done one sample at a time with lists: matching, depth, durability, lifespan, death.
+
+And which matches go by shared memory, of whose samples it sees nothing until the route is refused.
+"""
 
 from collections import Counter, deque
 from dataclasses import dataclass, field
@@ -24,6 +27,7 @@ class ModelPublisher:
     qos: QoSProfile
     gid: bytes
     next_seq: int
+    has_ring: bool
     history: list[ModelSample] = field(default_factory=list)
 
     @property
@@ -63,12 +67,19 @@ class ModelSubscription:
 
 
 class Model:
-    """All endpoints of all processes; `blocked` holds the processes that don't read."""
+    """All endpoints of all processes; `blocked` holds the processes that don't read.
+
+    `shared` holds the matches by shared memory; `late` those that were rerouted and have not been caught up
+    with.
+    """
 
     def __init__(self) -> None:
         self.publishers: dict[int, ModelPublisher] = {}
         self.subscriptions: dict[int, ModelSubscription] = {}
         self.blocked: set[int] = set()
+        self.sharing: set[int] = set()
+        self.shared: set[tuple[int, int]] = set()
+        self.late: set[tuple[int, int]] = set()
 
     def do_match(self, publisher: ModelPublisher, subscription: ModelSubscription) -> bool:
         offered, requested = publisher.qos, subscription.qos
@@ -85,60 +96,102 @@ class Model:
             )
         )
 
-    def matches(self) -> set[tuple[int, int]]:
+    def matches(self) -> set[tuple[int, int, str]]:
         return {
-            (publisher.id, subscription.id)
+            (publisher.id, subscription.id, self.route(publisher, subscription))
             for publisher in self.publishers.values()
             for subscription in self.subscriptions.values()
             if self.do_match(publisher, subscription)
         }
 
+    def route(self, publisher: ModelPublisher, subscription: ModelSubscription) -> str:
+        return "shm" if (publisher.id, subscription.id) in self.shared else "socket"
+
     def subscribers_of(self, publisher: ModelPublisher) -> list[ModelSubscription]:
-        return [one for one in self.subscriptions.values() if self.do_match(publisher, one)]
+        """Those that get by the route socket what is sent to all."""
+        others = self.shared | self.late
+        return [
+            one
+            for one in self.subscriptions.values()
+            if self.do_match(publisher, one) and (publisher.id, one.id) not in others
+        ]
 
     def add_publisher(self, publisher: ModelPublisher) -> None:
         self.publishers[publisher.id] = publisher
-        for subscription in self.subscribers_of(publisher):
-            subscription.looks_at_age |= publisher.lifespan_ns > 0
+        for subscription in self.subscriptions.values():
+            if self.do_match(publisher, subscription) and not self._share(publisher, subscription):
+                subscription.looks_at_age |= publisher.lifespan_ns > 0
 
     def add_subscription(
         self, subscription: ModelSubscription, last_seqs: dict[bytes, int], now_ns: int
     ) -> None:
         self.subscriptions[subscription.id] = subscription
         for publisher in self.publishers.values():
-            if not self.do_match(publisher, subscription):
-                continue
-            subscription.looks_at_age |= publisher.lifespan_ns > 0
-            if subscription.qos.durability == Durability.TRANSIENT_LOCAL:
-                kept = [one for one in publisher.history if (one.expires_ns or now_ns) >= now_ns]
-                kept = kept[-subscription.depth :] if subscription.depth else kept
-                known = last_seqs.get(publisher.gid, 0)
-                replays = [one._replace(is_replay=True) for one in kept if one.seq > known]
-                subscription.queue.extend(replays)
-                subscription.room_for_replays += len(replays)
+            if self.do_match(publisher, subscription) and not self._share(publisher, subscription):
+                subscription.looks_at_age |= publisher.lifespan_ns > 0
+                if subscription.qos.durability == Durability.TRANSIENT_LOCAL:
+                    self._replay(publisher, subscription, last_seqs.get(publisher.gid, 0), now_ns)
         self.deliver(subscription)
 
-    def publish(self, publisher: ModelPublisher, lost: int, payloads: list[str], now_ns: int) -> None:
-        """`lost`: samples that the publisher's own queue replaced before these."""
-        publisher.next_seq += lost
-        expires_ns = now_ns + publisher.lifespan_ns if publisher.lifespan_ns else None
-        samples = [
-            ModelSample(publisher.id, publisher.next_seq + at, payload, expires_ns, False)
-            for at, payload in enumerate(payloads)
-        ]
-        publisher.next_seq += len(samples)
+    def reroute(self, publisher: ModelPublisher, subscription: ModelSubscription) -> None:
+        """From shared memory to the socket."""
+        self.shared.remove((publisher.id, subscription.id))
+        self.late.add((publisher.id, subscription.id))
+        subscription.looks_at_age |= publisher.lifespan_ns > 0
+
+    def _share(self, publisher: ModelPublisher, subscription: ModelSubscription) -> bool:
+        """Whether the new match goes by shared memory; notes it."""
+        if publisher.has_ring and subscription.process in self.sharing:
+            self.shared.add((publisher.id, subscription.id))
+            return True
+        return False
+
+    def _replay(
+        self, publisher: ModelPublisher, subscription: ModelSubscription, known: int, now_ns: int
+    ) -> None:
+        kept = [one for one in publisher.history if (one.expires_ns or now_ns) >= now_ns]
+        kept = kept[-subscription.depth :] if subscription.depth else kept
+        replays = [one._replace(is_replay=True) for one in kept if one.seq > known]
+        subscription.queue.extend(replays)
+        subscription.room_for_replays += len(replays)
+
+    def publish(
+        self, publisher: ModelPublisher, lost: int, gone: int, payloads: list[str], now_ns: int
+    ) -> None:
+        """`lost`: samples that the publisher's own queue replaced before these; `gone`: by another route."""
+        publisher.next_seq += lost + gone
+        samples = self._make(publisher, payloads, now_ns)
         if publisher.qos.durability == Durability.TRANSIENT_LOCAL:
             publisher.history = (publisher.history + samples)[-_depth(publisher.qos) or None :]
         for subscription in self.subscribers_of(publisher):
             subscription.dropped["publisher_queue"] += lost
-            subscription.queue.extend(samples)
-            self.deliver(subscription)
-            room = subscription.depth + subscription.room_for_replays
-            if subscription.depth and len(subscription.queue) > room:
-                if subscription.looks_at_age:
-                    subscription.lose_expired(now_ns)
-                while len(subscription.queue) > room:
-                    subscription.lose_oldest("replaced")
+            self._queue(subscription, samples, now_ns)
+
+    def catch_up(
+        self, publisher: ModelPublisher, subscription: ModelSubscription, payloads: list[str], now_ns: int
+    ) -> None:
+        """Samples for a late one, which all others had by another route."""
+        self._queue(subscription, self._make(publisher, payloads, now_ns), now_ns)
+        self.late.discard((publisher.id, subscription.id))
+
+    def _make(self, publisher: ModelPublisher, payloads: list[str], now_ns: int) -> list[ModelSample]:
+        expires_ns = now_ns + publisher.lifespan_ns if publisher.lifespan_ns else None
+        first_seq = publisher.next_seq
+        publisher.next_seq += len(payloads)
+        return [
+            ModelSample(publisher.id, first_seq + at, payload, expires_ns, False)
+            for at, payload in enumerate(payloads)
+        ]
+
+    def _queue(self, subscription: ModelSubscription, samples: list[ModelSample], now_ns: int) -> None:
+        subscription.queue.extend(samples)
+        self.deliver(subscription)
+        room = subscription.depth + subscription.room_for_replays
+        if subscription.depth and len(subscription.queue) > room:
+            if subscription.looks_at_age:
+                subscription.lose_expired(now_ns)
+            while len(subscription.queue) > room:
+                subscription.lose_oldest("replaced")
 
     def deliver(self, subscription: ModelSubscription) -> None:
         if subscription.process not in self.blocked:
@@ -155,6 +208,8 @@ class Model:
     def remove(self, endpoint: int) -> None:
         self.publishers.pop(endpoint, None)
         self.subscriptions.pop(endpoint, None)
+        self.shared = {ends for ends in self.shared if endpoint not in ends}
+        self.late = {ends for ends in self.late if endpoint not in ends}
 
     def endpoints_of(self, process: int) -> set[int]:
         publishers = {one.id for one in self.publishers.values() if one.process == process}

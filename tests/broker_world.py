@@ -11,33 +11,33 @@ be sent fails here too.
     publisher.publish("one", "two")
     assert subscription.payloads == ["one", "two"]
     listener.is_blocked = True      # does not read any more
+
+A process that `shares` can use the route shm; then publishers have rings. Descriptors are names here.
 """
 
-from collections.abc import Iterable
 from itertools import count
-from typing import Any, NamedTuple, TypeVar
+from typing import Any
 
 import msgspec
 
+from broker_endpoints import Answer, Publisher, Sample, Subscription, ring_name
 from bus.errors import RemoteProtocolError
 from bus.ids import PeerId
 from bus.qos import QoSProfile
 from bus.wire import messages as m
-from bus.wire.layout import DATA, DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES, VERSION
+from bus.wire.layout import VERSION
 from bus.wire.outbox import Outbox
 from bus.wire.runs import Run
-from bus.wire.session import Role, Session
+from bus.wire.session import Carried, Role, Session
 from busd.core.broker import Broker
 from busd.core.effects import Disconnect, Effect, Flush, Note, Send, Stop
 from busd.core.limits import Limits, TopicRule
-from feeding import feed, frame_record
+from feeding import feed
 
 SECOND = 1_000_000_000
 UID = 1000
 TEXT = ("test_msgs/msg/Text", "hash-1")
 NUMBER = ("test_msgs/msg/Number", "hash-2")
-
-Answer = TypeVar("Answer", bound=m.Message)
 
 
 class Refusal(Exception):
@@ -48,14 +48,14 @@ class Refusal(Exception):
         self.answer = answer
 
 
-class Sample(NamedTuple):
-    """One sample as its subscription's process got it."""
+class Handle:
+    """Stands for a descriptor."""
 
-    source: int
-    seq: int
-    payload: str
-    stamp_ns: int
-    is_replay: bool
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def close(self) -> None:
+        self.name = "closed"
 
 
 class World:
@@ -69,9 +69,12 @@ class World:
         self.stop_reason: str | None = None
         self.gids = count(1)
 
-    def process(self, program: str = "program", *, uid: int = UID) -> "Process":
-        """A process that has connected and said Hello."""
-        return Process(self, program, uid)
+    def process(self, program: str = "program", *, uid: int = UID, shares: bool = False) -> "Process":
+        """A process that has connected and said Hello, and perhaps Share."""
+        process = Process(self, program, uid)
+        if shares:
+            process.share()
+        return process
 
     def advance(self, seconds: float) -> None:
         """Let time pass, with every tick in between that the broker asks for."""
@@ -87,10 +90,10 @@ class World:
         """Do what the daemon's shell does with the broker's effects, then send."""
         for effect in effects:
             match effect:
-                case Send(peer, message):
+                case Send(peer, message, descriptors):
                     if peer in self.processes:
                         self.processes[peer].sent.append(message)
-                        self.processes[peer].outbox.put(m.encode_frame(message))
+                        self.processes[peer].outbox.put(m.encode_frame(message), descriptors)
                 case Flush(peer, queue):
                     if peer in self.processes:
                         self.processes[peer].outbox.make_ready(queue)
@@ -115,9 +118,11 @@ class Process:
         self.world = world
         self.outbox = Outbox()
         self.is_blocked = False
+        self.shares = False
         self.cut_reason: str | None = None
         self.sent: list[Any] = []  # by the broker, read or not
         self.messages: list[Any] = []
+        self.carried: list[tuple[Any, list[str]]] = []
         self.samples: dict[int, list[Sample]] = {}
         self.undecodable: dict[int, int] = {}
         self._requests = count(1)
@@ -133,15 +138,21 @@ class Process:
 
     # --- to the broker
 
-    def tell(self, message: m.Message) -> None:
-        """Send a control message."""
+    def tell(self, message: m.Message, *handles: str) -> None:
+        """Send a control message, and the descriptors that it brings."""
+        if handles:
+            self._to_broker.descriptors.append(tuple(map(Handle, handles)))  # type: ignore[arg-type]
         self.send_bytes(m.encode_frame(message))
 
-    def request(self, message: m.Message, kind: type[Answer]) -> Answer:
+    def share(self) -> None:
+        self.shares = True
+        self.tell(m.Share(), f"doorbell {self.id}", f"readers {self.id}")
+
+    def request(self, message: m.Message, kind: type[Answer], *handles: str) -> Answer:
         """Send a message with a `request` of 0 and return its answer, read or not; raises Refusal."""
         number = next(self._requests)
         before = len(self.sent)
-        self.tell(msgspec.structs.replace(message, request=number))
+        self.tell(msgspec.structs.replace(message, request=number), *handles)
         (answer,) = (one for one in self.sent[before:] if getattr(one, "request", None) == number)
         if isinstance(answer, m.Refused):
             raise Refusal(answer)
@@ -157,6 +168,8 @@ class Process:
                     world.carry_out(broker.route(world.now_ns, self.id, item))
                     if broker.is_overfull:
                         world.carry_out(broker.trim(world.now_ns))
+                elif isinstance(item, Carried):
+                    world.carry_out(broker.handle(world.now_ns, self.id, *item))
                 else:
                     world.carry_out(broker.handle(world.now_ns, self.id, item))
                 if self.cut_reason is not None:
@@ -177,8 +190,13 @@ class Process:
     def read(self) -> None:
         """Take everything that waits."""
         while (taken := self.outbox.take())[1]:
+            if taken[2]:
+                self._from_broker.descriptors.append(taken[2])
             for item in feed(self._from_broker, b"".join(taken[0])):
-                if isinstance(item, Run):
+                if isinstance(item, Carried):
+                    self.messages.append(item.message)
+                    self.carried.append((item.message, [one.name for one in item.descriptors]))  # type: ignore[attr-defined]
+                elif isinstance(item, Run):
                     samples = _samples(item)
                     self.samples.setdefault(item.endpoint, []).extend(samples)
                     missing = item.count - len(samples)
@@ -239,7 +257,9 @@ class Node:
         kind: tuple[str, str] = TEXT,
         gid: bytes | None = None,
         next_seq: int = 1,
+        ring: bool | None = None,
     ) -> "Publisher":
+        """With a `ring` where the process shares memory, or where it is said."""
         gid = gid or next(self.process.world.gids).to_bytes(16, "big")
         self.process.declare_type(kind)
         message = m.CreatePublisher(
@@ -251,8 +271,11 @@ class Node:
             qos=qos or QoSProfile(),
             gid=gid,
             next_seq=next_seq,
+            descriptors=int(self.process.shares if ring is None else ring),
         )
-        return Publisher(self.process, self.process.request(message, m.Created), gid, next_seq)
+        handles = [ring_name(gid)] * message.descriptors
+        created = self.process.request(message, m.Created, *handles)
+        return Publisher(self.process, created, gid, next_seq)
 
     def subscription(
         self,
@@ -279,104 +302,6 @@ class Node:
 
     def destroy(self) -> None:
         self.process.tell(m.DestroyNode(node=self.id))
-
-
-class _Endpoint:
-    def __init__(self, process: Process, created: m.Created, gid: bytes) -> None:
-        self.process = process
-        self.created = created
-        self.id = created.id
-        self.gid = gid
-
-    def statistics(self, asker: Process | None = None) -> m.EndpointStatistics:
-        """The broker's counters, as `asker` (else the endpoint's own process) sees them in the graph."""
-        records = (asker or self.process).graph(statistics=True).endpoints
-        (found,) = (record.statistics for record in records if record.id == self.id)
-        assert found is not None
-        return found
-
-    def got(self, kind: type[Answer]) -> list[Answer]:
-        """The messages of one kind about this endpoint."""
-        names = ("endpoint", "publisher" if isinstance(self, Publisher) else "subscription")
-        return [
-            one for one in self.process.got(kind) if any(getattr(one, name, 0) == self.id for name in names)
-        ]
-
-    def destroy(self) -> None:
-        self.process.tell(m.DestroyEndpoint(endpoint=self.id))
-
-
-class Publisher(_Endpoint):
-    def __init__(self, process: Process, created: m.Created, gid: bytes, next_seq: int) -> None:
-        super().__init__(process, created, gid)
-        self.next_seq = next_seq
-
-    def publish(self, *payloads: str, stamp_ns: int | None = None) -> None:
-        """Publish all payloads in one run."""
-        stamp_ns = self.process.world.now_ns if stamp_ns is None else stamp_ns
-        body = b"".join(frame_record(payload.encode(), stamp_ns) for payload in payloads)
-        self.publish_body(len(payloads), body)
-
-    def publish_many(self, payloads: Iterable[str]) -> None:
-        """Publish each payload in a run of its own."""
-        for payload in payloads:
-            self.publish(payload)
-
-    def publish_body(self, count: int, body: bytes, *, first_seq: int | None = None) -> None:
-        """Send a data frame with any body."""
-        first_seq = self.next_seq if first_seq is None else first_seq
-        self.next_seq = first_seq + count
-        length = DATA_HEAD_BYTES - LENGTH_BYTES + len(body)
-        head = DATA_HEAD.pack(length, DATA, 0, 0, self.id, 0, first_seq, count, 0)
-        self.process.send_bytes(head + body)
-
-    def lose(self, number: int) -> None:
-        """The publisher's own queue replaced the next `number` samples before they were handed over."""
-        self.next_seq += number
-
-
-class Subscription(_Endpoint):
-    @property
-    def samples(self) -> list[Sample]:
-        return self.process.samples.get(self.id, [])
-
-    @property
-    def payloads(self) -> list[str]:
-        return [sample.payload for sample in self.samples]
-
-    @property
-    def undecodable(self) -> int:
-        """Samples that came in runs shorter than they claim."""
-        return self.process.undecodable.get(self.id, 0)
-
-    def ack(self, publisher: Publisher, seq: int) -> None:
-        self.process.tell(m.Ack(subscription=self.id, source=publisher.id, seq=seq))
-
-
-class Line:
-    """A world with one publisher and one subscription, in two processes."""
-
-    def __init__(
-        self,
-        offered: QoSProfile | None = None,
-        requested: QoSProfile | None = None,
-        limits: Limits | None = None,
-        rules: tuple[TopicRule, ...] = (),
-    ) -> None:
-        self.world = World(limits, rules)
-        self.talker = self.world.process("talker")
-        self.listener = self.world.process("listener")
-        self.publisher = self.talker.publisher("/topic", offered)
-        self.subscription = self.listener.subscription("/topic", requested)
-
-    @property
-    def dropped(self) -> dict[str, int]:
-        """What the broker counts as dropped for the subscription."""
-        return self.subscription.statistics(self.talker).dropped
-
-    def told(self) -> list[dict[str, int]]:
-        """What the subscription was told of drops."""
-        return [message.dropped for message in self.subscription.got(m.Dropped)]
 
 
 def _samples(run: Run) -> list[Sample]:

@@ -16,6 +16,8 @@ from typing import Any
 import hypothesis
 import pytest
 
+from bus import shm
+
 hypothesis.settings.register_profile("busd", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("busd")
 
@@ -89,6 +91,17 @@ def socket_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("BUSD_SOCKET", str(path))
     monkeypatch.setenv("BUSD_AUTOSTART", "0")
     return path
+
+
+@pytest.fixture(params=["shm", "socket"])
+def route(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The route of all matches that can choose: the semantics are the same by both."""
+    monkeypatch.delenv("BUS_ROUTE", raising=False)
+    if request.param == "socket":
+        monkeypatch.setenv("BUS_ROUTE", "socket")
+    elif not shm.is_available():
+        pytest.skip(shm.why_not())
+    return str(request.param)
 
 
 @pytest.fixture

@@ -4,12 +4,14 @@
         peer.hello()
         peer.write(b"...")              any bytes
         peer.send(m.Ping(number=1))     a message, or a message's bytes in a frame
+        peer.carry(m.Share(), a, b)     a message with descriptors, whatever it claims to bring
         peer.expect(m.Pong)
         peer.fault()                    the broker's last word, after which the connection must end
 
 Knows nothing of what a well-behaved client does; `declare` and the two helpers after it only save typing.
 """
 
+import array
 import socket
 import struct
 import time
@@ -19,6 +21,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
+from bus.descriptor import Descriptor
 from bus.msg.std_msgs import String
 from bus.qos import QoSProfile
 from bus.typesupport import type_support
@@ -33,7 +36,7 @@ from bus.wire.layout import (
     LENGTH_BYTES,
     VERSION,
 )
-from bus.wire.session import Role, Session
+from bus.wire.session import Carried, Role, Session
 from conftest import WAIT_S
 from feeding import frame_record
 
@@ -69,6 +72,8 @@ class RawPeer:
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
         self.socket.settimeout(WAIT_S)
         self.socket.connect(str(path))
+        self.descriptors: tuple[Descriptor, ...] = ()
+        """What came with the last message that claimed some."""
         self._session = Session(Role.CLIENT)
         self._waiting: list[Any] = []
         self._requests = count(1)
@@ -83,6 +88,7 @@ class RawPeer:
 
     def close(self) -> None:
         self.socket.close()
+        self._session.drop_descriptors()
 
     # --- out
 
@@ -103,6 +109,14 @@ class RawPeer:
     def send(self, *messages: m.Message) -> None:
         self.write(b"".join(map(m.encode_frame, messages)))
 
+    def carry(self, message: m.Message, *descriptors: Descriptor) -> None:
+        """Send a message with these descriptors; a broker that has cut us off already is no error here."""
+        try:
+            numbers = [descriptor.fileno() for descriptor in descriptors]
+            socket.send_fds(self.socket, [m.encode_frame(message)], numbers)
+        except (BrokenPipeError, ConnectionResetError):
+            pass
+
     def hello(self) -> Self:
         """Exchange Hellos."""
         self.write(HELLO)
@@ -115,13 +129,24 @@ class RawPeer:
         """The next message or run; None at the end of the stream. Raises TimeoutError."""
         while not self._waiting:
             try:
-                size = self.socket.recv_into(self._session.reader.get_buffer())
+                size = self._read()
             except ConnectionResetError:
                 size = 0
             if not size:
                 return None
             self._waiting.extend(self._session.received(size))
-        return self._waiting.pop(0)
+        item = self._waiting.pop(0)
+        if isinstance(item, Carried):
+            item, self.descriptors = item
+        return item
+
+    def _read(self) -> int:
+        """One read, with the descriptors that it brings."""
+        buffers, space = [self._session.reader.get_buffer()], socket.CMSG_SPACE(8)
+        size, ancillary, _, _ = self.socket.recvmsg_into(buffers, space, socket.MSG_CMSG_CLOEXEC)
+        for _, _, numbers in ancillary:
+            self._session.descriptors.append(tuple(map(Descriptor, array.array("i", numbers))))
+        return size
 
     def until_end(self) -> Iterator[Any]:
         """Everything up to the end of the stream."""

@@ -9,13 +9,12 @@ because it ends as a `str` in the subscriber's hands here too. Only paced.
 import asyncio
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from time import monotonic_ns
 from typing import cast
 
-import msgspec
-
-from benchmarks.work import Work, arrivals, pace
+from benchmarks.adapters import roles
+from benchmarks.work import Work
 from benchmarks.worker import Parent, options, run
 
 _FOLDER = Path(os.environ.get("BENCH_FOLDER", "."))
@@ -51,16 +50,12 @@ class _ToSubscriber(asyncio.Protocol):
 
 
 class _Subscriber(asyncio.Protocol):
-    """Takes the greeting and then `total` texts of `size` bytes."""
+    """Takes the greeting and then texts of `size` bytes."""
 
-    def __init__(self, size: int, total: int) -> None:
-        loop = asyncio.get_running_loop()
-        self.greeted: asyncio.Future[None] = loop.create_future()
-        self.complete: asyncio.Future[None] = loop.create_future()
-        self.arrived_ns: list[int] = []
-        self.texts: list[str] = []
+    def __init__(self, size: int, take: Callable[[str], None]) -> None:
+        self.greeted: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._size = size
-        self._total = total
+        self._take = take
         self._rest = b""
 
     def data_received(self, data: bytes) -> None:
@@ -71,12 +66,8 @@ class _Subscriber(asyncio.Protocol):
             data = self._rest + data
         size, end = self._size, len(data) // self._size * self._size
         for offset in range(0, end, size):
-            text = data[offset : offset + size].decode()
-            self.arrived_ns.append(monotonic_ns())
-            self.texts.append(text)
+            self._take(data[offset : offset + size].decode())
         self._rest = data[end:]
-        if len(self.texts) == self._total:
-            self.complete.set_result(None)
 
 
 async def relay(parent: Parent) -> None:
@@ -91,25 +82,20 @@ async def relay(parent: Parent) -> None:
 
 
 async def publisher(parent: Parent) -> None:
-    work: Work = options(Work)
     transport, _ = await asyncio.get_running_loop().create_unix_connection(asyncio.Protocol, _in())
-    parent.tell("ready")
-    await parent.wait_for("go")
-    await pace(lambda text: transport.write(text.encode()), work)
-    await asyncio.Event().wait()
+    send = transport.write
+    await roles.publish(parent, options(Work), lambda text: send(text.encode()))
 
 
 async def subscriber(parent: Parent) -> None:
     work: Work = options(Work)
+    taker = roles.Taker(parent, work)
     _, protocol = await asyncio.get_running_loop().create_unix_connection(
-        lambda: _Subscriber(work.size, work.warm_up + work.count), _out()
+        lambda: _Subscriber(work.size, taker.take), _out()
     )
     await protocol.greeted
     parent.tell("ready")
-    await protocol.complete
-    found = arrivals(protocol.texts, protocol.arrived_ns, work)
-    parent.tell("received", **msgspec.to_builtins(found))
-    await asyncio.Event().wait()
+    await taker.finish()
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """The broker: one state machine for all peers.
 
-    effects = broker.handle(now_ns, peer, message)     control messages
+    effects = broker.handle(now_ns, peer, message)     control messages (and the descriptors they bring)
     effects = broker.route(now_ns, peer, run)          samples (then `trim`, if the broker `is_overfull`)
     effects = broker.tick(now_ns)                      when `next_deadline_ns()` has come (the hot
                                                        path reads it as `broker.timers.earliest_ns`)
@@ -25,6 +25,7 @@ from busd.core.graph import Graph
 from busd.core.limits import Limits, TopicRule
 from busd.core.liveliness import Leases
 from busd.core.matching import give_credit
+from busd.core.routes import Routes
 from busd.core.routing import Router
 from busd.core.timers import NEVER_NS, Timers
 
@@ -62,9 +63,11 @@ class Broker:
             evict=self._cut,
         )
         self._registrar = Registrar(self.graph, self.limits, rules, self._leases, self._router)
-        self._handlers: dict[type[m.Message], Callable[[int, Peer, Any, list[Effect]], None]] = {
+        routes = Routes(self.graph, self._registrar, self._router)
+        self._handlers: dict[type[m.Message], Callable[..., None]] = {
             m.Ping: self._on_ping,
             m.Pong: self._on_nothing,
+            m.Share: routes.share,
             m.DeclareType: self._registrar.declare_type,
             m.CreateNode: self._registrar.create_node,
             m.DestroyNode: self._registrar.destroy_node,
@@ -73,6 +76,10 @@ class Broker:
             m.DestroyEndpoint: self._registrar.destroy_endpoint,
             m.AssertLiveliness: self._on_assert,
             m.Ack: self._on_ack,
+            m.Attach: routes.attach,
+            m.RefuseRoute: routes.refuse,
+            m.CaughtUp: routes.caught_up,
+            m.ReplaceRing: routes.replace_ring,
             m.Report: self._on_report,
             m.GetGraph: self._on_get_graph,
             m.GetType: self._on_get_type,
@@ -102,15 +109,20 @@ class Broker:
             self._forget(now_ns, peer)
         return self._take_effects()
 
-    def handle(self, now_ns: int, peer_id: PeerId, message: Any) -> list[Effect]:
-        """Carry out one control message."""
+    def handle(
+        self, now_ns: int, peer_id: PeerId, message: Any, descriptors: tuple[Any, ...] = ()
+    ) -> list[Effect]:
+        """Carry out one control message.
+
+        `descriptors` are those that it says it brings, in number and kind, or none where they were lost.
+        """
         peer = self._peers.get(peer_id)
         if peer is None:
             return []
         self._leases.hear_peer(now_ns, peer)
         handler = self._handlers[type(message)]
         try:
-            handler(now_ns, peer, message, self._out)
+            handler(now_ns, peer, message, self._out, *descriptors)
         except QuotaExceeded as error:
             self._refuse(
                 peer, message, str(error), resource=error.resource, used=error.used, limit=error.limit
@@ -194,8 +206,9 @@ class Broker:
     def _forget(self, now_ns: int, peer: Peer) -> None:
         del self._peers[peer.id]
         for node in tuple(peer.nodes.values()):
-            self._registrar.remove_node(now_ns, node, self._out)
+            self._registrar.remove_node(now_ns, node, self._out, is_lost=True)
         self.graph.forget_types(peer, list(self._peers.values()))
+        peer.doorbell = peer.readers = None  # a timer may still know the peer
 
     def _on_ping(self, now_ns: int, peer: Peer, message: m.Ping, out: list[Effect]) -> None:
         if message.number:
@@ -212,7 +225,7 @@ class Broker:
         publisher = subscription.matches.get(EndpointId(message.source))
         # A publisher that has just gone may still be acknowledged.
         if publisher is not None and subscription.id in publisher.acked:
-            if message.seq >= publisher.next_seq:
+            if message.seq >= publisher.next_seq and not publisher.has_shared:
                 raise RemoteProtocolError(
                     f"sample {message.seq} of publisher {publisher.id} acknowledged, "
                     f"the last one is {publisher.next_seq - 1}"

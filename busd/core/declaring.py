@@ -77,14 +77,19 @@ class Registrar:
     def destroy_node(self, now_ns: int, peer: Peer, message: m.DestroyNode, out: list[Effect]) -> None:
         self.remove_node(now_ns, self._own_node(peer, message.node), out)
 
-    def remove_node(self, now_ns: int, node: Node, out: list[Effect]) -> None:
-        """Take `node` with its endpoints out of the graph."""
+    def remove_node(self, now_ns: int, node: Node, out: list[Effect], *, is_lost: bool = False) -> None:
+        """Take `node` with its endpoints out of the graph. `is_lost`: its process did not say so."""
         for endpoint in tuple(node.endpoints.values()):
-            self._remove_endpoint(endpoint, out)
+            self._remove_endpoint(endpoint, out, is_lost=is_lost)
         self._graph.remove_node(node)
 
     def create_publisher(
-        self, now_ns: int, peer: Peer, message: m.CreatePublisher, out: list[Effect]
+        self,
+        now_ns: int,
+        peer: Peer,
+        message: m.CreatePublisher,
+        out: list[Effect],
+        ring: object | None = None,
     ) -> None:
         node, kind, rule = self._check_endpoint(peer, message)
         qos = self._check_depth(rule.cap(message.qos))
@@ -103,7 +108,11 @@ class Registrar:
             last_sign_ns=now_ns,
             history=RunQueue(_depth(qos), peer.history) if keeps_history(qos) else None,
             credited=message.next_seq - 1,
+            ring=ring,
         )
+        if message.descriptors and ring is None:
+            lost = f"{node.full_name} shares no memory on '{message.topic}': its ring was lost"
+            out.append(Note(logging.WARNING, lost))
         self._graph.add_endpoint(publisher)
         out.append(Send(peer.id, self._created(message.request, publisher)))
         self._leases.watch_publisher(now_ns, publisher)
@@ -164,16 +173,19 @@ class Registrar:
             raise RemoteProtocolError(f"node {number} is not one of yours")
         return node
 
-    def _remove_endpoint(self, endpoint: Publisher | Subscription, out: list[Effect]) -> None:
+    def _remove_endpoint(
+        self, endpoint: Publisher | Subscription, out: list[Effect], *, is_lost: bool = False
+    ) -> None:
         if isinstance(endpoint, Publisher):
             for subscription in tuple(endpoint.matches.values()):
                 disconnect(self._graph, endpoint, subscription, out)
             if endpoint.history is not None:
                 endpoint.history.clear()
+            endpoint.ring = None  # a timer may still know the publisher
             endpoint.node.peer.silent.discard(endpoint)
         else:
             for publisher in tuple(endpoint.matches.values()):
-                disconnect(self._graph, publisher, endpoint, out)
+                disconnect(self._graph, publisher, endpoint, out, is_lost=is_lost)
             endpoint.queue.clear()
             endpoint.node.peer.perishable.discard(endpoint)
         self._graph.remove_endpoint(endpoint)
@@ -217,6 +229,7 @@ class Registrar:
             max_message_bytes=endpoint.max_message_bytes,
             window_samples=self._limits.keep_all_window_messages,
             window_bytes=self._limits.keep_all_window_bytes,
+            ring_bytes=self._limits.ring_bytes,
         )
 
 

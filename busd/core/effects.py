@@ -1,6 +1,6 @@
 """What the core asks the shell to do. The shell carries effects out in order."""
 
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from bus.ids import PeerId
 from bus.wire.messages import Message
@@ -8,10 +8,11 @@ from bus.wire.runs import RunQueue
 
 
 class Send(NamedTuple):
-    """Send a control message to a peer."""
+    """Send a control message to a peer, with the descriptors that it brings (opaque here)."""
 
     peer: PeerId
     message: Message
+    descriptors: tuple[Any, ...] = ()
 
 
 class Flush(NamedTuple):

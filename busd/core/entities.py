@@ -11,6 +11,9 @@ from busd.core.effects import Flush
 MessageType = tuple[str, str]
 """A type's name and hash."""
 
+SOCKET, SHM = "socket", "shm"
+"""The routes of a match."""
+
 
 @dataclass(slots=True, eq=False)
 class Peer:
@@ -33,6 +36,10 @@ class Peer:
     """Publishers with automatic liveliness whose lease ended."""
     perishable: "set[Subscription]" = field(default_factory=set)
     """Subscriptions that samples with a lifespan may wait for."""
+    doorbell: object | None = None
+    readers: object | None = None
+    """What the process shares, for the route shm: descriptors, opaque here. Both, or none."""
+    has_shared: bool = False
 
     def subscriptions(self) -> "list[Subscription]":
         return [one for one in self.endpoints.values() if isinstance(one, Subscription)]
@@ -64,6 +71,16 @@ class Topic:
     name: str
     publishers: "dict[EndpointId, Publisher]" = field(default_factory=dict)
     subscriptions: "dict[EndpointId, Subscription]" = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class Sharing:
+    """What is to be remembered of a match on the route shm."""
+
+    at_ns: int
+    """Since when it is."""
+    is_attached: bool = False
+    """The subscription reads the ring."""
 
 
 @dataclass(slots=True, eq=False)
@@ -104,7 +121,12 @@ class Endpoint:
 
 @dataclass(slots=True, eq=False)
 class Publisher(Endpoint):
-    """`acked` holds, for each matched lossless subscription, the last number that it has taken."""
+    """`matches` are all; of these `routed` are on the route socket, `shared` on the route shm.
+
+    Those in neither were rerouted, and the publisher has yet to send them what they have missed.
+
+    `acked` holds, for each routed lossless subscription, the last number that it has taken.
+    """
 
     next_seq: int
     lifespan_ns: int
@@ -116,11 +138,23 @@ class Publisher(Endpoint):
     bytes: int = 0
     is_alive: bool = True
     matches: "dict[EndpointId, Subscription]" = field(default_factory=dict)
+    routed: "dict[EndpointId, Subscription]" = field(default_factory=dict)
+    shared: dict[EndpointId, Sharing] = field(default_factory=dict)
+    ring: object | None = None
+    """A descriptor, opaque here; None where all goes by socket."""
+    has_shared: bool = False
+    """A match is, or was, on the route shm: subscriptions may have taken what did not come through here."""
     acked: dict[EndpointId, int] = field(default_factory=dict)
     credited: int = 0
+    is_credit_ahead: bool = False
+    """All have taken more than came through here: credit for it is given when it comes."""
     uncredited_bytes: int = 0
 
     kind = "publisher"
+
+    def route(self, subscription: EndpointId) -> str:
+        """The route of the match with `subscription`."""
+        return SHM if subscription in self.shared else SOCKET
 
     def statistics(self) -> EndpointStatistics:
         mine = self.report

@@ -9,7 +9,7 @@ from itertools import count
 from bus.ids import EndpointId, NodeId
 from bus.wire.messages import EndpointRecord, GraphChanged, MatchRecord, NodeRecord
 from bus.wire.messages import Graph as Snapshot
-from busd.core.entities import MessageType, Node, Peer, Publisher, Subscription, Topic
+from busd.core.entities import MessageType, Node, Peer, Publisher, Sharing, Subscription, Topic
 
 
 class Graph:
@@ -77,18 +77,33 @@ class Graph:
         del endpoint.node.endpoints[endpoint.id], endpoint.node.peer.endpoints[endpoint.id]
         self._endpoints_removed.append(endpoint.id)
 
-    def add_match(self, publisher: Publisher, subscription: Subscription) -> None:
+    def add_match(
+        self, publisher: Publisher, subscription: Subscription, sharing: Sharing | None = None
+    ) -> None:
+        """A match on the route shm with `sharing`, else on the route socket."""
         publisher.matches[subscription.id] = subscription
         subscription.matches[publisher.id] = publisher
+        if sharing is None:
+            publisher.routed[subscription.id] = subscription
+        else:
+            publisher.shared[subscription.id] = sharing
         for peer in {publisher.node.peer, subscription.node.peer}:
             peer.matches += 1
-        self._matches_added.append(MatchRecord(publisher=publisher.id, subscription=subscription.id))
+        self._matches_added.append(_match_record(publisher, subscription.id))
+
+    def reroute(self, publisher: Publisher, subscription: Subscription) -> None:
+        """From the route shm to the route socket, by which it gets nothing yet."""
+        self._matches_removed.append(_match_record(publisher, subscription.id))
+        del publisher.shared[subscription.id]
+        self._matches_added.append(_match_record(publisher, subscription.id))
 
     def remove_match(self, publisher: Publisher, subscription: Subscription) -> None:
+        self._matches_removed.append(_match_record(publisher, subscription.id))
+        publisher.routed.pop(subscription.id, None)
+        publisher.shared.pop(subscription.id, None)
         del publisher.matches[subscription.id], subscription.matches[publisher.id]
         for peer in {publisher.node.peer, subscription.node.peer}:
             peer.matches -= 1
-        self._matches_removed.append(MatchRecord(publisher=publisher.id, subscription=subscription.id))
 
     def forget_types(self, peer: Peer, others: list[Peer]) -> None:
         """Forget the schemas that only `peer` had declared."""
@@ -137,9 +152,13 @@ class Graph:
             nodes=tuple(node.record() for node in self.nodes.values()),
             endpoints=tuple(endpoint.record(statistics=statistics) for endpoint in endpoints),
             matches=tuple(
-                MatchRecord(publisher=publisher.id, subscription=subscription)
+                _match_record(publisher, subscription)
                 for publisher in self.publishers.values()
                 for subscription in publisher.matches
             ),
             pid=pid,
         )
+
+
+def _match_record(publisher: Publisher, subscription: EndpointId) -> MatchRecord:
+    return MatchRecord(publisher=publisher.id, subscription=subscription, route=publisher.route(subscription))

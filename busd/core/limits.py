@@ -67,6 +67,8 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Bytes that a keep-all publisher may be ahead of its slowest reliable subscription."""
     keep_all_window_messages: _Depth = 65_536
     """Messages that a keep-all publisher may be ahead of its slowest reliable subscription."""
+    ring_bytes: _Bytes = 64 * _MiB
+    """Bytes that a publisher's ring in shared memory grows to for depth's sake; one message may need more."""
     handshake_s: _Seconds = 5.0
     """Seconds in which a new connection must have said Hello."""
     lease_s: _Seconds = 10.0

@@ -1,16 +1,18 @@
-"""Which publisher and subscription form a match, and what both are told.
+"""Which publisher and subscription form a match, by which route, and what both are told.
 
-A match starts with the replay of a transient local publisher's history, before anything new.
+A match on the route socket starts with the replay of a transient local publisher's history, before anything
+new. One on the route shm finds it in the ring.
 """
 
 import logging
 from collections.abc import Callable
+from typing import Any
 
 from bus.qos import check_compatible, describe_incompatibilities
-from bus.wire.messages import Credit, Incompatible, LivelinessChanged, Matched, Unmatched
+from bus.wire.messages import Credit, Incompatible, LivelinessChanged, Matched, Rerouted, Unmatched
 from bus.wire.runs import RunQueue
 from busd.core.effects import Effect, Note, Send
-from busd.core.entities import Publisher, Subscription, keeps_history
+from busd.core.entities import SHM, SOCKET, Publisher, Sharing, Subscription, keeps_history
 from busd.core.graph import Graph
 
 
@@ -38,33 +40,75 @@ def connect(
     if reason is not None:
         _refuse(publisher, subscription, *reason, out)
         return
-    graph.add_match(publisher, subscription)
-    if publisher.is_lossless and subscription.is_lossless:
-        publisher.acked[subscription.id] = publisher.next_seq - 1
-    if publisher.lifespan_ns:
-        subscription.node.peer.perishable.add(subscription)
-    for mine, other in ((publisher, subscription), (subscription, publisher)):
+    is_shared = can_share(publisher, subscription)
+    graph.add_match(publisher, subscription, Sharing(now_ns) if is_shared else None)
+    publisher.has_shared |= is_shared
+    ring: tuple[Any, ...] = (publisher.ring, publisher.node.peer.doorbell) if is_shared else ()
+    for mine, other, brings in ((publisher, subscription, ()), (subscription, publisher, ring)):
         message = Matched(
             endpoint=mine.id,
             other=other.id,
             node=other.node.full_name,
             gid=other.gid,
             qos=other.qos,
+            route=SHM if is_shared else SOCKET,
             next_seq=publisher.next_seq,
+            at_ns=now_ns,
+            descriptors=len(brings),
         )
-        out.append(Send(mine.node.peer.id, message))
+        out.append(Send(mine.node.peer.id, message, brings))
     if not publisher.is_alive:
         lost = LivelinessChanged(subscription=subscription.id, publisher=publisher.id, alive=False)
         out.append(Send(subscription.node.peer.id, lost))
-    if publisher.history is not None and keeps_history(subscription.qos):
-        publisher.history.drop_expired(now_ns)
-        _replay(publisher, publisher.history, subscription, out)
+    if not is_shared:
+        last_seq = subscription.last_seqs.get(publisher.gid, 0) if keeps_history(subscription.qos) else None
+        _begin_routing(now_ns, publisher, subscription, last_seq, out)
 
 
-def disconnect(graph: Graph, publisher: Publisher, subscription: Subscription, out: list[Effect]) -> None:
-    """Unmake the match and tell both; samples in the queue stay to be delivered."""
+def can_share(publisher: Publisher, subscription: Subscription) -> bool:
+    """Whether the match goes by shared memory: both processes can, and belong to one user."""
+    talker, listener = publisher.node.peer, subscription.node.peer
+    return (
+        publisher.ring is not None
+        and talker.doorbell is not None
+        and listener.readers is not None
+        and talker.uid == listener.uid
+    )
+
+
+def reroute(
+    now_ns: int, graph: Graph, publisher: Publisher, subscription: Subscription, out: list[Effect]
+) -> None:
+    """Put a match on the route socket that was on the route shm, and tell both.
+
+    The publisher sends to the subscription alone its history and what it has published since the match
+    began, and when that is said to be done (CaughtUp), it gets what all get. What it has already, it knows
+    by the numbers.
+    """
+    sharing = publisher.shared[subscription.id]
+    graph.reroute(publisher, subscription)
+    for mine, other in ((publisher, subscription), (subscription, publisher)):
+        message = Rerouted(endpoint=mine.id, other=other.id, route=SOCKET, at_ns=sharing.at_ns)
+        out.append(Send(mine.node.peer.id, message))
+    _begin_routing(now_ns, publisher, subscription, None, out)
+
+
+def disconnect(
+    graph: Graph,
+    publisher: Publisher,
+    subscription: Subscription,
+    out: list[Effect],
+    *,
+    is_lost: bool = False,
+) -> None:
+    """Unmake the match and tell both; samples in the queue stay to be delivered.
+
+    `is_lost`: the subscription's process did not take its leave.
+    """
     graph.remove_match(publisher, subscription)
-    out.append(Send(publisher.node.peer.id, Unmatched(endpoint=publisher.id, other=subscription.id)))
+    out.append(
+        Send(publisher.node.peer.id, Unmatched(endpoint=publisher.id, other=subscription.id, lost=is_lost))
+    )
     out.append(Send(subscription.node.peer.id, Unmatched(endpoint=subscription.id, other=publisher.id)))
     if publisher.acked.pop(subscription.id, None) is not None:
         give_credit(publisher, out.append)
@@ -72,7 +116,10 @@ def disconnect(graph: Graph, publisher: Publisher, subscription: Subscription, o
 
 def give_credit(publisher: Publisher, emit: Callable[[Effect], None]) -> None:
     """Tell a keep-all publisher what all that must take have taken, where that has grown."""
-    seq = min(publisher.acked.values(), default=publisher.next_seq - 1)
+    last_seq = publisher.next_seq - 1
+    seq = min(publisher.acked.values(), default=last_seq)
+    publisher.is_credit_ahead = seq > last_seq
+    seq = min(seq, last_seq)
     if seq > publisher.credited:
         publisher.credited = seq
         publisher.uncredited_bytes = 0
@@ -91,9 +138,26 @@ def _refuse(
     out.append(Note(logging.WARNING, f"no match on '{publisher.topic.name}': {nodes}: {text}"))
 
 
-def _replay(publisher: Publisher, history: RunQueue, subscription: Subscription, out: list[Effect]) -> None:
+def _begin_routing(
+    now_ns: int,
+    publisher: Publisher,
+    subscription: Subscription,
+    last_seq: int | None,
+    out: list[Effect],
+) -> None:
+    """From now on runs are queued for the match; first comes the history after `last_seq` (None: nothing)."""
+    if publisher.is_lossless and subscription.is_lossless:
+        publisher.acked[subscription.id] = publisher.next_seq - 1
+    if publisher.lifespan_ns:
+        subscription.node.peer.perishable.add(subscription)
+    if publisher.history is not None and last_seq is not None:
+        publisher.history.drop_expired(now_ns)
+        _replay(publisher.history, subscription, last_seq, out)
+
+
+def _replay(history: RunQueue, subscription: Subscription, last_seq: int, out: list[Effect]) -> None:
     queue = subscription.queue
-    for run in history.newest(queue.depth, subscription.last_seqs.get(publisher.gid, 0)):
+    for run in history.newest(queue.depth, last_seq):
         queue.append(run)
     if queue.runs:
         out.append(subscription.flush)

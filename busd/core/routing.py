@@ -47,32 +47,37 @@ class Router:
             raise RemoteProtocolError(
                 f"data frame of {run.count} samples, a run has {MAX_RUN_SAMPLES} at most"
             )
+        if run.source:
+            return self._catch_up(now_ns, publisher, run, out)
         gap = run.first_seq - publisher.next_seq
         if gap:
-            self._miss(now_ns, publisher, gap)
+            self._miss(now_ns, publisher, gap, is_loss=not run.is_resumed)
         publisher.next_seq = run.first_seq + run.count
         publisher.samples += run.count
         publisher.bytes += payload_bytes
         limit = publisher.max_message_bytes
         if payload_bytes > limit and self._is_too_large(run, limit):
-            for subscription in publisher.matches.values():
+            for subscription in publisher.routed.values():
                 self.drop(now_ns, subscription, "too_large", run.count)
                 if publisher.id not in _sources(subscription):
                     self._release(publisher, subscription)
             return False
         run.source = publisher.id
         run.lifespan_ns = publisher.lifespan_ns
+        run.is_resumed = False  # of no concern to subscriptions
         history = publisher.history
         if history is not None:
             history.push(run)
             history.drop_over_quota()
-        for subscription in publisher.matches.values():
+        for subscription in publisher.routed.values():
             queue = subscription.queue
             if queue.append(run):
                 self._overfull.append(subscription)
             if not queue.is_ready:
                 out.append(subscription.flush)
-        if publisher.is_lossless and not publisher.acked:
+        if publisher.is_credit_ahead:
+            give_credit(publisher, out.append)
+        elif publisher.is_lossless and not publisher.acked:
             publisher.uncredited_bytes += size
             if (
                 publisher.uncredited_bytes >= self._credit_bytes
@@ -130,6 +135,22 @@ class Router:
                 Send(peer.id, Dropped(subscription=subscription.id, dropped=dict(subscription.dropped)))
             )
 
+    def _catch_up(self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect]) -> bool:
+        """A run for one subscription, of samples that the others had before; as `route`."""
+        subscription = publisher.matches.get(EndpointId(run.source))
+        if subscription is None or subscription.id in publisher.shared:
+            return False  # it has left, or was never rerouted
+        if self._is_too_large(run, publisher.max_message_bytes):
+            self.drop(now_ns, subscription, "too_large", run.count)
+            return False
+        run.source = publisher.id
+        run.lifespan_ns = publisher.lifespan_ns
+        run.is_resumed = False
+        if subscription.queue.append(run):
+            self._overfull.append(subscription)
+        out.append(subscription.flush)
+        return bool(self._overfull)
+
     def _shed(
         self, now_ns: int, subscription: Subscription, reason: str, drop: Callable[[list[Run] | None], int]
     ) -> None:
@@ -145,18 +166,20 @@ class Router:
     def _release(self, publisher: Publisher, subscription: Subscription) -> None:
         """The newest samples were dropped, so that no acknowledgement will ever cover them."""
         if subscription.id in publisher.acked:
-            publisher.acked[subscription.id] = publisher.next_seq - 1
+            acked = publisher.acked[subscription.id]
+            publisher.acked[subscription.id] = max(acked, publisher.next_seq - 1)
             give_credit(publisher, self._emit)
 
-    def _miss(self, now_ns: int, publisher: Publisher, gap: int) -> None:
+    def _miss(self, now_ns: int, publisher: Publisher, gap: int, *, is_loss: bool) -> None:
         if gap < 0:
             last_seq = publisher.next_seq - 1
             raise RemoteProtocolError(
                 f"publisher {publisher.id} sent sample {last_seq + 1 + gap} after {last_seq}"
             )
-        # The publisher's own queue replaced them before they could be handed over.
-        for subscription in publisher.matches.values():
-            self.drop(now_ns, subscription, "publisher_queue", gap)
+        if is_loss:
+            # The publisher's own queue replaced them before they could be handed over.
+            for subscription in publisher.routed.values():
+                self.drop(now_ns, subscription, "publisher_queue", gap)
 
     @staticmethod
     def _is_too_large(run: Run, limit: int) -> bool:

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         ProtocolError,
         QuotaExceeded,
         RemoteProtocolError,
+        SharedMemoryError,
     )
     from bus.events import (
         DeadlineMissed,
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
         SubscriptionEvents,
     )
     from bus.graph import Graph
+    from bus.loan import Loan
     from bus.logger import Logger, Severity, get_logger
     from bus.node import Node, NodeStatistics
     from bus.publisher import Publisher, PublisherStatistics
@@ -66,6 +68,7 @@ _HOMES = {
         "ProtocolError",
         "QuotaExceeded",
         "RemoteProtocolError",
+        "SharedMemoryError",
     ),
     "bus.events": (
         "DeadlineMissed",
@@ -79,6 +82,7 @@ _HOMES = {
         "SubscriptionEvents",
     ),
     "bus.graph": ("Graph",),
+    "bus.loan": ("Loan",),
     "bus.logger": ("Logger", "Severity", "get_logger"),
     "bus.node": ("Node", "NodeStatistics"),
     "bus.publisher": ("Publisher", "PublisherStatistics"),
@@ -104,6 +108,7 @@ __all__ = [
     "Liveliness",
     "LivelinessChanged",
     "LivelinessLost",
+    "Loan",
     "LocalProtocolError",
     "Logger",
     "Match",
@@ -124,6 +129,7 @@ __all__ = [
     "Reliability",
     "RemoteProtocolError",
     "Severity",
+    "SharedMemoryError",
     "Subscription",
     "SubscriptionEvents",
     "SubscriptionStatistics",

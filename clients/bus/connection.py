@@ -14,6 +14,7 @@ from typing import Any
 import msgspec
 
 from bus.autostart import open_socket
+from bus.descriptor import Descriptor
 from bus.errors import (
     BrokerUnavailable,
     BusError,
@@ -22,6 +23,7 @@ from bus.errors import (
     QuotaExceeded,
     RemoteProtocolError,
 )
+from bus.sharing import Sharing
 from bus.transport.stream import Stream
 from bus.typesupport import TypeSupport
 from bus.wire import messages as m
@@ -46,12 +48,15 @@ class Connection:
 
     def __init__(
         self,
+        sharing: Sharing | None,
         *,
         on_received: Callable[[Iterable[Any]], None],
         on_lost: Callable[[BusError], None],
         on_wrote: Callable[[], None],
     ) -> None:
         self.outbox = Outbox()
+        self._sharing = sharing
+        self._has_shared = False
         self.pid = 0
         self.lease_s = 0.0
         self.is_background = False
@@ -75,7 +80,12 @@ class Connection:
         """
         sock = await open_socket(path, may_start=may_start)
         self._stream = Stream(
-            sock, Session(Role.CLIENT), self.outbox, on_received=self._on_received, on_lost=self._lost
+            sock,
+            Session(Role.CLIENT),
+            self.outbox,
+            on_received=self._on_received,
+            on_lost=self._lost,
+            takes_descriptors=self._sharing is not None,
         )
         self._stream.before_write(self._on_wrote)
         self.send(m.Hello(version=VERSION, pid=os.getpid(), program=_program()))
@@ -95,11 +105,22 @@ class Connection:
             raise BrokerUnavailable(f"busd at {path} refused this process: {self._loss}")
         self.pid, self.lease_s, self.is_background = hello.pid, hello.lease_s, hello.background
 
-    def send(self, message: m.Message) -> None:
-        """Send a control message; nothing happens on a connection that has ended."""
+    def send(self, message: m.Message | bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
+        """Send a control message, or a frame in turn with these; nothing happens where this has ended."""
         if self._stream is not None:
-            self.outbox.put(m.encode_frame(message))
+            self.outbox.put(message if isinstance(message, bytes) else m.encode_frame(message), descriptors)
             self._stream.flush()
+
+    @property
+    def is_quiet(self) -> bool:
+        """Nothing has come that was not read."""
+        return self._stream is None or self._stream.is_quiet
+
+    def share(self) -> None:
+        """Before an endpoint is declared: tell how this process is woken, once for each connection."""
+        if self._sharing is not None and not self._has_shared:
+            self._has_shared = True
+            self.send(m.Share(), (self._sharing.doorbell, self._sharing.segment))
 
     def flush(self) -> None:
         """Send what waits, as far as the socket takes it."""
@@ -113,7 +134,9 @@ class Connection:
         self._stream.send_now([frame], len(frame))
         return True
 
-    async def request(self, make: Callable[[int], m.Message]) -> Any:
+    async def request(
+        self, make: Callable[[int], m.Message], descriptors: tuple[Descriptor, ...] = ()
+    ) -> Any:
         """Send the message that `make` gives for a request number; returns the answer.
 
         Raises ConfigurationError or QuotaExceeded where the broker refuses, TimeoutError where it does not
@@ -124,7 +147,7 @@ class Connection:
         number = next(self._numbers)
         answer = self._requests[number] = self._loop.create_future()
         try:
-            self.send(make(number))
+            self.send(make(number), descriptors)
             async with asyncio.timeout(ANSWER_S):
                 return await answer
         except TimeoutError:

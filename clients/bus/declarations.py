@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, Protocol
 
 from bus.connection import Connection
+from bus.descriptor import Descriptor
 from bus.errors import BusError, ConfigurationError, ConnectionClosed, QuotaExceeded
 from bus.logger import get_logger
 from bus.qos import Liveliness, QoSProfile
@@ -46,7 +47,10 @@ class Endpoint(Declared, Protocol):
 
     def disconnected(self) -> None: ...
 
-    def handle(self, message: Any) -> None: ...
+    @property
+    def shared(self) -> tuple[Descriptor, ...]: ...
+
+    def handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None: ...
 
     def hand_over(self) -> None: ...
 
@@ -127,6 +131,7 @@ class Declarations:
                 connection.send(m.DestroyEndpoint(endpoint=answer.id))
 
         self._check(node)
+        connection.share()
         connection.declare_type(endpoint.support)
         await self._declare(
             connection,
@@ -134,6 +139,7 @@ class Declarations:
             lambda number: endpoint.declaration(number, node.id),
             admit,
             undo,
+            endpoint.shared,
         )
         self._check(node)
 
@@ -214,6 +220,7 @@ class Declarations:
         make: Callable[[int], m.Message],
         admit: Callable[[m.Created], None],
         undo: Callable[[m.Created], None],
+        descriptors: tuple[Descriptor, ...] = (),
     ) -> None:
         request = 0
 
@@ -224,7 +231,7 @@ class Declarations:
             return make(number)
 
         try:
-            await connection.request(declaration)
+            await connection.request(declaration, descriptors)
         except (asyncio.CancelledError, TimeoutError):
             self._revoke(what)
             raise

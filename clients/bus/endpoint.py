@@ -12,7 +12,8 @@ from typing import Any, Generic, TypeVar
 
 import msgspec
 
-from bus.errors import BusError, ConnectionClosed
+from bus.descriptor import Descriptor
+from bus.errors import BusError, ConnectionClosed, again
 from bus.events import (
     DeadlineMissed,
     IncompatibleQoS,
@@ -104,7 +105,7 @@ class Endpoint(Generic[M]):
 
     def end(self, reason: BusError) -> None:
         """The endpoint can't be used any more; those who wait get `reason`."""
-        self.refusal = reason
+        self.refusal = reason.with_traceback(None)  # whose frames may know descriptors
         if self._deadline is not None:
             self._deadline.cancel()
         for _, waiter in self._match_waiters:
@@ -142,20 +143,28 @@ class Endpoint(Generic[M]):
         """The counters, for the graph."""
         raise NotImplementedError
 
-    def handle(self, message: Any) -> None:
-        """A control message from the broker about this endpoint."""
+    @property
+    def shared(self) -> tuple[Descriptor, ...]:
+        """What goes with the declaration."""
+        return ()
+
+    def handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
+        """A control message from the broker about this endpoint, and what came with it."""
         match message:
             case m.Matched():
                 self._match(message)
-            case m.Unmatched(other=other):
-                self._unmatch(other)
+            case m.Unmatched(other=other, lost=is_lost):
+                self._unmatch(other, is_lost=is_lost)
+            case m.Rerouted(other=other, route=route):
+                if other in self._matches:
+                    self._matches[other] = msgspec.structs.replace(self._matches[other], route=route)
             case m.Incompatible():
                 self._report_incompatible(message)
 
     async def _wait_for_matches(self, number: int) -> None:
         if self.refusal is not None:
-            raise self.refusal
-        if len(self._matches) >= number:
+            raise again(self.refusal)
+        if self._ready_matches() >= number:
             return
         waiter = asyncio.get_running_loop().create_future()
         entry = (number, waiter)
@@ -172,12 +181,19 @@ class Endpoint(Generic[M]):
     def _match(self, message: m.Matched) -> None:
         self._matches[message.other] = Match(message.node, message.gid, message.qos, message.route)
         self._total_matches += 1
-        for number, waiter in self._match_waiters:
-            if len(self._matches) >= number and not waiter.done():
-                waiter.set_result(None)
+        self._release_match_waiters()
         self._tell_match(1, message.node)
 
-    def _unmatch(self, other: int) -> None:
+    def _ready_matches(self) -> int:
+        """Matches by which a message would arrive at once."""
+        return len(self._matches)
+
+    def _release_match_waiters(self) -> None:
+        for number, waiter in self._match_waiters:
+            if self._ready_matches() >= number and not waiter.done():
+                waiter.set_result(None)
+
+    def _unmatch(self, other: int, *, is_lost: bool = False) -> None:
         gone = self._matches.pop(other, None)
         if gone is not None:
             self._tell_match(-1, gone.node)

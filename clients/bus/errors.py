@@ -5,6 +5,7 @@
     ├── MessageTypeError (TypeError)      a message of the wrong class, or a field of the wrong type
     ├── PayloadTooLarge (ValueError)      size_bytes, limit_bytes
     ├── QuotaExceeded                     resource, used, limit
+    ├── SharedMemoryError (OSError)       the machine has no memory for a publisher's ring
     ├── ProtocolError
     │   ├── LocalProtocolError            this side asked for something that is not allowed now
     │   └── RemoteProtocolError           the other side broke the protocol
@@ -15,6 +16,8 @@
 Errors are for faults. What is expected to happen on a bus (nothing to take, a message replaced because a
 queue was full, no room to publish) is a return value or a counter. Timeouts are the built-in TimeoutError.
 """
+
+from typing import TypeVar
 
 __all__ = [
     "BrokerUnavailable",
@@ -28,11 +31,22 @@ __all__ = [
     "ProtocolError",
     "QuotaExceeded",
     "RemoteProtocolError",
+    "SharedMemoryError",
+    "again",
 ]
+
+E = TypeVar("E", bound="BusError")
 
 
 class BusError(Exception):
     """Base of every error that busd raises on purpose."""
+
+
+def again(error: E) -> E:
+    """A copy of `error`, to be raised: one that is raised itself keeps the frames of each time."""
+    copy = type(error).__new__(type(error), *error.args)
+    copy.__dict__.update(error.__dict__)
+    return copy
 
 
 class ConfigurationError(BusError, ValueError):
@@ -68,6 +82,10 @@ class QuotaExceeded(BusError):
         self.resource = resource
         self.used = used
         self.limit = limit
+
+
+class SharedMemoryError(BusError, OSError):
+    """The machine has no memory, or this process no descriptor, for what is to be shared."""
 
 
 class ProtocolError(BusError):

@@ -1,13 +1,14 @@
 """What has come for a subscription and was not taken yet: bounded, accounted, decoded when it is taken.
 
 Owns the queue of undecoded runs, the counts of what was delivered and dropped here, and the publishers that
-are heard: up to which number, and what was acknowledged. Does no I/O; its owner delivers and acknowledges.
+are heard: up to which number, and what was acknowledged. What waits in rings waits there; it is taken after
+what came by socket. Does no I/O; its owner delivers and acknowledges.
 """
 
 from collections import deque
 from collections.abc import Callable
 from time import monotonic_ns
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeAlias, TypeVar
 
 from bus.wire.layout import RECORD_HEAD, RECORD_HEAD_BYTES
 from bus.wire.runs import Account, Run, RunQueue
@@ -22,6 +23,11 @@ ALL = 1 << 30
 _SHORT_BYTES = 4096
 _MOST_GONE = 64
 _unpack_record = RECORD_HEAD.unpack_from
+_MOST_AT_ONCE = 64
+
+
+Taken: TypeAlias = tuple[M, int, int, Any, int]
+"""Message, stamp, number, `Source`, time of receipt; times in ns of the monotonic clock."""
 
 
 class Source:
@@ -32,6 +38,7 @@ class Source:
         "gid",
         "is_alive",
         "is_rejoined",
+        "known_seq",
         "last_seq",
         "lifespan_ns",
         "needs_ack",
@@ -47,6 +54,7 @@ class Source:
         self.lifespan_ns = lifespan_ns
         self.needs_ack = needs_ack
         self.is_alive = True
+        self.known_seq = 0  # read from the ring, before the match went by socket: also no replay of these
         self.is_rejoined = False  # until its first run after a reconnection, which shows what is missing
         self.taken_seq = self.acked_seq = last_seq
         self.unacked_bytes = 0
@@ -69,33 +77,84 @@ class Inbox(Generic[M]):
         on_reject: Callable[[int, Exception], None],
         on_taken: Callable[[Source], None],
     ) -> None:
-        self.samples = 0
-        self.bytes = 0
-        self.dropped: dict[str, int] = {}
+        self._samples = 0
+        self._bytes = 0
+        self._dropped: dict[str, int] = {}
         self.sources: dict[int, Source] = {}
         self._gone: deque[int] = deque()
         self.is_lossless = is_lossless
         self._decode = decode
         self._queue = RunQueue(depth, Account(INBOX_BYTES))
-        self._ahead: deque[tuple[M, Run, int, int]] = deque()
+        self.ahead: deque[Taken[M]] = deque()
+        """Taken out of the queue or a ring already, and not given out."""
+        self.reader: Any = None
+        """Takes out of the rings: `bus.shm`'s Reader, where memory is shared."""
+        self._rejected = 0
         self._on_drop = on_drop
         self._on_reject = on_reject
         self._on_taken = on_taken
 
     @property
     def delivered(self) -> int:
-        return self.samples - len(self._ahead)
+        samples = self._samples - len(self.ahead)
+        return samples if self.reader is None else samples + int(self.reader.samples)
+
+    @property
+    def bytes(self) -> int:
+        return self._bytes if self.reader is None else self._bytes + int(self.reader.bytes)
 
     @property
     def queued(self) -> int:
-        return self._queue.count + len(self._ahead)
+        queued = self._queue.count + len(self.ahead)
+        if self.reader is None:
+            return queued
+        self.count_replaced()
+        return queued + int(self.reader.waiting())
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """Lost here, by reason."""
+        reader, dropped = self.reader, dict(self._dropped)
+        if reader is not None:
+            # What was lapped is what the publisher's depth gave up; with a depth here, that would have.
+            lapped = "replaced" if reader.depth else "publisher_queue"
+            for reason, count in (
+                ("replaced", reader.replaced),
+                (lapped, reader.overrun),
+                ("expired", reader.expired),
+                ("undecodable", reader.undecodable),
+            ):
+                if count:
+                    dropped[reason] = dropped.get(reason, 0) + count
+        return dropped
 
     @property
     def has_more(self) -> bool:
-        return bool(self._ahead or self._queue.runs)
+        return bool(self.ahead or self._queue.runs or (self.reader is not None and self.reader.waiting()))
+
+    def count_replaced(self) -> None:
+        """What is beyond the depth in the rings is passed over when somebody takes; be it now."""
+        if self.reader is not None:
+            self.reader.messages(0, self._decode)
+
+    def drain_rings(self) -> None:
+        """Bring what waits in the rings into the queue, in its order."""
+        if self.reader is None:
+            return
+        while batch := self.reader.take(_MOST_AT_ONCE, bytes):
+            for payload, stamp_ns, seq, source, received_ns in batch:
+                body = RECORD_HEAD.pack(len(payload), stamp_ns) + payload
+                run = Run(0, source.number, seq, 1, body, lifespan_ns=source.lifespan_ns)
+                run.received_ns, run.origin = received_ns, source
+                self._queue.append(run)
+                self._samples -= 1  # until they are taken
+                self._bytes -= len(payload)
+        self.trim()
 
     def set_depth(self, depth: int) -> None:
         self._queue.set_depth(depth)
+        if self.reader is not None:
+            self.reader.depth = depth
 
     def forget(self, number: int) -> None:
         """A publisher has gone; samples of it may still come, so the last ones are remembered for a while."""
@@ -113,13 +172,14 @@ class Inbox(Generic[M]):
         source = run.origin = self.sources.get(run.source)
         if source is not None:
             run.lifespan_ns = source.lifespan_ns
-            if run.first_seq <= source.last_seq and not run.is_replay and not _skip_known(run, source):
+            known_seq = source.known_seq if run.is_replay else source.last_seq
+            if run.first_seq <= known_seq and not _skip_known(run, known_seq):
                 return False
             if source.is_rejoined:
                 source.is_rejoined = False
                 if run.first_seq > source.last_seq + 1:
                     self.drop("disconnected", run.first_seq - source.last_seq - 1)
-            source.last_seq = run.first_seq + run.count - 1
+            source.last_seq = max(source.last_seq, run.first_seq + run.count - 1)
         return self._queue.append(run)
 
     def trim(self) -> None:
@@ -133,19 +193,27 @@ class Inbox(Generic[M]):
 
     def drop(self, reason: str, count: int) -> None:
         """Count samples that were lost."""
-        self.dropped[reason] = self.dropped.get(reason, 0) + count
+        self._dropped[reason] = self._dropped.get(reason, 0) + count
         self._on_drop(reason, count)
 
-    def take(self, limit: int = 1) -> tuple[M, Run, int, int] | None:
-        """The oldest message with its run, stamp and number; None where there is none.
+    def take(self, limit: int = 1) -> Taken[M] | None:
+        """The oldest message, as in `Taken`; None where there is none.
 
         `limit`: how many may be decoded at once. What is decoded is taken: a newer sample replaces it no
         more. So that is 1, but where nothing is ever replaced or nothing can come in between.
         """
-        ahead, runs = self._ahead, self._queue.runs
+        ahead, runs = self.ahead, self._queue.runs
         while not ahead:
             if not runs:
-                return None
+                if self.reader is None:
+                    return None
+                batch = self.reader.take(limit if self._queue.depth else _MOST_AT_ONCE, self._decode)
+                if self.reader.undecodable != self._rejected:
+                    self._reject_from_rings()
+                elif not batch:
+                    return None
+                ahead += batch
+                continue
             run = runs[0]
             if run.count > 1 or run.lifespan_ns or self.is_lossless:
                 self._decode_ahead(run, limit if self._queue.depth else ALL)
@@ -153,7 +221,25 @@ class Inbox(Generic[M]):
                 return taken
         return ahead.popleft()
 
-    def _take_single(self, run: Run) -> tuple[M, Run, int, int] | None:
+    def take_messages(self, limit: int) -> list[M]:
+        """Up to `limit` messages out of the rings, and they alone; nothing where others wait."""
+        if self.reader is None or self.ahead or self._queue.runs:
+            return []
+        batch: list[M] = self.reader.messages(limit, self._decode)
+        if self.reader.undecodable != self._rejected:
+            self._reject_from_rings()
+        return batch
+
+    def put_back(self, messages: list[M]) -> None:
+        """What `take_messages` gave and was not delivered is taken next."""
+        self.ahead.extendleft((message, 0, 0, None, 0) for message in reversed(messages))
+
+    def _reject_from_rings(self) -> None:
+        self._rejected = self.reader.undecodable
+        for size, error in self.reader.pop_rejected():
+            self._on_reject(size, error)
+
+    def _take_single(self, run: Run) -> Taken[M] | None:
         """A run of one sample, as at a moderate rate they all are: the same as below, without the loop."""
         self._queue.forget_head()
         body = memoryview(run.body)
@@ -166,13 +252,13 @@ class Inbox(Generic[M]):
         except Exception as error:  # a message class may raise anything
             self._reject([(size, error)])
             return None
-        self.samples += 1
-        self.bytes += size
-        return message, run, stamp_ns, run.first_seq
+        self._samples += 1
+        self._bytes += size
+        return message, stamp_ns, run.first_seq, run.origin, run.received_ns
 
     def _decode_ahead(self, run: Run, limit: int) -> None:
         """Decode up to `limit` samples of the oldest run."""
-        queue, ahead, decode = self._queue, self._ahead, self._decode
+        queue, ahead, decode = self._queue, self.ahead, self._decode
         if run.lifespan_ns:
             gone: list[Run] = []
             if expired := queue.drop_expired(monotonic_ns(), gone):
@@ -195,7 +281,7 @@ class Inbox(Generic[M]):
             if offset > length:
                 break
             try:
-                ahead.append((decode(body[start:offset]), run, stamp_ns, seq))
+                ahead.append((decode(body[start:offset]), stamp_ns, seq, run.origin, run.received_ns))
             except Exception as error:
                 rejected.append((size, error))
         else:
@@ -213,8 +299,8 @@ class Inbox(Generic[M]):
         self.drop("undecodable", first_seq + held - seq)
 
     def _count(self, run: Run, seq: int, size: int) -> None:
-        self.samples += len(self._ahead)
-        self.bytes += size
+        self._samples += len(self.ahead)
+        self._bytes += size
         if self.is_lossless:
             self._note_taken(run, seq, size)
 
@@ -237,9 +323,9 @@ class Inbox(Generic[M]):
             self.drop("undecodable", 1)
 
 
-def _skip_known(run: Run, source: Source) -> bool:
-    """Cut off what was received before a reconnection; returns whether anything new is left."""
-    known = source.last_seq + 1 - run.first_seq
+def _skip_known(run: Run, known_seq: int) -> bool:
+    """Cut off what was received before, by another connection or route; returns whether anything is left."""
+    known = known_seq + 1 - run.first_seq
     if known >= run.count:
         return False
     whole = RunQueue(0, Account(INBOX_BYTES))

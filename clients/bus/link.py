@@ -7,7 +7,7 @@ declares everything again.
 import asyncio
 import os
 import weakref
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable, Collection, Iterable
 from pathlib import Path
 from threading import get_ident
 from time import monotonic_ns, time_ns
@@ -15,20 +15,38 @@ from typing import Any, ClassVar, TypeVar
 
 from bus.connection import BrokerLeft, Connection
 from bus.declarations import Declarations, Declared, Endpoint, Node, lease_s
-from bus.errors import BrokerUnavailable, BusError, ConnectionClosed, ForkError, RemoteProtocolError
+from bus.descriptor import Descriptor
+from bus.errors import (
+    BrokerUnavailable,
+    BusError,
+    ConnectionClosed,
+    ForkError,
+    RemoteProtocolError,
+    again,
+)
 from bus.logger import get_logger
+from bus.reports import Reports
+from bus.sharing import Sharing
+from bus.waiters import Waiters
 from bus.wire import messages as m
 from bus.wire.runs import Run, RunQueue
+from bus.wire.session import Carried
 
 T = TypeVar("T")
 
-GATHER_NS = 100_000
-"""A message that follows so soon on the one before is gathered with others."""
+RETURN_S = 10.0
+"""How long a new broker is given until those who were matched before count as gone."""
 
-_REPORT_S = 0.5
 _SHORTEST_BEAT_S = 0.01
 _USERS_TURN_NS = 5_000_000_000
 _RETRY_S = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+
+_ABOUT: dict[Any, str] = (
+    dict.fromkeys((m.Matched, m.Unmatched, m.Incompatible, m.Rerouted), "endpoint")
+    | dict.fromkeys((m.Dropped, m.LivelinessChanged, m.RingReplaced), "subscription")
+    | dict.fromkeys((m.Credit, m.LivelinessLost, m.Attached), "publisher")
+)
+"""The field that says which endpoint the news is for."""
 
 _log = get_logger("bus")
 
@@ -50,11 +68,11 @@ class Link:
         self._connection: Connection | None = None
         self._opening: asyncio.Task[None] | None = None
         self._declarations = Declarations()
+        self.sharing = Sharing.make(self._deliver)
+        self._is_receiving = False
         self._gathered: set[Endpoint] = set()
-        self._touched: set[Endpoint] = set()
-        self._reports: set[Endpoint] = set()
-        self._report_timer: asyncio.TimerHandle | None = None
-        self._drain_waiters: list[asyncio.Future[None]] = []
+        self._reports = Reports(self.loop, self._report)
+        self._drains = Waiters(self.loop)
         self._observers: list[Callable[[], None]] = []
         Link._links.add(self)
 
@@ -90,12 +108,12 @@ class Link:
         self.failure = ConnectionClosed("the connection to busd is closed")
         if self._opening is not None:
             self._opening.cancel()
-        if self._report_timer is not None:
-            self._report_timer.cancel()
-            self._send_reports()
+        self._reports.end()
         if self._connection is not None:
             self._connection.close()
-        self._look_at_drains()
+        if self.sharing is not None:
+            self.sharing.close()
+        self._drains.release()
 
     # --- what is declared
 
@@ -115,9 +133,7 @@ class Link:
     def forget(self, endpoint: Endpoint) -> None:
         """Take an endpoint out of the graph."""
         self._gathered.discard(endpoint)
-        if endpoint in self._reports:
-            self._reports.discard(endpoint)
-            self.send_about(endpoint, endpoint.totals())
+        self._reports.send_last(endpoint)
         self._declarations.remove(endpoint)
         self.send_about(endpoint, m.DestroyEndpoint(endpoint=endpoint.id))
         endpoint.id = 0  # messages that it still gives out must not be acknowledged any more
@@ -129,10 +145,16 @@ class Link:
         if self._declarations.remove_node(node):
             self.send_about(node, m.DestroyNode(node=node.id))
 
-    def send_about(self, what: Declared, message: m.Message) -> None:
-        """Send a message about `what`; nothing where the broker does not know it at the moment."""
+    def send_about(
+        self, what: Declared, message: m.Message | bytes, descriptors: tuple[Descriptor, ...] = ()
+    ) -> None:
+        """Send a message (or frame) about `what`; nothing where the broker does not know it at the moment."""
         if what.id and self._connection is not None:
-            self._connection.send(message)
+            self._connection.send(message, descriptors)
+
+    def is_quiet(self) -> bool:
+        """Whether all that the broker has said was heard; also where there is none."""
+        return not self._is_receiving and (self._connection is None or self._connection.is_quiet)
 
     async def request(self, make: Callable[[int], m.Message]) -> Any:
         """Ask the broker something; see `Connection.request`. Waits for a broker that is away."""
@@ -174,19 +196,12 @@ class Link:
         """Wait until `queue` is empty. Raises ConnectionClosed where the link ends first."""
         while queue.runs:
             if self.failure is not None:
-                raise self.failure
-            waiter = self.loop.create_future()
-            self._drain_waiters.append(waiter)
-            await waiter
+                raise again(self.failure)
+            await self._drains.wait()
 
     def report(self, endpoint: Endpoint) -> None:
         """The counters of `endpoint` have changed; the broker is told soon."""
         self._reports.add(endpoint)
-        self._arm_reports()
-
-    def _arm_reports(self) -> None:
-        if self._report_timer is None:
-            self._report_timer = self.loop.call_later(_REPORT_S, self._send_reports)
 
     def _hand_over(self) -> None:
         gathered, self._gathered = self._gathered, set()
@@ -196,32 +211,19 @@ class Link:
 
     def _wrote(self) -> None:
         """The socket took all that was chosen; who waits for that may look again after the next choice."""
-        if self._drain_waiters:
-            self.loop.call_soon(self._look_at_drains)
+        if self._drains:
+            self.loop.call_soon(self._drains.release)
 
-    def _look_at_drains(self) -> None:
-        waiters, self._drain_waiters = self._drain_waiters, []
-        for waiter in waiters:
-            if not waiter.done():
-                waiter.set_result(None)
-
-    def _send_reports(self) -> None:
-        self._report_timer = None
+    def _report(self, endpoint: Endpoint, totals: m.Report) -> None:
         self.wall_offset_ns = time_ns() - monotonic_ns()  # the wall clock may have been set
-        reports, self._reports = self._reports, set()
-        for endpoint in reports:
-            totals = endpoint.totals()
-            self.send_about(endpoint, totals)
-            if totals.queued and endpoint.refusal is None:
-                self._reports.add(endpoint)  # nobody says so when they are taken
-        if self._reports and self.failure is None:
-            self._arm_reports()
+        self.send_about(endpoint, totals)
 
     # --- what comes in
 
     def _received(self, items: Iterable[Any]) -> None:
         received_ns = monotonic_ns()
-        endpoints, touched = self._declarations.by_id, self._touched
+        endpoints, touched = self._declarations.by_id, set[Endpoint]()
+        self._is_receiving = True
         try:
             for item in items:
                 try:
@@ -238,44 +240,39 @@ class Link:
                 except Exception as error:
                     self._tell_loop(error)  # the rest of the read is for others
         finally:
-            if touched:
-                self._wake(touched)
+            self._is_receiving = False
+            self._deliver(touched)
 
-    def _wake(self, touched: set[Endpoint]) -> None:
-        self._reports |= touched
-        self._arm_reports()
-        while touched:
+    def _deliver(self, endpoints: Collection[Endpoint]) -> None:
+        """Something has come for these. First of all the callbacks: somebody waits for them."""
+        for endpoint in endpoints:
             try:
-                touched.pop().wake()
+                endpoint.wake()
             except Exception as error:
                 self._tell_loop(error)
+        if endpoints:
+            self._reports.add_all(endpoints)
 
     def _tell_loop(self, error: Exception) -> None:
         self.loop.call_exception_handler({"message": "handling what came from busd", "exception": error})
 
     def _handle(self, message: Any) -> None:
+        descriptors: tuple[Descriptor, ...] = ()
+        if isinstance(message, Carried):
+            message, descriptors = message
         if isinstance(message, m.Created):
             # At once, and not when the request's task runs: news and samples may stand in the same read.
             self._declarations.admit(message)
         connection = self._connection
         if connection is None or connection.resolve(message):
             return
-        match message:
-            case m.GraphChanged():
-                for tell in tuple(self._observers):
-                    tell()
-                return
-            case m.Matched(endpoint=number) | m.Unmatched(endpoint=number) | m.Incompatible(endpoint=number):
-                pass
-            case m.Dropped(subscription=number) | m.LivelinessChanged(subscription=number):
-                pass
-            case m.Credit(publisher=number) | m.LivelinessLost(publisher=number):
-                pass
-            case _:
-                return
-        endpoint = self._declarations.by_id.get(number)
-        if endpoint is not None:
-            endpoint.handle(message)
+        if isinstance(message, m.GraphChanged):
+            for tell in tuple(self._observers):
+                tell()
+        elif about := _ABOUT.get(type(message)):
+            endpoint = self._declarations.by_id.get(getattr(message, about))
+            if endpoint is not None:
+                endpoint.handle(message, descriptors)
 
     # --- connecting
 
@@ -298,7 +295,9 @@ class Link:
         await self._connect()
 
     async def _connect(self, *, may_start: bool = True) -> Connection:
-        connection = Connection(on_received=self._received, on_lost=self._lost, on_wrote=self._wrote)
+        connection = Connection(
+            self.sharing, on_received=self._received, on_lost=self._lost, on_wrote=self._wrote
+        )
         self._connection = connection
         try:
             await connection.open(self.path, may_start=may_start)
@@ -347,7 +346,7 @@ class Link:
     async def _connected(self) -> Connection:
         while True:
             if self.failure is not None:
-                raise self.failure
+                raise again(self.failure)
             if self._opening is not None:
                 await asyncio.wait([self._opening])  # whatever becomes of it
             elif self._connection is not None:
@@ -372,7 +371,7 @@ class Link:
         for tell in tuple(self._observers):
             tell()
         self.flush()
-        self._look_at_drains()
+        self._drains.release()
 
     def _set_heartbeat(self) -> None:
         connection = self._connection
@@ -389,6 +388,8 @@ def _forked() -> None:
         link.failure = reason
         if link._connection is not None:
             link._connection.abandon()
+        if link.sharing is not None:
+            link.sharing.abandon()
     for link in links:
         for endpoint in link._declarations:
             endpoint.abandon(reason)

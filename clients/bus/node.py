@@ -167,6 +167,8 @@ class Node:
         *,
         events: SubscriptionEvents | None = None,
         raw: Literal[False] = False,
+        views: bool = False,
+        busy_poll: float = 0.0,
     ) -> Subscription[M]: ...
 
     @overload
@@ -179,6 +181,8 @@ class Node:
         *,
         events: SubscriptionEvents | None = None,
         raw: bool,
+        views: bool = False,
+        busy_poll: float = 0.0,
     ) -> Subscription[Any]: ...
 
     async def create_subscription(
@@ -190,12 +194,20 @@ class Node:
         *,
         events: SubscriptionEvents | None = None,
         raw: bool = False,
+        views: bool = False,
+        busy_poll: float = 0.0,
     ) -> Subscription[Any]:
         """A subscription to `message_type` on `topic`.
 
         `callback` is `def` or `async def`, of (message) or (message, info). Calls of one subscription never
         overlap. Without a callback, iterate: `async for message in subscription`. With `raw`, messages are
-        delivered as the bytes that came, undecoded and unchecked.
+        delivered as the bytes that came, undecoded and unchecked. With `views`, fields of bytes are read-only
+        views into shared memory, not copied; each holds its message there for as long as it lives, seven of
+        a publisher at most (those beyond are copied).
+
+        `busy_poll`: for so many seconds after each message this process looks for the next one without
+        sleeping (shared memory only). That saves the wake-up, some microseconds, and costs a whole CPU as
+        long as messages come.
 
         On return it gets every message whose publish begins later, within its depth. Raises as
         `create_publisher`. Cancellation: not created.
@@ -212,6 +224,8 @@ class Node:
             self._fail,
             callback,
             raw=raw,
+            views=views,
+            busy_poll=busy_poll,
         )
         await self._declare(link, subscription)
         return subscription

@@ -1,41 +1,36 @@
-"""Publishers: typed messages in, runs of samples out.
+"""Publishers: typed messages in, samples out by the routes of the matches.
 
-A message is checked, encoded and stamped in `publish`. It leaves at once, but where the one before left a
-moment ago: then it is gathered with those that follow into a run, which leaves when it is full or when the
-turn of the event loop ends. So a paced publisher has the latency of one system call, and a flood its
-throughput.
+A message is checked, encoded and stamped in `publish`. It is written to the publisher's ring, for the matches
+by shared memory, and goes to the broker while there are others (`bus.ringroute`, `bus.socketroute`).
 """
 
 import asyncio
 import contextlib
-from collections import deque
 from collections.abc import Callable
-from threading import get_ident
-from time import monotonic_ns
 from typing import Any, TypeVar
 
 import msgspec
 
+from bus.bulk import bytes_fields, check_field, encode_around, long_field, with_field
+from bus.descriptor import Descriptor
 from bus.endpoint import Endpoint
-from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
+from bus.errors import BusError, ConnectionClosed, PayloadTooLarge, again
 from bus.events import LivelinessLost, PublisherEvents
-from bus.link import GATHER_NS, Link
+from bus.link import Link
+from bus.loan import Loan
 from bus.logger import Logger
-from bus.qos import Durability, History, QoSProfile
-from bus.threadqueue import ThreadQueue
+from bus.outlet import NOTED, Outlet
+from bus.qos import QoSProfile
 from bus.transport.memory import LARGE_BYTES, keep_freed_memory
 from bus.typesupport import TypeSupport, wrong_class
 from bus.wire import messages as m
-from bus.wire.layout import MAX_MESSAGE_BYTES, RECORD_HEAD, RECORD_HEAD_BYTES, RUN_BYTES
-from bus.wire.runs import Account, Buffer, Run, RunQueue, data_head
+from bus.wire.layout import MAX_MESSAGE_BYTES
+from bus.wire.runs import Buffer
 
 M = TypeVar("M", bound=msgspec.Struct)
 
-_SHORT_BYTES = 4096
-_QUEUE_BYTES = 64 << 20
 _DRAIN_S = 5.0
 _ENCODE_ERRORS = (ValueError, TypeError, AttributeError, BufferError, OverflowError, RecursionError)
-_pack_record = RECORD_HEAD.pack
 
 
 class PublisherStatistics(msgspec.Struct, frozen=True):
@@ -72,34 +67,13 @@ class Publisher(Endpoint[M]):
         on_error: Callable[[BaseException], None],
     ) -> None:
         super().__init__(link, node, topic, support, qos, events, logger, on_error)
-        keeps_all = qos.history is History.KEEP_ALL
-        depth = 0 if keeps_all else qos.depth
         self._encode = support.encode
         self._is_valid = support.is_valid
+        self._bytes_fields = bytes_fields(support.cls)
         self._max_bytes = MAX_MESSAGE_BYTES
-        self._queue = RunQueue(depth, Account(_QUEUE_BYTES))
-        keeps_history = qos.durability is Durability.TRANSIENT_LOCAL
-        self._history = RunQueue(depth, Account(_QUEUE_BYTES)) if keeps_history else None
-        self._next_seq = 1
-        self.samples = 0
-        self.bytes = 0
-        # The run that is open: heads and payloads in turn, and how many more bytes may go into it.
-        self._parts: list[Buffer] = []
-        self._budget = 0
-        self._full_parts = 2 * depth or 1 << 30
-        self._thread = link.thread
-        self._replaced = 0
         self._refused = 0
         self._lost_liveliness = 0
-        # Back-pressure: what was handed over and not yet taken by all.
-        self._is_windowed = qos.is_lossless
-        self._window_samples = 0
-        self._window_bytes = 0
-        self._credited = 0
-        self._flying_bytes = 0
-        self._flying: deque[tuple[int, int]] = deque()
-        self._room_waiters: deque[asyncio.Future[None]] = deque()
-        self._from_threads = ThreadQueue(_QUEUE_BYTES)
+        self._outlet = Outlet(link, self, logger)
         self._watch_deadline()
 
     def publish(self, message: M) -> bool:
@@ -109,10 +83,23 @@ class Publisher(Endpoint[M]):
         have taken more: then the message was not published, and that is counted (see `send`).
 
         Raises MessageTypeError for a message of another class or with a field of the wrong type,
-        PayloadTooLarge above the topic's limit, ConnectionClosed after `close`.
+        PayloadTooLarge above the topic's limit, SharedMemoryError where the machine has no memory for it,
+        ConnectionClosed after `close`.
         """
+        status = self._outlet.publish(message)
+        if status is True:
+            return True
+        if status == NOTED:
+            self._link.report(self)
+            return True
+        return self._publish(message)
+
+    def _publish(self, message: M) -> bool:
+        """Step by step, where `Outlet.publish` did nothing."""
         if message.__class__ is not self.type:
             raise wrong_class(self.type, message)
+        if self._bytes_fields and (found := long_field(message, self._bytes_fields)):
+            return self._publish_around(message, *found)
         if not self._is_valid(message):
             error = self.support.explain(message)
             if error is not None:
@@ -121,19 +108,26 @@ class Publisher(Endpoint[M]):
             payload = self._encode(message)
         except _ENCODE_ERRORS as error:
             raise self.support.explain(message) or error from None
-        size = len(payload)
-        # The short way, for a sample that goes into a run which is open and has room: all other questions
-        # were answered when the run was opened. It is what a flood consists of, hence without a call more.
-        budget, parts = self._budget - size, self._parts
-        if budget < 0 or len(parts) >= self._full_parts or get_ident() != self._thread:
-            return self._put(payload, size)
-        self._budget = budget - RECORD_HEAD_BYTES
-        parts += (_pack_record(size, monotonic_ns()), payload)
-        return True
+        return self._outlet.write(payload) or self._put(payload)
 
     def publish_encoded(self, payload: Buffer) -> bool:
         """Publish a message that is encoded already; as `publish`, but nothing checks its type here."""
-        return self._put(payload, len(payload))
+        return self._put(payload)
+
+    def loan(self, message: M, field: str, size: int) -> Loan | None:
+        """A place for `size` bytes that are to be the field `field` of `message`, to be filled by the caller.
+
+        What is written there is written where the subscriptions read it, with no copy in between; a camera's
+        frame, say. The rest of `message` counts as it is now. Until the loan is published or discarded,
+        nothing else can be published here. None where `publish` would give False; else raises as `publish`.
+        On the event loop's thread only.
+        """
+        check_field(self.type, field)
+        before, after = self._encode_around(message, field, b"", size)
+        self._check_size(len(before) + size + len(after))
+        loan = self._outlet.lend(before, size, after)
+        self._refused += loan is None
+        return loan
 
     async def send(self, message: M) -> None:
         """Publish `message`, and wait for room first where the QoS is reliable + keep all.
@@ -142,20 +136,28 @@ class Publisher(Endpoint[M]):
         """
         while not self.publish(message):
             self._refused -= 1  # it is not given up
-            await self._wait_for_room()
+            await self._outlet.wait_for_room()
+
+    async def wait_for_room(self) -> None:
+        """After `publish` or `loan` found no room: wait until it is worth trying again.
+
+        Raises ConnectionClosed where the publisher is closed meanwhile. Cancellation leaves nothing behind.
+        """
+        await self._outlet.wait_for_room()
 
     async def flush(self) -> None:
-        """Wait until everything published has been given to the broker's socket, also across its restart.
+        """Wait until everything published has left this process: is in the ring, and where the broker is to
+        get it, was given to its socket, also across its restart.
 
         Raises ConnectionClosed where the link ends first. Cancellation: nothing is lost.
         """
-        self._collect_from_threads()
-        self.hand_over()
-        self._link.flush()
-        await self._link.wait_for_drain(self._queue)
+        await self._outlet.flush()
 
     async def wait_for_subscriptions(self, number: int = 1) -> None:
-        """Wait until at least `number` subscriptions are matched. Cancellation leaves nothing behind."""
+        """Wait until at least `number` subscriptions are matched, and are there to be woken.
+
+        Cancellation leaves nothing behind.
+        """
         await self._wait_for_matches(number)
 
     def get_subscription_count(self) -> int:
@@ -165,58 +167,28 @@ class Publisher(Endpoint[M]):
     def assert_liveliness(self) -> None:
         """Say that this publisher lives, without publishing (liveliness manual by topic)."""
         if self.refusal is not None:
-            raise self.refusal
+            raise again(self.refusal)
         self._link.send_about(self, m.AssertLiveliness(publisher=self.id))
 
     def statistics(self) -> PublisherStatistics:
+        published, size = self._outlet.published
         return PublisherStatistics(
-            published=self.samples + len(self._parts) // 2,
-            bytes=self.bytes + sum(map(len, self._parts[1::2])),
-            queued=self._queue.count + len(self._parts) // 2,
-            replaced=self._replaced,
+            published=published,
+            bytes=size,
+            queued=self._outlet.queued,
+            replaced=self._outlet.replaced,
             refused=self._refused,
             subscriptions=len(self._matches),
         )
 
     # --- for the link
 
-    def hand_over(self) -> None:
-        """End the open run and send it, or queue it where the broker does not take it now."""
-        samples = len(self._parts) // 2
-        if not samples:
-            return
-        body = b"".join(self._parts)
-        first_seq = self._next_seq
-        self._parts.clear()
-        self._budget = 0
-        self._next_seq += samples
-        if self._is_windowed:
-            self._flying.append((self._next_seq - 1, len(body)))
-            self._flying_bytes += len(body)
-        if self._history is not None:
-            self._history.push(Run(0, 0, first_seq, samples, body))
-            self._history.drop_over_quota(spare=1)
-        link = self._link
-        if not (
-            # Nothing waits: past the queues, which are most of what one message costs at a moderate rate.
-            self.id
-            and not self._queue.runs
-            and len(body) < _SHORT_BYTES
-            and link.send_now(data_head(self.id, first_seq, samples, len(body)) + body)
-        ):
-            self._queue_run(Run(0, 0, first_seq, samples, body))
-        self.samples += samples
-        self.bytes += len(body) - samples * RECORD_HEAD_BYTES
-        if self.qos.deadline is not None:
-            self._last_ns = monotonic_ns()
-        link.report(self)
+    @property
+    def shared(self) -> tuple[Descriptor, ...]:
+        return self._outlet.shared
 
-    def _queue_run(self, run: Run) -> None:
-        self._replaced += self._queue.push(run)
-        self._replaced += self._queue.drop_over_quota(spare=1)
-        if self.id:
-            self._link.make_ready(self._queue)
-            self._link.flush()
+    def hand_over(self) -> None:
+        self._outlet.hand_over()
 
     def declaration(self, request: int, node: int) -> m.Message:
         return m.CreatePublisher(
@@ -227,167 +199,122 @@ class Publisher(Endpoint[M]):
             type_hash=self.support.hash,
             qos=self.qos,
             gid=self.gid,
-            next_seq=self._first_seq_to_send(),
+            next_seq=self._outlet.first_seq_to_send(),
+            descriptors=len(self.shared),
         )
 
     def declared(self, answer: m.Created) -> None:
         super().declared(answer)
         self._max_bytes = answer.max_message_bytes
-        limit = max(_QUEUE_BYTES, answer.max_message_bytes + RUN_BYTES)
-        self._queue.account.limit = limit
-        if self._history is not None:
-            self._history.account.limit = limit
-        self._window_samples = answer.window_samples
-        self._window_bytes = answer.window_bytes
-        self._full_parts = 2 * answer.depth or 1 << 30
-        self._queue.set_depth(answer.depth)
-        self._queue.endpoint = answer.id
-        if self._history is not None:
-            # What waits is the end of the history, so the history alone tells a new broker everything.
-            self._queue.clear()
-            for run in self._history.newest(0, 0):
-                run.is_replay = False
-                self._queue.push(run)
-        self._credit(self._first_seq_to_send() - 1)
-        if self._queue.runs:
-            self._link.make_ready(self._queue)
+        self._outlet.declared(answer)
 
     def disconnected(self) -> None:
+        self.id = 0  # before the matches go: who reads our ring reads on
         super().disconnected()
-        self.id = 0
-        self._queue.is_ready = False  # the outbox that knew it is gone
+        self._outlet.disconnected()
 
-    def handle(self, message: Any) -> None:
-        if isinstance(message, m.Credit):
-            self._credit(message.seq)
-        elif isinstance(message, m.LivelinessLost):
-            self._lost_liveliness += 1
-            self._tell(self._events.liveliness_lost, LivelinessLost(self._lost_liveliness, 1))
-        else:
-            super().handle(message)
+    def handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
+        match message:
+            case m.Credit(seq=seq):
+                self._outlet.credit(seq)
+            case m.LivelinessLost():
+                self._lost_liveliness += 1
+                self._tell(self._events.liveliness_lost, LivelinessLost(self._lost_liveliness, 1))
+            case m.Matched():
+                self._outlet.matched(message)
+                super().handle(message)
+            case m.Attached(subscription=other) if other in self._matches:
+                try:
+                    self._outlet.attach(self._matches[other].gid, message, descriptors)
+                except (OSError, ValueError) as error:
+                    refusal = m.RefuseRoute(endpoint=self.id, other=other, text=str(error)[:1000])
+                    self._link.send_about(self, refusal)
+                self._release_match_waiters()
+            case m.Rerouted(other=other) if other in self._matches:
+                self._outlet.rerouted(self._matches[other].gid, self._matches[other].qos, message)
+                super().handle(message)
+                self._release_match_waiters()
+            case _:
+                super().handle(message)
 
     def totals(self) -> m.Report:
         """This publisher's counters, for the graph."""
-        dropped = {"replaced": self._replaced} if self._replaced else {}
+        outlet = self._outlet
+        outlet.told()
+        samples, size = outlet.published
         return m.Report(
             endpoint=self.id,
-            samples=self.samples,
-            bytes=self.bytes,
-            queued=self._queue.count,
-            dropped=dropped,
+            samples=samples,
+            bytes=size,
+            queued=outlet.queued,
+            dropped={"replaced": outlet.replaced} if outlet.replaced else {},
         )
 
     def end(self, reason: Any) -> None:
         super().end(reason)
-        self._parts.clear()
-        self._budget = 0
-        self._queue.clear()
-        while self._room_waiters:
-            waiter = self._room_waiters.popleft()
-            if not waiter.done():
-                waiter.set_exception(reason)
+        self._outlet.end(reason)
 
     def abandon(self, reason: BusError) -> None:
         super().abandon(reason)
-        self._parts.clear()
-        self._budget = 0
+        self._outlet.abandon(reason)
 
     # --- inside
 
-    def _first_seq_to_send(self) -> int:
-        waiting = self._history if self._history is not None else self._queue
-        return waiting.runs[0].first_seq + waiting.skipped if waiting.runs else self._next_seq
+    def _publish_around(self, message: M, field: str, value: memoryview) -> bool:
+        """Publish a message with a long field of bytes, which is copied only to where it will be read."""
+        before, after = self._encode_around(message, field, value, value.nbytes)
+        return self._put(before, value, after)
 
-    def _put(self, payload: Buffer, size: int) -> bool:
-        """Publish a sample as the first of a new run, after all that can stand against it was looked at."""
-        if self.refusal is not None:
-            raise self.refusal
-        if size > self._max_bytes:
-            raise PayloadTooLarge(self.topic_name, size_bytes=size, limit_bytes=self._max_bytes)
+    def _encode_around(self, message: M, field: str, value: Buffer, size: int) -> tuple[bytes, bytes]:
+        """What comes before and after `size` bytes as `field`; the check of types sees `value` there."""
+        if message.__class__ is not self.type:
+            raise wrong_class(self.type, message)
+        message = with_field(message, field, value)
+        if not self._is_valid(message):
+            error = self.support.explain(message)
+            if error is not None:
+                raise error
+        try:
+            return encode_around(message, field, size, self._encode)
+        except _ENCODE_ERRORS as error:
+            raise self.support.explain(message) or error from None
+
+    def _put(self, *parts: Buffer) -> bool:
+        """Publish a sample, after all that can stand against it was looked at."""
+        size = sum(map(len, parts))
+        self._check_size(size)
         if size >= LARGE_BYTES:
             keep_freed_memory()
-        stamp_ns = monotonic_ns()
-        if get_ident() != self._thread:
-            return self._publish_from_thread(bytes(payload), stamp_ns)
-        if self._parts:
-            self.hand_over()
-        room = self._room() if self._is_windowed else RUN_BYTES
-        if room < size + RECORD_HEAD_BYTES and self._is_windowed and self._flying:
-            self._refused += 1
-            return False
-        self._parts += (_pack_record(size, stamp_ns), payload)
-        link = self._link
-        if stamp_ns - link.last_sent_ns < GATHER_NS:
-            self._budget = max(0, min(room, RUN_BYTES, self._max_bytes) - size - 2 * RECORD_HEAD_BYTES)
-            link.gather(self)
-        else:
-            link.last_sent_ns = stamp_ns
-            self.hand_over()
-        return True
+        is_taken = self._outlet.put(*parts)
+        self._refused += not is_taken
+        return is_taken
 
-    def _room(self) -> int:
-        """Bytes that a keep-all publisher may still take before somebody takes something from it."""
-        if self._next_seq - 1 - self._credited + self._from_threads.count >= self._window_samples:
-            return 0
-        return self._window_bytes - self._flying_bytes - self._from_threads.held_bytes
+    def _check_size(self, size: int) -> None:
+        if self.refusal is not None:
+            raise again(self.refusal)
+        if size > self._max_bytes:
+            raise PayloadTooLarge(self.topic_name, size_bytes=size, limit_bytes=self._max_bytes)
 
-    def _credit(self, seq: int) -> None:
-        self._credited = max(self._credited, seq)
-        while self._flying and self._flying[0][0] <= seq:
-            self._flying_bytes -= self._flying.popleft()[1]
-        while self._room_waiters:
-            waiter = self._room_waiters.popleft()
-            if not waiter.done():
-                waiter.set_result(None)
+    def _ready_matches(self) -> int:
+        return len(self._matches) - self._outlet.expected
 
-    async def _wait_for_room(self) -> None:
-        # There is none because something is on its way: hand it over, and credit will come.
-        self.hand_over()
-        waiter = asyncio.get_running_loop().create_future()
-        self._room_waiters.append(waiter)
-        await waiter
+    def _unmatch(self, other: int, *, is_lost: bool = False) -> None:
+        gone = self._matches.get(other)
+        super()._unmatch(other)
+        if gone is not None and self.id:
+            self._outlet.unmatched(other, gone.gid, is_lost=is_lost)
 
-    def _publish_from_thread(self, payload: bytes, stamp_ns: int) -> bool:
-        waiting = self._from_threads
-        is_ahead = self._is_windowed and (self._flying or waiting.count)
-        if is_ahead and self._room() < len(payload) + RECORD_HEAD_BYTES:
-            self._refused += 1
-            return False
-        if waiting.put(payload, stamp_ns, self._full_parts // 2):
-            try:
-                self._link.loop.call_soon_threadsafe(self._collect_from_threads)
-            except RuntimeError:
-                raise ConnectionClosed(f"the event loop of '{self.topic_name}' has ended") from None
-        return True
-
-    def _collect_from_threads(self) -> None:
-        """Publish, on the event loop, what other threads have published."""
-        batch = self._from_threads.take()
-        if self.refusal is None:
-            self.hand_over()
-            # Those that were replaced keep their numbers: the gap is how the subscriptions learn of them.
-            self._next_seq += batch.skipped
-            self.samples += batch.skipped
-            self._replaced += batch.skipped
-            held = 0
-            for payload, stamp_ns in batch.samples:
-                size = len(payload) + RECORD_HEAD_BYTES
-                if held and (held + size > RUN_BYTES or len(self._parts) >= self._full_parts):
-                    self.hand_over()
-                    held = 0
-                self._parts += (_pack_record(len(payload), stamp_ns), payload)
-                held += size
-            self.hand_over()
-        self._from_threads.handed_over(batch)
+    def _check_deadline(self) -> None:
+        self._last_ns = max(self._last_ns, self._outlet.last_ns)
+        super()._check_deadline()
 
     async def _drain(self) -> None:
         """Before the end: hand over what can be handed over in a bounded time; the log tells of the rest."""
         with contextlib.suppress(TimeoutError, ConnectionClosed):
             async with asyncio.timeout(_DRAIN_S if self.id else 0):
                 await self.flush()
-        lost = self._queue.clear()
+        lost = self._outlet.drop_queued()
         if lost:
-            self._replaced += lost
             self._logger.warning(f"{lost} messages on '{self.topic_name}' could not be handed over")
 
     def _type_warning(self) -> str:

@@ -7,27 +7,29 @@ what is replaced costs next to nothing. One wake-up handles everything that has 
 import asyncio
 from collections.abc import AsyncIterator, Callable
 from time import monotonic_ns
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 
-from bus.callbacks import is_async, takes_info
+from bus.bulk import view_type
+from bus.descriptor import Descriptor
+from bus.dispatcher import Dispatcher
 from bus.endpoint import Endpoint
-from bus.errors import ConnectionClosed
+from bus.errors import BusError, ConnectionClosed, again
 from bus.events import LivelinessChanged, MessageLost, SubscriptionEvents
-from bus.inbox import Inbox, Source
+from bus.inbox import Inbox, Source, Taken
 from bus.link import Link
 from bus.logger import Logger
 from bus.qos import Durability, History, QoSProfile
+from bus.ringinput import RingInput
 from bus.typesupport import TypeSupport
+from bus.waiters import Waiters
 from bus.wire import messages as m
 from bus.wire.runs import Run
 
 M = TypeVar("M", bound=msgspec.Struct)
 
-_TURN_NS = 5_000_000
 _ACK_DELAY_S = 0.02
-_MOST_IN_A_TURN = 64
 _MOST_REMEMBERED = 1024
 
 
@@ -81,17 +83,20 @@ class Subscription(Endpoint[M]):
         callback: Callable[..., Any] | None = None,
         *,
         raw: bool = False,
+        views: bool = False,
+        busy_poll: float = 0.0,
     ) -> None:
         super().__init__(link, node, topic, support, qos, events, logger, on_error)
         keeps_all = qos.history is History.KEEP_ALL
         self._inbox: Inbox[M] = Inbox(
-            cast(Any, bytes) if raw else support.decode,
+            _decoder(support, raw=raw, views=views),
             0 if keeps_all else qos.depth,
             is_lossless=qos.is_lossless,
             on_drop=lambda reason, count: self._tell_lost(),
             on_reject=self._reject,
             on_taken=self._acknowledge,
         )
+        self._ahead = self._inbox.ahead
         self._last_seqs: dict[bytes, int] = {}
         self._dropped_by_broker: dict[str, int] = {}
         self._dropped_by_earlier_brokers: dict[str, int] = {}
@@ -99,15 +104,23 @@ class Subscription(Endpoint[M]):
         self._ack_bytes = 1
         self._ack_samples = 1
         self._ack_timer: asyncio.TimerHandle | None = None
-        self._waiters: list[asyncio.Future[None]] = []
-        self._callback = callback
-        self._wants_info = callback is not None and takes_info(callback)
-        self._is_async = callback is not None and is_async(callback)
-        self._is_dispatching = False
-        self._is_scheduled = False
-        self._task: asyncio.Task[None] | None = None
-        if self._is_async:
-            self._task = asyncio.create_task(self._run_async_callback(), name=f"callback of {topic}")
+        self._arrivals = Waiters(link.loop)
+        self._dispatcher: Dispatcher[M] | None = None
+        if callback is not None:
+            self._dispatcher = Dispatcher(
+                callback,
+                self._inbox,
+                make_info=self._info,
+                receive=self.receive,
+                on_error=on_error,
+                name=topic,
+            )
+        self._rings: RingInput | None = None
+        if link.sharing is not None:
+            self._rings = RingInput(link, link.sharing, self)
+            self._inbox.reader = self._rings.reader
+            if busy_poll:
+                self._rings.poll(busy_poll)
 
     def take(self) -> tuple[M, MessageInfo] | None:
         """The oldest waiting message and its info; None where none waits. Never blocks."""
@@ -127,6 +140,8 @@ class Subscription(Endpoint[M]):
         return self
 
     async def __anext__(self) -> M:
+        if self._ahead:
+            return self._ahead.popleft()[0]
         while (taken := self._inbox.take()) is None:
             if type(self.refusal) is ConnectionClosed:
                 raise StopAsyncIteration
@@ -155,18 +170,22 @@ class Subscription(Endpoint[M]):
     def receive_run(self, run: Run) -> None:
         """A run has come; it is not delivered before `wake`, but for a callback that would lose it."""
         if self._inbox.put(run):
-            if self._callback is not None and not self._is_async:
-                self._dispatch()
+            self._dispatch()
             self._inbox.trim()
 
     def wake(self) -> None:
-        """All that has come is in the queue: deliver it."""
+        """All that has come is in the queue or in a ring: deliver it."""
+        if self.refusal is not None:
+            return
+        if self._dispatcher is not None and not self._dispatcher.is_async:
+            self._dispatcher.dispatch()
+        elif self._arrivals:
+            self._arrivals.release()
         if self.qos.deadline is not None:
             self._last_ns = monotonic_ns()
-        if self._callback is not None and not self._is_async:
-            self._dispatch()
-        elif self._waiters:
-            self._release_waiters()
+        if self._rings is not None and self._events.message_lost is not None:
+            self._inbox.count_replaced()
+            self._tell_lost()
 
     def declaration(self, request: int, node: int) -> m.Message:
         return m.CreateSubscription(
@@ -186,8 +205,12 @@ class Subscription(Endpoint[M]):
         self._ack_bytes = answer.window_bytes // 8
         self._ack_samples = answer.window_samples // 8
         self._watch_deadline()
+        if self._rings is not None:
+            self._rings.declared()
 
     def disconnected(self) -> None:
+        if self._rings is not None:
+            self._rings.disconnected()
         heard = {source.gid: source.last_seq for source in self._inbox.sources.values()}
         self._last_seqs = dict([*self._last_seqs.items(), *heard.items()][-_MOST_REMEMBERED:])
         super().disconnected()
@@ -197,19 +220,35 @@ class Subscription(Endpoint[M]):
         self._dropped_by_broker = {}
         self.id = 0
 
-    def handle(self, message: Any) -> None:
+    def handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
+        sources, rings = self._inbox.sources, self._rings
         match message:
-            case m.Matched():
-                self._inbox.sources[message.other] = self._make_source(message)
+            case m.Matched(other=other):
+                known_seq = self._last_seqs.pop(message.gid, None)
+                known = None if rings is None else rings.take_up(message)
+                source = sources[other] = known or self._make_source(message, known_seq)
                 super().handle(message)
+                if rings is not None and message.route == "shm":
+                    rings.attach(source, message, descriptors, known_seq)
                 self._tell_liveliness(1, 0)
             case m.Unmatched(other=other):
                 super().handle(message)
+                if rings is not None and other in sources:
+                    rings.finish(sources[other].gid)
                 self._inbox.forget(other)
+            case m.RingReplaced(source=other):
+                if rings is not None and other in sources:
+                    rings.replace(sources[other], descriptors)
+            case m.Rerouted(other=other):
+                super().handle(message)
+                if rings is not None and other in sources:
+                    # Of what is in the ring, the broker has perhaps seen some before it heard of this.
+                    self._inbox.drain_rings()
+                    rings.leave(sources[other].gid)
             case m.LivelinessChanged(publisher=publisher, alive=alive):
-                source = self._inbox.sources.get(publisher)
-                if source is not None and source.is_alive is not alive:
-                    source.is_alive = alive
+                heard = self._inbox.sources.get(publisher)
+                if heard is not None and heard.is_alive is not alive:
+                    heard.is_alive = alive
                     self._tell_liveliness(1 if alive else -1, -1 if alive else 1)
             case m.Dropped(dropped=dropped):
                 self._dropped_by_broker = dropped
@@ -219,115 +258,63 @@ class Subscription(Endpoint[M]):
 
     def totals(self) -> m.Report:
         """This subscription's counters, for the graph."""
+        inbox = self._inbox
+        queued = inbox.queued  # looks at the rings
+        if self._rings is not None:
+            self._rings.sweep()
         return m.Report(
-            endpoint=self.id,
-            samples=self._inbox.delivered,
-            bytes=self._inbox.bytes,
-            queued=self._inbox.queued,
-            dropped=self._inbox.dropped,
+            endpoint=self.id, samples=inbox.delivered, bytes=inbox.bytes, queued=queued, dropped=inbox.dropped
         )
 
     def end(self, reason: Any) -> None:
         super().end(reason)
-        self._release_waiters()
+        self._arrivals.release()
         if self._ack_timer is not None:
             self._ack_timer.cancel()
-        if self._task is not None and self._task is not asyncio.current_task():
-            self._task.cancel()
+        if self._dispatcher is not None:
+            self._dispatcher.end()
+        if self._rings is not None:
+            self._rings.close()
+
+    def abandon(self, reason: BusError) -> None:
+        super().abandon(reason)
+        self._inbox.reader = None  # what it tells the publishers is the parent's word
 
     # --- inside
 
+    def _dispatch(self) -> None:
+        if self._dispatcher is not None and not self._dispatcher.is_async:
+            self._dispatcher.dispatch()
+
     async def _wait(self) -> None:
         if self.refusal is not None:
-            raise self.refusal
-        waiter = self._link.loop.create_future()
-        self._waiters.append(waiter)
-        try:
-            await waiter
-        finally:
-            if waiter in self._waiters:
-                self._waiters.remove(waiter)
+            raise again(self.refusal)
+        await self._arrivals.wait()
 
-    def _release_waiters(self) -> None:
-        waiters, self._waiters = self._waiters, []
-        for waiter in waiters:
-            if not waiter.done():
-                waiter.set_result(None)
-
-    def _info(self, taken: tuple[M, Run, int, int]) -> MessageInfo:
-        _, run, stamp_ns, seq = taken
-        source = run.origin
+    def _info(self, taken: Taken[M]) -> MessageInfo:
+        _, stamp_ns, seq, source, received_ns = taken
         offset_ns = self._link.wall_offset_ns
         return MessageInfo(
             stamp_ns + offset_ns,
-            run.received_ns + offset_ns,
+            received_ns + offset_ns,
             seq,
             self._inbox.delivered,
             source.gid if isinstance(source, Source) else b"",
         )
 
-    def _dispatch(self) -> None:
-        if self._is_dispatching or self._is_scheduled:
-            return
-        self._is_dispatching = True
-        callback, inbox, wants_info = self._callback, self._inbox, self._wants_info
-        assert callback is not None
-        end_ns = monotonic_ns() + _TURN_NS
-        calls, number = 0, 1
-        try:
-            while self.refusal is None and (taken := inbox.take(number)) is not None:
-                if wants_info:
-                    callback(taken[0], self._info(taken))
-                else:
-                    callback(taken[0])
-                calls += 1
-                if calls < number:
-                    continue
-                if not inbox.has_more:
-                    return
-                if monotonic_ns() > end_ns:
-                    # Let timers and sockets have their turn: a slow callback must not see stale messages.
-                    # Until then nobody else dispatches, or the turns would add up.
-                    self._is_scheduled = True
-                    self._link.loop.call_soon(self._dispatch_on)
-                    return
-                # A callback that proves fast gets more at a time, which saves looking at the clock.
-                calls, number = 0, min(2 * number, _MOST_IN_A_TURN)
-        except Exception as error:
-            self._on_error(error)
-        finally:
-            self._is_dispatching = False
-
-    def _dispatch_on(self) -> None:
-        self._is_scheduled = False
-        self._dispatch()
-
-    async def _run_async_callback(self) -> None:
-        callback = self._callback
-        assert callback is not None
-        while True:
-            try:
-                message, info = await self.receive()
-            except ConnectionClosed:
-                return
-            try:
-                await (callback(message, info) if self._wants_info else callback(message))
-            except Exception as error:
-                self._on_error(error)
-
-    def _unmatch(self, other: int) -> None:
+    def _unmatch(self, other: int, *, is_lost: bool = False) -> None:
         super()._unmatch(other)
         source = self._inbox.sources.get(other)
         if source is not None:
             self._tell_liveliness(*((-1, 0) if source.is_alive else (0, -1)))
 
-    def _make_source(self, matched: m.Matched) -> Source:
-        known_seq = self._last_seqs.pop(matched.gid, None)
+    def _make_source(self, matched: m.Matched, known_seq: int | None) -> Source:
         last_seq = matched.next_seq - 1 if known_seq is None else known_seq
         needs_ack = self.qos.is_lossless and matched.qos.is_lossless
         lifespan_ns = matched.qos.lifespan_ns
         source = Source(matched.other, matched.gid, last_seq, lifespan_ns, needs_ack=needs_ack)
-        if known_seq is not None and matched.next_seq - 1 > known_seq:
+        is_behind = known_seq is not None and matched.next_seq - 1 > known_seq
+        if known_seq is not None and is_behind and matched.route == "socket":
             if self.qos.durability is Durability.VOLATILE:
                 self._inbox.drop("disconnected", matched.next_seq - 1 - known_seq)
                 source.last_seq = matched.next_seq - 1
@@ -395,3 +382,12 @@ class Subscription(Endpoint[M]):
             f"New publisher discovered on topic '{self.topic_name}', offering incompatible QoS. "
             f"No messages will be received from it. Last incompatible policy: {policy}"
         )
+
+
+def _decoder(support: TypeSupport[Any], *, raw: bool, views: bool) -> Callable[[Any], Any]:
+    if raw:
+        return bytes
+    if not views:
+        return support.decode
+    decode = msgspec.msgpack.Decoder(view_type(support.cls)).decode
+    return lambda payload: decode(memoryview(payload).toreadonly())  # by socket it is a buffer of our own

@@ -2,24 +2,20 @@
 
 from collections import deque
 from threading import Lock
-from typing import NamedTuple
 
 from bus.wire.layout import RECORD_HEAD_BYTES
 
 
-class Batch(NamedTuple):
-    """Payloads with their stamps, oldest first; before them `skipped` others were replaced."""
-
-    samples: deque[tuple[bytes, int]]
-    skipped: int
-
-
 class ThreadQueue:
-    """`count` and `held_bytes` (records with their heads): what was put and is not yet handed over."""
+    """`count` and `held_bytes` (records with their heads): what was put and is not yet handed over.
+
+    `late`: payloads with their stamps, collected while there was no room for them.
+    """
 
     def __init__(self, limit_bytes: int) -> None:
         self.count = 0
         self.held_bytes = 0
+        self.late: deque[tuple[bytes, int]] = deque()
         self._limit_bytes = limit_bytes
         self._lock = Lock()
         self._samples: deque[tuple[bytes, int]] = deque()
@@ -42,19 +38,21 @@ class ThreadQueue:
             must_tell, self._is_announced = not self._is_announced, True
             return must_tell
 
-    def take(self) -> Batch:
-        """All that waits; it still counts as held."""
-        with self._lock:
-            batch = Batch(self._samples, self._skipped)
-            self._samples, self._skipped = deque(), 0
-            self._is_announced = False
-            return batch
+    def collect(self) -> int:
+        """On the event loop: move what was put to `late`; returns how many were replaced before it.
 
-    def handed_over(self, batch: Batch) -> None:
-        """`batch` is counted elsewhere now."""
+        What is late still counts as held.
+        """
         with self._lock:
-            for payload, _ in batch.samples:
-                self._hold(-1, -len(payload))
+            self.late += self._samples
+            skipped, self._samples, self._skipped = self._skipped, deque(), 0
+            self._is_announced = False
+            return skipped
+
+    def forget_oldest(self) -> None:
+        """The oldest of `late` is counted elsewhere now."""
+        with self._lock:
+            self._hold(-1, -len(self.late.popleft()[0]))
 
     def _hold(self, count: int, size: int) -> None:
         self.count += count

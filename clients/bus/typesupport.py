@@ -6,6 +6,7 @@ import the ready-made classes of bus.msg before `find_type` asks for one.
 
 import re
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from importlib import import_module
 from typing import Any, Generic, TypeVar, cast
 
@@ -24,14 +25,18 @@ M = TypeVar("M", bound=Struct)
 
 
 def _as_plain(value: object) -> object:
-    """What the encoder takes for a value of a type that it doesn't know: subclasses of the plain types and
-    whatever is a list on request, as numpy's scalars and arrays are."""
+    """What the encoder takes for a value of a type that it doesn't know: subclasses of the plain types,
+    arrays of bytes, and whatever is a list on request, as numpy's scalars and arrays are."""
     if isinstance(value, float):
         return float(value)
     if isinstance(value, int):
         return int(value)
     if isinstance(value, str):
         return str.__str__(value)
+    with suppress(TypeError):
+        view = memoryview(cast(Any, value))
+        if view.format == "B" and view.c_contiguous:
+            return view.cast("B")
     if callable(as_list := getattr(value, "tolist", None)):
         return as_list()
     raise TypeError(f"Encoding objects of type {_full_name(type(value))} is unsupported")

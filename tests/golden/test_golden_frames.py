@@ -49,6 +49,7 @@ FROM_CLIENT: dict[str, m.Message] = {
     "declare_type": m.DeclareType(
         type_name="std_msgs/msg/String", type_hash="RIHS01_df66", schema=(b"\x81\xa4data\xa3str")
     ),
+    "share": m.Share(),
     "create_node": m.CreateNode(request=1, name="talker", namespace="/robot"),
     "destroy_node": m.DestroyNode(node=1),
     "create_publisher": m.CreatePublisher(
@@ -60,6 +61,16 @@ FROM_CLIENT: dict[str, m.Message] = {
         qos=EVERY_POLICY,
         gid=GID,
         next_seq=8,
+    ),
+    "create_publisher_ring": m.CreatePublisher(
+        request=2,
+        node=1,
+        topic="/topic",
+        type_name="std_msgs/msg/String",
+        type_hash="RIHS01_df66",
+        qos=QoSProfile(),
+        gid=GID,
+        descriptors=1,
     ),
     "create_subscription": m.CreateSubscription(
         request=3,
@@ -74,6 +85,10 @@ FROM_CLIENT: dict[str, m.Message] = {
     "destroy_endpoint": m.DestroyEndpoint(endpoint=2),
     "assert_liveliness": m.AssertLiveliness(publisher=2),
     "ack": m.Ack(subscription=3, source=2, seq=1 << 40),
+    "attach": m.Attach(subscription=3, source=2, slot=1019),
+    "refuse_route": m.RefuseRoute(endpoint=3, other=2, text="the ring is no memfd"),
+    "caught_up": m.CaughtUp(publisher=2, subscription=3),
+    "replace_ring": m.ReplaceRing(publisher=2),
     "report": m.Report(endpoint=3, samples=10, bytes=400, queued=2, dropped={"undecodable": 1}),
     "get_graph": m.GetGraph(request=4, statistics=True),
     "get_type": m.GetType(request=5, type_name="std_msgs/msg/String", type_hash="RIHS01_df66"),
@@ -89,7 +104,21 @@ FROM_BROKER: dict[str, m.Message] = {
     "refused": m.Refused(request=2, text="topics: 2 of 2 in use", resource="topics", used=2, limit=2),
     "fault": m.Fault(text="a Ping came before Hello"),
     "matched": m.Matched(endpoint=3, other=2, node="/robot/talker", gid=GID, qos=EVERY_POLICY, next_seq=42),
+    "matched_shm": m.Matched(
+        endpoint=3,
+        other=2,
+        node="/robot/talker",
+        gid=GID,
+        qos=QoSProfile(),
+        route="shm",
+        next_seq=42,
+        at_ns=1_000_000_007,
+        descriptors=2,
+    ),
     "unmatched": m.Unmatched(endpoint=3, other=2),
+    "attached": m.Attached(publisher=2, subscription=3, slot=1019, process=4, pid=4711),
+    "ring_replaced": m.RingReplaced(subscription=3, source=2),
+    "rerouted": m.Rerouted(endpoint=3, other=2, route="socket", at_ns=1_000_000_007),
     "incompatible": m.Incompatible(
         endpoint=3,
         topic="/topic",
@@ -114,12 +143,16 @@ FROM_BROKER: dict[str, m.Message] = {
 CONTROL = {**FROM_CLIENT, **FROM_BROKER}
 
 
-def run(*, is_replay: bool = False) -> Run:
+def run(*, is_replay: bool = False, is_resumed: bool = False) -> Run:
     body = frame_record(b"\xa5hello", 1_000_000_007) + frame_record(b"", -1)
-    return Run(0, 2, 1 << 33, 2, body, is_replay)
+    return Run(0, 2, 1 << 33, 2, body, is_replay, is_resumed=is_resumed)
 
 
-DATA: dict[str, Run] = {"run": run(), "run_replay": run(is_replay=True)}
+DATA: dict[str, Run] = {
+    "run": run(),
+    "run_replay": run(is_replay=True),
+    "run_resumed": run(is_resumed=True),
+}
 
 
 def frame(what: m.Message | Run) -> bytes:
@@ -155,8 +188,8 @@ def test_which_run_is_understood(name: str, expected: Run) -> None:
     session = Session(Role.CLIENT)
     found: list[Any] = list(feed(session, golden("hello") + golden(name)))
     made = found[1]
-    assert (made.endpoint, made.source, made.first_seq, made.count, made.is_replay) == (
-        3, 2, 1 << 33, 2, expected.is_replay,
+    assert (made.endpoint, made.source, made.first_seq, made.count, made.is_replay, made.is_resumed) == (
+        3, 2, 1 << 33, 2, expected.is_replay, expected.is_resumed,
     )  # fmt: skip
     assert [(bytes(payload), stamp_ns) for payload, stamp_ns in made.records()] == [
         (b"\xa5hello", 1_000_000_007),

@@ -2,8 +2,8 @@
  *
  *     litmus [name] [milliseconds for each]
  *
- * Ends with status 3 at the first forbidden outcome. Built with BROKEN_NO_FENCE or BROKEN_NO_VALIDATE, the tests
- * of what is then missing must end so, which shows that they can see it.
+ * Ends with status 3 at the first forbidden outcome. Built with BROKEN_NO_FENCE, BROKEN_NO_VALIDATE or
+ * BROKEN_EARLY_ADMIT, the tests of what is then missing must end so, which shows that they can see it.
  */
 #include <pthread.h>
 #include <sched.h>
@@ -45,6 +45,11 @@ static void start(bool is_lossless)
     rung = 0;
 }
 
+static void delay(int64_t steps)
+{
+    for (volatile int64_t i = steps; i > 0; i--)
+        ;
+}
 
 /* sleep: publish and look for a sleeper | fall asleep and look for a sample */
 static void prepare_sleep(void)
@@ -84,6 +89,47 @@ static int left_pin(void)
     return payload == record.payload; /* the place that the oldest record had */
 }
 static int right_pin(void) { return ring_pin(&r, &record, &pin) == RING_OK; }
+
+/* admit: give up a record without the gate, add the gate and show its ticket, give up the next record | pin one of
+ * the two, once the ticket is shown */
+static uint32_t ticket;
+static void prepare_admit(void)
+{
+    struct reader_slot *slot = readers_slots(readers);
+    atomic_store_explicit(&slot->pins[0], 0, memory_order_relaxed);
+    gate = (struct ring_gate){.slot = slot};
+    w.gate_count = 0;
+    ring_gates_changed(&w);
+    for (int i = 0; i < CAPACITY / 128; i++) /* no gap of an earlier pin is left */
+        put(96);
+    ring_ask(slot, ++ticket);
+    r.next = w.oldest + ticket % 2;
+    ring_poll(&r, 0);
+    CHECK_EQ(ring_look(&r, &record), RING_OK);
+}
+static int left_admit(void)
+{
+    void *first, *second;
+#ifdef BROKEN_EARLY_ADMIT
+    ring_admit(&w, gate.slot);
+#endif
+    CHECK_EQ(ring_reserve(&w, 96, true, &first), RING_OK);
+    ring_publish(&w, 96, 0, 0);
+    w.gate_count = 1;
+    ring_gates_changed(&w);
+    ring_admit(&w, gate.slot);
+    delay(mix(ticket) % 256);
+    CHECK_EQ(ring_reserve(&w, 96, true, &second), RING_OK);
+    return first == record.payload || second == record.payload;
+}
+static int right_admit(void)
+{
+    for (int tries = 0; !ring_is_admitted(&r, ticket); tries++)
+        if (tries == 40)
+            return 0;
+    ring_unpin(r.slot, READER_PINS - 1);
+    return ring_pin(&r, &record, &pin) == RING_OK;
+}
 
 /* room: fall asleep and look at the cursor | move the cursor and look for the sleeping writer */
 static void prepare_room(void)
@@ -142,6 +188,8 @@ static const struct litmus {
      {"!lost: neither rung nor seen", "seen", NULL, "rung", "both"}},
     {"pin", false, prepare_pin, left_pin, right_pin,
      {"neither: lost, but its place unused", "pinned", NULL, "overwritten", "!pinned and overwritten"}},
+    {"admit", false, prepare_admit, left_admit, right_admit,
+     {"neither: lost, but its place unused", "pinned", NULL, "overwritten", "!pinned and overwritten"}},
     {"room", true, prepare_room, left_room, right_room,
      {"writer saw the room", "writer saw the room and is rung", NULL, "!lost: writer sleeps, not rung", "rung"}},
     {"message", false, prepare_message, left_message, take_one, {"not yet", "whole", "!not what was sent"}},
@@ -157,12 +205,6 @@ static void wait_until(_Atomic uint64_t *word, uint64_t value)
     for (unsigned spins = 0; atomic_load_explicit(word, memory_order_acquire) != value; spins++)
         if (spins % 4096 == 4095)
             sched_yield();
-}
-
-static void delay(int64_t steps)
-{
-    for (volatile int64_t i = steps; i > 0; i--)
-        ;
 }
 
 /* The sides meet in every order: a delay of the right side (negative: of the left, which begins earlier) that

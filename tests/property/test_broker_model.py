@@ -7,8 +7,9 @@ from typing import Any, TypeAlias, TypeVar
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from broker_endpoints import Publisher, Subscription
 from broker_model import Model, ModelPublisher, ModelSubscription
-from broker_world import NUMBER, TEXT, Process, Publisher, Subscription, World
+from broker_world import NUMBER, TEXT, Process, World
 from bus.ids import EndpointId
 from bus.qos import QoSProfile
 from bus.wire import messages as m
@@ -19,7 +20,7 @@ from busd.core.limits import Limits
 KIB = 1024
 
 Chosen = TypeVar("Chosen")
-Beginning: TypeAlias = tuple[QoSProfile, QoSProfile, bool]
+Beginning: TypeAlias = tuple[QoSProfile, QoSProfile, bool, bool]
 Step: TypeAlias = tuple[Any, ...]
 
 # Weighted so that most endpoints match, and most queues are short.
@@ -55,9 +56,13 @@ steps = st.one_of(
     _step("block_or_unblock", indices),
     _step("block_or_unblock", indices),
     _step("end", indices, ends),
+    _step("attach", indices),
+    _step("refuse", indices, st.booleans()),
+    _step("catch_up", indices, st.integers(0, 3)),
+    _step("grow", indices, st.sampled_from([True, True, True, False])),
     _step("wait", st.sampled_from([0.1, 0.5, 2.0])),
 )
-beginnings = st.lists(st.tuples(profiles, profiles, st.booleans()), min_size=3, max_size=3)
+beginnings = st.lists(st.tuples(profiles, profiles, st.booleans(), st.booleans()), min_size=3, max_size=3)
 stories = st.lists(steps, min_size=15, max_size=40)
 
 
@@ -70,7 +75,7 @@ class Watcher:
         self.revision = graph.revision
         self.nodes = {node.id: node for node in graph.nodes}
         self.endpoints = {endpoint.id: endpoint for endpoint in graph.endpoints}
-        self.matches = Counter((match.publisher, match.subscription) for match in graph.matches)
+        self.matches = Counter(graph.matches)
         self._seen = 0
 
     def catch_up(self) -> None:
@@ -80,8 +85,8 @@ class Watcher:
             self.revision = change.revision
             self.nodes |= {node.id: node for node in change.nodes_added}
             self.endpoints |= {endpoint.id: endpoint for endpoint in change.endpoints_added}
-            self.matches.update((match.publisher, match.subscription) for match in change.matches_added)
-            self.matches.subtract((match.publisher, match.subscription) for match in change.matches_removed)
+            self.matches.update(change.matches_added)
+            self.matches.subtract(change.matches_removed)
             for endpoint in change.endpoints_removed:
                 del self.endpoints[endpoint]
             for node in change.nodes_removed:
@@ -102,7 +107,7 @@ class Books:
     PADDING = 200
 
     def __init__(self, beginning: list[Beginning]) -> None:
-        """Each process begins with a publisher and a subscription; some don't read."""
+        """Each process begins with a publisher and a subscription; some share memory, some don't read."""
         self.world = World(self.LIMITS)
         self.watcher = Watcher(self.world)
         self.processes: dict[int, Process] = {}
@@ -111,8 +116,9 @@ class Books:
         self.model = Model()
         self.due: dict[int, int] = {}
         self.published = 0
-        for at, (offered, requested, is_blocked) in enumerate(beginning):
-            self.connect()
+        self.attached: set[tuple[int, int]] = set()
+        for at, (offered, requested, is_blocked, shares) in enumerate(beginning):
+            self.connect(shares=shares)
             self.create_publisher(at, "/a", TEXT, offered)
             self.create_subscription(at, "/a", TEXT, requested, {})
             if is_blocked:
@@ -140,7 +146,7 @@ class Books:
         made = process.publisher(topic, qos, kind=kind)
         self.publishers[made.id] = made
         self.model.add_publisher(
-            ModelPublisher(made.id, process.id, topic, kind, qos, made.gid, made.next_seq)
+            ModelPublisher(made.id, process.id, topic, kind, qos, made.gid, made.next_seq, process.shares)
         )
 
     def create_subscription(
@@ -162,11 +168,62 @@ class Books:
             payloads = [f"{self.published + one:{self.PADDING}}" for one in range(number)]
             self.published += number
             origin = self.model.publishers[publisher.id]
-            self.model.publish(origin, lost, payloads, self.world.now_ns)
+            # One with a ring misses no number: those that did not come here went by the ring.
+            lost, gone = (0, lost) if origin.has_ring else (lost, 0)
+            self.model.publish(origin, lost, gone, payloads, self.world.now_ns)
             for subscription in self.model.subscribers_of(origin):
                 self.due[subscription.id] += lost + number
             publisher.lose(lost)
+            if gone:
+                publisher.resume(publisher.next_seq + gone)
             publisher.publish(*payloads)
+
+    def attach(self, at: int) -> None:
+        waiting = {ends: ends for ends in sorted(self.model.shared - self.attached)}
+        if waiting:
+            ends = self.pick(waiting, at)
+            self.attached.add(ends)
+            publisher, subscription = self.publishers[ends[0]], self.subscriptions[ends[1]]
+            subscription.attach(publisher)
+            if not publisher.process.is_blocked:
+                assert publisher.got(m.Attached)[-1].subscription == subscription.id
+
+    def refuse(self, at: int, by_publisher: bool) -> None:
+        if self.model.shared:
+            publisher, subscription = self.pick({ends: ends for ends in sorted(self.model.shared)}, at)
+            self.reroute(publisher, subscription)
+            if by_publisher:
+                self.publishers[publisher].refuse(self.subscriptions[subscription])
+            else:
+                self.subscriptions[subscription].refuse(self.publishers[publisher])
+
+    def catch_up(self, at: int, number: int) -> None:
+        """With samples that went to the others by their rings."""
+        if self.model.late:
+            ends = self.pick({ends: ends for ends in sorted(self.model.late)}, at)
+            publisher, subscription = self.publishers[ends[0]], self.subscriptions[ends[1]]
+            payloads = [f"{self.published + one:{self.PADDING}}" for one in range(number)]
+            self.published += number
+            self.due[subscription.id] += number
+            origin, reader = self.model.publishers[publisher.id], self.model.subscriptions[subscription.id]
+            self.model.catch_up(origin, reader, payloads, self.world.now_ns)
+            publisher.catch_up(subscription, *payloads, first_seq=publisher.next_seq)
+            publisher.resume(publisher.next_seq + number)
+
+    def grow(self, at: int, is_ring_there: bool) -> None:
+        publishers = {number: one for number, one in self.publishers.items() if one.process.shares}
+        if publishers:
+            publisher = self.pick(publishers, at)
+            self.model.publishers[publisher.id].has_ring = is_ring_there
+            if not is_ring_there:
+                for source, reader in sorted(self.model.shared):
+                    if source == publisher.id:
+                        self.reroute(source, reader)
+            message = m.ReplaceRing(publisher=publisher.id)
+            publisher.process.tell(message, *["larger"] * is_ring_there)
+
+    def reroute(self, publisher: int, subscription: int) -> None:
+        self.model.reroute(self.model.publishers[publisher], self.model.subscriptions[subscription])
 
     def block_or_unblock(self, at: int) -> None:
         process = self.pick(self.processes, at)
@@ -198,7 +255,7 @@ class Books:
             process.tell(m.DestroyNode(node=-1))
         del self.processes[process.id]
         self.model.blocked.discard(process.id)
-        self.connect()
+        self.connect(shares=process.shares)
 
     def wait(self, seconds: float) -> None:
         self.world.advance(seconds)
@@ -232,13 +289,14 @@ class Books:
 
     def check_graph(self) -> None:
         graph = self.world.broker.graph.snapshot(0, statistics=False, pid=1)
-        assert {(match.publisher, match.subscription) for match in graph.matches} == self.model.matches()
+        routes = {(match.publisher, match.subscription, match.route) for match in graph.matches}
+        assert routes == self.model.matches()
         assert {endpoint.id for endpoint in graph.endpoints} == {*self.publishers, *self.subscriptions}
         self.watcher.catch_up()
         assert self.watcher.revision == graph.revision
         assert self.watcher.nodes == {node.id: node for node in graph.nodes}
         assert self.watcher.endpoints == {endpoint.id: endpoint for endpoint in graph.endpoints}
-        assert +self.watcher.matches == Counter(self.model.matches())
+        assert +self.watcher.matches == Counter(graph.matches)
 
     def close(self) -> None:
         """Everybody goes, and nothing is left."""
@@ -251,11 +309,13 @@ class Books:
 
     # --- helpers
 
-    def connect(self) -> None:
-        process = self.world.process()
+    def connect(self, *, shares: bool) -> None:
+        process = self.world.process(shares=shares)
         self.processes[process.id] = process
+        if shares:
+            self.model.sharing.add(process.id)
 
-    def pick(self, among: dict[int, Chosen], at: int) -> Chosen:
+    def pick(self, among: dict[Any, Chosen], at: int) -> Chosen:
         return among[sorted(among)[at % len(among)]]
 
     def forget(self, endpoints: set[int]) -> None:
@@ -324,49 +384,3 @@ def test_the_books_are_right_when_memory_is_short(beginning: list[Beginning], st
 @given(beginnings, stories)
 def test_against_the_model(beginning: list[Beginning], story: list[Step]) -> None:
     AgainstModel(beginning).play(story)
-
-
-# --- credit
-
-credit_steps = st.one_of(
-    _step("publish", st.integers(1, 5)),
-    _step("publish", st.integers(1, 5)),
-    _step("ack", indices, st.integers(0, 8)),
-    _step("ack", indices, st.integers(0, 8)),
-    _step("join"),
-    _step("leave", indices),
-)
-
-
-@settings(max_examples=60, deadline=None)
-@given(st.lists(credit_steps, min_size=10, max_size=40))
-def test_credit_is_what_the_slowest_has_taken(story: list[Step]) -> None:
-    """For a keep-all publisher; a subscription that keeps the last few only is not waited for."""
-    everything = QoSProfile(history="keep_all")
-    world = World()
-    publisher = world.process().publisher("/a", everything)
-    world.process().subscription("/a", QoSProfile(depth=1))
-    taken: dict[Subscription, int] = {}
-    published = credited = 0
-    for name, *arguments in story:
-        match name:
-            case "publish":
-                publisher.publish(*["x"] * arguments[0])
-                published += arguments[0]
-            case "join":
-                taken[world.process().subscription("/a", everything)] = published
-            case "ack" if taken:
-                subscription = list(taken)[arguments[0] % len(taken)]
-                before = taken[subscription]
-                taken[subscription] = min(published, before + arguments[1])
-                subscription.ack(publisher, taken[subscription])
-                if taken[subscription] > before:
-                    credited = max(credited, min(taken.values()))
-            case "leave" if taken:
-                subscription = list(taken)[arguments[0] % len(taken)]
-                del taken[subscription]
-                subscription.process.die()
-                credited = max(credited, min(taken.values(), default=published))
-        numbers = [message.seq for message in publisher.got(m.Credit)]
-        assert numbers == sorted(set(numbers))
-        assert (numbers or [0])[-1] == credited

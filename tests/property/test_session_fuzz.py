@@ -11,7 +11,7 @@ import msgspec
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from broker_world import NUMBER, TEXT, World
+from broker_world import NUMBER, TEXT, Handle, World
 from bus.errors import RemoteProtocolError
 from bus.qos import History, QoSProfile
 from bus.wire import messages as m
@@ -91,6 +91,7 @@ gids = mostly([number.to_bytes(16, "big") for number in range(1, 5)], b"", b"sho
 seqs = mostly([1, 2, 3], 0, -1, MAX_COUNT, MAX_COUNT + 1)
 counts = mostly([0, 5], MAX_COUNT, -1, 1 << 62)
 drops = st.dictionaries(mostly(["replaced", "made up"], "x" * 40), counts, max_size=2)
+no_or_one, no_or_two = mostly([0, 1], 3, -1), mostly([0, 2], 3, -1)
 schemas = mostly([b"\xc0", bytes(500)], b"", b"\x91" * 400 + b"\xc0", bytes(2 * KIB))
 
 
@@ -105,12 +106,16 @@ def _endpoint(tag: str, **fields: st.SearchStrategy[Any]) -> st.SearchStrategy[A
 
 
 messages = st.one_of(
-    _endpoint("pub+", next_seq=seqs),
+    _endpoint("pub+", next_seq=seqs, descriptors=no_or_one),
     _endpoint("pub+"),
     _endpoint("pub+"),
     _endpoint("sub+", last_seqs=st.dictionaries(gids, seqs, max_size=2)),
     _endpoint("sub+"),
     _endpoint("sub+"),
+    _message("share", descriptors=no_or_two),
+    _message("attach", subscription=subscriptions, source=publishers, slot=mostly([0, 1019], 1 << 16, -1)),
+    _message("noshm", endpoint=endpoints, other=endpoints, text=names),
+    _message("ring", publisher=publishers, descriptors=no_or_one),
     _message("node+", request=requests, name=names, namespace=mostly(["/", "/ns"], "", "ns", "/9")),
     _message("node-", node=nodes),
     _message("end-", endpoint=endpoints),
@@ -127,6 +132,10 @@ messages = st.one_of(
         _message("hello", version=seqs), _message("created", request=requests, id=endpoints), _message("?")
     ),
 )
+carriers = st.one_of(
+    _message("share"), _endpoint("pub+", descriptors=st.just(1)), _message("ring", publisher=publishers)
+)
+BROUGHT = {"share": 2, "pub+": 1, "ring": 1}
 stamps = st.sampled_from([0, -(1 << 63), (1 << 63) - 1, 1_000_000_000_000])
 bodies = st.one_of(
     st.lists(st.builds(frame_record, st.just(b"mob"), stamps), min_size=1, max_size=4).map(b"".join),
@@ -134,7 +143,7 @@ bodies = st.one_of(
     st.text("abc\0\x01", max_size=60).map(str.encode),
 )
 samples = st.tuples(
-    publishers, mostly([0], 1, -1, MAX_COUNT), mostly([1, 2], 4, 0, 0xFFFFFFFF), mostly([0], 1, 2), bodies
+    publishers, mostly([0], 1, -1, MAX_COUNT), mostly([1, 2], 4, 0, 0xFFFFFFFF), mostly([0], 1, 2, 4), bodies
 )
 edits = st.lists(st.tuples(st.integers(0, 200), st.integers(0, 127)), max_size=2)
 frames = st.one_of(
@@ -142,6 +151,7 @@ frames = st.one_of(
     st.tuples(st.just("message"), messages, st.just([])),
     st.tuples(st.just("samples"), samples, st.just([])),
     st.tuples(st.just("samples"), samples, st.just([])),
+    st.tuples(st.just("carrier"), carriers, st.just([])),
     st.tuples(st.just("message"), messages, edits),
     st.tuples(st.just("samples"), samples, edits),
     st.tuples(st.just("bytes"), st.binary(min_size=1, max_size=40), st.just([])),
@@ -158,10 +168,10 @@ steps = st.one_of(
 
 
 class Member:
-    """A process of the mob, which begins with something to attack with."""
+    """A process of the mob, which begins with something to attack with. All but the first share memory."""
 
-    def __init__(self, world: World) -> None:
-        self.process = world.process("mob", uid=STRANGER)
+    def __init__(self, world: World, index: int) -> None:
+        self.process = world.process("mob", uid=STRANGER, shares=index > 0)
         node = self.process.node("settler")
         publisher = node.publisher("/good", QoSProfile(depth=3))
         subscription = node.subscription("/good", QoSProfile(history=History.KEEP_ALL))
@@ -182,12 +192,17 @@ class Member:
             raw[place % len(raw)] = value
         self.process.send_bytes(bytes(raw))
         new = self.process.sent[before:]
-        if kind == "message" and content["m"] in self.ids:
+        if kind in ("message", "carrier") and content["m"] in self.ids:
             self.ids[content["m"]] += [answer.id for answer in new if isinstance(answer, m.Created)]
 
     def _message(self, fields: dict[str, Any]) -> bytes:
         body = msgspec.msgpack.encode({name: self._found(value) for name, value in fields.items()})
         return FRAME_HEAD.pack(FRAME_HEAD_BYTES - LENGTH_BYTES + len(body), CONTROL, 0, 0) + body
+
+    def _carrier(self, fields: dict[str, Any]) -> bytes:
+        handles = tuple(Handle("mob") for _ in range(BROUGHT[fields["m"]]))
+        self.process._to_broker.descriptors.append(handles)  # type: ignore[arg-type]
+        return self._message(fields)
 
     def _samples(self, content: tuple[Any, int, int, int, bytes]) -> bytes:
         endpoint, ahead, count, flags, body = content
@@ -215,10 +230,10 @@ def test_a_mob_cannot_hurt_a_polite_pair(story: list[Step]) -> None:
     talker, listener = world.process("talker"), world.process("listener")
     subscription = listener.subscription("/good", QoSProfile(depth=10))
     publisher = talker.publisher("/good", QoSProfile(depth=10))
-    mob = [Member(world) for _ in range(3)]
+    mob = [Member(world, index) for index in range(3)]
     for number, (act, index, how) in enumerate(story):
         if not mob[index].is_there:
-            mob[index] = Member(world)
+            mob[index] = Member(world, index)
         match act:
             case "say":
                 for what in how:

@@ -7,12 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
+from bus.descriptor import Descriptor
 from bus.errors import RemoteProtocolError
 from bus.qos import QoSProfile
 from bus.wire import messages as m
-from bus.wire.layout import DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES, VERSION
+from bus.wire.layout import DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES, REPLAY, RESUMED, VERSION
 from bus.wire.runs import RUN_COST_BYTES, Account, Run, RunQueue
-from bus.wire.session import Role, Session, State
+from bus.wire.session import Carried, Role, Session, State
 from feeding import feed, frame_record
 
 
@@ -29,11 +30,11 @@ class Sample:
 class ModelRun:
     """A list of samples with the size of the body that carries them."""
 
-    def __init__(self, samples: list[Sample], size: int, lifespan_ns: int, *, is_replay: bool) -> None:
+    def __init__(self, samples: list[Sample], size: int, lifespan_ns: int, flags: int) -> None:
         self.samples = samples
         self.size = size
         self.lifespan_ns = lifespan_ns
-        self.is_replay = is_replay
+        self.flags = flags
 
 
 class QueueAgainstModel(RuleBasedStateMachine):
@@ -75,6 +76,7 @@ class QueueAgainstModel(RuleBasedStateMachine):
         stamp_ns=st.integers(0, 20),
         lifespan_ns=st.sampled_from([0, 5, 10]),
         is_replay=st.booleans(),
+        is_resumed=st.booleans(),
         missing=st.integers(0, 3),
         tail=st.sampled_from([b"", b"\1\2", b"\xff" * 12, b"\xff" * 20]),
     )
@@ -85,6 +87,7 @@ class QueueAgainstModel(RuleBasedStateMachine):
         stamp_ns: int,
         lifespan_ns: int,
         is_replay: bool,
+        is_resumed: bool,
         missing: int,
         tail: bytes,
     ) -> None:
@@ -95,9 +98,9 @@ class QueueAgainstModel(RuleBasedStateMachine):
             samples += [Sample(first + len(payloads) + at, b"", 0, is_good=False) for at in range(missing)]
             body += tail
         self.next_seq = first + len(samples)
-        run = Run(0, 8, first, len(samples), body, is_replay)
-        run.lifespan_ns = lifespan_ns
-        self.runs.append(ModelRun(samples, len(body) + RUN_COST_BYTES, lifespan_ns, is_replay=is_replay))
+        run = Run(0, 8, first, len(samples), body, is_replay, lifespan_ns, is_resumed=is_resumed)
+        flags = REPLAY * is_replay | RESUMED * is_resumed
+        self.runs.append(ModelRun(samples, len(body) + RUN_COST_BYTES, lifespan_ns, flags))
         if is_replay:
             self.room_for_replays += len(samples)
         over_quota = sum(run.size for run in self.runs) + self.others > self.account.limit
@@ -157,7 +160,7 @@ class QueueAgainstModel(RuleBasedStateMachine):
         head, body = self.queue.pop_frame()
         length, _, flags, _, endpoint, source, first_seq, count, _ = DATA_HEAD.unpack(head)
         assert length == len(head) - LENGTH_BYTES + len(body)
-        assert (endpoint, source, bool(flags)) == (3, 8, run.is_replay)
+        assert (endpoint, source, flags) == (3, 8, run.flags)
         assert (first_seq, count) == (run.samples[0].seq, len(run.samples))
         self.check_payloads(Run(endpoint, source, first_seq, count, body), run.samples)
         self.settle()
@@ -179,6 +182,7 @@ class QueueAgainstModel(RuleBasedStateMachine):
             numbers = list(range(run.first_seq, run.first_seq + run.count))
             self.check_payloads(run, [expected[number] for number in numbers])
             assert run.is_replay
+            assert not run.is_resumed
             seen += numbers
         assert seen == list(expected)
 
@@ -262,6 +266,47 @@ def shown(item: Any) -> Any:
 def test_messages_come_out_as_they_went_in(sent: list[m.Message], sizes: list[int]) -> None:
     stream = b"".join(map(m.encode_frame, sent))
     assert [shown(one) for one in feed(open_session(), stream, sizes)] == [shown(one) for one in sent]
+
+
+carriers = st.one_of(
+    st.just(m.Share()),
+    st.builds(m.ReplaceRing, publisher=st.integers(0, 9)),
+    st.builds(m.ReplaceRing, publisher=st.integers(0, 9), descriptors=st.integers(0, 2)),
+)
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.one_of(carriers, control_messages), st.booleans()), max_size=8), pieces)
+def test_descriptors_find_their_messages(sent: list[tuple[m.Message, bool]], sizes: list[int]) -> None:
+    """Read as the kernel gives them out: a read ends with the piece of a frame that carries some.
+
+    Some batches are cut off on the way, and come empty.
+    """
+    session, found, waiting, expected = open_session(), [], [], []
+    for message, is_cut in sent:
+        claimed = getattr(message, "descriptors", 0)
+        batch = tuple(Descriptor(-2) for _ in range(0 if is_cut else claimed))
+        waiting.append((m.encode_frame(message), batch if claimed else None))
+        expected.append(Carried(message, batch) if claimed else message)
+    room = iter(sizes)
+    while waiting:
+        left, read = next(room, 1 << 20), b""
+        while left and waiting:
+            frame, arriving = waiting.pop(0)
+            read += frame[:left]
+            if frame[left:]:
+                waiting.insert(0, (frame[left:], None))
+            left -= min(left, len(frame))
+            if arriving is not None:
+                session.descriptors.append(arriving)
+                break
+        found += feed(session, read)
+    assert [_with_numbers(item) for item in found] == [_with_numbers(item) for item in expected]
+    assert not session.descriptors
+
+
+def _with_numbers(item: Any) -> Any:
+    return (shown(item.message), *map(id, item.descriptors)) if isinstance(item, Carried) else shown(item)
 
 
 @settings(deadline=None)

@@ -111,7 +111,7 @@ def info_when(pattern: str) -> str:
     pytest.fail(f"never showed {pattern!r}: {text}")
 
 
-def test_info_verbose(lesson: None) -> None:
+def test_info_verbose(route: str, lesson: None) -> None:
     text = info_when(r"PUBLISHER.*Messages: 1 .*SUBSCRIPTION.*Messages: 1 ")
     assert re.sub(r"GID: ([0-9a-f]{2}\.){15}[0-9a-f]{2}\n", "GID: <gid>\n", text) == (
         "Type: std_msgs/msg/String\n"
@@ -119,12 +119,13 @@ def test_info_verbose(lesson: None) -> None:
         "Publisher count: 1\n"
         "\n"
         + ENDPOINT.format(node="minimal_publisher", kind="PUBLISHER")
-        + "Messages: 1 (16 B)\nDropped: 0\nMatches: 1\n  /minimal_subscriber (route: socket)\n"
+        + f"Messages: 1 (16 B)\nDropped: 0\nMatches: 1\n  /minimal_subscriber (route: {route})\n"
         "\n"
         "Subscription count: 1\n"
         "\n"
         + ENDPOINT.format(node="minimal_subscriber", kind="SUBSCRIPTION")
-        + "Messages: 1 (16 B)\nQueue: 0 of 10\nDropped: 0\nMatches: 1\n  /minimal_publisher (route: socket)\n"
+        + "Messages: 1 (16 B)\nQueue: 0 of 10\nDropped: 0\nMatches: 1\n"
+        f"  /minimal_publisher (route: {route})\n"
         "\n"
     )
 
@@ -135,12 +136,12 @@ def test_info_verbose_without_a_subscription(daemon: object) -> None:
     assert text.endswith("Dropped: 0\nMatches: 0\n\nSubscription count: 0\n\n")
 
 
-def test_info_verbose_in_json(lesson: None) -> None:
+def test_info_verbose_in_json(route: str, lesson: None) -> None:
     record = msgspec.json.decode(bus("topic", "info", "-v", "/topic", "--json").out)
     (publisher,) = record["publishers"]
     assert publisher["node"] == "/minimal_publisher"
     assert publisher["qos"]["depth"] == 10
-    assert publisher["matches"] == [{"node": "/minimal_subscriber", "route": "socket"}]
+    assert publisher["matches"] == [{"node": "/minimal_subscriber", "route": route}]
     (subscription,) = record["subscriptions"]
     assert (subscription["queued"], subscription["dropped"]) == (0, {})
 
@@ -179,10 +180,10 @@ bus.run(main())
 """
 
 
-def test_info_verbose_shows_queue_and_drops(daemon: object) -> None:
+def test_info_verbose_shows_queue_and_drops(route: str, daemon: object) -> None:
     with script(KEEPER):
         text = info_when(r"Queue: 10 of 10\nDropped: 12 ")
-    assert "Queue: 10 of 10\nDropped: 12 (replaced: 12)\nMatches: 1\n  /sender (route: socket)\n" in text
+    assert f"Queue: 10 of 10\nDropped: 12 (replaced: 12)\nMatches: 1\n  /sender (route: {route})\n" in text
 
 
 def test_the_tools_own_nodes_and_hidden_topics_are_hidden(lesson: None) -> None:

@@ -280,6 +280,22 @@ def test_doctor_on_a_system_that_works(daemon: Any) -> None:
     assert "[fail]" not in result.out
 
 
+def test_doctor_says_whether_memory_is_shared(socket_path: Path, route: str) -> None:
+    shown = {
+        "shm": "[ ok ] shared memory: used between processes of one user\n",
+        "socket": "[warn] shared memory: not used: BUS_ROUTE=socket is set; messages go through busd\n"
+        "       -> unset BUS_ROUTE\n",
+    }
+    assert shown[route] in bus("doctor").out
+
+
+def test_topic_info_shows_the_route_of_each_match(daemon: object, route: str) -> None:
+    with script(LISTENER), script(TALKER, "1000"):
+        text = bus("topic", "info", "-v", "/topic").out
+    assert f"Matches: 1\n  /minimal_subscriber (route: {route})\n" in text
+    assert f"Matches: 1\n  /minimal_publisher (route: {route})\n" in text
+
+
 def complete(line: str, tmp_path: Path) -> list[str]:
     """What argcomplete offers for a command line, by its protocol (descriptor 8 takes the answer)."""
     answer = tmp_path / "answer"

@@ -53,7 +53,7 @@ GARBAGE = [
     (FRAME_HEAD.pack(0xFFFFFFFF, CONTROL, 0, 0), "frame of 4294967295 bytes"),
     (FRAME_HEAD.pack(0xFFFFFFFF, DATA, 0, 0), "frame of 4294967295 bytes"),
     (FRAME_HEAD.pack(8, CONTROL, 1, 0), "frame with unknown flags 0x1"),
-    (FRAME_HEAD.pack(40, DATA, 2, 0), "frame with unknown flags 0x2"),
+    (FRAME_HEAD.pack(40, DATA, 4, 0), "frame with unknown flags 0x4"),
     (FRAME_HEAD.pack(8, CONTROL, 0, 7), "frame with unknown flags"),
     (data(1, text("x"), count=0), "data frame without samples"),
     (data(1, text("x"), first_seq=MAX_COUNT, count=2), "the last number is"),

@@ -30,6 +30,7 @@ SILENT_S = 1e6
 @pytest.fixture
 async def broker(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[FakeBroker]:
     monkeypatch.setattr(bus.link, "_RETRY_S", (0.0, 0.01))
+    monkeypatch.setenv("BUS_ROUTE", "socket")  # what goes by rings, no broker sees
     async with asyncio.timeout(WAIT_S), FakeBroker(socket_path) as broker:
         yield broker
 
@@ -207,7 +208,7 @@ class TestReceiving:
         node, client = await opened(broker)
         publisher = await with_publisher(node, client, 2)
 
-        def handle(message: Any) -> None:
+        def handle(message: Any, descriptors: Any) -> None:
             raise RuntimeError("a bug")
 
         monkeypatch.setattr(publisher, "handle", handle)

@@ -18,6 +18,8 @@ from semantics import node, until
 
 __all__ = ["node"]
 
+pytestmark = pytest.mark.usefixtures("route")
+
 
 class Awaited:
     async def __call__(self, message: object) -> None:

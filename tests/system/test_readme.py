@@ -28,6 +28,7 @@ README = (ROOT / "README.md").read_text()
 INTERRUPTED = "^C"
 ROBOT_SECONDS = "1"
 
+_SCRIPT = re.compile(r"^`(\w+\.py)`:\n\n```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 _SOCKET = re.compile(r"/\S+\.sock")
@@ -49,13 +50,13 @@ class Shown(NamedTuple):
         return self.lines[:-1] if self.is_interrupted else self.lines
 
 
-def blocks(language: str) -> list[str]:
-    return [text for found, text in _BLOCK.findall(README) if found == language]
+def blocks(language: str, page: str = README) -> list[str]:
+    return [text for found, text in _BLOCK.findall(page) if found == language]
 
 
-def console() -> list[Shown]:
+def console(page: str = README) -> list[Shown]:
     found: list[Shown] = []
-    for block in blocks("console"):
+    for block in blocks("console", page):
         for session in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
             command, *lines = session.rstrip("\n").split("\n")
             found.append(Shown(command, tuple(lines)))
@@ -182,13 +183,24 @@ def test_the_command_line_is_shown_with_what_newcomers_need() -> None:
 
 def test_scripts_of_the_readme(daemon: Daemon, tmp_path: Path, start: Start) -> None:
     """Each Python block is a file of the repository, or is run as the file that it is said to be."""
-    own = re.findall(r"^`(\w+\.py)`:\n\n```python\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+    own = _SCRIPT.findall(README)
     assert own
     files = [path.read_text() for path in (ROOT / "examples").glob("*.py")]
     assert all(block in files or block in dict(own).values() for block in blocks("python"))
     for name, text in own:
         (tmp_path / name).write_text(text)
         check(start(f"python {name}", tmp_path), COMMANDS[f"python {name}"])
+
+
+def test_the_script_of_the_page_about_large_messages(
+    daemon: Daemon, tmp_path: Path, start: Start, route: str
+) -> None:
+    page = (ROOT / "docs" / "large-messages.md").read_text()
+    ((name, text),) = _SCRIPT.findall(page)
+    (shown,) = console(page)
+    assert shown.command == f"python {name}"
+    (tmp_path / name).write_text(text)
+    check(start(shown.command, tmp_path), shown)
 
 
 async def test_the_profiles_of_the_qos_page(daemon: Daemon) -> None:

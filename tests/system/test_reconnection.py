@@ -23,6 +23,7 @@ from semantics import until
 @pytest.fixture
 async def broker(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[FakeBroker]:
     monkeypatch.setattr(bus.link, "_RETRY_S", (0.0, 0.01))
+    monkeypatch.setenv("BUS_ROUTE", "socket")  # what goes by rings, no broker sees
     async with asyncio.timeout(WAIT_S), FakeBroker(socket_path) as broker:
         yield broker
 

@@ -10,13 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks import idle, latency, report, startup, throughput
+from benchmarks import paced, report
 from benchmarks.cases import Case, Figures, Outcome, interleave
-from benchmarks.figures import Spread, per_100k, percentile, percentiles, ratios
+from benchmarks.figures import Spread, bytes_text, per_100k, percentile, percentiles, ratios
 from benchmarks.harness import START_S, Failure, Group
 from benchmarks.machine import ROOT, Machine, look_at_machine
 from benchmarks.report import Column, Comparison, Result, Row, Section
-from benchmarks.systems import BUS, TWO_HOPS, System
 from benchmarks.work import Work, arrivals, text_of
 
 MACHINE = Machine("Some CPU", 2, True, 8.0, "Linux 6", "CPython 3.11", {"msgspec": "0.19"}, "abc+", 0.5)
@@ -87,11 +86,21 @@ def test_arrivals_tell_lateness_and_age_and_leave_the_warm_up_out() -> None:
 
     assert found.late_ns == [10, 500]
     assert found.age_ns == [20, 100]
-    assert latency.summary(found)["due_max"] == pytest.approx(0.6)
+    assert paced.summary(found)["due_max"] == pytest.approx(0.6)
 
 
 def test_text_has_one_byte_a_character() -> None:
     assert all(len(text_of(size).encode()) == size for size in (0, 1, 64, 1 << 20))
+
+
+def test_sizes_in_words() -> None:
+    assert [bytes_text(size) for size in (64, 1023, 1 << 10, 1 << 16, 1 << 20)] == [
+        "64 B",
+        "1023 B",
+        "1 KiB",
+        "64 KiB",
+        "1 MiB",
+    ]
 
 
 # --- cases
@@ -303,96 +312,3 @@ def test_an_interrupted_run_says_so_and_leaves_nothing_behind(
     assert run.returncode == 130
     assert errors.strip().endswith("interrupted; nothing saved")
     assert not list(tmp_path.iterdir())
-
-
-# --- accounting, with a system that says what the test wants
-
-LIAR = """
-import os, sys
-def tell(text): print(text, flush=True)
-tell('{"event": "ready"}')
-if sys.argv[1] == "subscriber":
-    tell('{"event": "warm"}')
-    tell(os.environ["RECEIVED"])
-for word in sys.stdin:
-    if word.strip() == "go" and "SENT" in os.environ:
-        tell(os.environ["SENT"])
-"""
-FLOOD = Work(size=100, count=1000, warm_up=10)
-
-
-@pytest.fixture
-def liar(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> System:
-    (tmp_path / "liar_system.py").write_text(LIAR)
-    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
-    monkeypatch.setenv("SENT", '{"event": "sent", "begin_ns": 1000000000}')
-    return System("liar", "liar_system", lambda group, module: [])
-
-
-def _received(count: int, dropped: str = "{}") -> str:
-    return f'{{"event": "received", "end_ns": 1500000000, "count": {count}, "dropped": {dropped}}}'
-
-
-def test_throughput_counts_from_the_first_publish_to_the_last_message(
-    liar: System, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("RECEIVED", _received(1010))
-
-    found = throughput.measure(liar, FLOOD)
-
-    assert found["per_s"] == pytest.approx(2000)
-    assert found["bytes_per_s"] == pytest.approx(200_000)
-    assert found["cpu_broker"] == 0
-
-
-@pytest.mark.parametrize(
-    ("received", "text"),
-    [
-        (_received(1009), r"1009 of 1010 arrived"),
-        (_received(1010, '{"replaced": 1}'), r"dropped: \{'replaced': 1\}"),
-    ],
-)
-def test_a_run_that_lost_something_is_no_throughput(
-    liar: System, monkeypatch: pytest.MonkeyPatch, received: str, text: str
-) -> None:
-    monkeypatch.setenv("RECEIVED", received)
-
-    with pytest.raises(Failure, match=text):
-        throughput.measure(liar, FLOOD)
-
-
-def test_a_system_that_hangs_midway_is_a_failure(liar: System, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("RECEIVED", "nothing yet")
-    monkeypatch.setattr(throughput, "_LIMIT_S", 0.2)
-
-    with pytest.raises(Failure, match=r"did not say '(sent|received)'"):
-        throughput.measure(liar, FLOOD)
-
-
-# --- the real thing, small
-
-
-@pytest.mark.parametrize("take_by", ["callback", "async for"])
-@pytest.mark.parametrize("publish_by", ["publish", "send"])
-def test_throughput_of_busd(publish_by: str, take_by: str) -> None:
-    work = Work(size=64, count=2000, warm_up=100, publish_by=publish_by, take_by=take_by)
-
-    found = throughput.measure(BUS, work)
-
-    assert min(found.values()) > 0
-
-
-@pytest.mark.parametrize(("system", "take_by"), [(BUS, "callback"), (BUS, "async for"), (TWO_HOPS, "")])
-def test_latency_of_busd_and_of_the_floor(system: System, take_by: str) -> None:
-    found = latency.measure(system, Work(size=64, count=100, warm_up=10, rate=1000, take_by=take_by))
-
-    assert 0 < found["p50"] <= found["p99"] <= found["max"]
-    assert found["due_p50"] >= found["p50"]
-
-
-def test_start_and_idle_are_measured(tmp_path: Path) -> None:
-    assert startup.measure_first_message()["ms"] > 0
-    assert startup.measure_with_autostart()["ms"] > 0
-    assert startup.measure_program([sys.executable, "-m", "bus.cli", "topic", "list"], on_bus=True)["ms"] > 0
-    assert idle.measure(0.1, settle_s=0.0)["busd_us_per_s"] >= 0
-    startup.end_busd(tmp_path / "of_nobody.sock")

@@ -1,8 +1,10 @@
 """`bus doctor`: each finding and what it advises."""
 
+import errno
 import os
 import resource
 import socket
+import sys
 import time
 from argparse import Namespace
 from pathlib import Path
@@ -10,6 +12,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from bus import shm
 from bus.cli import doctor
 from bus.cli.doctor import Finding, examine
 
@@ -116,8 +119,46 @@ def test_versions(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-def test_the_native_core_is_told_to_be_absent(path: Path) -> None:
-    assert look("native core").text == "not built yet in this version; messages take the socket route"
+def test_shared_memory(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("BUS_ROUTE", raising=False)
+    monkeypatch.setenv("BUS_NATIVE", "auto")
+    if not shm.is_available():
+        pytest.skip(shm.why_not())
+    assert look("shared memory") == Finding("ok", "shared memory", "used between processes of one user")
+
+
+@pytest.mark.parametrize(("name", "value"), [("BUS_ROUTE", "socket"), ("BUS_NATIVE", "no")])
+def test_shared_memory_that_is_turned_off(
+    path: Path, monkeypatch: pytest.MonkeyPatch, name: str, value: str
+) -> None:
+    for variable in ("BUS_ROUTE", "BUS_NATIVE"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setenv(name, value)
+    text = f"not used: {name}={value} is set; messages go through busd"
+    assert look("shared memory") == Finding("warn", "shared memory", text, f"unset {name}")
+
+
+def test_no_native_core(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("BUS_ROUTE", raising=False)
+    monkeypatch.setenv("BUS_NATIVE", "auto")
+    monkeypatch.setitem(sys.modules, "bus.shm._core", None)  # as if it were not there
+    found = look("shared memory")
+    assert found.mark == "warn"
+    assert found.text.startswith("not used: the native core was not built (")
+    assert "BUS_NATIVE=yes" in found.advice
+
+
+def test_a_machine_without_memory_to_share(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(name: str, flags: int) -> int:
+        raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS))
+
+    monkeypatch.delenv("BUS_ROUTE", raising=False)
+    monkeypatch.setenv("BUS_NATIVE", "auto")
+    if not shm.is_available():
+        pytest.skip(shm.why_not())
+    monkeypatch.setattr(os, "memfd_create", refuse)
+    text = f"not used: this machine gives none ({os.strerror(errno.ENOSYS)}); messages go through busd"
+    assert look("shared memory") == Finding("warn", "shared memory", text)
 
 
 def test_few_descriptors(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

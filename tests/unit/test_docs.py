@@ -14,7 +14,7 @@ from bus.cli.main import COMMANDS, make_parser
 from bus.msg import PACKAGES
 from bus.msg.std_msgs import String
 from bus.typesupport import type_support
-from bus.wire import layout, messages, session
+from bus.wire import layout, messages, records, session
 from bus.wire.runs import Account, Run, RunQueue
 from feeding import frame_record
 
@@ -116,17 +116,16 @@ class TestProtocol:
             assert meaning, name
 
     def test_records(self) -> None:
-        records = {
+        defined = {
             value
-            for value in vars(messages).values()
+            for value in vars(records).values()
             if isinstance(value, type)
             and issubclass(value, msgspec.Struct)
-            and not issubclass(value, messages.Message)
-            and value.__module__ == messages.__name__
+            and value.__module__ == records.__name__
         }
         described = {row[0]: row[1] for row in rows_of(self.text, "record", "fields")}
-        assert set(described) == {cls.__name__ for cls in records}
-        for cls in records:
+        assert set(described) == {cls.__name__ for cls in defined}
+        for cls in defined:
             fields = [part.strip().strip("`") for part in described[cls.__name__].split(",")]
             assert fields == list(cls.__struct_fields__)
 
@@ -136,6 +135,7 @@ class TestProtocol:
         text = words(self.text)
         assert f"This is version {layout.VERSION}." in text
         assert f"in a data frame {layout.REPLAY} = *replay*" in text
+        assert f" {layout.RESUMED} = *resumed*" in text
         control = layout.FRAME_HEAD_BYTES - layout.LENGTH_BYTES
         data = layout.DATA_HEAD_BYTES - layout.LENGTH_BYTES
         assert f"{control} and the body in a control frame, {data} and the records in a data frame" in text
@@ -151,6 +151,7 @@ class TestProtocol:
         assert long_ones == f"{layout.MAX_SNAPSHOT_BYTES >> 20} MiB"
         assert f"{layout.RUN_BYTES >> 10} KiB" in values["run"]
         assert f"{layout.MAX_MESSAGE_BYTES >> 30} GiB" in values["encoded message"]
+        assert f"{session.MAX_BATCHES} batches" in values["descriptors"]
         assert values["sequence numbers and counters"] == f"2^{layout.MAX_COUNT.bit_length()} - 1"
 
     def test_the_two_frames(self) -> None:

@@ -18,6 +18,7 @@ from bus.wire.layout import (
     LENGTH_BYTES,
     MAX_COUNT,
     REPLAY,
+    RESUMED,
 )
 from bus.wire.runs import Run
 from feeding import feed, frame_record
@@ -69,6 +70,12 @@ class TestWhatComesOut:
         body = frame_record(b"one", 5) + frame_record(b"", 6)
         frame = data(body, count=2, first_seq=9, flags=REPLAY)
         assert values(feed(reader(), frame)) == [(7, 8, 9, 2, body, True)]
+
+    @pytest.mark.parametrize("size", [0, BUFFER_BYTES], ids=["short", "long"])
+    @pytest.mark.parametrize("flags", [0, REPLAY, RESUMED, REPLAY | RESUMED])
+    def test_flags_of_a_run(self, flags: int, size: int) -> None:
+        (run,) = feed(reader(), data(record(size), flags=flags))
+        assert (run.is_replay, run.is_resumed) == (bool(flags & REPLAY), bool(flags & RESUMED))
 
     @pytest.mark.parametrize(
         "size", [0, 1, BUFFER_BYTES - DATA_HEAD_BYTES - 12, BUFFER_BYTES, 3 * BUFFER_BYTES]
@@ -158,11 +165,11 @@ class TestRefusals:
     def test_an_unknown_kind(self, kind: int) -> None:
         assert refusal(FRAME_HEAD.pack(4, kind, 0, 0)) == f"frame of unknown kind {kind}"
 
-    @pytest.mark.parametrize("flags", [REPLAY, 2, 128])
+    @pytest.mark.parametrize("flags", [REPLAY, RESUMED, 128])
     def test_flags_on_a_control_frame(self, flags: int) -> None:
         assert "flags" in refusal(FRAME_HEAD.pack(4, CONTROL, flags, 0))
 
-    @pytest.mark.parametrize("flags", [2, REPLAY | 4, 255])
+    @pytest.mark.parametrize("flags", [4, REPLAY | RESUMED | 4, 255])
     def test_unknown_flags_on_a_data_frame(self, flags: int) -> None:
         assert "flags" in refusal(data(record(1), flags=flags))
 

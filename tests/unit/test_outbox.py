@@ -1,5 +1,10 @@
 """bus.wire.outbox: who is sent first, and that nobody waits for a flooded neighbour."""
 
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from bus.descriptor import Descriptor
 from bus.wire.layout import DATA_HEAD, DATA_HEAD_BYTES
 from bus.wire.outbox import TAKE_BYTES, Outbox
 from bus.wire.runs import Account, Buffer, Run, RunQueue
@@ -30,7 +35,7 @@ def order(buffers: list[Buffer]) -> list[int]:
 def drain(outbox: Outbox) -> list[int]:
     found: list[int] = []
     while True:
-        buffers, size = outbox.take()
+        buffers, size, _ = outbox.take()
         assert size == sum(map(len, buffers))
         if not size:
             return found
@@ -38,7 +43,7 @@ def drain(outbox: Outbox) -> list[int]:
 
 
 def test_nothing_waits() -> None:
-    assert Outbox().take() == ([], 0)
+    assert Outbox().take() == ([], 0, ())
 
 
 def test_control_frames_keep_their_order_and_go_first() -> None:
@@ -47,7 +52,7 @@ def test_control_frames_keep_their_order_and_go_first() -> None:
     outbox.make_ready(waiting)
     outbox.put(b"first")
     outbox.put(b"second")
-    buffers, _ = outbox.take()
+    buffers, *_ = outbox.take()
     assert buffers[:2] == [b"first", b"second"]
     assert order(buffers) == [0, 0, 1, 1]
 
@@ -78,7 +83,7 @@ def test_runs_of_a_queue_keep_their_order() -> None:
     outbox.make_ready(waiting)
     numbers = []
     while True:
-        buffers, size = outbox.take()
+        buffers, size, _ = outbox.take()
         if not size:
             break
         numbers += [DATA_HEAD.unpack(head)[6] for head in buffers[::2]]
@@ -106,7 +111,7 @@ def test_a_turn_ends_also_for_many_small_runs() -> None:
         outbox.make_ready(waiting)
     seen: set[int] = set()
     for _ in queues:
-        buffers, _ = outbox.take()
+        buffers, *_ = outbox.take()
         assert len(buffers) <= 1024, "sendmsg takes no more"
         seen |= set(order(buffers))
     assert seen == {1, 2, 3}
@@ -143,3 +148,57 @@ def test_a_queue_that_was_emptied_meanwhile() -> None:
     gone.clear()
     assert drain(outbox) == [2]
     assert not gone.is_ready
+
+
+@contextmanager
+def without_gc() -> Iterator[None]:
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+
+
+class TestDescriptors:
+    """Objects that stand for descriptors: the outbox does not look into them."""
+
+    def test_a_frame_with_descriptors_keeps_its_place_and_leaves_alone(self) -> None:
+        outbox, waiting, batch = Outbox(), queue(1), (Descriptor(-1), Descriptor(-1))
+        fill(waiting, 1)
+        outbox.make_ready(waiting)
+        outbox.put(b"one")
+        outbox.put(b"two")
+        outbox.put(b"three", batch)
+        outbox.put(b"four", batch[:1])
+        outbox.put(b"five")
+        assert outbox.take() == ([b"one", b"two"], 6, ())
+        assert outbox.take() == ([b"three"], 5, batch)
+        assert outbox.take() == ([b"four"], 4, batch[:1])
+        buffers, _, descriptors = outbox.take()
+        assert (order(buffers), descriptors) == ([0, 1], ())
+        assert not outbox
+
+    def test_control_bytes_count_them_too(self) -> None:
+        outbox = Outbox()
+        outbox.put(b"12345", (Descriptor(-1),))
+        outbox.put(b"678")
+        assert outbox.control_bytes == 8
+        outbox.take()
+        assert outbox.control_bytes == 3
+
+    def test_what_was_taken_is_not_held(self) -> None:
+        outbox, closed = Outbox(), []
+
+        class Watched(Descriptor):
+            def close(self) -> None:
+                closed.append(self.number)
+
+        with without_gc():
+            outbox.put(b"one", (Watched(-1),))
+            outbox.take()
+            assert closed == [-1]
+            outbox.put(b"two", (Watched(-2),))
+            outbox.put(b"three")
+            outbox.clear_control()
+            assert closed == [-1, -2]
+        assert (outbox.control_bytes, outbox.take()) == (0, ([], 0, ()))

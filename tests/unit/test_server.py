@@ -55,3 +55,30 @@ async def test_grace_is_given_once(listener: Listener, monkeypatch: pytest.Monke
         server._tick()
         assert ran == [now_ns]
     server.stop("a test")
+
+
+class Deaf:
+    """Stands for a connection; says when it is flushed."""
+
+    def __init__(self, flushed: list["Deaf"]) -> None:
+        self.stream = self
+        self._flushed = flushed
+
+    def flush(self) -> None:
+        self._flushed.append(self)
+
+
+async def test_who_asked_is_answered_after_the_others_were_told(listener: Listener) -> None:
+    """A subscription that was made may count on every publisher having been told of it."""
+    server = Server(listener, Broker())
+    flushed: list[Deaf] = []
+    connections = [Deaf(flushed) for _ in range(20)]
+    for asker in connections:
+        server._dirty.update(connections)  # type: ignore[arg-type]
+        server._flush(asker)  # type: ignore[arg-type]
+        assert len(flushed) == len(connections)
+        assert flushed[-1] is asker
+        flushed.clear()
+    server._flush(connections[0])  # type: ignore[arg-type]
+    assert flushed == []
+    server.stop("a test")

@@ -5,6 +5,7 @@ from typing import Any
 import msgspec
 import pytest
 
+from bus.descriptor import Descriptor
 from bus.errors import RemoteProtocolError
 from bus.wire import messages as m
 from bus.wire.layout import (
@@ -20,7 +21,7 @@ from bus.wire.layout import (
     VERSION,
 )
 from bus.wire.runs import Run
-from bus.wire.session import Role, Session, State
+from bus.wire.session import MAX_BATCHES, Carried, Role, Session, State
 from feeding import feed, frame_record
 
 HELLO = m.encode_frame(m.Hello(version=VERSION, pid=7, program="talker"))
@@ -127,6 +128,88 @@ class TestRoles:
         frame = m.encode_frame(m.Fault(text="x" * MAX_CONTROL_BYTES))
         assert len(list(feed(session(Role.CLIENT, State.OPEN), frame))) == 1
         assert "frame of" in refusal(session(Role.BROKER, State.OPEN), frame)
+
+
+class Token(Descriptor):
+    """Stands for a descriptor."""
+
+    def __init__(self) -> None:
+        super().__init__(-1)
+        self.is_closed = False
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+def batch(count: int) -> tuple[Token, ...]:
+    return tuple(Token() for _ in range(count))
+
+
+SHARE = m.encode_frame(m.Share())
+RING = m.encode_frame(m.ReplaceRing(publisher=1))
+
+
+class TestDescriptors:
+    def test_a_message_takes_its_own(self) -> None:
+        made, pair, ring = session(Role.BROKER, State.OPEN), batch(2), batch(1)
+        made.descriptors += pair, ring
+        found = list(feed(made, PING + SHARE + PING + RING))
+        assert found == [
+            m.Ping(number=1),
+            Carried(m.Share(), pair),
+            m.Ping(number=1),
+            Carried(m.ReplaceRing(publisher=1), ring),
+        ]
+        assert not made.descriptors
+        assert not any(token.is_closed for token in (*pair, *ring))
+
+    def test_a_batch_waits_for_the_end_of_its_message(self) -> None:
+        made, pair = session(Role.BROKER, State.OPEN), batch(2)
+        assert list(feed(made, SHARE[:1])) == []
+        made.descriptors.append(pair)
+        assert list(feed(made, SHARE[1:-1], [1] * len(SHARE))) == []
+        assert list(feed(made, SHARE[-1:])) == [Carried(m.Share(), pair)]
+
+    def test_a_message_that_claims_none_takes_none(self) -> None:
+        made, ring = session(Role.BROKER, State.OPEN), batch(1)
+        made.descriptors.append(ring)
+        none = m.ReplaceRing(publisher=1, descriptors=0)
+        assert list(feed(made, m.encode_frame(none) + RING)) == [
+            none,
+            Carried(m.ReplaceRing(publisher=1), ring),
+        ]
+
+    @pytest.mark.parametrize("count", [0, 1])
+    def test_a_batch_of_another_number_is_closed(self, count: int) -> None:
+        """No half of a thing; 0 stands for a batch that was cut off on the way."""
+        made, part, ring = session(Role.BROKER, State.OPEN), batch(count), batch(1)
+        made.descriptors += part, ring
+        assert list(feed(made, SHARE + RING)) == [
+            Carried(m.Share(), ()),
+            Carried(m.ReplaceRing(publisher=1), ring),
+        ]
+        assert all(token.is_closed for token in part)
+        assert not ring[0].is_closed
+
+    def test_where_none_can_come(self) -> None:
+        assert list(feed(session(Role.BROKER, State.OPEN), SHARE)) == [Carried(m.Share(), ())]
+
+    @pytest.mark.parametrize("frame", [PING, RUN, RUN[:1]], ids=["messages", "runs", "parts"])
+    def test_a_flood_that_no_message_claims(self, frame: bytes) -> None:
+        made = session(Role.BROKER, State.OPEN)
+        sent = [batch(2) for _ in range(MAX_BATCHES + 1)]
+        frames = RUN if len(frame) == 1 else frame * len(sent)
+        size = len(frames) // len(sent)
+        with pytest.raises(RemoteProtocolError, match="descriptors that no message claims"):
+            for at, tokens in enumerate(sent):
+                assert at == len(made.descriptors) < len(sent)
+                made.descriptors.append(tokens)
+                list(feed(made, frames[at * size : (at + 1) * size]))
+        assert len(made.descriptors) == len(sent)
+        assert made.state is State.CLOSED
+        made.drop_descriptors()
+        assert not made.descriptors
+        assert all(token.is_closed for tokens in sent for token in tokens)
 
 
 class TestLimitOfAMessage:

@@ -64,6 +64,7 @@ def examine(args: Namespace) -> Iterator[Finding]:
         if not is_running:
             yield from _leftovers(path)
     yield from _versions()
+    yield _shared_memory()
     yield from _limits()
     yield _clock()
 
@@ -168,7 +169,30 @@ def _versions() -> Iterator[Finding]:
         yield Finding("warn", "uvloop", "not there; asyncio's own loop is slower", "pip install uvloop")
     else:
         yield Finding("ok", "uvloop", uvloop)
-    yield Finding("warn", "native core", "not built yet in this version; messages take the socket route")
+
+
+def _shared_memory() -> Finding:
+    """Whether messages go straight from process to process, and if not, why."""
+    from bus.shm import why_not
+
+    reason, advice = why_not(), ""
+    if not reason:
+        from bus.shm import segments
+
+        try:
+            segments.make_doorbell().close()
+            segments.make_readers(1)[0].close()
+        except OSError as error:
+            reason = f"this machine gives none ({error.strerror})"
+    elif os.environ.get("BUS_ROUTE") == "socket":
+        advice = "unset BUS_ROUTE"
+    elif os.environ.get("BUS_NATIVE") == "no":
+        advice = "unset BUS_NATIVE"
+    elif sys.platform == "linux":
+        advice = "install busd again with BUS_NATIVE=yes; pip then says what is missing"
+    if reason:
+        return Finding("warn", "shared memory", f"not used: {reason}; messages go through busd", advice)
+    return Finding("ok", "shared memory", "used between processes of one user")
 
 
 def _limits() -> Iterator[Finding]:

@@ -26,6 +26,8 @@ _Static_assert(ATOMIC_LLONG_LOCK_FREE == 2 && sizeof(_Atomic uint64_t) == 8, "64
 #define RING_MIN_INDEX 16u
 #define RING_MAX_INDEX (UINT64_C(1) << 32)
 #define READER_PINS 7u       /* records that one match can hold at a time: with the cursor, one cache line */
+#define READER_TICKET (UINT64_C(1) << 63) /* in the last pin word: a ticket that waits to be admitted, no pin */
+#define RING_ADMITTED 30u    /* with `closed`, two cache lines */
 #define READERS_MAX_SLOTS 65536u
 
 /* Two lines: neighbouring lines are fetched in pairs. */
@@ -58,12 +60,13 @@ struct ring_header {
     _Atomic uint64_t end;              /* position after it; the writer's own, for a new attach */
     OWN_LINES struct bell room;        /* the writer's sleep: waits for lossless readers */
     OWN_LINES _Atomic uint64_t closed; /* 1: nothing more will be written here */
+    _Atomic uint32_t admitted[RING_ADMITTED]; /* tickets of the matches whose gates were added last */
 };
 
 /* One match: a subscription on one publisher's ring. Sequence numbers outlive a ring, and so does a slot. */
 struct reader_slot {
     _Alignas(64) _Atomic uint64_t cursor;  /* everything before it is taken */
-    _Atomic uint64_t pins[READER_PINS];    /* sequence numbers held in place; 0: free */
+    _Atomic uint64_t pins[READER_PINS];    /* sequence numbers held in place; 0: free; see READER_TICKET */
 };
 
 struct readers_geometry {

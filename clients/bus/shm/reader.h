@@ -150,9 +150,28 @@ static inline bool ring_room_is_due(struct ring_reader *r)
     return bell_is_due(&r->header->room, &r->room_rung, r->next);
 }
 
+/* Asks to be admitted: the gate that the writer adds for this slot shows the ticket. Not 0, unlike all others
+ * that are shown now; the slot's pins are free. Until it is admitted the reader must not pin, only copy. */
+static inline void ring_ask(struct reader_slot *slot, uint32_t ticket)
+{
+    /* PAIR(unpin): release, as for any pin. What tells the writer of the slot orders it before the gate. */
+    atomic_store_explicit(&slot->pins[READER_PINS - 1], READER_TICKET | ticket, memory_order_release);
+}
+
+/* True where the ticket is shown. It may have come and gone again, behind many others: then copying stays. */
+static inline bool ring_is_admitted(const struct ring_reader *r, uint32_t ticket)
+{
+    for (unsigned i = 0; i < RING_ADMITTED; i++)
+        /* PAIR(admit): acquire. All that is given up from here on is given up with the gate. Counterpart:
+         * ring_admit(). */
+        if (atomic_load_explicit(&r->header->admitted[i], memory_order_acquire) == ticket)
+            return true;
+    return false;
+}
+
 /* Holds the record that ring_look() found in place until ring_unpin(*pin): its payload may then be read at
- * leisure, also after ring_step(). Only once the writer has this reader's gate. RING_OK, RING_OVERRUN, or
- * RING_PINNED: all pins of this match are in use, copy instead. */
+ * leisure, also after ring_step(). Only once the writer has this reader's gate: see ring_ask(). RING_OK,
+ * RING_OVERRUN, or RING_PINNED: all pins of this match are in use, copy instead. */
 static inline enum ring_status ring_pin(struct ring_reader *r, const struct ring_record *record, unsigned *pin)
 {
     for (unsigned i = 0; i < READER_PINS; i++) {

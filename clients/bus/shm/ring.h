@@ -17,6 +17,7 @@
  *   unpin    release store / acquire load           the same for a pinned record
  *   pin      seq_cst fences                         a pin that was granted is seen by the writer
  *   closed   release store / acquire load           after closed, latest is final
+ *   admit    release store / acquire load           whose ticket is there has a gate, so its pins are seen
  */
 #ifndef BUS_SHM_RING_H
 #define BUS_SHM_RING_H

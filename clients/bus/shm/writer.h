@@ -36,7 +36,9 @@ struct ring_writer {
     uint64_t keep; /* newest records that must stay, 1 or more: largest depth of publisher and matches */
     uint64_t latest, oldest, head; /* head: position of the next record */
     uint64_t loan;                 /* bytes of the record reserved at head; 0: none */
-    uint64_t floor;                /* what lossless readers had taken when last looked at */
+    uint64_t hold;                 /* nothing from this seq on may be given up; UINT64_MAX: none */
+    uint64_t floor;                /* what lossless readers had taken when last looked at; 0 after hold is set */
+    uint64_t admissions;           /* tickets shown so far */
     struct ring_gate *gates;
     size_t gate_count, hole_count;
 };
@@ -55,6 +57,7 @@ static inline void ring_writer_attach(struct ring_writer *w, void *memory)
         .index_length = geometry->index_length,
         .max_payload = ring_max_payload(geometry->capacity),
         .keep = 1,
+        .hold = UINT64_MAX,
         /* relaxed, all three: only writers write them, and the last one is gone */
         .latest = atomic_load_explicit(&header->latest, memory_order_relaxed),
         .oldest = atomic_load_explicit(&header->oldest, memory_order_relaxed),
@@ -62,10 +65,10 @@ static inline void ring_writer_attach(struct ring_writer *w, void *memory)
     };
 }
 
-/* What all lossless readers have taken: nothing before it is needed by them. */
-static inline uint64_t ring_taken(const struct ring_writer *w)
+/* What all lossless readers have taken, at most `limit`: nothing before it is needed by them. */
+static inline uint64_t ring_taken_of(const struct ring_writer *w, uint64_t limit)
 {
-    uint64_t taken = UINT64_MAX;
+    uint64_t taken = limit;
     for (size_t i = 0; i < w->gate_count; i++) {
         if (!w->gates[i].is_lossless)
             continue;
@@ -77,6 +80,9 @@ static inline uint64_t ring_taken(const struct ring_writer *w)
     return taken;
 }
 
+/* The same, and `hold` counts as one. */
+static inline uint64_t ring_taken(const struct ring_writer *w) { return ring_taken_of(w, w->hold); }
+
 static inline void ring_gates_changed(struct ring_writer *w)
 {
     w->floor = 0;
@@ -84,6 +90,18 @@ static inline void ring_gates_changed(struct ring_writer *w)
     for (size_t i = 0; i < w->gate_count; i++)
         for (size_t j = 0; j < READER_PINS; j++)
             w->hole_count += w->gates[i].holes[j].seq != 0;
+}
+
+/* After a gate was added and ring_gates_changed(): shows its reader's ticket, so that it may pin from now on. */
+static inline void ring_admit(struct ring_writer *w, const struct reader_slot *slot)
+{
+    const uint64_t ticket = atomic_load_explicit(&slot->pins[READER_PINS - 1], memory_order_acquire);
+    if ((ticket & READER_TICKET) == 0)
+        return;
+    /* PAIR(admit): release. The oldest that was announced without the gate is before it. Counterpart:
+     * ring_is_admitted(). */
+    _Atomic uint32_t *place = &w->header->admitted[w->admissions++ % RING_ADMITTED];
+    atomic_store_explicit(place, (uint32_t)ticket, memory_order_release);
 }
 
 /* The first record that survives once seq `next` ends at position `end`: by bytes, and by index entries. */

@@ -2,22 +2,32 @@
 
 Works on the bare descriptor with add_reader and add_writer, because what is published shall leave at once
 and not at the end of the loop's turn. Must not know what the messages mean.
+
+A frame's descriptors go with its first byte, in a call of its own (SCM_RIGHTS). The kernel ends a read with
+the piece that carries descriptors, so one read brings one batch at most.
 """
 
 import asyncio
+import errno
 import socket
+import struct
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import Any
 
+from bus.descriptor import Descriptor
 from bus.errors import RemoteProtocolError
 from bus.transport.memory import keep_freed_memory
 from bus.wire.framing import BUFFER_BYTES
-from bus.wire.outbox import MAX_BUFFERS, TAKE_BYTES, Outbox
+from bus.wire.outbox import Outbox
 from bus.wire.runs import Buffer
 from bus.wire.session import Session
 
 _SHORT_BYTES = 4096
+_RETRY_S = 0.05
+_INT = struct.Struct("i")
+_ANCILLARY_BYTES = socket.CMSG_SPACE(2 * _INT.size)
+_CLOSE_ON_EXEC = getattr(socket, "MSG_CMSG_CLOEXEC", 0)  # Linux
 
 
 class Stream:
@@ -26,6 +36,7 @@ class Stream:
     `on_received(items)` gets the messages and runs of one read, in order; iterating may raise
     RemoteProtocolError, which is handed to `on_lost` where `on_received` lets it pass. `on_lost(error)` is
     called once when the connection ends for any reason but `close`; None means that the peer closed it.
+    Descriptors that come are given to the session where it `takes_descriptors`; else the kernel closes them.
     """
 
     def __init__(
@@ -36,6 +47,7 @@ class Stream:
         *,
         on_received: Callable[[Iterable[Any]], None],
         on_lost: Callable[[Exception | None], None],
+        takes_descriptors: bool = False,
     ) -> None:
         self.session = session
         self.outbox = outbox
@@ -46,7 +58,9 @@ class Stream:
         self._sock = sock
         self.on_received = on_received
         self._on_lost = on_lost
+        self._takes_descriptors = takes_descriptors
         self._rest: list[Buffer] = []
+        self._rest_descriptors: tuple[Descriptor, ...] = ()
         self._before_write: Callable[[], None] | None = None
         self._loop.add_reader(sock.fileno(), self._read)
 
@@ -57,16 +71,27 @@ class Stream:
     def flush(self) -> None:
         """Send what waits, as far as the socket takes it; the rest goes when it can."""
         while not self.is_blocked and not self.is_closed:
-            buffers, size = self.outbox.take()
+            buffers, size, descriptors = self.outbox.take()
             if size:
-                self._send(buffers, size)
-            if size < TAKE_BYTES and len(buffers) < MAX_BUFFERS:
-                return  # that was all
+                self._send(buffers, size, descriptors)
+            if not self.outbox:
+                return
 
     @property
     def is_idle(self) -> bool:
         """Nothing waits to be sent."""
         return not (self.is_blocked or self.is_closed or self.outbox)
+
+    @property
+    def is_quiet(self) -> bool:
+        """Nothing has come that was not read."""
+        try:
+            self._sock.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return True
+        except OSError:
+            pass
+        return self.is_closed
 
     def send_now(self, buffers: list[Buffer], size: int) -> None:
         """Send a frame past the outbox; only while the stream `is_idle`."""
@@ -83,12 +108,13 @@ class Stream:
         """In the child of a fork: let go of the socket, but leave alone the event loop, the parent's."""
         self.is_closed = True
         self._sock.close()
+        self._drop_descriptors()
 
     def _read(self) -> bool:
         """Take one buffer; returns whether there may be more."""
         try:
             buffer = self.session.reader.get_buffer()
-            count = self._sock.recv_into(buffer)
+            count = self._receive(buffer) if self._takes_descriptors else self._sock.recv_into(buffer)
             if len(buffer) > BUFFER_BYTES:
                 keep_freed_memory()
             if count:
@@ -103,9 +129,20 @@ class Stream:
             self._lose(error)
         return False
 
-    def _send(self, buffers: list[Buffer], size: int) -> None:
+    def _receive(self, buffer: memoryview) -> int:
+        """Bytes into the buffer, and a batch of descriptors, where one came with them, to the session."""
+        count, ancillary, flags, _ = self._sock.recvmsg_into([buffer], _ANCILLARY_BYTES, _CLOSE_ON_EXEC)
+        if ancillary or flags & socket.MSG_CTRUNC:
+            batch = _descriptors(ancillary)
+            # What was cut off is of no use in part. An empty batch keeps the place of the message's own.
+            self.session.descriptors.append(() if flags & socket.MSG_CTRUNC else batch)
+        return count
+
+    def _send(self, buffers: list[Buffer], size: int, descriptors: tuple[Descriptor, ...] = ()) -> None:
         try:
-            if len(buffers) == 1:
+            if descriptors:
+                sent = self._sock.sendmsg(buffers, [_rights(descriptors)])
+            elif len(buffers) == 1:
                 sent = self._sock.send(buffers[0])
             elif size < _SHORT_BYTES:
                 sent = self._sock.send(b"".join(buffers))  # cheaper than to describe them to sendmsg
@@ -117,18 +154,24 @@ class Stream:
             self._be_quiet()
             return
         except OSError as error:
-            self._lose(error)
+            if error.errno != errno.ETOOMANYREFS:
+                self._lose(error)
+                return
+            self._rest, self._rest_descriptors = buffers, descriptors
+            self._pause()
             return
         if sent == size:
             return
         self._rest = _unsent(buffers, sent)
+        self._rest_descriptors = () if sent else descriptors
         if not self.is_blocked:
             self.is_blocked = True
             self._loop.add_writer(self._sock.fileno(), self._write)
 
     def _write(self) -> None:
         rest, self._rest = self._rest, []
-        self._send(rest, sum(map(len, rest)))
+        descriptors, self._rest_descriptors = self._rest_descriptors, ()
+        self._send(rest, sum(map(len, rest)), descriptors)
         if self._rest or self.is_closed or self._is_unheard:
             return
         self.is_blocked = False
@@ -136,6 +179,17 @@ class Stream:
         if self._before_write is not None:
             self._before_write()
         self.flush()
+
+    def _pause(self) -> None:
+        """The user has as many descriptors on the way as the kernel allows; no event says when to go on."""
+        if self.is_blocked:
+            self._loop.remove_writer(self._sock.fileno())
+        self.is_blocked = True
+        self._loop.call_later(_RETRY_S, self._resume)
+
+    def _resume(self) -> None:
+        if not self.is_closed and not self._is_unheard:
+            self._loop.add_writer(self._sock.fileno(), self._write)
 
     def _be_quiet(self) -> None:
         """The other side has gone. What it sent before, and perhaps why it went, is still to be read."""
@@ -165,6 +219,13 @@ class Stream:
             self._sock.shutdown(socket.SHUT_RDWR)
             while self._sock.recv(BUFFER_BYTES):
                 pass
+        self._drop_descriptors()
+
+    def _drop_descriptors(self) -> None:
+        """Those that came are closed; those that were to go may have other users."""
+        self.session.drop_descriptors()
+        self.outbox.clear_control()
+        self._rest_descriptors = ()
 
 
 def _unsent(buffers: list[Buffer], sent: int) -> list[Buffer]:
@@ -173,3 +234,17 @@ def _unsent(buffers: list[Buffer], sent: int) -> list[Buffer]:
             return [memoryview(buffer)[sent:], *buffers[index + 1 :]]
         sent -= len(buffer)
     return []
+
+
+def _rights(descriptors: tuple[Descriptor, ...]) -> tuple[int, int, bytes]:
+    numbers = b"".join([_INT.pack(descriptor.fileno()) for descriptor in descriptors])
+    return socket.SOL_SOCKET, socket.SCM_RIGHTS, numbers
+
+
+def _descriptors(ancillary: list[tuple[int, int, bytes]]) -> tuple[Descriptor, ...]:
+    return tuple(
+        Descriptor(number)
+        for level, kind, content in ancillary
+        if level == socket.SOL_SOCKET and kind == socket.SCM_RIGHTS
+        for (number,) in _INT.iter_unpack(content[: len(content) // _INT.size * _INT.size])
+    )

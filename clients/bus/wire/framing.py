@@ -20,6 +20,7 @@ from bus.wire.layout import (
     LENGTH_BYTES,
     MAX_COUNT,
     REPLAY,
+    RESUMED,
 )
 from bus.wire.runs import Buffer, Run
 
@@ -27,7 +28,9 @@ BUFFER_BYTES = 256 << 10
 _FIRST_GROWTH_BYTES = 4 << 20
 
 _unpack_short = Struct("<IIIIQII").unpack_from  # DATA_HEAD with kind, flags and zero as one word
-_DATA_WORDS = (DATA, DATA | REPLAY << 8)
+_DATA_FLAGS = REPLAY | RESUMED
+_DATA_WORDS = tuple(DATA | flags << 8 for flags in range(_DATA_FLAGS + 1))
+_RESUMED_WORD = DATA | RESUMED << 8  # and above
 _END_COUNT = MAX_COUNT + 1
 _unpack_frame_head = FRAME_HEAD.unpack_from
 _unpack_data_head = DATA_HEAD.unpack_from
@@ -87,7 +90,11 @@ class FrameReader:
                         and not rest
                     ):
                         payload = view[body:stop].tobytes()
-                        frames.append(Run(endpoint, source, first_seq, number, payload, word != DATA))
+                        run = Run(endpoint, source, first_seq, number, payload)
+                        if word != DATA:
+                            run.is_replay = word != _RESUMED_WORD
+                            run.is_resumed = word >= _RESUMED_WORD
+                        frames.append(run)
                         start = stop
                         continue
                 stop = start + self._check_head(view, start)
@@ -130,7 +137,7 @@ class FrameReader:
         """The length of the whole frame that begins at `start`."""
         length, kind, flags, zero = _unpack_frame_head(view, start)
         if kind == DATA:
-            least, room, known_flags = DATA_HEAD_BYTES - LENGTH_BYTES, self.max_data_bytes, REPLAY
+            least, room, known_flags = DATA_HEAD_BYTES - LENGTH_BYTES, self.max_data_bytes, _DATA_FLAGS
         elif kind == CONTROL:
             least, room, known_flags = FRAME_HEAD_BYTES - LENGTH_BYTES, self.max_control_bytes, 0
         else:
@@ -158,4 +165,6 @@ def _parse(view: memoryview, start: int, stop: int) -> bytes | Run:
     body: Buffer = view[start + DATA_HEAD_BYTES : stop]
     if stop <= BUFFER_BYTES:
         body = bytes(body)
-    return Run(endpoint, source, first_seq, count, body, flags == REPLAY)
+    run = Run(endpoint, source, first_seq, count, body, bool(flags & REPLAY))
+    run.is_resumed = bool(flags & RESUMED)
+    return run

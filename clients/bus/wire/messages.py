@@ -1,22 +1,29 @@
 """The control messages: msgspec Structs, told apart by a tag, as MessagePack maps.
 
 Fields may be added with a default in a later version; a receiver ignores those it doesn't know. A `request`
-number is chosen by the client and comes back in the one answer to it. Ids are given by the broker.
+number is chosen by the client and comes back in the one answer to it. Ids are given by the broker. Where
+`descriptors` is not 0, that many file descriptors come with the frame.
 """
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import msgspec
 from msgspec import Meta
 
-from bus.errors import RemoteProtocolError
 from bus.qos import QoSProfile
+from bus.wire.decoder import Decoder
 from bus.wire.layout import CONTROL, FRAME_HEAD, FRAME_HEAD_BYTES, LENGTH_BYTES, MAX_COUNT
+from bus.wire.records import EndpointRecord as EndpointRecord
+from bus.wire.records import EndpointStatistics as EndpointStatistics
+from bus.wire.records import MatchRecord as MatchRecord
+from bus.wire.records import NodeRecord as NodeRecord
 
 Count = Annotated[int, Meta(ge=0, le=MAX_COUNT)]
 Seq = Annotated[int, Meta(ge=1, le=MAX_COUNT)]
 Drops = Annotated[dict[Annotated[str, Meta(max_length=32)], Count], Meta(max_length=16)]
 """Samples dropped, by reason."""
+Descriptors = Annotated[int, Meta(ge=0, le=2)]
+"""How many file descriptors come with the frame (docs/protocol.md)."""
 
 
 class Message(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="m", tag=True):
@@ -62,6 +69,12 @@ class DeclareType(Message, frozen=True, tag="type"):
     schema: bytes = b"\xc0"
 
 
+class Share(Message, frozen=True, tag="share"):
+    """Brings this process's doorbell and readers' segment, before the first endpoint that shares memory."""
+
+    descriptors: Descriptors = 2
+
+
 class CreateNode(Message, frozen=True, tag="node+"):
     request: int
     name: str
@@ -73,7 +86,10 @@ class DestroyNode(Message, frozen=True, tag="node-"):
 
 
 class CreatePublisher(Message, frozen=True, tag="pub+"):
-    """`next_seq` is the number of the first sample that will come; `gid` names the endpoint for life."""
+    """`next_seq` is the number of the first sample that will come; `gid` names the endpoint for life.
+
+    Brings the publisher's ring where it has one.
+    """
 
     request: int
     node: int
@@ -83,6 +99,7 @@ class CreatePublisher(Message, frozen=True, tag="pub+"):
     qos: QoSProfile
     gid: bytes
     next_seq: Seq = 1
+    descriptors: Descriptors = 0
 
 
 class CreateSubscription(Message, frozen=True, tag="sub+"):
@@ -112,6 +129,36 @@ class Ack(Message, frozen=True, tag="ack"):
     subscription: int
     source: int
     seq: int
+
+
+class Attach(Message, frozen=True, tag="attach"):
+    """The subscription reads the ring of `source`, and tells of itself in this slot of its segment."""
+
+    subscription: int
+    source: int
+    slot: Annotated[int, Meta(ge=0, le=65535)]
+
+
+class RefuseRoute(Message, frozen=True, tag="noshm"):
+    """This end can't share memory in the match of `endpoint` (its own) with `other`, and says why."""
+
+    endpoint: int
+    other: int
+    text: Annotated[str, Meta(max_length=1000)]
+
+
+class CaughtUp(Message, frozen=True, tag="caught"):
+    """After Rerouted: what that subscription missed was sent, to it alone. Now it gets what all get."""
+
+    publisher: int
+    subscription: int
+
+
+class ReplaceRing(Message, frozen=True, tag="ring"):
+    """The publisher has gone on to another ring, which comes with this."""
+
+    publisher: int
+    descriptors: Descriptors = 1
 
 
 class Report(Message, frozen=True, tag="report"):
@@ -158,6 +205,7 @@ class Created(Message, frozen=True, tag="created"):
     max_message_bytes: int = 0
     window_samples: int = 0
     window_bytes: int = 0
+    ring_bytes: int = 0
 
 
 class Done(Message, frozen=True, tag="done"):
@@ -181,7 +229,10 @@ class Fault(Message, frozen=True, tag="fault"):
 
 
 class Matched(Message, frozen=True, tag="matched"):
-    """`endpoint` (yours) and `other` now form a match."""
+    """`endpoint` (yours) and `other` now form a match, since `at_ns` of the monotonic clock.
+
+    On the route shm it brings a subscription the publisher's ring and its process's doorbell.
+    """
 
     endpoint: int
     other: int
@@ -190,11 +241,16 @@ class Matched(Message, frozen=True, tag="matched"):
     qos: QoSProfile
     route: str = "socket"
     next_seq: int = 1
+    at_ns: int = 0
+    descriptors: Descriptors = 0
 
 
 class Unmatched(Message, frozen=True, tag="unmatched"):
+    """`lost`: the process of `other` did not take its leave, so that it may still run."""
+
     endpoint: int
     other: int
+    lost: bool = False
 
 
 class Incompatible(Message, frozen=True, tag="incompatible"):
@@ -205,6 +261,38 @@ class Incompatible(Message, frozen=True, tag="incompatible"):
     node: str
     policy: str
     text: str
+
+
+class Attached(Message, frozen=True, tag="attached"):
+    """To a publisher: the subscription reads its ring, and tells of itself in this slot.
+
+    Brings the readers' segment and the doorbell of its process, which `process` names on this connection and
+    `pid` on the machine.
+    """
+
+    publisher: int
+    subscription: int
+    slot: int
+    process: int
+    pid: int
+    descriptors: Descriptors = 2
+
+
+class RingReplaced(Message, frozen=True, tag="ring*"):
+    """To a subscription: `source` goes on in another ring, which comes with this."""
+
+    subscription: int
+    source: int
+    descriptors: Descriptors = 1
+
+
+class Rerouted(Message, frozen=True, tag="rerouted"):
+    """The match of `endpoint` (yours) with `other` now goes by `route`. `at_ns`: as in its Matched."""
+
+    endpoint: int
+    other: int
+    route: str
+    at_ns: int = 0
 
 
 class LivelinessChanged(Message, frozen=True, tag="liveliness"):
@@ -235,44 +323,6 @@ class Credit(Message, frozen=True, tag="credit"):
     seq: int
 
 
-class NodeRecord(msgspec.Struct, frozen=True, omit_defaults=True):
-    id: int
-    name: str
-    namespace: str
-    pid: int
-
-
-class EndpointStatistics(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Live counters of an endpoint.
-
-    Of a publisher: samples and bytes published. Of a subscription: samples and bytes delivered, samples
-    waiting (in the broker and in the process), and samples dropped by reason.
-    """
-
-    samples: int = 0
-    bytes: int = 0
-    queued: int = 0
-    dropped: dict[str, int] = {}
-
-
-class EndpointRecord(msgspec.Struct, frozen=True, omit_defaults=True):
-    id: int
-    kind: str
-    node: int
-    topic: str
-    type_name: str
-    type_hash: str
-    gid: bytes
-    qos: QoSProfile
-    statistics: EndpointStatistics | None = None
-
-
-class MatchRecord(msgspec.Struct, frozen=True, omit_defaults=True):
-    publisher: int
-    subscription: int
-    route: str = "socket"
-
-
 class Graph(Message, frozen=True, tag="graph"):
     """Snapshot of all that the broker knows, at `revision`."""
 
@@ -301,43 +351,16 @@ class TypeDescription(Message, frozen=True, tag="type="):
     schema: bytes
 
 
-FromClient = (
-    Hello
-    | Ping
-    | Pong
-    | DeclareType
-    | CreateNode
-    | DestroyNode
-    | CreatePublisher
-    | CreateSubscription
-    | DestroyEndpoint
-    | AssertLiveliness
-    | Ack
-    | Report
-    | GetGraph
-    | GetType
-    | Observe
-    | StopBroker
-)
-FromBroker = (
-    Hello
-    | Ping
-    | Pong
-    | Created
-    | Done
-    | Refused
-    | Fault
-    | Matched
-    | Unmatched
-    | Incompatible
-    | LivelinessChanged
-    | LivelinessLost
-    | Dropped
-    | Credit
-    | Graph
-    | GraphChanged
-    | TypeDescription
-)
+_Both = Hello | Ping | Pong
+_Declaring = DeclareType | CreateNode | DestroyNode | CreatePublisher | CreateSubscription | DestroyEndpoint
+_Sharing = Share | Attach | RefuseRoute | CaughtUp | ReplaceRing
+_Asking = GetGraph | GetType | Observe | StopBroker
+FromClient = _Both | _Declaring | _Sharing | AssertLiveliness | Ack | Report | _Asking
+
+_Answers = Created | Done | Refused | Graph | TypeDescription
+_Matching = Matched | Unmatched | Incompatible | Attached | RingReplaced | Rerouted
+_News = LivelinessChanged | LivelinessLost | Dropped | Credit | GraphChanged | Fault
+FromBroker = _Both | _Answers | _Matching | _News
 
 _encode = msgspec.msgpack.Encoder().encode
 
@@ -346,20 +369,6 @@ def encode_frame(message: Message) -> bytes:
     """The whole control frame that carries `message`."""
     body = _encode(message)
     return FRAME_HEAD.pack(FRAME_HEAD_BYTES - LENGTH_BYTES + len(body), CONTROL, 0, 0) + body
-
-
-class Decoder:
-    """Decodes the control messages that one role may send; one for each role is enough."""
-
-    def __init__(self, union: Any) -> None:
-        self._decode = msgspec.msgpack.Decoder(union).decode
-
-    def decode(self, body: bytes) -> Any:
-        """Raises RemoteProtocolError, naming the field, where `body` is no message of that role."""
-        try:
-            return self._decode(body)
-        except (ValueError, RecursionError) as error:  # msgspec's errors and bad UTF-8 are ValueErrors
-            raise RemoteProtocolError(f"control message not understood: {error}") from None
 
 
 from_client = Decoder(FromClient)

@@ -1,11 +1,13 @@
 """What waits to be sent over one connection, and in which order.
 
 Control frames go first, in their order; then the ready queues of runs, each in turn, so that one flooded
-queue does not hold up the others. Pure: gives out buffers, never sends.
+queue does not hold up the others. A control frame that carries descriptors keeps its place but leaves alone,
+because the kernel binds descriptors to what one call sends. Pure: gives out buffers, never sends.
 """
 
 from collections import deque
 
+from bus.descriptor import Descriptor
 from bus.wire.runs import Buffer, RunQueue
 
 TAKE_BYTES = 256 << 10
@@ -19,13 +21,16 @@ class Outbox:
     __slots__ = ("_control", "_ready", "control_bytes")
 
     def __init__(self) -> None:
-        self._control: deque[bytes] = deque()
+        self._control: deque[bytes | tuple[bytes, tuple[Descriptor, ...]]] = deque()
         self._ready: deque[RunQueue] = deque()
         self.control_bytes = 0
 
-    def put(self, frame: bytes) -> None:
-        """Queue a control frame."""
-        self._control.append(frame)
+    def put(self, frame: bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
+        """Queue a control frame and what it carries.
+
+        Who has no more use for one of the descriptors drops it; closed by then, it could not be sent.
+        """
+        self._control.append((frame, descriptors) if descriptors else frame)
         self.control_bytes += len(frame)
 
     def make_ready(self, queue: RunQueue) -> None:
@@ -34,18 +39,28 @@ class Outbox:
             queue.is_ready = True
             self._ready.append(queue)
 
-    def take(self) -> tuple[list[Buffer], int]:
-        """Buffers to send now and their size, about TAKE_BYTES; nothing where nothing waits."""
+    def take(self) -> tuple[list[Buffer], int, tuple[Descriptor, ...]]:
+        """Buffers to send now, their size, about TAKE_BYTES, and the descriptors that go with them.
+
+        Nothing where nothing waits.
+        """
         buffers: list[Buffer] = []
         size = 0
         control = self._control
         while control and size < TAKE_BYTES and len(buffers) < MAX_BUFFERS:
             frame = control.popleft()
+            if isinstance(frame, tuple):
+                if buffers:
+                    control.appendleft(frame)
+                    break
+                frame, descriptors = frame
+                self.control_bytes -= len(frame)
+                return [frame], len(frame), descriptors
             self.control_bytes -= len(frame)
             size += len(frame)
             buffers.append(frame)
         if control:
-            return buffers, size
+            return buffers, size, ()
         ready = self._ready
         while ready and size < TAKE_BYTES and len(buffers) < MAX_BUFFERS:
             queue = ready[0]
@@ -60,7 +75,12 @@ class Outbox:
                 ready.append(queue)
             else:
                 queue.is_ready = False
-        return buffers, size
+        return buffers, size, ()
+
+    def clear_control(self) -> None:
+        """Forget the control frames, and let go of their descriptors."""
+        self._control.clear()
+        self.control_bytes = 0
 
     def __bool__(self) -> bool:
         return bool(self._control or self._ready)

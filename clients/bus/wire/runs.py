@@ -21,6 +21,7 @@ from bus.wire.layout import (
     RECORD_HEAD,
     RECORD_HEAD_BYTES,
     REPLAY,
+    RESUMED,
 )
 
 Buffer = bytes | bytearray | memoryview
@@ -53,6 +54,8 @@ class Run(msgspec.Struct, eq=False, gc=False):
     """When the subscription's process got the run; monotonic clock."""
     origin: object = None
     """What the subscription knows of the publisher."""
+    is_resumed: bool = False
+    """The numbers missing before it went by another route and are not lost."""
 
     def records(self) -> Iterator[tuple[memoryview, int]]:
         """Each payload with its stamp; stops early where the body is shorter than it claims."""
@@ -68,9 +71,12 @@ class Run(msgspec.Struct, eq=False, gc=False):
             yield body[start:offset], stamp_ns
 
 
-def data_head(endpoint: int, first_seq: int, count: int, body_bytes: int) -> bytes:
-    """The header of a data frame towards the broker."""
-    return DATA_HEAD.pack(_OVERHEAD_BYTES + body_bytes, DATA, 0, 0, endpoint, 0, first_seq, count, 0)
+def data_head(
+    endpoint: int, first_seq: int, count: int, body_bytes: int, *, flags: int = 0, only_for: int = 0
+) -> bytes:
+    """The header of a data frame towards the broker; `only_for`: one subscription."""
+    size = _OVERHEAD_BYTES + body_bytes
+    return DATA_HEAD.pack(size, DATA, flags, 0, endpoint, only_for, first_seq, count, 0)
 
 
 def _walk(body: Buffer, offset: int, count: int) -> int:
@@ -213,7 +219,7 @@ class RunQueue:
         head = DATA_HEAD.pack(
             _OVERHEAD_BYTES + len(body),
             DATA,
-            REPLAY if run.is_replay else 0,
+            (REPLAY if run.is_replay else 0) | (RESUMED if run.is_resumed else 0),
             0,
             self.endpoint,
             run.source,

@@ -5,12 +5,17 @@
     OPEN      (error)         OPEN
 
 Bytes in, messages and runs out; no I/O. After an error the session is CLOSED and gives nothing more.
+
+Descriptors come beside the bytes, in batches, one for each frame that carries some and in the order of those
+frames. To the session they are things that can be closed.
 """
 
+from collections import deque
 from collections.abc import Iterable, Iterator
 from enum import Enum, auto
-from typing import Any
+from typing import Any, NamedTuple
 
+from bus.descriptor import Descriptor
 from bus.errors import RemoteProtocolError
 from bus.wire.framing import FrameReader
 from bus.wire.layout import (
@@ -21,7 +26,7 @@ from bus.wire.layout import (
     RUN_BYTES,
     VERSION,
 )
-from bus.wire.messages import Hello, from_broker, from_client
+from bus.wire.messages import Hello, Message, from_broker, from_client
 from bus.wire.runs import Run
 
 
@@ -43,9 +48,22 @@ _AFTER_OTHER = {State.OPEN: State.OPEN}
 _WHEN = {State.NEW: "before Hello", State.OPEN: "a second time", State.CLOSED: "after an error"}
 
 
+MAX_BATCHES = 16
+"""So many batches of descriptors may wait for their messages; an honest peer has one on the way."""
+
+
+class Carried(NamedTuple):
+    """A message that claims descriptors, and those that came with it: all that it claims, or none."""
+
+    message: Message
+    descriptors: tuple[Descriptor, ...]
+
+
 class Session:
     """Turns the bytes of a peer into messages (`bus.wire.messages`) and runs.
 
+    A message that claims descriptors is given out as a `Carried`. Who reads puts the batch that came with a
+    read into `descriptors` before it calls `received`; there it waits for its message.
     `max_message_bytes` bounds an encoded message; a run may have others before it (`RUN_BYTES`).
     """
 
@@ -56,6 +74,7 @@ class Session:
             max_data_bytes=RUN_BYTES + RECORD_HEAD_BYTES + max_message_bytes,
         )
         self.peer: Hello | None = None
+        self.descriptors: deque[tuple[Descriptor, ...]] = deque()
         self._decode = (from_client if role is Role.BROKER else from_broker).decode
 
     def received(self, count: int) -> Iterable[Any]:
@@ -69,9 +88,15 @@ class Session:
             and len(frames) == 1
             and frames[0].__class__ is Run
             and self.reader.fault is None
+            and not self.descriptors
         ):
             return frames  # the common case at a moderate rate, without a generator's cost
         return self._interpret(frames)
+
+    def drop_descriptors(self) -> None:
+        """Close those that wait for their messages."""
+        while self.descriptors:
+            _close(self.descriptors.popleft())
 
     def _interpret(self, frames: list[bytes | Run]) -> Iterator[Any]:
         try:
@@ -86,12 +111,22 @@ class Session:
                         self._check(message)
                     else:
                         self._step(_AFTER_OTHER, f"a {type(message).__name__}")
-                    yield message
+                    claimed: int = getattr(message, "descriptors", 0)
+                    yield Carried(message, self._claim(claimed)) if claimed else message
+            if len(self.descriptors) > MAX_BATCHES:
+                raise RemoteProtocolError("descriptors that no message claims")
             if self.reader.fault is not None:
                 raise self.reader.fault
         except RemoteProtocolError:
             self.state = State.CLOSED
             raise
+
+    def _claim(self, count: int) -> tuple[Descriptor, ...]:
+        batch = self.descriptors.popleft() if self.descriptors else ()
+        if len(batch) == count:
+            return batch
+        _close(batch)
+        return ()
 
     def _step(self, table: dict[State, State], what: str) -> None:
         try:
@@ -106,3 +141,8 @@ class Session:
                 "the two programs have different versions of busd"
             )
         self.peer = hello
+
+
+def _close(batch: tuple[Descriptor, ...]) -> None:
+    for descriptor in batch:
+        descriptor.close()

@@ -2,7 +2,8 @@
 
 import pytest
 
-from broker_world import Process, Publisher, World
+from broker_endpoints import Publisher
+from broker_world import Process, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from busd.core.limits import Limits

@@ -2,7 +2,8 @@
 
 import pytest
 
-from broker_world import Publisher, Subscription, World
+from broker_endpoints import Publisher, Subscription
+from broker_world import World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from busd.core.limits import Limits, TopicRule

@@ -200,6 +200,7 @@ class TestRules:
             max_message_bytes=limits.message_bytes,
             window_samples=limits.keep_all_window_messages,
             window_bytes=limits.keep_all_window_bytes,
+            ring_bytes=limits.ring_bytes,
         )
 
     def test_keep_all_has_no_depth(self) -> None:

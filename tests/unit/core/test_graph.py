@@ -1,6 +1,7 @@
 """busd.core.graph: the snapshot, and the changes that observers get."""
 
-from broker_world import NUMBER, TEXT, Line, Process, World
+from broker_line import Line
+from broker_world import NUMBER, TEXT, Process, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 

@@ -1,6 +1,7 @@
 """busd.core.liveliness: publishers whose lease ends, and who is told."""
 
-from broker_world import Process, Publisher, Subscription, World
+from broker_endpoints import Publisher, Subscription
+from broker_world import Process, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 

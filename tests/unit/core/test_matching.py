@@ -2,7 +2,8 @@
 
 import pytest
 
-from broker_world import NUMBER, TEXT, Process, Publisher, Subscription, World
+from broker_endpoints import Publisher, Subscription
+from broker_world import NUMBER, TEXT, Process, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 
@@ -118,6 +119,7 @@ class TestQoS:
                 node="/listener",
                 gid=subscription.gid,
                 qos=requested,
+                at_ns=pair.world.now_ns,
             )
         ]
         assert subscription.got(m.Matched) == [
@@ -127,6 +129,7 @@ class TestQoS:
                 node="/a/talker",
                 gid=publisher.gid,
                 qos=offered,
+                at_ns=pair.world.now_ns,
             )
         ]
         assert not publisher.got(m.Incompatible)
@@ -219,7 +222,8 @@ class TestUnmatching:
                 listener._own_node().destroy()
             case "process":
                 listener.die()
-        assert publisher.got(m.Unmatched) == [m.Unmatched(endpoint=publisher.id, other=subscription.id)]
+        gone = m.Unmatched(endpoint=publisher.id, other=subscription.id, lost=how == "process")
+        assert publisher.got(m.Unmatched) == [gone]
         publisher.publish("unheard")
         assert subscription.payloads == []
 

@@ -2,7 +2,9 @@
 
 import pytest
 
-from broker_world import SECOND, Line, Process, Publisher, World
+from broker_endpoints import Publisher
+from broker_line import Line
+from broker_world import SECOND, Process, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from bus.wire.layout import MAX_COUNT

@@ -1,40 +1,43 @@
-"""busd's socket route: std_msgs/String from a publisher's process over busd to a subscriber's process."""
+"""busd with std_msgs/String, by the route that the environment asks for."""
 
 import asyncio
 import sys
 from time import monotonic_ns
-
-import msgspec
+from typing import Any
 
 import bus
-from benchmarks.work import TOPIC, Work, arrivals, pace, text_of
+from benchmarks.adapters.roles import Stamps
+from benchmarks.work import TOPIC, Work, pace, text_of
 from benchmarks.worker import Parent, options, run
 from bus.msg.std_msgs import String
 
-_LOSSLESS = bus.QoSProfile(history="keep_all")
-_PACED = bus.QoSProfile(depth=1000)
-"""A second of messages: a process that the scheduler forgets for a while loses none."""
+
+def _qos(work: Work) -> bus.QoSProfile:
+    if not work.rate:
+        return bus.QoSProfile(history="keep_all")
+    # So many that a process which the scheduler forgets for a while loses none.
+    return bus.QoSProfile(depth=1000 if work.size < 1 << 16 else 16)
 
 
 async def publisher(parent: Parent) -> None:
     work: Work = options(Work)
     async with bus.Node("bench_publisher") as node:
-        pub = await node.create_publisher(String, TOPIC, _PACED if work.rate else _LOSSLESS)
+        pub = await node.create_publisher(String, TOPIC, _qos(work))
         await pub.wait_for_subscriptions()
-        parent.tell("ready")
+        parent.tell("ready", route=pub.matches[0].route)
         if work.rate:
             await parent.wait_for("go")
             await pace(lambda text: pub.publish(String(data=text)), work)
             await pub.flush()
-            return
-        flood = _flood_by_send if work.publish_by == "send" else _flood_by_publish
-        text = text_of(work.size)
-        await parent.wait_for("warm_up")
-        await flood(pub, text, work.warm_up)
-        await parent.wait_for("go")
-        begin_ns = monotonic_ns()
-        await flood(pub, text, work.count)
-        parent.tell("sent", begin_ns=begin_ns)
+        else:
+            flood = _flood_by_send if work.publish_by == "send" else _flood_by_publish
+            text = text_of(work.size)
+            await parent.wait_for("warm_up")
+            await flood(pub, text, work.warm_up)
+            await parent.wait_for("go")
+            begin_ns = monotonic_ns()
+            await flood(pub, text, work.count)
+            parent.tell("sent", begin_ns=begin_ns)
         await asyncio.Event().wait()
 
 
@@ -57,6 +60,7 @@ async def subscriber(parent: Parent) -> None:
             await _take_paced(parent, node, work)
         else:
             await _take_flood(parent, node, work)
+        await asyncio.Event().wait()
 
 
 async def _take_flood(parent: Parent, node: bus.Node, work: Work) -> None:
@@ -69,7 +73,7 @@ async def _take_flood(parent: Parent, node: bus.Node, work: Work) -> None:
             reached.set()
 
     by_callback = work.take_by == "callback"
-    sub = await node.create_subscription(String, TOPIC, _LOSSLESS, count if by_callback else None)
+    sub = await node.create_subscription(String, TOPIC, _qos(work), count if by_callback else None)
     parent.tell("ready")
     for event, number in (("warm", work.warm_up), ("received", work.count)):
         left = number
@@ -84,33 +88,33 @@ async def _take_flood(parent: Parent, node: bus.Node, work: Work) -> None:
         end_ns = monotonic_ns()
         totals = sub.statistics()
         parent.tell(event, end_ns=end_ns, count=totals.delivered, dropped=totals.dropped)
-    await asyncio.Event().wait()
+
+
+def fail(lost: bus.MessageLost) -> None:
+    """End this program where messages that should all come do not."""
+    raise RuntimeError(f"lost: {lost.reasons}")
 
 
 async def _take_paced(parent: Parent, node: bus.Node, work: Work) -> None:
-    total = work.warm_up + work.count
-    arrived_ns: list[int] = []
-    texts: list[str] = []
-    complete = asyncio.Event()
+    stamps, complete = Stamps(work), asyncio.Event()
 
     def note(message: String) -> None:
-        arrived_ns.append(monotonic_ns())
-        texts.append(message.data)
-        if len(texts) == total:
+        if stamps.note(message.data):
             complete.set()
 
-    by_callback = work.take_by == "callback"
-    sub = await node.create_subscription(String, TOPIC, _PACED, note if by_callback else None)
-    parent.tell("ready")
-    if by_callback:
+    ways: Any = {"busy_poll": work.busy_poll_s, "events": bus.SubscriptionEvents(message_lost=fail)}
+    if work.take_by == "callback":
+        await node.create_subscription(String, TOPIC, _qos(work), note, **ways)
+        parent.tell("ready")
         await complete.wait()
     else:
+        sub = await node.create_subscription(String, TOPIC, _qos(work), **ways)
+        parent.tell("ready")
         async for message in sub:
             note(message)
-            if len(texts) == total:
+            if complete.is_set():
                 break
-    parent.tell("received", **msgspec.to_builtins(arrivals(texts, arrived_ns, work)))
-    await asyncio.Event().wait()
+    await stamps.report(parent)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,120 @@
+"""busd with a message that is one field of bytes: copied in and out, or loaned and viewed.
+
+`publish_by` "loan": the publisher fills a place in its ring, once. `take_by` "views": the subscriber reads
+it there. Of what comes only the head is looked at, as a program would that hands the rest on.
+"""
+
+import asyncio
+import sys
+from time import monotonic_ns
+
+import msgspec
+
+import bus
+from benchmarks.adapters.bus_string import fail
+from benchmarks.adapters.roles import Stamps
+from benchmarks.work import HEAD, TOPIC, Work, pace, text_of
+from benchmarks.worker import Parent, options, run
+
+_LOSSLESS = bus.QoSProfile(history="keep_all")
+_PACED = bus.QoSProfile(depth=16)
+
+
+class Frame(msgspec.Struct):
+    """As a camera's, without a header."""
+
+    data: bytes = b""
+
+
+class Feeder:
+    """Publishes frames of one size, each filled by one copy of the same bytes."""
+
+    def __init__(self, pub: bus.Publisher[Frame], work: Work) -> None:
+        self._pub = pub
+        self._body = text_of(work.size).encode()
+        self.feed = self._by_loan if work.publish_by == "loan" else self._by_copy
+
+    def _by_copy(self, head: bytes) -> bool:
+        data = b"".join((head, self._body[len(head) :])) if head else self._body
+        return self._pub.publish(Frame(data=data))
+
+    def _by_loan(self, head: bytes) -> bool:
+        loan = self._pub.loan(Frame(), "data", len(self._body))
+        if loan is None:
+            return False
+        buffer = loan.buffer
+        buffer[:] = self._body
+        buffer[: len(head)] = head
+        return loan.publish()
+
+    async def flood(self, count: int) -> None:
+        """So many frames. Where there is no room, one more is sent by copy, which waits until there is."""
+        feed = self.feed
+        for _ in range(count):
+            if not feed(b""):
+                await self._pub.send(Frame(data=self._body))
+
+
+async def publisher(parent: Parent) -> None:
+    work: Work = options(Work)
+    async with bus.Node("bench_publisher") as node:
+        pub = await node.create_publisher(Frame, TOPIC, _PACED if work.rate else _LOSSLESS)
+        feeder = Feeder(pub, work)
+        await pub.wait_for_subscriptions()
+        parent.tell("ready", route=pub.matches[0].route)
+        if work.rate:
+            await parent.wait_for("go")
+            heads = msgspec.structs.replace(work, size=HEAD)
+            await pace(lambda head: feeder.feed(head.encode()), heads)
+            await pub.flush()
+        else:
+            await parent.wait_for("warm_up")
+            await feeder.flood(work.warm_up)
+            await parent.wait_for("go")
+            begin_ns = monotonic_ns()
+            await feeder.flood(work.count)
+            parent.tell("sent", begin_ns=begin_ns)
+        await asyncio.Event().wait()
+
+
+async def subscriber(parent: Parent) -> None:
+    work: Work = options(Work)
+    stamps, reached = Stamps(work), asyncio.Event()
+    left = work.warm_up
+
+    def note(message: Frame) -> None:
+        if stamps.note(bytes(message.data[:HEAD])):
+            reached.set()
+
+    def count(message: Frame) -> None:
+        nonlocal left
+        left -= message.data[0] > 0
+        if not left:
+            reached.set()
+
+    async with bus.Node("bench_subscriber") as node:
+        sub = await node.create_subscription(
+            Frame,
+            TOPIC,
+            _PACED if work.rate else _LOSSLESS,
+            note if work.rate else count,
+            events=bus.SubscriptionEvents(message_lost=fail),
+            views=work.take_by == "views",
+        )
+        parent.tell("ready")
+        if work.rate:
+            await reached.wait()
+            await stamps.report(parent)
+        else:
+            for event, number in (("warm", work.count), ("received", 0)):
+                await reached.wait()
+                reached.clear()
+                end_ns = monotonic_ns()
+                left += number
+                totals = sub.statistics()
+                parent.tell(event, end_ns=end_ns, count=totals.delivered, dropped=totals.dropped)
+        await asyncio.Event().wait()
+
+
+if __name__ == "__main__":
+    run({"publisher": publisher, "subscriber": subscriber}[sys.argv[1]])

@@ -1,0 +1,115 @@
+"""Messages with a long field of bytes: encoded around it, decoded without copying it.
+
+An image is copied once into the ring, and not at all where its reader wants a view. Owns how such a field is
+found in an encoding; knows neither topics nor routes.
+"""
+
+import os
+from collections.abc import Callable
+from copy import copy
+from functools import cache
+from struct import pack
+from typing import Any, TypeVar, cast
+
+import msgspec
+from msgspec import inspect
+
+from bus.errors import MessageTypeError
+
+M = TypeVar("M", bound=msgspec.Struct)
+
+LONG_BYTES = 64 << 10
+"""From this length on, a field is worth being left where it is."""
+
+# Stands for the field while the rest is encoded. Random, so that no message contains it.
+_MARK = os.urandom(24)
+_RAW_MARK = msgspec.Raw(_MARK)
+
+
+def bytes_fields(cls: type[msgspec.Struct]) -> tuple[str, ...]:
+    """Names of the fields of `cls` that are bytes."""
+    names: tuple[str, ...] = _bytes_fields(cast(Any, cls))
+    return names
+
+
+@cache
+def _bytes_fields(cls: Any) -> tuple[str, ...]:
+    info = inspect.type_info(cls)
+    assert isinstance(info, inspect.StructType)
+    return tuple(field.name for field in info.fields if isinstance(_bare(field.type), inspect.BytesType))
+
+
+def long_field(message: msgspec.Struct, names: tuple[str, ...]) -> tuple[str, memoryview] | None:
+    """The first of these fields that is long, as bytes; None where none is.
+
+    Whatever has a contiguous buffer of bytes counts, as an array of numpy has.
+    """
+    for name in names:
+        value = getattr(message, name, None)
+        if value.__class__ is bytes:
+            if len(value) >= LONG_BYTES:
+                return name, memoryview(value)
+            continue
+        try:
+            view = memoryview(cast(Any, value))
+        except TypeError:
+            continue
+        is_bytes = view.format == "B" or value.__class__ is memoryview
+        if view.nbytes >= LONG_BYTES and view.c_contiguous and is_bytes:
+            return name, view.cast("B")
+    return None
+
+
+def with_field(message: M, name: str, value: Any) -> M:
+    """A copy of `message` with `value` as field `name`. Its class has no say: it has seen the message."""
+    changed = copy(message)
+    msgspec.structs.force_setattr(changed, name, value)
+    return changed
+
+
+def encode_around(message: M, name: str, size: int, encode: Callable[[M], bytes]) -> tuple[bytes, bytes]:
+    """The encoding of `message` with `size` bytes as field `name`: what comes before these, and after."""
+    encoded = encode(with_field(message, name, _RAW_MARK))
+    before, _, after = encoded.partition(_MARK)
+    return before + pack(">BI", 0xC6, size), after  # MessagePack's bin 32
+
+
+def check_field(cls: type[msgspec.Struct], name: str) -> None:
+    """Raises MessageTypeError where `name` is no field of bytes."""
+    names = bytes_fields(cls)
+    if name not in names:
+        known = f"it has {', '.join(names)}" if names else "it has none"
+        raise MessageTypeError(f"{cls.__qualname__} has no field of bytes called {name!r}; {known}")
+
+
+def view_type(cls: type[M]) -> type[M]:
+    """A subclass of `cls` whose fields of bytes are read-only views into what was decoded, at any depth."""
+    return cast(type[M], _view_type(cls))
+
+
+@cache
+def _view_type(cls: Any) -> Any:
+    info = inspect.type_info(cls)
+    assert isinstance(info, inspect.StructType)
+    changed: dict[str, Any] = {}
+    defaults: dict[str, Any] = {}
+    for field in info.fields:
+        bare = _bare(field.type)
+        if isinstance(bare, inspect.BytesType):
+            changed[field.name] = memoryview
+            defaults[field.name] = msgspec.field(default=b"", name=field.encode_name)
+        elif isinstance(bare, inspect.StructType) and (inner := _view_type(bare.cls)) is not bare.cls:
+            changed[field.name] = inner
+            given = {} if field.required else {"default_factory": inner}
+            defaults[field.name] = msgspec.field(name=field.encode_name, **given)
+    if not changed:
+        return cls
+    namespace = {"__annotations__": changed, "__module__": cls.__module__, "__qualname__": cls.__qualname__}
+    return type(cls)(cls.__name__, (cls,), namespace | defaults, kw_only=True)
+
+
+def _bare(kind: inspect.Type) -> inspect.Type:
+    """`kind` without what is annotated."""
+    while isinstance(kind, inspect.Metadata):
+        kind = kind.type
+    return kind

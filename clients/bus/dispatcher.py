@@ -1,0 +1,131 @@
+"""Calls a subscription's callback for what waits in its inbox: in turns, so that others have theirs.
+
+Calls of one subscription never overlap. Does not know where messages come from.
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from time import monotonic_ns
+from typing import Any, Generic, TypeVar
+
+from bus.callbacks import is_async, takes_info
+from bus.errors import ConnectionClosed
+from bus.inbox import Inbox, Taken
+
+M = TypeVar("M")
+
+_TURN_NS = 5_000_000
+_MOST_IN_A_TURN = 64
+
+
+class Dispatcher(Generic[M]):
+    """`make_info` gives a callback of two arguments its second; `receive` waits for the next message.
+
+    `on_error` is told of what the callback raises.
+    """
+
+    def __init__(
+        self,
+        callback: Callable[..., Any],
+        inbox: Inbox[M],
+        *,
+        make_info: Callable[[Taken[M]], Any],
+        receive: Callable[[], Awaitable[tuple[M, Any]]],
+        on_error: Callable[[BaseException], None],
+        name: str,
+    ) -> None:
+        self._callback = callback
+        self._inbox = inbox
+        self._make_info = make_info
+        self._receive = receive
+        self._on_error = on_error
+        self._wants_info = takes_info(callback)
+        self._loop = asyncio.get_running_loop()
+        self._has_ended = False
+        self._is_dispatching = False
+        self._is_scheduled = False
+        self._task: asyncio.Task[None] | None = None
+        if is_async(callback):
+            self._task = asyncio.create_task(self._run(), name=f"callback of {name}")
+
+    @property
+    def is_async(self) -> bool:
+        """Then it takes messages itself, by `receive`."""
+        return self._task is not None
+
+    def end(self) -> None:
+        """Call back no more."""
+        self._has_ended = True
+        if self._task is not None and self._task is not asyncio.current_task():
+            self._task.cancel()
+
+    def dispatch(self) -> None:
+        """Call back for what waits."""
+        if self._is_dispatching or self._is_scheduled:
+            return
+        self._is_dispatching = True
+        callback, inbox, wants_info = self._callback, self._inbox, self._wants_info
+        calls, number, end_ns = 0, 1, 0
+        try:
+            while not self._has_ended:
+                if not wants_info and (messages := inbox.take_messages(number)):
+                    calls += len(messages)
+                    if len(messages) == 1:
+                        callback(messages[0])
+                    else:
+                        self._call_with(messages)
+                elif (taken := inbox.take(number)) is None:
+                    return
+                else:
+                    calls += 1
+                    if wants_info:
+                        callback(taken[0], self._make_info(taken))
+                    else:
+                        callback(taken[0])
+                if calls < number:
+                    continue
+                if not inbox.has_more:
+                    return
+                now_ns = monotonic_ns()
+                if end_ns == 0:
+                    calls, end_ns = 0, now_ns + _TURN_NS  # not before the first call, which is waited for
+                    continue
+                if now_ns > end_ns:
+                    # Let timers and sockets have their turn: a slow callback must not see stale messages.
+                    # Until then nobody else dispatches, or the turns would add up.
+                    self._is_scheduled = True
+                    self._loop.call_soon(self._dispatch_on)
+                    return
+                # A callback that proves fast gets more at a time, which saves looking at the clock.
+                calls, number = 0, min(2 * number, _MOST_IN_A_TURN)
+        except Exception as error:
+            self._on_error(error)
+        finally:
+            self._is_dispatching = False
+
+    def _call_with(self, messages: list[M]) -> None:
+        """Call back for each message; those that an exception leaves over wait to be taken again."""
+        callback, left = self._callback, iter(messages)
+        try:
+            for message in left:
+                callback(message)
+                if self._has_ended:
+                    break
+        finally:
+            self._inbox.put_back(list(left))
+
+    def _dispatch_on(self) -> None:
+        self._is_scheduled = False
+        self.dispatch()
+
+    async def _run(self) -> None:
+        callback = self._callback
+        while True:
+            try:
+                message, info = await self._receive()
+            except ConnectionClosed:
+                return
+            try:
+                await (callback(message, info) if self._wants_info else callback(message))
+            except Exception as error:
+                self._on_error(error)

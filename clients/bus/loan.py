@@ -1,0 +1,50 @@
+"""A place for a long field of a message, filled where it will be read."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from types import TracebackType
+
+from bus.errors import LocalProtocolError
+
+
+class Loan:
+    """Made by `Publisher.loan`. Fill `buffer`, then `publish`, or `discard`.
+
+    As a context manager it gives the buffer, publishes at the end and discards after an exception.
+    """
+
+    def __init__(self, buffer: memoryview, finish: Callable[[bool], bool]) -> None:
+        self.buffer = buffer
+        """Writable bytes; not to be used after the loan has ended."""
+        self._finish: Callable[[bool], bool] | None = finish
+
+    def publish(self) -> bool:
+        """Publish the message with what is in the buffer; as `Publisher.publish`."""
+        return self._end(True)
+
+    def discard(self) -> None:
+        """Publish nothing. Nothing happens where the loan has ended."""
+        if self._finish is not None:
+            self._end(False)
+
+    def __enter__(self) -> memoryview:
+        return self.buffer
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.publish()
+        else:
+            self.discard()
+
+    def __del__(self) -> None:
+        self.discard()
+
+    def _end(self, is_wanted: bool) -> bool:
+        finish, self._finish = self._finish, None
+        if finish is None:
+            raise LocalProtocolError("the loan has ended already")
+        with suppress(BufferError):  # an array is still there that was made of it
+            self.buffer.release()
+        return finish(is_wanted)

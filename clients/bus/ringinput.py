@@ -1,0 +1,224 @@
+"""The rings that one subscription reads: attaching, going on in a larger one, leaving.
+
+Owns the slots that its matches have. What is taken, and what is lost on the way, the native reader does and
+counts; `bus.inbox` takes from it.
+"""
+
+import asyncio
+from time import monotonic_ns
+
+from bus.declarations import Endpoint
+from bus.descriptor import Descriptor
+from bus.inbox import Source
+from bus.link import RETURN_S, Link
+from bus.qos import Durability, History, QoSProfile
+from bus.sharing import Sharing
+from bus.shm import core, segments
+from bus.wire import messages as m
+
+_ALL = 1 << 60
+_MOST_REMEMBERED = 1024
+_MISSING = "the descriptors did not arrive; are the limits reached?"
+
+
+class _Ring:
+    """One publisher's."""
+
+    __slots__ = ("descriptor", "doorbell", "is_finishing", "is_stale", "slot", "source")
+
+    def __init__(
+        self, source: Source, slot: int, descriptor: Descriptor, doorbell: Descriptor | None
+    ) -> None:
+        self.source = source
+        self.slot = slot
+        self.descriptor = descriptor
+        self.doorbell = doorbell
+        self.is_finishing = False  # its publisher has gone; it may come back
+        self.is_stale = False  # an earlier broker made the match, and the present one has not yet
+
+
+class RingInput:
+    """`owner` is the subscription that the link knows, and is given to it when something has come."""
+
+    def __init__(self, link: Link, sharing: Sharing, owner: Endpoint) -> None:
+        qos = owner.qos
+        self._link = link
+        self._sharing = sharing
+        self._owner = owner
+        self._wants_history = qos.durability is Durability.TRANSIENT_LOCAL
+        self._is_lossless = qos.is_lossless
+        self._rings: dict[bytes, _Ring] = {}
+        self._positions: dict[bytes, int] = {}  # the next numbers of publishers whose rings were left
+        self._declared_ns = _ALL
+        self._lost_ns = _ALL  # when the broker was lost
+        self._return: asyncio.TimerHandle | None = None
+        self.reader = core().Reader(sharing.readers, owner, _depth(qos), tells_cursor=self._is_lossless)
+
+    def declared(self) -> None:
+        """A broker knows the subscription now."""
+        self._declared_ns = monotonic_ns()
+        if self._lost_ns != _ALL:
+            self._return = self._link.loop.call_later(RETURN_S, self._finish_stale)
+
+    def take_up(self, matched: m.Matched) -> Source | None:
+        """What is read from since an earlier broker made the match, if it is."""
+        ring = self._rings.get(matched.gid)
+        if ring is not None and (ring.is_finishing or matched.route != "shm"):
+            self.leave(matched.gid)  # another ring, or none: goes on where this one was read up to
+            ring = None
+        if ring is None:
+            return None
+        source = ring.source
+        source.number, source.is_alive, source.lifespan_ns = matched.other, True, matched.qos.lifespan_ns
+        return source
+
+    def attach(
+        self, source: Source, matched: m.Matched, descriptors: tuple[Descriptor, ...], known_seq: int | None
+    ) -> None:
+        """Read the ring of a new match, and tell the publisher; or say why not.
+
+        `known_seq`: what was received from this publisher before, if anything.
+        """
+        try:
+            slot = self._attach(source, matched, descriptors, known_seq)
+        except (OSError, ValueError, MemoryError) as error:
+            self._refuse(source, str(error) or "no memory")
+        else:
+            attach = m.Attach(subscription=self._owner.id, source=source.number, slot=slot)
+            self._link.send_about(self._owner, attach)
+
+    def replace(self, source: Source, descriptors: tuple[Descriptor, ...]) -> None:
+        """The publisher goes on in another ring; or say why that can't be read."""
+        try:
+            if not descriptors:
+                raise OSError(_MISSING)
+            self._replace(source.gid, descriptors[0])
+        except (OSError, ValueError, MemoryError) as error:
+            self._refuse(source, str(error) or "no memory")
+
+    def finish(self, gid: bytes) -> None:
+        """The publisher has gone: what is in its ring may still be taken."""
+        ring = self._rings.get(gid)
+        if ring is not None:
+            ring.is_finishing = True
+            self.reader.finish(ring.source)
+            self.sweep()
+            self._sharing.look_soon()  # a last time: perhaps nobody was rung for what is there
+
+    def leave(self, gid: bytes) -> None:
+        """The match goes another way now; what was read is known by `source.last_seq`."""
+        ring = self._rings.pop(gid, None)
+        if ring is not None:
+            next_seq = self.reader.next_seq(ring.source)
+            if next_seq:  # else the reader has left it by itself
+                ring.source.last_seq = ring.source.known_seq = next_seq - 1
+                self._remember(gid, next_seq)
+            self.reader.detach(ring.source)
+            self._sharing.give_back(ring.slot)
+
+    def sweep(self) -> None:
+        """Give back what belonged to rings that the reader has left by itself."""
+        for source, reason, next_seq in self.reader.pop_left():
+            ring = self._rings.get(source.gid)
+            self._remember(source.gid, next_seq)
+            if ring is not None and ring.source is source:
+                del self._rings[source.gid]
+                self._sharing.give_back(ring.slot)
+                if reason:
+                    self._refuse(source, reason)
+
+    def disconnected(self) -> None:
+        """The broker is gone; the rings are read on."""
+        self._lost_ns = monotonic_ns()
+        self._cancel_return()
+        for ring in self._rings.values():
+            ring.source.last_seq = self.reader.next_seq(ring.source) - 1
+            ring.is_stale = True
+
+    def poll(self, time_s: float) -> None:
+        """Look for the next message without sleeping for so long after each."""
+        self._sharing.poll(self, int(time_s * 1e9))
+
+    def close(self) -> None:
+        """Leave every ring. What was taken and is still held stays readable."""
+        self._cancel_return()
+        self._sharing.poll(self, 0)
+        for gid in tuple(self._rings):
+            self.leave(gid)
+
+    # --- inside
+
+    def _finish_stale(self) -> None:
+        """The broker has been back for a while: what it has not matched again has gone."""
+        self._lost_ns = _ALL
+        for gid, ring in tuple(self._rings.items()):
+            if ring.is_stale:
+                self.finish(gid)
+
+    def _cancel_return(self) -> None:
+        if self._return is not None:
+            self._return.cancel()
+
+    def _attach(
+        self, source: Source, matched: m.Matched, descriptors: tuple[Descriptor, ...], known_seq: int | None
+    ) -> int:
+        """Returns the slot. Raises OSError or ValueError, saying what is wrong."""
+        if len(descriptors) != matched.descriptors:
+            raise OSError(_MISSING)
+        ring, doorbell = descriptors
+        before = self._rings.get(matched.gid)
+        if before is not None:
+            before.is_stale = False
+            if not segments.same_segment(before.descriptor, ring):
+                self._replace(matched.gid, ring)
+            return before.slot
+        memory = segments.map_ring(ring)
+        slot = self._sharing.allot_slot()
+        if slot is None:
+            raise OSError("all slots of this process's readers' segment are in use")
+        history = 0
+        if self._wants_history and matched.qos.durability is Durability.TRANSIENT_LOCAL:
+            history = min(self.reader.depth or _ALL, _depth(matched.qos) or _ALL)
+        known = max(known_seq or 0, self._positions.pop(matched.gid, 1) - 1)
+        # All of a publisher that was made later is for us, also what is lapped by now: that is counted then.
+        is_new = matched.next_seq == 1 and matched.at_ns > self._declared_ns
+        try:
+            keep = self._sharing.writer_doorbell(doorbell) if self._is_lossless else None
+            first_seq = self.reader.attach(
+                source,
+                memory,
+                slot,
+                start=known + 1 if known or is_new else 0,
+                # What the publisher that is new here wrote while the broker was away is for us, too.
+                since_ns=min(matched.at_ns, self._lost_ns),
+                history=history,
+                lifespan_ns=matched.qos.lifespan_ns,
+                doorbell=-1 if keep is None else keep.number,
+            )
+        except BaseException:
+            self._sharing.give_back(slot)
+            raise
+        source.last_seq = first_seq - 1
+        self._rings[matched.gid] = _Ring(source, slot, ring, keep)
+        self._sharing.look_soon()
+        return slot
+
+    def _remember(self, gid: bytes, next_seq: int) -> None:
+        self._positions[gid] = next_seq
+        if len(self._positions) > _MOST_REMEMBERED:
+            del self._positions[next(iter(self._positions))]
+
+    def _replace(self, gid: bytes, descriptor: Descriptor) -> None:
+        ring = self._rings.get(gid)
+        if ring is not None:
+            self.reader.extend(ring.source, segments.map_ring(descriptor))
+            ring.descriptor = descriptor
+            self._sharing.look_soon()
+
+    def _refuse(self, source: Source, text: str) -> None:
+        refusal = m.RefuseRoute(endpoint=self._owner.id, other=source.number, text=text[:1000])
+        self._link.send_about(self._owner, refusal)
+
+
+def _depth(qos: QoSProfile) -> int:
+    return 0 if qos.history is History.KEEP_ALL else qos.depth

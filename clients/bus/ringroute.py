@@ -1,0 +1,360 @@
+"""The way of a publisher's samples through shared memory: its ring, how that grows, and who reads it.
+
+Decides what the ring itself leaves open: when to grow, when to give up depth, whom to wait for. A sample is
+written once, however many read it. On the event loop's thread only.
+"""
+
+import asyncio
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
+from itertools import count
+
+from bus.bulk import bytes_fields
+from bus.declarations import Endpoint
+from bus.descriptor import Descriptor
+from bus.errors import PayloadTooLarge, SharedMemoryError
+from bus.link import RETURN_S, Link
+from bus.logger import Logger, get_logger
+from bus.qos import Durability, History, Liveliness, QoSProfile
+from bus.sharing import ReaderProcess, Sharing
+from bus.shm import core, segments
+from bus.shm.segments import RECORD_HEAD_BYTES
+from bus.wire import messages as m
+from bus.wire.runs import Buffer
+
+FOR_EVER = 1 << 60
+"""A depth without bound."""
+
+_CAPACITY = 64 << 10
+_INDEX = 512
+_LONG_CAPACITY = 1 << 20
+_LONG_CAPACITY_MOST = 8 << 20
+_LONG_INDEX = 8192
+_FEW_RECORDS = 64
+_FORGET_S = 1.0
+
+_log = get_logger("bus")
+_keys = count(1)
+
+
+class _Gate:
+    """One match as the publisher knows it: first only that there will be a reader, then where it tells."""
+
+    __slots__ = ("hold", "is_attached", "is_held", "is_lost", "is_stale", "key", "process", "slot")
+
+    def __init__(self, hold: int, *, is_held: bool) -> None:
+        self.key = next(_keys)
+        self.hold = hold  # until it reads, nothing from here on may be given up
+        self.is_held = is_held  # its subscription is reliable and keeps all
+        self.is_attached = False
+        self.is_stale = False  # an earlier broker made the match, and the present one has not yet
+        self.is_lost = False  # its process may read on, though the broker has lost it
+        self.process: ReaderProcess | None = None
+        self.slot = -1
+
+
+class RingRoute:
+    """Makes the ring of `owner`. Raises OSError where there is no memory or descriptor for it."""
+
+    def __init__(self, link: Link, sharing: Sharing, owner: Endpoint) -> None:
+        qos = owner.qos
+        self._link = link
+        self._sharing = sharing
+        self._owner = owner
+        self._core = core()
+        self._is_lossless = qos.is_lossless
+        keeps_all = qos.history is History.KEEP_ALL
+        self._depth = 1 if keeps_all else qos.depth
+        capacity, index = (_LONG_CAPACITY, _LONG_INDEX) if keeps_all else (_CAPACITY, _INDEX)
+        index = max(index, _power_of_two(min(self._depth, _LONG_INDEX) + 1))  # and more when it is needed
+        self.descriptor, memory = segments.make_ring(capacity, index, 1)
+        self._announced: Descriptor | None = None
+        self.writer = self._core.Writer(memory, self._depth)
+        self.writer.is_noted = False
+        support = owner.support
+        self.writer.prepare(support.cls, support.is_valid, support.encode)
+        # A long field of bytes shall not be encoded with the rest.
+        self.publish = self._step_by_step if bytes_fields(support.cls) else self.writer.publish
+        if keeps_all and qos.durability is Durability.TRANSIENT_LOCAL:
+            self.writer.keep = FOR_EVER
+        self._gates: dict[bytes, _Gate] = {}
+        self._depths: dict[bytes, int] = {}
+        self._left: list[_Gate] = []  # without a match, but messages may still be held
+        self._forget: asyncio.TimerHandle | None = None
+        self._return: asyncio.TimerHandle | None = None
+        self._largest_bytes = 0  # what a ring may grow to for depth's sake, but for a single message
+        self._guard = 0
+        self._set_hold()
+
+    @classmethod
+    def make(cls, link: Link, owner: Endpoint, logger: Logger) -> "RingRoute | None":
+        """None where nothing is shared, or no memory is left; the log says so."""
+        if link.sharing is None:
+            return None
+        try:
+            return cls(link, link.sharing, owner)
+        except OSError as error:
+            logger.warning(f"'{owner.topic_name}' goes by socket: no shared memory: {error.strerror}")
+            return None
+
+    def announce(self) -> Descriptor:
+        """The ring's descriptor, to be sent."""
+        self._announced = self.descriptor
+        return self.descriptor
+
+    # --- samples
+
+    @staticmethod
+    def _step_by_step(message: object) -> bool:
+        return False
+
+    def put(self, parts: Sequence[Buffer], stamp_ns: int) -> bool:
+        """Write a sample, given in parts, whatever that takes; False where lossless readers come first.
+
+        Raises SharedMemoryError where the ring can't be made large enough.
+        """
+        writer, core = self.writer, self._core
+        may_force = False
+        while (status := writer.write_parts(parts, force=may_force, stamp_ns=stamp_ns)) is not True:
+            if status == core.NOTED:
+                break
+            if status == core.FULL:
+                if not self._make_way():
+                    return False
+            else:
+                may_force = self._make_larger(sum(map(len, parts)), status)
+        self._written()
+        return True
+
+    def lend(self, size: int) -> memoryview | None:
+        """A place for a sample, to be filled; None where `put` gives False. Raises SharedMemoryError, too."""
+        may_force = False
+        while True:
+            place: memoryview | int = self.writer.lend(size, force=may_force)
+            if isinstance(place, memoryview):
+                return place
+            if place == self._core.FULL:
+                if not self._make_way():
+                    return None
+            else:
+                may_force = self._make_larger(size, place)
+
+    def publish_lent(self) -> None:
+        self.writer.publish_lent()
+        self._written()
+
+    def _make_larger(self, size: int, status: int) -> bool:
+        """Grow for a message of `size` bytes; returns whether depth must be given up instead."""
+        if size > self.writer.most:  # of a broker that has come meanwhile
+            raise PayloadTooLarge(self._owner.topic_name, size_bytes=size, limit_bytes=self.writer.most)
+        if self._grow(size, must=status != self._core.SHORT):
+            return False
+        if status == self._core.SHORT:
+            return True
+        raise SharedMemoryError(
+            f"no shared memory for a message of {size} bytes on '{self._owner.topic_name}'"
+        )
+
+    def _make_way(self) -> bool:
+        """Something is held by those who have not read it. Returns whether to try again now."""
+        writer = self.writer
+        if self._is_lossless and self._guard != writer.latest and self._link.is_quiet():
+            # Nobody who was matched up to now is unknown to us: what they may read begins later.
+            self._guard = writer.latest
+            self._set_hold()
+            return True
+        if self._is_lossless:
+            # A few long messages fill it: a larger one lets both sides work at the same time.
+            few = writer.latest - writer.oldest < _FEW_RECORDS
+            return few and 2 * writer.capacity <= _LONG_CAPACITY_MOST and self._grow(0, must=False)
+        # Keep last, for subscriptions that keep all: memory instead of time, and where that ends, loss.
+        if self._grow(0, must=False):
+            return True
+        for gate in self._gates.values():
+            writer.make_lossy(gate.key)
+            gate.is_held = False
+        self._set_hold()
+        return True
+
+    def wait_for_room(self, on_room: Callable[[], None]) -> bool:
+        """After `put` gave False: call `on_room` when that may have changed. False: try again after a turn of
+        the loop, in which what the broker said is read."""
+        if not (self._link.is_quiet() and self.writer.wait_for_room()):
+            return False
+
+        def look() -> None:
+            self._sharing.stop_waiting(self)
+            self.writer.woken()
+            on_room()
+
+        self._sharing.wait_for_room(self, look)
+        return True
+
+    # --- who reads
+
+    @property
+    def expected(self) -> int:
+        """Matches whose reader has not yet said where it tells of itself."""
+        return sum(not gate.is_attached for gate in self._gates.values())
+
+    def expect(self, matched: m.Matched) -> None:
+        """A match by this route: hold what its reader is to find, until it says where it tells of itself."""
+        is_held = matched.qos.is_lossless
+        gate = self._gates.get(matched.gid)
+        if gate is None:
+            gate = self._gates[matched.gid] = _Gate(self.writer.seq_since(matched.at_ns), is_held=is_held)
+        gate.is_stale = False
+        self._depths[matched.gid] = matched.qos.depth if matched.qos.history is History.KEEP_LAST else 1
+        self._set_hold()
+
+    def attach(self, gid: bytes, attached: m.Attached, descriptors: tuple[Descriptor, ...]) -> None:
+        """The reader of a match says where it tells of itself.
+
+        Raises OSError or ValueError, saying what is wrong with that.
+        """
+        gate = self._gates.get(gid)
+        if gate is None:
+            return  # the match is gone again
+        if len(descriptors) != attached.descriptors:
+            raise OSError("the descriptors did not arrive; are the limits reached?")
+        segment, doorbell = descriptors
+        process = self._sharing.reader_process(segment, doorbell, attached.pid)
+        if (gate.process, gate.slot) != (process, attached.slot):  # else it has read on, while busd was away
+            for before in self._left:
+                if (before.process, before.slot) == (process, attached.slot):
+                    gate.key = before.key  # it comes back, and may have pins: the same gate goes on
+                    self._left.remove(before)
+                    break
+            self.writer.add_gate(gate.key, process.bell, attached.slot, is_lossless=gate.is_held)
+            gate.process, gate.slot = process, attached.slot
+        gate.is_attached = True
+        self._set_hold()
+
+    def unmatched(self, gid: bytes, *, is_lost: bool = False) -> None:
+        """The match is gone. `is_lost`: but its reader perhaps is not, and may read and pin until it ends."""
+        gate = self._gates.pop(gid, None)
+        self._depths.pop(gid, None)
+        if gate is not None and gate.process is not None:
+            gate.is_lost = is_lost
+            self._left.append(gate)
+            self.writer.make_lossy(gate.key)
+        self._forget_left()
+        self._set_hold()
+
+    def missed(self, qos: QoSProfile, since_ns: int) -> list[tuple[int, int, bytes]]:
+        """Number, stamp and payload of all that a match since then is to get, history included."""
+        own, since = self._owner.qos, self.writer.since
+        samples: list[tuple[int, int, bytes]]
+        if Durability.VOLATILE in (own.durability, qos.durability):
+            samples = since(since_ns)
+            return samples
+        samples = since(0)
+        depth = min((one.depth for one in (own, qos) if one.history is History.KEEP_LAST), default=FOR_EVER)
+        first_new = bisect_left(samples, since_ns, key=lambda sample: sample[1])
+        return samples[max(0, first_new - depth) :]
+
+    def disconnected(self) -> None:
+        """The broker is gone. Who reads goes on reading, and is matched again by the next one."""
+        if self._return is not None:
+            self._return.cancel()
+        for gate in self._gates.values():
+            gate.is_stale = True
+
+    def declared(self, answer: m.Created) -> None:
+        """A broker knows the publisher now; who does not come back to it within a while has gone."""
+        self._depth = answer.depth or 1
+        self._largest_bytes = answer.ring_bytes
+        self.writer.most = answer.max_message_bytes
+        if self._announced is not self.descriptor:  # it grew before the broker knew the publisher
+            self._link.send_about(self._owner, m.ReplaceRing(publisher=self._owner.id), (self.announce(),))
+        self._set_hold()
+        if self._gates:
+            self._return = self._link.loop.call_later(RETURN_S, self._drop_stale)
+
+    def let_the_dead_go(self) -> bool:
+        """Wait no more for processes that have ended, where no broker says so; whether there were any."""
+        gone = [
+            gid
+            for gid, gate in self._gates.items()
+            if gate.is_stale and gate.process is not None and not gate.process.is_alive()
+        ]
+        for gid in gone:
+            self.unmatched(gid)
+        return bool(gone)
+
+    def close(self) -> None:
+        """Let go of the ring; those who read it read it to its end."""
+        self._gates.clear()
+        self._left.clear()
+        self._sharing.stop_waiting(self)
+        for timer in (self._return, self._forget):
+            if timer is not None:
+                timer.cancel()
+
+    # --- inside
+
+    def _written(self) -> None:
+        self._link.report(self._owner)
+        if self._owner.qos.liveliness is Liveliness.MANUAL_BY_TOPIC:  # the broker does not see it
+            self._link.send_about(self._owner, m.AssertLiveliness(publisher=self._owner.id))
+
+    def _drop_stale(self) -> None:
+        for gid, gate in tuple(self._gates.items()):
+            if gate.is_stale and self._owner.id:
+                self.unmatched(gid, is_lost=True)
+
+    def _forget_left(self) -> None:
+        """Drop the gates that hold nothing any more; a process that has ended holds nothing."""
+        for gate in tuple(self._left):
+            assert gate.process is not None
+            holds = gate.is_lost or self.writer.has_pins(gate.key)
+            if not holds or not gate.process.is_alive():
+                self.writer.remove_gate(gate.key)
+                self._left.remove(gate)
+        if self._forget is not None:
+            self._forget.cancel()
+        self._forget = None
+        if self._left:
+            self._forget = self._link.loop.call_later(_FORGET_S, self._forget_left)
+
+    def _set_hold(self) -> None:
+        holds = [gate.hold for gate in self._gates.values() if gate.is_held and not gate.is_attached]
+        if self._is_lossless:
+            holds.append(self._guard + 1)
+        self.writer.hold = min(holds, default=0)
+        if self.writer.keep != FOR_EVER:
+            self.writer.keep = max(self._depth, *self._depths.values(), 1)
+
+    def _grow(self, size: int, *, must: bool) -> bool:
+        """Go on in a larger ring, with room for a message of `size` bytes; returns whether there is one.
+
+        `must`: also beyond the limit, which is for depth.
+        """
+        writer = self.writer
+        need = _power_of_two(4 * (size + RECORD_HEAD_BYTES))
+        capacity = max(2 * writer.capacity, need)
+        if capacity > self._largest_bytes and not must:
+            return False
+        self._forget_left()
+        index = max(capacity >> 7, writer.index_length)
+        if writer.keep != FOR_EVER:
+            index = max(index, _power_of_two(writer.keep + 1))
+        try:
+            descriptor, memory = segments.make_ring(capacity, index, writer.carry_from(FOR_EVER))
+            writer.move(memory)
+        except (OSError, ValueError) as error:
+            _log.warning(
+                f"the ring of '{self._owner.topic_name}' can't grow to {capacity >> 10} KiB: {error}",
+                throttle_duration_sec=5.0,
+            )
+            return False
+        self.descriptor = descriptor
+        self._sharing.wake_waiting(self)
+        if self._owner.id:
+            self._link.send_about(self._owner, m.ReplaceRing(publisher=self._owner.id), (self.announce(),))
+        return True
+
+
+def _power_of_two(number: int) -> int:
+    """The smallest that is not less than `number`."""
+    return 1 << (number - 1).bit_length()

@@ -1,0 +1,186 @@
+/* The module bus.shm._core: its types, constants and functions, and what all parts of it use. */
+#include "core.h"
+
+#include <sys/eventfd.h>
+#include <time.h>
+#include <unistd.h>
+
+unsigned core_forks;
+
+static struct PyModuleDef core_module;
+
+uint64_t core_now_ns(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+}
+
+/* Nothing to do where it fails: full means that it is rung, and a descriptor that is none is its owner's loss. */
+void core_knock(int doorbell)
+{
+    const uint64_t one = 1;
+    const ssize_t written = write(doorbell, &one, sizeof one);
+    (void)written;
+}
+
+/* None of the types can be derived from, so an object's type is the one that the module made. */
+CoreState *core_state(PyObject *object) { return PyType_GetModuleState(Py_TYPE(object)); }
+
+void *core_allocate(PyTypeObject *type)
+{
+    const allocfunc allocate = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
+    return allocate(type, 0); /* zeroed */
+}
+
+void core_free(void *object)
+{
+    PyTypeObject *type = Py_TYPE((PyObject *)object);
+    const freefunc release = (freefunc)PyType_GetSlot(type, Py_tp_free);
+    release(object);
+    DROP(type);
+}
+
+/* A converter for the "O&" of PyArg_ParseTuple: "K" would take a negative number for a huge one. */
+int core_as_u64(PyObject *value, void *number)
+{
+    const unsigned long long word = PyLong_AsUnsignedLongLong(value);
+    if (word == (unsigned long long)-1 && PyErr_Occurred())
+        return 0;
+    *(uint64_t *)number = word;
+    return 1;
+}
+
+/* Puts the arguments of a fast call into `values` in the order of `names` (NULL-terminated); borrowed, and NULL
+ * where one was not given. The first `positional` may be given by position. */
+int core_arguments(const char *const *names, PyObject *const *args, Py_ssize_t count, PyObject *kwnames,
+                   Py_ssize_t positional, PyObject **values)
+{
+    if (count > positional) {
+        PyErr_Format(PyExc_TypeError, "at most %zd positional arguments, not %zd", positional, count);
+        return -1;
+    }
+    for (Py_ssize_t i = 0; names[i] != NULL; i++)
+        values[i] = i < count ? args[i] : NULL;
+    const Py_ssize_t named = kwnames == NULL ? 0 : PyTuple_Size(kwnames);
+    for (Py_ssize_t i = 0; i < named; i++) {
+        PyObject *name = PyTuple_GetItem(kwnames, i);
+        Py_ssize_t at = 0;
+        while (names[at] != NULL && PyUnicode_CompareWithASCIIString(name, names[at]) != 0)
+            at++;
+        if (names[at] == NULL || values[at] != NULL) {
+            PyErr_Format(PyExc_TypeError, "unexpected argument %R", name);
+            return -1;
+        }
+        values[at] = args[count + i];
+    }
+    return 0;
+}
+
+static PyObject *core_ring_bytes(PyObject *module, PyObject *args, PyObject *kwargs)
+{
+    static char *names[] = {"capacity", "index_length", NULL};
+    uint64_t capacity, index_length;
+    (void)module;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "O&O&", names, core_as_u64, &capacity, core_as_u64, &index_length))
+        return NULL;
+    return PyLong_FromUnsignedLongLong(ring_segment_bytes(capacity, index_length));
+}
+
+static PyObject *core_readers_bytes(PyObject *module, PyObject *argument)
+{
+    uint64_t slot_count;
+    (void)module;
+    if (!core_as_u64(argument, &slot_count))
+        return NULL;
+    return PyLong_FromUnsignedLongLong(readers_segment_bytes(slot_count));
+}
+
+static PyObject *core_forget_pins(PyObject *module, PyObject *Py_UNUSED(none))
+{
+    (void)module;
+    core_forks++;
+    Py_RETURN_NONE;
+}
+
+static int add_type(PyObject *module, PyType_Spec *spec, PyTypeObject **kept, bool is_public)
+{
+    PyObject *type = PyType_FromModuleAndSpec(module, spec, NULL);
+    if (type == NULL)
+        return -1;
+    const int status = is_public ? PyModule_AddType(module, (PyTypeObject *)type) : 0;
+    if (kept != NULL)
+        *kept = (PyTypeObject *)type;
+    else
+        Py_DECREF(type);
+    return status;
+}
+
+static int core_exec(PyObject *module)
+{
+    CoreState *state = PyModule_GetState(module);
+    if (add_type(module, &mapping_spec, &state->mapping, true) < 0
+        || add_type(module, &bell_spec, &state->bell, true) < 0
+        || add_type(module, &readers_spec, &state->readers, true) < 0
+        || add_type(module, &view_spec, &state->view, false) < 0
+        || add_type(module, &loan_spec, &state->loan, false) < 0
+        || add_type(module, &writer_spec, NULL, true) < 0
+        || add_type(module, &reader_spec, NULL, true) < 0)
+        return -1;
+    static const struct {
+        const char *name;
+        long number;
+    } numbers[] = {{"NOTED", NOTED},   {"FULL", FULL},           {"SHORT", SHORT},
+                   {"PINNED", PINNED}, {"TOO_LARGE", TOO_LARGE}, {"FOREIGN", FOREIGN}};
+    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
+        if (PyModule_AddIntConstant(module, numbers[i].name, numbers[i].number) < 0)
+            return -1;
+    return 0;
+}
+
+static int core_traverse(PyObject *module, visitproc visit, void *arg)
+{
+    const CoreState *state = PyModule_GetState(module);
+    Py_VISIT(state->mapping);
+    Py_VISIT(state->bell);
+    Py_VISIT(state->readers);
+    Py_VISIT(state->view);
+    Py_VISIT(state->loan);
+    return 0;
+}
+
+static int core_clear(PyObject *module)
+{
+    CoreState *state = PyModule_GetState(module);
+    Py_CLEAR(state->mapping);
+    Py_CLEAR(state->bell);
+    Py_CLEAR(state->readers);
+    Py_CLEAR(state->view);
+    Py_CLEAR(state->loan);
+    return 0;
+}
+
+static void core_release(void *module) { core_clear(module); }
+
+static PyMethodDef functions[] = {
+    {"ring_bytes", (PyCFunction)(void (*)(void))core_ring_bytes, KEYWORDS, NULL},
+    {"readers_bytes", core_readers_bytes, METH_O, NULL},
+    {"forget_pins", core_forget_pins, METH_NOARGS, NULL},
+    {0},
+};
+
+static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)core_exec}, {0}};
+
+static struct PyModuleDef core_module = {
+    PyModuleDef_HEAD_INIT,
+    .m_name = "bus.shm._core",
+    .m_doc = "The native core: whole operations on mapped segments. _core.pyi says what they do.",
+    .m_size = sizeof(CoreState),
+    .m_methods = functions,
+    .m_slots = slots,
+    .m_traverse = core_traverse,
+    .m_clear = core_clear,
+    .m_free = core_release,
+};
+
+PyMODINIT_FUNC PyInit__core(void) { return PyModuleDef_Init(&core_module); }

@@ -1,0 +1,206 @@
+"""The native core: whole operations on mapped segments. See docs/ring.md; the algorithm is in the headers."""
+
+import builtins
+from collections.abc import Callable, Sequence
+from typing import Any, Final, Literal, TypeAlias, TypeVar
+
+M = TypeVar("M")
+Buffer: TypeAlias = Any
+Bytes: TypeAlias = bytes
+
+NOTED: Final = 2
+"""Written, and it was the first since `is_noted` was set to False."""
+FULL: Final = 3
+"""Not written: a lossless reader, or `hold`, has not passed what would be overwritten."""
+SHORT: Final = 4
+"""Not written: fewer than the newest `keep` records would be left."""
+PINNED: Final = 5
+"""Not written: pinned records leave no room."""
+TOO_LARGE: Final = 6
+"""Not written: more than `max_payload` or `most`."""
+FOREIGN: Final = 7
+"""Not written: called on another thread than the one that made the writer."""
+
+def ring_bytes(capacity: int, index_length: int) -> int:
+    """Bytes of a ring's segment; 0 where a size is no power of two or out of bounds."""
+
+def readers_bytes(slot_count: int) -> int: ...
+
+class Mapping:
+    """`size` bytes of a descriptor, mapped; unmapped when the last that uses it is gone. Raises OSError."""
+
+    size: int
+    def __init__(self, descriptor: int, size: int, *, writable: bool = False) -> None: ...
+    def format_ring(self, capacity: int, index_length: int, first_seq: int) -> None:
+        """Lay an empty ring into a new, zeroed segment. Raises ValueError for sizes out of bounds."""
+    def format_readers(self, slot_count: int) -> None: ...
+
+class Bell:
+    """A foreign process's readers' segment and doorbell, as those who wake it know them.
+
+    Raises ValueError, saying what is wrong, where `memory` is no readers' segment. The caller keeps
+    `doorbell` open.
+    """
+
+    slot_count: int
+    def __init__(self, memory: Mapping, doorbell: int) -> None: ...
+
+class Writer:
+    """A publisher's end of its ring. Only for the thread that made it; `memory` is its own, formatted."""
+
+    capacity: int
+    index_length: int
+    max_payload: int
+    latest: int
+    oldest: int
+    samples: int
+    """Published by this writer, in all its rings."""
+    bytes: int
+    rung: int
+    """Doorbells rung."""
+    keep: int
+    """Newest records that must stay. May be set."""
+    hold: int
+    """Nothing from this seq on may be given up, as for a lossless reader there; 0: no matter. May be set."""
+    most: int
+    """Largest payload that may be published, whatever the ring holds: beyond, TOO_LARGE. May be set;
+    1 << 62 at first."""
+    is_noted: bool
+    """May be set to False: then the next write returns NOTED once."""
+
+    def __init__(self, memory: Mapping, keep: int) -> None: ...
+    def write(self, payload: Buffer, /) -> Literal[True] | int:
+        """Stamp `payload`, publish it and ring who sleeps. True, or one of the numbers above."""
+    def prepare(
+        self, kind: type, is_valid: Callable[[Any], bool], encode: Callable[[Any], builtins.bytes]
+    ) -> None:
+        """What `publish` is to publish. Raises ValueError the second time."""
+    def publish(self, message: Any, /) -> bool | int:
+        """Check, encode and `write` a message. False: it is none of that kind, not surely valid, or can't be
+        encoded. Else as `write`."""
+    def write_parts(
+        self, parts: Sequence[Buffer], /, *, force: bool = False, stamp_ns: int = 0
+    ) -> Literal[True] | int:
+        """As `write`, one record of the parts back to back. `force` gives up depth instead of SHORT."""
+    def lend(self, size: int, *, force: bool = False) -> memoryview | int:
+        """A place for a payload of `size` bytes, to be filled and published; or why there is none.
+
+        Another write takes it back: then `publish_lent` says so.
+        """
+    def publish_lent(self) -> Literal[True] | int:
+        """Publish what was lent. Raises ValueError where nothing is lent any more."""
+    def since(self, stamp_ns: int) -> list[tuple[int, int, Bytes]]:
+        """The newest records stamped at or after `stamp_ns`, oldest first: seq, stamp, payload."""
+    def seq_since(self, stamp_ns: int) -> int:
+        """The number of the first record that `since` gives; latest + 1 where it gives none."""
+
+    def add_gate(self, key: int, bell: Bell, slot: int, *, is_lossless: bool) -> None:
+        """A match: its reader tells of itself in `slot`. Rings it where it sleeps.
+
+        From now on the reader may pin records. An existing key is replaced. Raises ValueError for a slot
+        beyond the segment.
+        """
+    def remove_gate(self, key: int) -> None: ...
+    def has_pins(self, key: int) -> bool: ...
+    def is_lossless(self, key: int) -> bool: ...
+    def make_lossy(self, key: int) -> None: ...
+    def taken(self) -> int:
+        """Everything before this seq was taken by all lossless readers, `hold` apart; latest + 1 without
+        any, and at most."""
+    def wait_for_room(self) -> bool:
+        """After FULL: announce the sleep. True: the doorbell will ring; False: try again at once."""
+    def woken(self) -> None:
+        """Take the announcement back."""
+
+    def carry_from(self, count: int) -> int:
+        """The seq from which on the newest `count` records are carried to a next ring, its first_seq."""
+    def move(self, memory: Mapping) -> None:
+        """Go on in another ring, formatted with `carry_from()`: carries the records from there on, closes the
+        old one and rings everyone. Gates stay; a wait for room ends. Raises ValueError, changing nothing,
+        where it does not fit."""
+    def close(self) -> None:
+        """Nothing more will be written: readers are told by the ring itself, and rung."""
+
+class Readers:
+    """This process's readers' segment (`memory`, formatted) and doorbell (`doorbell`, an eventfd)."""
+
+    slot_count: int
+    def __init__(self, memory: Mapping, doorbell: int) -> None: ...
+    def wake(self) -> list[Any]:
+        """The doorbell rang: read it, disarm, and give the owners of readers for whom something new has come
+        since `wake` or `sleep` looked last."""
+    def sleep(self, spin_ns: int = 0) -> list[Any]:
+        """Look for up to `spin_ns` for news; else arm the bell and look again. [] = asleep; else as `wake`.
+
+        What `attach` and `extend` find is news to the next `sleep`, `look` or `wake`: do one of them after.
+        """
+    def look(self, spin_ns: int) -> list[Any]:
+        """Look for up to `spin_ns` for news, without arming the bell (busy polling)."""
+    def is_free(self, slot: int) -> bool:
+        """No pin of this slot is in use."""
+
+class Reader:
+    """What one subscription reads: the rings of its publishers, merged by their stamps.
+
+    `depth` (0: none) bounds what may wait over all rings: the oldest beyond are passed over and counted. May
+    be set. `tells_cursor`: publishers are to know what was taken (keep all).
+    """
+
+    depth: int
+    samples: int
+    bytes: int
+    replaced: int
+    overrun: int
+    expired: int
+    undecodable: int
+
+    def __init__(self, readers: Readers, owner: Any, depth: int, *, tells_cursor: bool) -> None: ...
+    def attach(
+        self,
+        source: Any,
+        memory: Mapping,
+        slot: int,
+        *,
+        start: int = 0,
+        since_ns: int = 0,
+        history: int = 0,
+        lifespan_ns: int = 0,
+        doorbell: int = -1,
+    ) -> int:
+        """Read a ring from `start` on; or (0) from `history` records before the first that is stamped at or
+        after `since_ns` (that is latest + 1 where none is), never from before its oldest. Returns the first
+        seq.
+
+        `slot` must be free (`Readers.is_free`), and its cursor is set. Until the publisher has added its
+        gate, large records are copied and not pinned; so allot slots in turn, not the one given back last.
+        `doorbell` is the publisher's, rung where it waits for room; the caller keeps it open. Raises
+        ValueError, saying what is wrong, where `memory` is no ring, and where `source` is attached already.
+        """
+    def extend(self, source: Any, memory: Mapping) -> None:
+        """The ring in which `source` goes on after the present one is closed and taken to its end.
+
+        A closed ring without a next one is kept (the next is on its way), until `finish`. Raises ValueError
+        as `attach`, and where `source` is not attached.
+        """
+    def finish(self, source: Any) -> None:
+        """Its publisher has gone: what is there may still be taken, then the ring is left (`pop_left`)."""
+    def detach(self, source: Any) -> None:
+        """Leave a ring at once. Nothing happens where it is not attached."""
+    def next_seq(self, source: Any) -> int:
+        """The number that is taken next; 0 where it is not attached."""
+    def waiting(self) -> int:
+        """Samples that could be taken now, within the depth."""
+    def take(self, limit: int, decode: Callable[[Any], M]) -> list[tuple[M, int, int, Any, int]]:
+        """Up to `limit` messages: (message, stamp ns, seq, source, time of taking in ns).
+
+        A batch ends early once it has 256 KiB of payload.
+        """
+    def messages(self, limit: int, decode: Callable[[Any], M]) -> list[M]:
+        """As `take`, the messages alone."""
+    def pop_rejected(self) -> list[tuple[int, Exception]]:
+        """Size and error of the samples that `decode` refused since the last call."""
+    def pop_left(self) -> list[tuple[Any, str, int]]:
+        """Sources whose ring was left by itself, the reason ("": it was finished), and the next number."""
+
+def forget_pins() -> None:
+    """In the child of a fork: views that it inherited must not release the parent's pins."""

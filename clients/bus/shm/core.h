@@ -1,0 +1,196 @@
+/* What the parts of the native core share: the Python binding of ring.h, limited API of Python 3.11.
+ *
+ * Each call from Python is one whole operation on mapped segments, under the GIL. Nothing here waits (but for the
+ * bounded spin of Readers.sleep) and nothing here makes, passes or closes descriptors: bus.shm.segments does.
+ * Types: Mapping (core_mapping.c), Bell (core_bell.c), Writer (core_writer.c, core_gates.c, core_carry.c), Readers
+ * (core_readers.c), Reader (core_reader.c, core_feed.c, core_take.c); View and Loan (core_view.c) are what
+ * memoryviews of records hold.
+ */
+#ifndef BUS_SHM_CORE_H
+#define BUS_SHM_CORE_H
+
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+#include <structmember.h>
+
+#include "ring.h"
+
+/* What a write says where it is not just True; see _core.pyi. */
+enum { NOTED = 2, FULL, SHORT, PINNED, TOO_LARGE, FOREIGN };
+
+/* Sequence numbers end here, as on the wire; beyond, the other side is broken. */
+#define MAX_SEQ ((UINT64_C(1) << 62) - 1)
+
+/* References to objects of the core's own types; DROP allows NULL. */
+#define HOLD(object) Py_INCREF((PyObject *)(object))
+#define DROP(object) Py_XDECREF((PyObject *)(object))
+
+#define CORE_TYPE (Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE)
+#define KEYWORDS (METH_VARARGS | METH_KEYWORDS)
+#define FAST_KEYWORDS (METH_FASTCALL | METH_KEYWORDS)
+
+typedef struct {
+    PyTypeObject *mapping, *bell, *readers, *view, *loan;
+} CoreState;
+
+typedef struct {
+    PyObject_HEAD
+    unsigned char *memory;
+    Py_ssize_t size;
+    bool is_writable;
+} Mapping;
+
+typedef struct {
+    PyObject_HEAD
+    Mapping *memory;
+    const struct bell *arrival;
+    const struct reader_slot *slots;
+    uint64_t slot_count;
+    uint64_t rung; /* for which sleep it was rung, by any writer of this process */
+    int doorbell;
+} Bell;
+
+/* To whom a gate of the ring belongs. */
+struct gate_owner {
+    uint64_t key;
+    Bell *bell;
+};
+
+typedef struct {
+    PyObject_HEAD
+    struct ring_writer ring;
+    Mapping *memory;
+    unsigned long thread; /* that made it; 0 once closed */
+    unsigned forks;
+    bool is_closed;
+    char is_noted;
+    struct gate_owner *owners; /* beside ring.gates */
+    Bell **bells;              /* each bell of the gates once, borrowed */
+    size_t room;               /* allocated, of all three arrays */
+    size_t bell_count;
+    uint32_t lent;             /* bytes asked for by the last lend */
+    uint64_t most;             /* payload bytes, by the user's wish */
+    uint64_t samples, bytes, rung;
+    uint64_t stamp_ns; /* of the newest record: stamps don't go back, so that a time finds a place among them */
+    PyObject *kind, *is_valid, *encode; /* of the messages to publish; NULL: not prepared */
+} Writer;
+
+typedef struct Reader Reader;
+
+typedef struct {
+    PyObject_HEAD
+    Mapping *memory;
+    struct readers_header *header;
+    struct reader_slot *slots;
+    uint64_t slot_count;
+    int doorbell;
+    Reader *first; /* all that live, linked by `after`; not owned */
+} Readers;
+
+/* A ring in which a publisher goes on after the one before. */
+struct next_ring {
+    struct next_ring *after;
+    Mapping *memory;
+    struct ring_geometry geometry;
+};
+
+/* One publisher, as a Reader follows it from ring to ring. */
+struct feed {
+    struct ring_reader ring;
+    struct ring_record head; /* where has_head: the record ring.next, its bytes not yet validated */
+    bool has_head;
+    uint32_t ticket;         /* not yet admitted: copies, does not pin. 0: admitted */
+    PyObject *source;
+    Mapping *memory;
+    struct next_ring *following;
+    const struct ring_header *last; /* of the newest ring, where the writer is */
+    uint64_t waiting;        /* samples that were there at the last poll and are not taken */
+    uint64_t seen;           /* newest number that the owner was told of */
+    uint64_t told;           /* the cursor that the slot shows */
+    uint64_t end;            /* newest number that may be taken; MAX_SEQ + 1 while the publisher is there */
+    uint64_t finishing;      /* order in which publishers went; 0: there */
+    uint64_t lifespan_ns;
+    int doorbell;
+    unsigned forks;          /* in a child of a fork, the slot is the parent's */
+};
+
+struct Reader {
+    PyObject_HEAD
+    Readers *readers;
+    PyObject *owner;
+    Reader *before, *after; /* in readers */
+    struct feed **feeds;
+    size_t count, room;
+    uint64_t depth, finishings;
+    uint64_t bound; /* on what may wait: the depth, and the history of late joins until nothing waits; 0: none */
+    bool tells_cursor;
+    uint64_t samples, bytes, replaced, overrun, expired, undecodable; /* replaced, overrun: of feeds that were left */
+    PyObject *rejected, *left; /* lists */
+};
+
+/* _core.c */
+extern unsigned core_forks; /* of this process's ancestors since they loaded the core */
+CoreState *core_state(PyObject *object);
+uint64_t core_now_ns(void);
+void core_knock(int doorbell);
+int core_arguments(const char *const *names, PyObject *const *args, Py_ssize_t count, PyObject *kwnames,
+                   Py_ssize_t positional, PyObject **values);
+int core_as_u64(PyObject *value, void *number);
+void *core_allocate(PyTypeObject *type);
+void core_free(void *object);
+
+/* The types */
+extern PyType_Spec mapping_spec, bell_spec, writer_spec, readers_spec, reader_spec, view_spec, loan_spec;
+
+/* core_view.c */
+PyObject *view_new(CoreState *state, Mapping *ring, Mapping *readers, struct reader_slot *slot, unsigned pin,
+                   const struct ring_record *record);
+PyObject *loan_new(CoreState *state, Mapping *ring, void *place, Py_ssize_t size);
+
+/* core_gates.c */
+PyObject *writer_add_gate(PyObject *self, PyObject *args, PyObject *kwargs);
+PyObject *writer_remove_gate(PyObject *self, PyObject *key);
+PyObject *writer_has_pins(PyObject *self, PyObject *key);
+PyObject *writer_is_lossless(PyObject *self, PyObject *key);
+PyObject *writer_make_lossy(PyObject *self, PyObject *key);
+void writer_drop_gates(Writer *self);
+void writer_ring(Writer *self);
+
+/* core_carry.c */
+PyObject *writer_since(PyObject *self, PyObject *stamp_ns);
+PyObject *writer_seq_since(PyObject *self, PyObject *stamp_ns);
+PyObject *writer_carry_from(PyObject *self, PyObject *count);
+PyObject *writer_move(PyObject *self, PyObject *memory);
+
+/* core_feed.c */
+struct feed *feed_new(PyObject *source, Mapping *memory, const struct ring_geometry *geometry, struct reader_slot *slot);
+void feed_free(struct feed *feed);
+void feed_extend(struct feed *feed, struct next_ring *next);
+uint64_t feed_newest(const struct feed *feed);
+bool feed_is_sound(const struct feed *feed);
+uint64_t feed_start(struct feed *feed, uint64_t since_ns, uint64_t history);
+void feed_poll(struct feed *feed, uint64_t depth);
+void feed_skip(struct feed *feed, uint64_t count);
+enum ring_status feed_look(struct feed *feed, uint64_t depth);
+bool feed_may_pin(struct feed *feed);
+bool feed_has_news(struct feed *feed);
+void feed_tell(struct feed *feed);
+void feed_room(struct feed *feed);
+
+/* The head of the feed is taken. */
+static inline void feed_step(struct feed *feed)
+{
+    ring_step(&feed->ring);
+    feed->waiting--;
+    feed->has_head = false;
+}
+
+/* core_reader.c */
+int reader_leave(Reader *self, struct feed *feed, const char *reason);
+bool reader_has_news(Reader *self);
+
+/* core_take.c */
+PyObject *reader_take(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObject *kwnames);
+PyObject *reader_messages(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObject *kwnames);
+
+#endif

@@ -1,0 +1,45 @@
+/* Bell: another process's sleep and doorbell, as all writers of this process know them. */
+#include "core.h"
+
+static PyObject *bell_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
+{
+    static char *names[] = {"memory", "doorbell", NULL};
+    const CoreState *state = PyType_GetModuleState(type);
+    Mapping *memory;
+    int doorbell;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "O!i", names, state->mapping, &memory, &doorbell))
+        return NULL;
+    struct readers_geometry geometry;
+    const char *fault = readers_check(memory->memory, (uint64_t)memory->size, &geometry);
+    if (fault != NULL) {
+        PyErr_SetString(PyExc_ValueError, fault);
+        return NULL;
+    }
+    Bell *self = core_allocate(type);
+    if (self == NULL)
+        return NULL;
+    HOLD(memory);
+    self->memory = memory;
+    self->arrival = &((const struct readers_header *)memory->memory)->arrival;
+    self->slots = readers_slots(memory->memory);
+    self->slot_count = geometry.slot_count;
+    self->doorbell = doorbell;
+    return (PyObject *)self;
+}
+
+static void bell_dealloc(PyObject *object)
+{
+    DROP(((Bell *)object)->memory);
+    core_free(object);
+}
+
+static PyMemberDef members[] = {{"slot_count", T_ULONGLONG, offsetof(Bell, slot_count), READONLY, NULL}, {0}};
+
+static PyType_Slot slots[] = {
+    {Py_tp_new, (void *)bell_new},
+    {Py_tp_dealloc, (void *)bell_dealloc},
+    {Py_tp_members, members},
+    {0},
+};
+
+PyType_Spec bell_spec = {"bus.shm._core.Bell", sizeof(Bell), 0, CORE_TYPE, slots};

@@ -1,0 +1,106 @@
+/* Mapping: bytes of a descriptor, mapped as long as anybody uses them. */
+#include "core.h"
+
+#include <errno.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+
+/* Pages are brought in at once, so that nobody meets a page fault on a hot path. */
+static PyObject *mapping_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
+{
+    static char *names[] = {"descriptor", "size", "writable", NULL};
+    int descriptor, is_writable = 0;
+    Py_ssize_t size;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "in|$p", names, &descriptor, &size, &is_writable))
+        return NULL;
+    struct stat status;
+    if (fstat(descriptor, &status) != 0)
+        return PyErr_SetFromErrno(PyExc_OSError);
+    if (size <= 0 || size > status.st_size) {
+        errno = EINVAL; /* beyond the file's end, a touch would be a signal */
+        return PyErr_SetFromErrno(PyExc_OSError);
+    }
+    Mapping *self = core_allocate(type);
+    if (self == NULL)
+        return NULL;
+    void *memory;
+    Py_BEGIN_ALLOW_THREADS
+    memory = mmap(NULL, (size_t)size, is_writable ? PROT_READ | PROT_WRITE : PROT_READ, MAP_SHARED | MAP_POPULATE,
+                  descriptor, 0);
+    Py_END_ALLOW_THREADS
+    if (memory == MAP_FAILED) {
+        PyErr_SetFromErrno(PyExc_OSError);
+        DROP(self);
+        return NULL;
+    }
+    self->memory = memory;
+    self->size = size;
+    self->is_writable = is_writable;
+    return (PyObject *)self;
+}
+
+static void mapping_dealloc(PyObject *object)
+{
+    Mapping *self = (Mapping *)object;
+    if (self->memory != NULL)
+        munmap(self->memory, (size_t)self->size);
+    core_free(self);
+}
+
+/* Whether `bytes` (0: out of bounds) may be laid into the mapping; else the error is set. */
+static bool has_room(const Mapping *self, uint64_t bytes)
+{
+    if (bytes == 0)
+        PyErr_SetString(PyExc_ValueError, "size is out of bounds");
+    else if (!self->is_writable || bytes > (uint64_t)self->size)
+        PyErr_SetString(PyExc_ValueError, "mapping is read-only or too small");
+    else
+        return true;
+    return false;
+}
+
+static PyObject *mapping_format_ring(PyObject *object, PyObject *args, PyObject *kwargs)
+{
+    static char *names[] = {"capacity", "index_length", "first_seq", NULL};
+    Mapping *self = (Mapping *)object;
+    uint64_t capacity, index_length, first_seq;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "O&O&O&", names, core_as_u64, &capacity, core_as_u64,
+                                     &index_length, core_as_u64, &first_seq))
+        return NULL;
+    if (!has_room(self, ring_segment_bytes(capacity, index_length)))
+        return NULL;
+    if (first_seq == 0 || first_seq > MAX_SEQ) {
+        PyErr_SetString(PyExc_ValueError, "first sequence number is out of bounds");
+        return NULL;
+    }
+    ring_format(self->memory, capacity, index_length, first_seq);
+    Py_RETURN_NONE;
+}
+
+static PyObject *mapping_format_readers(PyObject *object, PyObject *argument)
+{
+    Mapping *self = (Mapping *)object;
+    uint64_t slot_count;
+    if (!core_as_u64(argument, &slot_count) || !has_room(self, readers_segment_bytes(slot_count)))
+        return NULL;
+    readers_format(self->memory, slot_count);
+    Py_RETURN_NONE;
+}
+
+static PyMethodDef methods[] = {
+    {"format_ring", (PyCFunction)(void (*)(void))mapping_format_ring, KEYWORDS, NULL},
+    {"format_readers", mapping_format_readers, METH_O, NULL},
+    {0},
+};
+
+static PyMemberDef members[] = {{"size", T_PYSSIZET, offsetof(Mapping, size), READONLY, NULL}, {0}};
+
+static PyType_Slot slots[] = {
+    {Py_tp_new, (void *)mapping_new},
+    {Py_tp_dealloc, (void *)mapping_dealloc},
+    {Py_tp_methods, methods},
+    {Py_tp_members, members},
+    {0},
+};
+
+PyType_Spec mapping_spec = {"bus.shm._core.Mapping", sizeof(Mapping), 0, CORE_TYPE, slots};

@@ -1,0 +1,406 @@
+/* Reader: what one subscription reads. Its feeds come and go here; core_take.c takes from them. */
+#include "core.h"
+
+enum { MAX_FOLLOWING = 64, MAX_FINISHING = 64 };
+
+static PyObject *reader_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
+{
+    static char *names[] = {"readers", "owner", "depth", "tells_cursor", NULL};
+    const CoreState *state = PyType_GetModuleState(type);
+    Readers *readers;
+    PyObject *owner;
+    uint64_t depth;
+    int tells_cursor;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "O!OO&$p", names, state->readers, &readers, &owner, core_as_u64,
+                                     &depth, &tells_cursor))
+        return NULL;
+    Reader *self = core_allocate(type);
+    if (self == NULL)
+        return NULL;
+    HOLD(readers);
+    Py_INCREF(owner);
+    self->readers = readers;
+    self->owner = owner;
+    self->depth = self->bound = depth;
+    self->tells_cursor = tells_cursor;
+    self->after = readers->first;
+    if (self->after != NULL)
+        self->after->before = self;
+    readers->first = self;
+    self->rejected = PyList_New(0);
+    self->left = PyList_New(0);
+    if (self->rejected != NULL && self->left != NULL)
+        return (PyObject *)self;
+    DROP(self);
+    return NULL;
+}
+
+static void unlink_reader(Reader *self)
+{
+    if (self->before != NULL)
+        self->before->after = self->after;
+    else if (self->readers->first == self)
+        self->readers->first = self->after;
+    if (self->after != NULL)
+        self->after->before = self->before;
+    self->before = self->after = NULL;
+}
+
+/* Takes the feed out of the list and counts what it lost; frees nothing. */
+static void remove_feed(Reader *self, const struct feed *feed)
+{
+    size_t at = 0;
+    while (self->feeds[at] != feed)
+        at++;
+    self->feeds[at] = self->feeds[--self->count];
+    self->replaced += feed->ring.replaced;
+    self->overrun += feed->ring.overrun;
+}
+
+static int reader_clear(PyObject *object)
+{
+    Reader *self = (Reader *)object;
+    unlink_reader(self);
+    while (self->count != 0) {
+        struct feed *feed = self->feeds[self->count - 1];
+        remove_feed(self, feed);
+        feed_free(feed);
+    }
+    Py_CLEAR(self->owner);
+    Py_CLEAR(self->rejected);
+    Py_CLEAR(self->left);
+    return 0;
+}
+
+static int reader_traverse(PyObject *object, visitproc visit, void *arg)
+{
+    Reader *self = (Reader *)object;
+    Py_VISIT(Py_TYPE(object));
+    Py_VISIT(self->owner);
+    Py_VISIT(self->rejected);
+    Py_VISIT(self->left);
+    for (size_t i = 0; i < self->count; i++)
+        Py_VISIT(self->feeds[i]->source);
+    return 0;
+}
+
+static void reader_dealloc(PyObject *object)
+{
+    Reader *self = (Reader *)object;
+    PyObject_GC_UnTrack(object);
+    reader_clear(object);
+    PyMem_Free(self->feeds);
+    DROP(self->readers);
+    core_free(self);
+}
+
+/* The feed leaves by itself, and the owner can learn why. */
+int reader_leave(Reader *self, struct feed *feed, const char *reason)
+{
+    remove_feed(self, feed);
+    PyObject *item = Py_BuildValue("(OsK)", feed->source, reason, (unsigned long long)feed->ring.next);
+    feed_free(feed);
+    const int status = item == NULL ? -1 : PyList_Append(self->left, item);
+    Py_XDECREF(item);
+    return status;
+}
+
+bool reader_has_news(Reader *self)
+{
+    bool has_news = false;
+    for (size_t i = 0; i < self->count; i++)
+        has_news |= feed_has_news(self->feeds[i]);
+    return has_news;
+}
+
+/* The feed of `source`; NULL where there is none, or with the error of a comparison, which may run anything. */
+static struct feed *find(Reader *self, PyObject *source)
+{
+    for (size_t i = 0; i < self->count; i++) {
+        struct feed *feed = self->feeds[i];
+        PyObject *other = feed->source;
+        Py_INCREF(other);
+        const int is_equal = PyObject_RichCompareBool(other, source, Py_EQ);
+        Py_DECREF(other);
+        if (is_equal < 0)
+            return NULL;
+        if (is_equal && i < self->count && self->feeds[i] == feed)
+            return feed;
+    }
+    return NULL;
+}
+
+static PyObject *value_error(const char *reason)
+{
+    PyErr_SetString(PyExc_ValueError, reason);
+    return NULL;
+}
+
+/* The slot of a new match, all its pins free; else NULL with the error set. */
+static struct reader_slot *free_slot(const Readers *readers, uint64_t number)
+{
+    if (number >= readers->slot_count) {
+        value_error("slot is beyond the segment");
+        return NULL;
+    }
+    struct reader_slot *slot = &readers->slots[number];
+    for (unsigned i = 0; i < READER_PINS; i++) {
+        if (atomic_load_explicit(&slot->pins[i], memory_order_relaxed) != 0) { /* own word */
+            value_error("slot has pins in use");
+            return NULL;
+        }
+    }
+    return slot;
+}
+
+static bool make_room(Reader *self)
+{
+    if (self->count < self->room)
+        return true;
+    const size_t room = self->room == 0 ? 2 : 2 * self->room;
+    struct feed **feeds = PyMem_Realloc(self->feeds, room * sizeof *feeds);
+    if (feeds == NULL)
+        return false;
+    self->feeds = feeds;
+    self->room = room;
+    return true;
+}
+
+static PyObject *reader_attach(PyObject *object, PyObject *args, PyObject *kwargs)
+{
+    static char *names[] = {"source", "memory", "slot", "start", "since_ns",
+                            "history", "lifespan_ns", "doorbell", NULL};
+    Reader *self = (Reader *)object;
+    PyObject *source, *memory;
+    uint64_t number, start = 0, since_ns = 0, history = 0, lifespan_ns = 0;
+    int doorbell = -1;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOO&|$O&O&O&O&i", names, &source, &memory, core_as_u64, &number,
+                                     core_as_u64, &start, core_as_u64, &since_ns, core_as_u64, &history, core_as_u64,
+                                     &lifespan_ns, &doorbell))
+        return NULL;
+    if (Py_TYPE(memory) != core_state((PyObject *)self->readers)->mapping)
+        return PyErr_Format(PyExc_TypeError, "memory must be a Mapping");
+    Mapping *mapping = (Mapping *)memory;
+    struct ring_geometry geometry;
+    const char *fault = ring_check(mapping->memory, (uint64_t)mapping->size, &geometry);
+    if (fault != NULL)
+        return value_error(fault);
+    if (find(self, source) != NULL)
+        return value_error("source is attached already");
+    if (PyErr_Occurred())
+        return NULL;
+    struct reader_slot *slot = free_slot(self->readers, number);
+    if (slot == NULL)
+        return NULL;
+    struct feed *feed = make_room(self) ? feed_new(source, mapping, &geometry, slot) : NULL;
+    if (feed == NULL)
+        return PyErr_NoMemory();
+    uint64_t old = 0; /* history does not count against the depth */
+    if (start != 0)
+        ring_seek(&feed->ring, start);
+    else
+        old = feed_start(feed, since_ns, history);
+    if (!feed_is_sound(feed) || feed->ring.next == 0) {
+        feed_free(feed);
+        return value_error("ring's sequence numbers are out of bounds");
+    }
+    feed->lifespan_ns = lifespan_ns;
+    feed->doorbell = doorbell;
+    feed->told = feed->ring.next;
+    feed->seen = feed->ring.next - 1;
+    ring_tell_cursor(&feed->ring);
+    self->feeds[self->count++] = feed;
+    if (self->bound != 0 && self->bound <= MAX_SEQ)
+        self->bound += old;
+    return PyLong_FromUnsignedLongLong(feed->ring.next);
+}
+
+static PyObject *reader_extend(PyObject *object, PyObject *args, PyObject *kwargs)
+{
+    static char *names[] = {"source", "memory", NULL};
+    Reader *self = (Reader *)object;
+    PyObject *source, *memory;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OO", names, &source, &memory))
+        return NULL;
+    if (Py_TYPE(memory) != core_state((PyObject *)self->readers)->mapping)
+        return PyErr_Format(PyExc_TypeError, "memory must be a Mapping");
+    Mapping *mapping = (Mapping *)memory;
+    struct feed *feed = find(self, source);
+    if (feed == NULL)
+        return PyErr_Occurred() ? NULL : value_error("source is not attached");
+    size_t following = 0;
+    for (const struct next_ring *next = feed->following; next != NULL; next = next->after)
+        following++;
+    if (following == MAX_FOLLOWING)
+        return value_error("too many rings wait behind this one");
+    struct ring_geometry geometry;
+    const char *fault = ring_check(mapping->memory, (uint64_t)mapping->size, &geometry);
+    if (fault != NULL)
+        return value_error(fault);
+    struct next_ring *next = PyMem_Malloc(sizeof *next);
+    if (next == NULL)
+        return PyErr_NoMemory();
+    HOLD(mapping);
+    *next = (struct next_ring){NULL, mapping, geometry};
+    feed_extend(feed, next);
+    if (self->tells_cursor)
+        feed_room(feed); /* what was told since it grew, it was not rung for */
+    Py_RETURN_NONE;
+}
+
+/* Of the publishers that have gone, no more than some are kept: the oldest is left with what it had. */
+static int bound_finishing(Reader *self)
+{
+    struct feed *oldest = NULL;
+    size_t finishing = 0;
+    for (size_t i = 0; i < self->count; i++) {
+        struct feed *feed = self->feeds[i];
+        if (feed->finishing == 0)
+            continue;
+        finishing++;
+        if (oldest == NULL || feed->finishing < oldest->finishing)
+            oldest = feed;
+    }
+    if (finishing <= MAX_FINISHING)
+        return 0;
+    const uint64_t newest = feed_newest(oldest);
+    if (newest >= oldest->ring.next)
+        feed_skip(oldest, newest - oldest->ring.next + 1);
+    return reader_leave(self, oldest, "");
+}
+
+static PyObject *reader_finish(PyObject *object, PyObject *source)
+{
+    Reader *self = (Reader *)object;
+    struct feed *feed = find(self, source);
+    if (feed != NULL && feed->finishing == 0) {
+        feed->finishing = ++self->finishings;
+        feed->end = feed_newest(feed);
+        const bool is_empty = feed->end < feed->ring.next;
+        if ((is_empty ? reader_leave(self, feed, "") : bound_finishing(self)) < 0)
+            return NULL;
+    }
+    if (PyErr_Occurred())
+        return NULL;
+    Py_RETURN_NONE;
+}
+
+static PyObject *reader_detach(PyObject *object, PyObject *source)
+{
+    Reader *self = (Reader *)object;
+    struct feed *feed = find(self, source);
+    if (feed != NULL) {
+        remove_feed(self, feed);
+        feed_free(feed);
+    }
+    if (PyErr_Occurred())
+        return NULL;
+    Py_RETURN_NONE;
+}
+
+static PyObject *reader_next_seq(PyObject *object, PyObject *source)
+{
+    const struct feed *feed = find((Reader *)object, source);
+    if (feed == NULL && PyErr_Occurred())
+        return NULL;
+    return PyLong_FromUnsignedLongLong(feed == NULL ? 0 : feed->ring.next);
+}
+
+static PyObject *reader_waiting(PyObject *object, PyObject *Py_UNUSED(none))
+{
+    const Reader *self = (const Reader *)object;
+    const uint64_t most = self->bound == 0 || self->bound > MAX_SEQ ? MAX_SEQ : self->bound;
+    uint64_t waiting = 0;
+    for (size_t i = 0; i < self->count && waiting < most; i++) {
+        const uint64_t newest = feed_newest(self->feeds[i]), next = self->feeds[i]->ring.next;
+        waiting += newest < next ? 0 : newest - next + 1; /* of two numbers below 2^62 + 2, so it can't wrap */
+    }
+    return PyLong_FromUnsignedLongLong(waiting < most ? waiting : most);
+}
+
+/* Gives the list out and begins another. */
+static PyObject *pop(PyObject **list)
+{
+    PyObject *fresh = PyList_New(0), *full = *list;
+    if (fresh == NULL || full == NULL)
+        return fresh;
+    *list = fresh;
+    return full;
+}
+
+static PyObject *reader_pop_rejected(PyObject *object, PyObject *Py_UNUSED(none))
+{
+    return pop(&((Reader *)object)->rejected);
+}
+
+static PyObject *reader_pop_left(PyObject *object, PyObject *Py_UNUSED(none))
+{
+    return pop(&((Reader *)object)->left);
+}
+
+static PyObject *get_depth(PyObject *object, void *Py_UNUSED(closure))
+{
+    return PyLong_FromUnsignedLongLong(((Reader *)object)->depth);
+}
+
+static int set_depth(PyObject *object, PyObject *value, void *Py_UNUSED(closure))
+{
+    Reader *self = (Reader *)object;
+    if (value == NULL)
+        PyErr_SetString(PyExc_AttributeError, "can't be deleted");
+    if (value == NULL || !core_as_u64(value, &self->depth))
+        return -1;
+    self->bound = self->depth;
+    return 0;
+}
+
+static PyObject *get_lost(PyObject *object, void *is_overrun)
+{
+    const Reader *self = (const Reader *)object;
+    uint64_t sum = is_overrun ? self->overrun : self->replaced;
+    for (size_t i = 0; i < self->count; i++)
+        sum += is_overrun ? self->feeds[i]->ring.overrun : self->feeds[i]->ring.replaced;
+    return PyLong_FromUnsignedLongLong(sum);
+}
+
+static PyMethodDef methods[] = {
+    {"attach", (PyCFunction)(void (*)(void))reader_attach, KEYWORDS, NULL},
+    {"extend", (PyCFunction)(void (*)(void))reader_extend, KEYWORDS, NULL},
+    {"finish", reader_finish, METH_O, NULL},
+    {"detach", reader_detach, METH_O, NULL},
+    {"next_seq", reader_next_seq, METH_O, NULL},
+    {"waiting", reader_waiting, METH_NOARGS, NULL},
+    {"take", (PyCFunction)(void (*)(void))reader_take, FAST_KEYWORDS, NULL},
+    {"messages", (PyCFunction)(void (*)(void))reader_messages, FAST_KEYWORDS, NULL},
+    {"pop_rejected", reader_pop_rejected, METH_NOARGS, NULL},
+    {"pop_left", reader_pop_left, METH_NOARGS, NULL},
+    {0},
+};
+
+static PyMemberDef members[] = {
+    {"samples", T_ULONGLONG, offsetof(Reader, samples), READONLY, NULL},
+    {"bytes", T_ULONGLONG, offsetof(Reader, bytes), READONLY, NULL},
+    {"expired", T_ULONGLONG, offsetof(Reader, expired), READONLY, NULL},
+    {"undecodable", T_ULONGLONG, offsetof(Reader, undecodable), READONLY, NULL},
+    {0},
+};
+
+static PyGetSetDef properties[] = {
+    {"depth", get_depth, set_depth, NULL, NULL},
+    {"replaced", get_lost, NULL, NULL, NULL},
+    {"overrun", get_lost, NULL, NULL, (void *)true},
+    {0},
+};
+
+static PyType_Slot slots[] = {
+    {Py_tp_new, (void *)reader_new},
+    {Py_tp_dealloc, (void *)reader_dealloc},
+    {Py_tp_traverse, (void *)reader_traverse},
+    {Py_tp_clear, (void *)reader_clear},
+    {Py_tp_methods, methods},
+    {Py_tp_members, members},
+    {Py_tp_getset, properties},
+    {0},
+};
+
+PyType_Spec reader_spec = {"bus.shm._core.Reader", sizeof(Reader), 0, CORE_TYPE | Py_TPFLAGS_HAVE_GC, slots};

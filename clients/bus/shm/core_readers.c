@@ -1,0 +1,172 @@
+/* Readers: this process's readers' segment and doorbell; wakes and falls asleep for all its Readers at once. */
+#include "core.h"
+
+#include <unistd.h>
+
+#define SLICE_NS 50000u /* of a spin, between looks at signals and other threads */
+
+static PyObject *readers_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
+{
+    static char *names[] = {"memory", "doorbell", NULL};
+    const CoreState *state = PyType_GetModuleState(type);
+    Mapping *memory;
+    int doorbell;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "O!i", names, state->mapping, &memory, &doorbell))
+        return NULL;
+    struct readers_geometry geometry;
+    const char *fault = readers_check(memory->memory, (uint64_t)memory->size, &geometry);
+    if (fault == NULL && !memory->is_writable)
+        fault = "mapping is read-only";
+    if (fault != NULL) {
+        PyErr_SetString(PyExc_ValueError, fault);
+        return NULL;
+    }
+    Readers *self = core_allocate(type);
+    if (self == NULL)
+        return NULL;
+    HOLD(memory);
+    self->memory = memory;
+    self->header = (struct readers_header *)memory->memory;
+    self->slots = readers_slots(memory->memory);
+    self->slot_count = geometry.slot_count;
+    self->doorbell = doorbell;
+    return (PyObject *)self;
+}
+
+static void readers_dealloc(PyObject *object)
+{
+    DROP(((Readers *)object)->memory);
+    core_free(object);
+}
+
+/* Adds the owners of readers with news. Each is told once, so what can't be added is an error for all. */
+static int collect(Readers *self, PyObject *owners)
+{
+    for (Reader *reader = self->first; reader != NULL; reader = reader->after)
+        if (reader_has_news(reader) && PyList_Append(owners, reader->owner) < 0)
+            return -1;
+    return 0;
+}
+
+static PyObject *readers_wake(PyObject *object, PyObject *Py_UNUSED(none))
+{
+    Readers *self = (Readers *)object;
+    PyObject *owners = PyList_New(0);
+    if (owners == NULL)
+        return NULL;
+    uint64_t count;
+    const ssize_t got = read(self->doorbell, &count, sizeof count); /* empty: rung for nothing */
+    (void)got;
+    bell_disarm(&self->header->arrival);
+    if (collect(self, owners) < 0)
+        Py_CLEAR(owners);
+    return owners;
+}
+
+static inline void relax(void)
+{
+#if defined(__x86_64__) || defined(__i386__)
+    __builtin_ia32_pause();
+#elif defined(__aarch64__)
+    __asm__ volatile("yield");
+#endif
+}
+
+/* Looks for news for up to `spin_ns`. */
+static int spin(Readers *self, PyObject *owners, uint64_t spin_ns)
+{
+    const uint64_t end = core_now_ns() + (spin_ns < MAX_SEQ ? spin_ns : MAX_SEQ);
+    while (true) {
+        const uint64_t now = core_now_ns(), until = end < now + SLICE_NS ? end : now + SLICE_NS;
+        while (core_now_ns() < until) {
+            if (collect(self, owners) < 0)
+                return -1;
+            if (PyList_Size(owners) != 0)
+                return 0;
+            relax();
+        }
+        if (until == end)
+            return 0;
+        Py_BEGIN_ALLOW_THREADS
+        Py_END_ALLOW_THREADS
+        if (PyErr_CheckSignals() < 0)
+            return -1;
+    }
+}
+
+static PyObject *readers_sleep(PyObject *object, PyObject *const *args, Py_ssize_t count, PyObject *kwnames)
+{
+    static const char *const names[] = {"spin_ns", NULL};
+    Readers *self = (Readers *)object;
+    PyObject *value;
+    uint64_t spin_ns = 0;
+    if (core_arguments(names, args, count, kwnames, 1, &value) < 0 || (value != NULL && !core_as_u64(value, &spin_ns)))
+        return NULL;
+    PyObject *owners = PyList_New(0);
+    if (owners == NULL)
+        return NULL;
+    int status = collect(self, owners);
+    if (status == 0 && spin_ns != 0 && PyList_Size(owners) == 0)
+        status = spin(self, owners, spin_ns);
+    if (status == 0 && PyList_Size(owners) == 0) {
+        bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring(). */
+        status = collect(self, owners);
+    }
+    if (status < 0 || PyList_Size(owners) != 0)
+        bell_disarm(&self->header->arrival);
+    if (status < 0)
+        Py_CLEAR(owners);
+    return owners;
+}
+
+static PyObject *readers_look(PyObject *object, PyObject *argument)
+{
+    Readers *self = (Readers *)object;
+    uint64_t spin_ns;
+    if (!core_as_u64(argument, &spin_ns))
+        return NULL;
+    PyObject *owners = PyList_New(0);
+    if (owners == NULL)
+        return NULL;
+    int status = collect(self, owners);
+    if (status == 0 && PyList_Size(owners) == 0)
+        status = spin(self, owners, spin_ns);
+    if (status < 0)
+        Py_CLEAR(owners);
+    return owners;
+}
+
+static PyObject *readers_is_free(PyObject *object, PyObject *argument)
+{
+    const Readers *self = (Readers *)object;
+    uint64_t slot;
+    if (!core_as_u64(argument, &slot))
+        return NULL;
+    if (slot >= self->slot_count)
+        return PyErr_Format(PyExc_ValueError, "slot %llu of %llu", (unsigned long long)slot,
+                            (unsigned long long)self->slot_count);
+    for (unsigned i = 0; i < READER_PINS; i++)
+        if (atomic_load_explicit(&self->slots[slot].pins[i], memory_order_relaxed) != 0) /* own word */
+            Py_RETURN_FALSE;
+    Py_RETURN_TRUE;
+}
+
+static PyMethodDef methods[] = {
+    {"wake", readers_wake, METH_NOARGS, NULL},
+    {"sleep", (PyCFunction)(void (*)(void))readers_sleep, FAST_KEYWORDS, NULL},
+    {"look", readers_look, METH_O, NULL},
+    {"is_free", readers_is_free, METH_O, NULL},
+    {0},
+};
+
+static PyMemberDef members[] = {{"slot_count", T_ULONGLONG, offsetof(Readers, slot_count), READONLY, NULL}, {0}};
+
+static PyType_Slot slots[] = {
+    {Py_tp_new, (void *)readers_new},
+    {Py_tp_dealloc, (void *)readers_dealloc},
+    {Py_tp_methods, methods},
+    {Py_tp_members, members},
+    {0},
+};
+
+PyType_Spec readers_spec = {"bus.shm._core.Readers", sizeof(Readers), 0, CORE_TYPE, slots};

@@ -1,0 +1,214 @@
+/* Taking from a Reader: the feeds merged by stamp, the depth over all of them, records to messages.
+ *
+ * decode(), a comparison, a garbage collection may run any Python code, which may use this very Reader. So a feed is
+ * brought in order before anything of that kind, and looked up again after it.
+ */
+#include "core.h"
+
+enum { SHORT_BYTES = 4096, BATCH_BYTES = 256 << 10, MAX_REJECTED = 64 };
+
+static const char BROKEN[] = "its ring contradicts itself";
+
+/* The feed whose next record is the oldest of all. NULL: nothing waits, or an error is set. */
+static struct feed *oldest_feed(Reader *self)
+{
+    struct feed *oldest = NULL;
+    for (size_t i = 0; i < self->count; i++) {
+        struct feed *feed = self->feeds[i];
+        if (feed->waiting == 0)
+            continue;
+        const enum ring_status status = feed_look(feed, self->bound);
+        if (status == RING_CORRUPT) {
+            if (reader_leave(self, feed, BROKEN) < 0)
+                return NULL;
+            oldest = NULL;
+            i = (size_t)-1; /* begin again */
+        } else if (status == RING_OK && (oldest == NULL || feed->head.stamp_ns < oldest->head.stamp_ns)) {
+            oldest = feed;
+        }
+    }
+    return oldest;
+}
+
+/* Looks at all rings, leaves those that are done with, and passes over what is beyond the depth. */
+static int poll_feeds(Reader *self)
+{
+    uint64_t waiting = 0;
+    for (size_t i = 0; i < self->count; i++) {
+        struct feed *feed = self->feeds[i];
+        feed_poll(feed, self->bound);
+        const bool is_sound = feed_is_sound(feed);
+        if (!is_sound || (feed->finishing != 0 && feed->waiting == 0)) {
+            if (reader_leave(self, feed, is_sound ? "" : BROKEN) < 0)
+                return -1;
+            waiting = 0;
+            i = (size_t)-1; /* begin again */
+        } else {
+            waiting += feed->waiting <= MAX_SEQ ? feed->waiting : MAX_SEQ;
+        }
+    }
+    if (waiting == 0)
+        self->bound = self->depth;
+    while (self->bound != 0 && waiting > self->bound) {
+        struct feed *feed = oldest_feed(self);
+        if (feed == NULL)
+            return PyErr_Occurred() ? -1 : 0;
+        feed_skip(feed, 1);
+        waiting = 0;
+        for (size_t i = 0; i < self->count; i++)
+            waiting += self->feeds[i]->waiting;
+    }
+    return 0;
+}
+
+/* The head of the feed, for decode(): bytes, or a memoryview of the pinned record. The feed has stepped on. NULL: the
+ * record was overrun, or an error is set. */
+static PyObject *fetch(Reader *self, struct feed *feed)
+{
+    const struct ring_record record = feed->head;
+    unsigned pin;
+    feed->has_head = false;
+    if (record.size > SHORT_BYTES && feed_may_pin(feed)) {
+        const enum ring_status status = ring_pin(&feed->ring, &record, &pin);
+        if (status == RING_OK) {
+            feed_step(feed);
+            Readers *readers = self->readers;
+            return view_new(core_state((PyObject *)readers), feed->memory, readers->memory, feed->ring.slot, pin,
+                            &record);
+        }
+        if (status == RING_OVERRUN) {
+            feed_poll(feed, self->bound);
+            return NULL;
+        }
+    }
+    PyObject *bytes = PyBytes_FromStringAndSize(NULL, record.size);
+    if (bytes == NULL)
+        return NULL;
+    if (ring_copy_out(&feed->ring, &record, PyBytes_AsString(bytes)) == RING_OK) {
+        feed_step(feed);
+        return bytes;
+    }
+    feed_poll(feed, self->bound);
+    Py_DECREF(bytes);
+    return NULL;
+}
+
+/* decode() has raised: an error of the sample is kept and counted, any other (a keyboard interrupt) goes on. */
+static int reject(Reader *self, uint64_t size)
+{
+    PyObject *type, *error, *traceback;
+    if (!PyErr_ExceptionMatches(PyExc_Exception))
+        return -1;
+    self->undecodable++;
+    PyErr_Fetch(&type, &error, &traceback);
+    PyErr_NormalizeException(&type, &error, &traceback);
+    int status = 0;
+    if (PyList_Size(self->rejected) < MAX_REJECTED) {
+        PyObject *item = Py_BuildValue("(KO)", (unsigned long long)size, error);
+        status = item == NULL ? -1 : PyList_Append(self->rejected, item);
+        Py_XDECREF(item);
+    }
+    Py_XDECREF(type);
+    Py_XDECREF(error);
+    Py_XDECREF(traceback); /* whose frames would hold the sample */
+    return status;
+}
+
+/* (message, stamp, seq, source, now); takes over the message. */
+static PyObject *with_origin(PyObject *message, const struct ring_record *record, PyObject *source, uint64_t now_ns)
+{
+    PyObject *item = PyTuple_New(5), *stamp_ns = PyLong_FromUnsignedLongLong(record->stamp_ns);
+    PyObject *seq = PyLong_FromUnsignedLongLong(record->seq), *now = PyLong_FromUnsignedLongLong(now_ns);
+    if (item == NULL || stamp_ns == NULL || seq == NULL || now == NULL) {
+        Py_XDECREF(item);
+        Py_DECREF(message);
+        Py_XDECREF(stamp_ns);
+        Py_XDECREF(seq);
+        Py_XDECREF(now);
+        return NULL;
+    }
+    Py_INCREF(source);
+    PyTuple_SetItem(item, 0, message);
+    PyTuple_SetItem(item, 1, stamp_ns);
+    PyTuple_SetItem(item, 2, seq);
+    PyTuple_SetItem(item, 3, source);
+    PyTuple_SetItem(item, 4, now);
+    return item;
+}
+
+/* Takes the head of the feed, and adds what it decodes to. Returns how many were added, -1 for an error. */
+static int take_one(Reader *self, struct feed *feed, PyObject *decode, uint64_t now_ns, bool has_origin, PyObject *list)
+{
+    const struct ring_record record = feed->head;
+    if (feed->lifespan_ns != 0 && now_ns > record.stamp_ns && now_ns - record.stamp_ns > feed->lifespan_ns) {
+        feed_step(feed);
+        self->expired++;
+        return 0;
+    }
+    PyObject *source = feed->source;
+    Py_INCREF(source);
+    PyObject *payload = fetch(self, feed), *item = NULL;
+    int added = 0;
+    if (payload != NULL) {
+        item = PyObject_CallFunctionObjArgs(decode, payload, NULL);
+        Py_DECREF(payload);
+        if (item == NULL) {
+            added = reject(self, record.size);
+        } else {
+            self->samples++;
+            self->bytes += record.size;
+            if (has_origin)
+                item = with_origin(item, &record, source, now_ns);
+            added = item == NULL || PyList_Append(list, item) < 0 ? -1 : 1;
+        }
+    } else if (PyErr_Occurred()) {
+        added = -1;
+    }
+    Py_XDECREF(item);
+    Py_DECREF(source);
+    return added;
+}
+
+static PyObject *take(Reader *self, PyObject *const *args, Py_ssize_t count, PyObject *kwnames, bool has_origin)
+{
+    static const char *const names[] = {"limit", "decode", NULL};
+    PyObject *values[2];
+    if (core_arguments(names, args, count, kwnames, 2, values) < 0)
+        return NULL;
+    if (values[0] == NULL || values[1] == NULL) {
+        PyErr_SetString(PyExc_TypeError, "limit and decode are needed");
+        return NULL;
+    }
+    Py_ssize_t left = PyLong_AsSsize_t(values[0]);
+    if (left == -1 && PyErr_Occurred())
+        return NULL;
+    PyObject *list = PyList_New(0);
+    if (list == NULL)
+        return NULL;
+    const uint64_t now_ns = core_now_ns(), end_bytes = self->bytes + BATCH_BYTES;
+    int status = poll_feeds(self);
+    while (status >= 0 && left > 0 && self->bytes < end_bytes) {
+        struct feed *feed = oldest_feed(self);
+        if (feed == NULL) {
+            status = PyErr_Occurred() ? -1 : 0;
+            break;
+        }
+        status = take_one(self, feed, values[1], now_ns, has_origin, list);
+        left -= status;
+    }
+    for (size_t i = 0; self->tells_cursor && i < self->count; i++)
+        feed_tell(self->feeds[i]);
+    if (status < 0)
+        Py_CLEAR(list);
+    return list;
+}
+
+PyObject *reader_take(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObject *kwnames)
+{
+    return take((Reader *)self, args, count, kwnames, true);
+}
+
+PyObject *reader_messages(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObject *kwnames)
+{
+    return take((Reader *)self, args, count, kwnames, false);
+}

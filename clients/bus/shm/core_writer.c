@@ -1,0 +1,386 @@
+/* Writer: a publisher's end of its ring. Writes and lends; its gates are in core_gates.c, its growth in core_carry.c. */
+#include "core.h"
+
+/* A record's parts on the stack; more of them cost an allocation. */
+enum { FEW_PARTS = 16 };
+
+static PyObject *writer_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
+{
+    static char *names[] = {"memory", "keep", NULL};
+    const CoreState *state = PyType_GetModuleState(type);
+    Mapping *memory;
+    uint64_t keep;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "O!O&", names, state->mapping, &memory, core_as_u64, &keep))
+        return NULL;
+    struct ring_geometry geometry;
+    const char *fault = ring_check(memory->memory, (uint64_t)memory->size, &geometry);
+    if (fault == NULL && !memory->is_writable)
+        fault = "mapping is read-only";
+    if (fault != NULL) {
+        PyErr_SetString(PyExc_ValueError, fault);
+        return NULL;
+    }
+    Writer *self = core_allocate(type);
+    if (self == NULL)
+        return NULL;
+    ring_writer_attach(&self->ring, memory->memory);
+    self->ring.keep = keep == 0 ? 1 : keep;
+    HOLD(memory);
+    self->memory = memory;
+    self->thread = PyThread_get_thread_ident();
+    self->forks = core_forks;
+    self->is_noted = 1;
+    self->most = UINT64_C(1) << 62;
+    return (PyObject *)self;
+}
+
+static void writer_dealloc(PyObject *object)
+{
+    Writer *self = (Writer *)object;
+    writer_drop_gates(self);
+    PyMem_Free(self->ring.gates);
+    PyMem_Free(self->owners);
+    PyMem_Free(self->bells);
+    Py_XDECREF(self->kind);
+    Py_XDECREF(self->is_valid);
+    Py_XDECREF(self->encode);
+    DROP(self->memory);
+    core_free(self);
+}
+
+static inline bool is_at_home(const Writer *self)
+{
+    return PyThread_get_thread_ident() == self->thread && self->forks == core_forks;
+}
+
+static PyObject *turned_away(const Writer *self)
+{
+    if (!self->is_closed)
+        return PyLong_FromLong(FOREIGN);
+    PyErr_SetString(PyExc_ValueError, "writer is closed");
+    return NULL;
+}
+
+static PyObject *refused(enum ring_status status)
+{
+    switch (status) {
+    case RING_FULL:
+        return PyLong_FromLong(FULL);
+    case RING_SHORT:
+        return PyLong_FromLong(SHORT);
+    case RING_PINNED:
+        return PyLong_FromLong(PINNED);
+    default:
+        return PyLong_FromLong(TOO_LARGE);
+    }
+}
+
+static inline PyObject *published(Writer *self, uint64_t size)
+{
+    self->samples++;
+    self->bytes += size;
+    writer_ring(self);
+    if (self->is_noted)
+        Py_RETURN_TRUE;
+    self->is_noted = 1;
+    return PyLong_FromLong(NOTED);
+}
+
+static inline uint64_t next_stamp(Writer *self, uint64_t stamp_ns)
+{
+    if (stamp_ns > self->stamp_ns)
+        self->stamp_ns = stamp_ns;
+    return self->stamp_ns;
+}
+
+static inline PyObject *put(Writer *self, const void *bytes, Py_ssize_t size)
+{
+    if ((uint64_t)size > self->ring.max_payload || (uint64_t)size > self->most)
+        return PyLong_FromLong(TOO_LARGE);
+    const enum ring_status status = ring_write(&self->ring, bytes, (uint32_t)size, next_stamp(self, core_now_ns()), 0,
+                                              false);
+    return status == RING_OK ? published(self, (uint64_t)size) : refused(status);
+}
+
+static PyObject *writer_write(PyObject *object, PyObject *payload)
+{
+    Writer *self = (Writer *)object;
+    if (!is_at_home(self))
+        return turned_away(self);
+    if (PyBytes_Check(payload))
+        return put(self, PyBytes_AsString(payload), PyBytes_Size(payload));
+    Py_buffer buffer;
+    if (PyObject_GetBuffer(payload, &buffer, PyBUF_SIMPLE) < 0)
+        return NULL;
+    PyObject *outcome = put(self, buffer.buf, buffer.len);
+    PyBuffer_Release(&buffer);
+    return outcome;
+}
+
+static PyObject *writer_prepare(PyObject *object, PyObject *args)
+{
+    Writer *self = (Writer *)object;
+    PyObject *kind, *is_valid, *encode;
+    if (self->kind != NULL) {
+        PyErr_SetString(PyExc_ValueError, "writer is prepared already");
+        return NULL;
+    }
+    if (!PyArg_ParseTuple(args, "OOO", &kind, &is_valid, &encode))
+        return NULL;
+    self->kind = Py_NewRef(kind);
+    self->is_valid = Py_NewRef(is_valid);
+    self->encode = Py_NewRef(encode);
+    Py_RETURN_NONE;
+}
+
+/* All that a publish is where nothing stands against it. Whatever does is left to the caller, who finds it again: an
+ * error of the encoder, too. */
+static PyObject *writer_publish(PyObject *object, PyObject *message)
+{
+    Writer *self = (Writer *)object;
+    if ((PyObject *)Py_TYPE(message) != self->kind)
+        Py_RETURN_FALSE;
+    PyObject *answer = PyObject_CallFunctionObjArgs(self->is_valid, message, NULL);
+    const bool is_valid = answer == Py_True;
+    Py_XDECREF(answer);
+    PyObject *payload = is_valid ? PyObject_CallFunctionObjArgs(self->encode, message, NULL) : NULL;
+    if (payload == NULL) {
+        if (PyErr_Occurred() && !PyErr_ExceptionMatches(PyExc_Exception))
+            return NULL;
+        PyErr_Clear();
+        Py_RETURN_FALSE;
+    }
+    PyObject *outcome = writer_write(object, payload);
+    Py_DECREF(payload);
+    return outcome;
+}
+
+/* Reserves, copies and publishes; the buffers are held by the caller. */
+static PyObject *put_parts(Writer *self, const Py_buffer *parts, Py_ssize_t count, bool force, uint64_t stamp_ns)
+{
+    uint64_t size = 0;
+    for (Py_ssize_t i = 0; i < count && size <= self->ring.max_payload; i++)
+        size += (uint64_t)parts[i].len;
+    if (size > self->most)
+        return PyLong_FromLong(TOO_LARGE);
+    void *payload;
+    const enum ring_status status = ring_reserve(&self->ring, size, force, &payload);
+    if (status != RING_OK)
+        return refused(status);
+    unsigned char *place = payload;
+    for (Py_ssize_t i = 0; i < count; i++) {
+        copy_to_shared(place, parts[i].buf, (uint64_t)parts[i].len);
+        place += parts[i].len;
+    }
+    ring_publish(&self->ring, (uint32_t)size, next_stamp(self, stamp_ns != 0 ? stamp_ns : core_now_ns()), 0);
+    return published(self, size);
+}
+
+static PyObject *writer_write_parts(PyObject *object, PyObject *const *args, Py_ssize_t count, PyObject *kwnames)
+{
+    static const char *const names[] = {"parts", "force", "stamp_ns", NULL};
+    Writer *self = (Writer *)object;
+    PyObject *values[3], *outcome = NULL;
+    if (core_arguments(names, args, count, kwnames, 1, values) < 0)
+        return NULL;
+    uint64_t stamp_ns = 0;
+    if (values[2] != NULL && !core_as_u64(values[2], &stamp_ns))
+        return NULL;
+    const int force = values[1] == NULL ? 0 : PyObject_IsTrue(values[1]);
+    if (force < 0)
+        return NULL;
+    if (values[0] == NULL) {
+        PyErr_SetString(PyExc_TypeError, "parts are missing");
+        return NULL;
+    }
+    PyObject *parts = PySequence_Tuple(values[0]); /* a tuple can't change while its buffers are asked for */
+    if (parts == NULL)
+        return NULL;
+    const Py_ssize_t length = PyTuple_Size(parts);
+    Py_buffer few[FEW_PARTS], *buffers = few;
+    Py_ssize_t held = 0;
+    if (length > FEW_PARTS && (buffers = PyMem_Malloc((size_t)length * sizeof *buffers)) == NULL) {
+        Py_DECREF(parts);
+        return PyErr_NoMemory();
+    }
+    while (held < length && PyObject_GetBuffer(PyTuple_GetItem(parts, held), &buffers[held], PyBUF_SIMPLE) == 0)
+        held++;
+    if (held == length)
+        outcome = is_at_home(self) ? put_parts(self, buffers, length, force, stamp_ns) : turned_away(self);
+    while (held > 0)
+        PyBuffer_Release(&buffers[--held]);
+    if (buffers != few)
+        PyMem_Free(buffers);
+    Py_DECREF(parts);
+    return outcome;
+}
+
+static PyObject *writer_lend(PyObject *object, PyObject *const *args, Py_ssize_t count, PyObject *kwnames)
+{
+    static const char *const names[] = {"size", "force", NULL};
+    Writer *self = (Writer *)object;
+    PyObject *values[2];
+    if (core_arguments(names, args, count, kwnames, 1, values) < 0)
+        return NULL;
+    const int force = values[1] == NULL ? 0 : PyObject_IsTrue(values[1]);
+    if (force < 0)
+        return NULL;
+    const Py_ssize_t size = values[0] == NULL ? -1 : PyLong_AsSsize_t(values[0]);
+    if (size < 0) {
+        if (!PyErr_Occurred())
+            PyErr_SetString(PyExc_ValueError, "size must be a number from 0 on");
+        return NULL;
+    }
+    if (!is_at_home(self))
+        return turned_away(self);
+    if ((uint64_t)size > self->most)
+        return PyLong_FromLong(TOO_LARGE);
+    void *payload;
+    const enum ring_status status = ring_reserve(&self->ring, (uint64_t)size, force, &payload);
+    if (status != RING_OK)
+        return refused(status);
+    self->lent = (uint32_t)size;
+    return loan_new(core_state(object), self->memory, payload, size);
+}
+
+static PyObject *writer_publish_lent(PyObject *object, PyObject *Py_UNUSED(none))
+{
+    Writer *self = (Writer *)object;
+    if (!is_at_home(self))
+        return turned_away(self);
+    if (self->ring.loan == 0) {
+        PyErr_SetString(PyExc_ValueError, "nothing is lent: another write took the place back");
+        return NULL;
+    }
+    ring_publish(&self->ring, self->lent, next_stamp(self, core_now_ns()), 0);
+    return published(self, self->lent);
+}
+
+static PyObject *writer_taken(PyObject *object, PyObject *Py_UNUSED(none))
+{
+    const Writer *self = (Writer *)object;
+    return PyLong_FromUnsignedLongLong(ring_taken_of(&self->ring, self->ring.latest + 1));
+}
+
+static PyObject *writer_wait_for_room(PyObject *object, PyObject *Py_UNUSED(none))
+{
+    return PyBool_FromLong(ring_wait_for_room(&((Writer *)object)->ring));
+}
+
+static PyObject *writer_woken(PyObject *object, PyObject *Py_UNUSED(none))
+{
+    bell_disarm(&((Writer *)object)->ring.header->room);
+    Py_RETURN_NONE;
+}
+
+static PyObject *writer_close(PyObject *object, PyObject *Py_UNUSED(none))
+{
+    Writer *self = (Writer *)object;
+    if (!self->is_closed) {
+        self->is_closed = true;
+        self->thread = 0;
+        ring_close(&self->ring);
+        writer_ring(self);
+    }
+    Py_RETURN_NONE;
+}
+
+static PyObject *get_keep(PyObject *object, void *Py_UNUSED(closure))
+{
+    return PyLong_FromUnsignedLongLong(((Writer *)object)->ring.keep);
+}
+
+static PyObject *get_hold(PyObject *object, void *Py_UNUSED(closure))
+{
+    const uint64_t hold = ((Writer *)object)->ring.hold;
+    return PyLong_FromUnsignedLongLong(hold == UINT64_MAX ? 0 : hold);
+}
+
+/* A number from 0 on, which stands for `zero`. */
+static int set_number(PyObject *value, uint64_t *word, uint64_t zero)
+{
+    uint64_t number;
+    if (value == NULL) {
+        PyErr_SetString(PyExc_AttributeError, "can't be deleted");
+        return -1;
+    }
+    if (!core_as_u64(value, &number))
+        return -1;
+    *word = number == 0 ? zero : number;
+    return 0;
+}
+
+static PyObject *get_most(PyObject *object, void *Py_UNUSED(closure))
+{
+    return PyLong_FromUnsignedLongLong(((Writer *)object)->most);
+}
+
+static int set_most(PyObject *object, PyObject *value, void *Py_UNUSED(closure))
+{
+    return set_number(value, &((Writer *)object)->most, 0);
+}
+
+static int set_keep(PyObject *object, PyObject *value, void *Py_UNUSED(closure))
+{
+    return set_number(value, &((Writer *)object)->ring.keep, 1);
+}
+
+static int set_hold(PyObject *object, PyObject *value, void *Py_UNUSED(closure))
+{
+    ((Writer *)object)->ring.floor = 0; /* what readers had taken may be more than is given up now */
+    return set_number(value, &((Writer *)object)->ring.hold, UINT64_MAX);
+}
+
+static PyMethodDef methods[] = {
+    {"write", writer_write, METH_O, NULL},
+    {"prepare", writer_prepare, METH_VARARGS, NULL},
+    {"publish", writer_publish, METH_O, NULL},
+    {"write_parts", (PyCFunction)(void (*)(void))writer_write_parts, FAST_KEYWORDS, NULL},
+    {"lend", (PyCFunction)(void (*)(void))writer_lend, FAST_KEYWORDS, NULL},
+    {"publish_lent", writer_publish_lent, METH_NOARGS, NULL},
+    {"since", writer_since, METH_O, NULL},
+    {"seq_since", writer_seq_since, METH_O, NULL},
+    {"add_gate", (PyCFunction)(void (*)(void))writer_add_gate, KEYWORDS, NULL},
+    {"remove_gate", writer_remove_gate, METH_O, NULL},
+    {"has_pins", writer_has_pins, METH_O, NULL},
+    {"is_lossless", writer_is_lossless, METH_O, NULL},
+    {"make_lossy", writer_make_lossy, METH_O, NULL},
+    {"taken", writer_taken, METH_NOARGS, NULL},
+    {"wait_for_room", writer_wait_for_room, METH_NOARGS, NULL},
+    {"woken", writer_woken, METH_NOARGS, NULL},
+    {"carry_from", writer_carry_from, METH_O, NULL},
+    {"move", writer_move, METH_O, NULL},
+    {"close", writer_close, METH_NOARGS, NULL},
+    {0},
+};
+
+static PyMemberDef members[] = {
+    {"capacity", T_ULONGLONG, offsetof(Writer, ring.capacity), READONLY, NULL},
+    {"index_length", T_ULONGLONG, offsetof(Writer, ring.index_length), READONLY, NULL},
+    {"max_payload", T_ULONGLONG, offsetof(Writer, ring.max_payload), READONLY, NULL},
+    {"latest", T_ULONGLONG, offsetof(Writer, ring.latest), READONLY, NULL},
+    {"oldest", T_ULONGLONG, offsetof(Writer, ring.oldest), READONLY, NULL},
+    {"samples", T_ULONGLONG, offsetof(Writer, samples), READONLY, NULL},
+    {"bytes", T_ULONGLONG, offsetof(Writer, bytes), READONLY, NULL},
+    {"rung", T_ULONGLONG, offsetof(Writer, rung), READONLY, NULL},
+    {"is_noted", T_BOOL, offsetof(Writer, is_noted), 0, NULL},
+    {0},
+};
+
+static PyGetSetDef properties[] = {
+    {"keep", get_keep, set_keep, NULL, NULL},
+    {"hold", get_hold, set_hold, NULL, NULL},
+    {"most", get_most, set_most, NULL, NULL},
+    {0},
+};
+
+static PyType_Slot slots[] = {
+    {Py_tp_new, (void *)writer_new},
+    {Py_tp_dealloc, (void *)writer_dealloc},
+    {Py_tp_methods, methods},
+    {Py_tp_members, members},
+    {Py_tp_getset, properties},
+    {0},
+};
+
+PyType_Spec writer_spec = {"bus.shm._core.Writer", sizeof(Writer), 0, CORE_TYPE, slots};

@@ -1,0 +1,67 @@
+"""What is wrong with a descriptor that another process sent. Needs no native core: the daemon asks too.
+
+Owns the rules that keep a foreign segment from hurting who maps it: its size can't change, no byte of it is
+missing, nobody else can map it writable. What stands in it is the core's business.
+"""
+
+import fcntl
+import os
+from pathlib import Path
+
+__all__ = ["SEALS", "doorbell_fault", "readers_fault", "ring_fault"]
+
+_GET_SEALS = 1034  # Linux's numbers; the module fcntl has them there only, and not all
+_SEAL_NAMES = {2: "SHRINK", 4: "GROW", 16: "FUTURE_WRITE", 1: "SEAL"}
+SEALS = sum(_SEAL_NAMES)
+"""What a segment must be sealed with."""
+
+RING_LEAST_BYTES = 640 + 8 * 16 + 4096
+"""Header, index and data of the smallest ring."""
+READERS_LEAST_BYTES = 256 + 64
+"""Header and one slot."""
+
+_BLOCK_BYTES = 512  # of st_blocks
+_PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+
+
+def ring_fault(number: int) -> str:
+    """Why descriptor `number` can't be a publisher's ring; "" where it can."""
+    return _segment_fault(number, RING_LEAST_BYTES)
+
+
+def readers_fault(number: int) -> str:
+    """Why descriptor `number` can't be a process's readers' segment; "" where it can."""
+    return _segment_fault(number, READERS_LEAST_BYTES)
+
+
+def doorbell_fault(number: int) -> str:
+    """Why descriptor `number` can't be a doorbell; "" where it can."""
+    try:
+        kind = str(Path(f"/proc/self/fd/{number}").readlink())
+        is_blocking = os.get_blocking(number)
+    except OSError as error:
+        return f"descriptor can't be looked at ({error.strerror})"
+    if kind != "anon_inode:[eventfd]":
+        return "descriptor is no eventfd"
+    return "eventfd would block" if is_blocking else ""
+
+
+def _segment_fault(number: int, least_bytes: int) -> str:
+    try:
+        status = os.fstat(number)
+        page_bytes = os.fstatvfs(number).f_bsize
+    except OSError as error:
+        return f"descriptor can't be looked at ({error.strerror})"
+    try:
+        seals = fcntl.fcntl(number, _GET_SEALS)
+    except OSError:
+        return "descriptor is no memfd"
+    if lacking := [name for seal, name in _SEAL_NAMES.items() if not seals & seal]:
+        return f"segment lacks the seals {', '.join(lacking)}"
+    if page_bytes != _PAGE_BYTES:
+        return "segment is made of huge pages"  # which may run out at a touch: a signal
+    if status.st_size < least_bytes:
+        return f"segment has {status.st_size} bytes, the least is {least_bytes}"
+    if status.st_blocks * _BLOCK_BYTES < status.st_size:
+        return "segment's memory is not reserved"
+    return ""

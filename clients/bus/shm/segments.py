@@ -1,0 +1,88 @@
+"""Makes and maps segments, and makes doorbells. See docs/ring.md for what stands in them.
+
+Owns how memory is made so that it can't leak or hurt: no names, reserved when made, sealed before anyone
+else sees it. Must not know who gets it. Functions that need the native core raise ImportError without it.
+"""
+
+import fcntl
+import os
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from bus.descriptor import Descriptor
+from bus.shm import core
+from bus.shm.descriptors import SEALS, readers_fault, ring_fault
+
+if TYPE_CHECKING:
+    from bus.shm._core import Mapping
+
+__all__ = [
+    "RECORD_HEAD_BYTES",
+    "make_doorbell",
+    "make_readers",
+    "make_ring",
+    "map_readers",
+    "map_ring",
+    "same_segment",
+]
+
+RECORD_HEAD_BYTES = 32
+"""Of a record in a ring, before its payload; a payload is at most a quarter of the ring less this."""
+
+
+def make_ring(capacity: int, index_length: int, first_seq: int) -> "tuple[Descriptor, Mapping]":
+    """An empty ring of `capacity` bytes for payloads and `index_length` records, both powers of two.
+
+    Raises ValueError for sizes out of bounds, OSError where there is no memory or no descriptor.
+    """
+    size: int = core().ring_bytes(capacity, index_length)
+    return _make("busd-ring", size, lambda memory: memory.format_ring(capacity, index_length, first_seq))
+
+
+def make_readers(slot_count: int) -> "tuple[Descriptor, Mapping]":
+    """A readers' segment of free slots. Raises as `make_ring`."""
+    size: int = core().readers_bytes(slot_count)
+    return _make("busd-readers", size, lambda memory: memory.format_readers(slot_count))
+
+
+def map_ring(descriptor: Descriptor) -> "Mapping":
+    """Map a foreign ring, read-only. Raises ValueError, saying what is wrong with it, or OSError."""
+    return _map(descriptor, ring_fault)
+
+
+def map_readers(descriptor: Descriptor) -> "Mapping":
+    """Map a foreign readers' segment, read-only. Raises as `map_ring`."""
+    return _map(descriptor, readers_fault)
+
+
+def make_doorbell() -> Descriptor:
+    """An eventfd that never blocks. Raises OSError."""
+    return Descriptor(os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK))
+
+
+def same_segment(a: Descriptor, b: Descriptor) -> bool:
+    """Whether both are descriptors of one segment."""
+    return os.path.sameopenfile(a.fileno(), b.fileno())
+
+
+def _make(name: str, size: int, lay_out: "Callable[[Mapping], None]") -> "tuple[Descriptor, Mapping]":
+    if not size:
+        raise ValueError(f"{name}: a size is out of bounds")
+    descriptor = Descriptor(os.memfd_create(name, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING))
+    try:
+        os.ftruncate(descriptor.number, size)
+        os.posix_fallocate(descriptor.number, 0, size)  # a full machine says so here, not by a signal later
+        memory: Mapping = core().Mapping(descriptor.number, size, writable=True)
+        lay_out(memory)
+        fcntl.fcntl(descriptor.number, fcntl.F_ADD_SEALS, SEALS)  # after the one writable mapping
+    except BaseException:
+        descriptor.close()  # not when the traceback goes, which may be later
+        raise
+    return descriptor, memory
+
+
+def _map(descriptor: Descriptor, find_fault: Callable[[int], str]) -> "Mapping":
+    if fault := find_fault(descriptor.number):
+        raise ValueError(fault)
+    memory: Mapping = core().Mapping(descriptor.number, os.fstat(descriptor.number).st_size)
+    return memory

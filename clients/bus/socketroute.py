@@ -1,0 +1,240 @@
+"""The way of a publisher's samples through the broker: gathered into runs, queued, held back by credit.
+
+A sample leaves at once, but where the one before left a moment ago: then it is gathered with those that
+follow into a run, which leaves when it is full or when the turn of the event loop ends. So a paced publisher
+has the latency of one system call, and a flood its throughput. Does not know messages, only their encoding.
+"""
+
+from collections import deque
+from threading import get_ident
+from time import monotonic_ns
+from typing import TypeAlias
+
+from bus.declarations import Endpoint
+from bus.link import Link
+from bus.qos import Durability, History
+from bus.threadqueue import ThreadQueue
+from bus.wire import messages as m
+from bus.wire.layout import MAX_MESSAGE_BYTES, RECORD_HEAD, RECORD_HEAD_BYTES, REPLAY, RESUMED, RUN_BYTES
+from bus.wire.runs import Account, Buffer, Run, RunQueue, data_head
+
+QUEUE_BYTES = 64 << 20
+
+_GATHER_NS = 100_000
+"""A message that follows so soon on the one before is gathered with others."""
+
+Sample: TypeAlias = tuple[int, int, bytes]
+"""Number, stamp in ns, payload."""
+
+_SHORT_BYTES = 4096
+_pack_record = RECORD_HEAD.pack
+
+
+class SocketRoute:
+    """The numbers of samples are given here, unless `resume` sets them.
+
+    `owner` is the publisher that the link knows. `is_active`: samples are to go this way.
+    """
+
+    def __init__(self, link: Link, owner: Endpoint, from_threads: ThreadQueue) -> None:
+        qos = owner.qos
+        depth = 0 if qos.history is History.KEEP_ALL else qos.depth
+        self._link = link
+        self._owner = owner
+        self._from_threads = from_threads
+        self._thread = link.thread
+        self.is_active = True
+        self.queue = RunQueue(depth, Account(QUEUE_BYTES))
+        self.keeps_history = qos.durability is Durability.TRANSIENT_LOCAL
+        self._history = RunQueue(depth, Account(QUEUE_BYTES)) if self.keeps_history else None
+        self.next_seq = 1
+        self.samples = 0
+        self.bytes = 0
+        self.replaced = 0
+        self._is_resumed = False
+        # The run that is open: heads and payloads in turn, and how many more bytes may go into it.
+        self._parts: list[Buffer] = []
+        self._budget = 0
+        self._full_parts = 2 * depth or 1 << 30
+        self._max_bytes = MAX_MESSAGE_BYTES
+        # Back-pressure: what was handed over and not yet taken by all.
+        self._is_windowed = qos.is_lossless
+        self._window_samples = 0
+        self._window_bytes = 0
+        self._credited = 0
+        self._flying_bytes = 0
+        self._flying: deque[tuple[int, int]] = deque()
+
+    def add(self, payload: Buffer, stamp_ns: int = 0) -> bool:
+        """Take a sample into the run that is open; False where it has no room or none is open.
+
+        All other questions were answered when the run was opened. It is what a flood consists of, hence
+        without a call more. False on another thread than the loop's.
+        """
+        budget, parts = self._budget - len(payload), self._parts
+        if budget < 0 or len(parts) >= self._full_parts or get_ident() != self._thread:
+            return False
+        self._budget = budget - RECORD_HEAD_BYTES
+        parts += (_pack_record(len(payload), stamp_ns or monotonic_ns()), payload)
+        return True
+
+    def can_take(self, size: int) -> bool:
+        """Whether a sample of `size` bytes may be taken now, before a keep-all subscription takes something.
+
+        One alone always may, whatever its size. May be asked from any thread.
+        """
+        if not self._is_windowed or self._budget >= size or not (self._flying or self._from_threads.count):
+            return True
+        return self._room() >= size + RECORD_HEAD_BYTES
+
+    def put(self, payload: Buffer, stamp_ns: int) -> None:
+        """Take a sample as the first of a new run."""
+        self.hand_over()
+        size = len(payload)
+        self._parts += (_pack_record(size, stamp_ns), payload)
+        link = self._link
+        if stamp_ns - link.last_sent_ns < _GATHER_NS:
+            room = self._room() if self._is_windowed else RUN_BYTES
+            self._budget = max(0, min(room, RUN_BYTES, self._max_bytes) - size - 2 * RECORD_HEAD_BYTES)
+            link.gather(self._owner)
+        else:
+            link.last_sent_ns = stamp_ns
+            self.hand_over()
+
+    def skip(self, count: int) -> None:
+        """Samples that were replaced before they came here; the gap in the numbers tells of them."""
+        if not count:
+            return
+        self.hand_over()
+        self.next_seq += count
+        self.samples += count
+        self.replaced += count
+
+    def resume(self, seq: int) -> None:
+        """Take samples from number `seq` on, after those before went another way."""
+        self.hand_over()
+        if seq > self.next_seq:
+            self.next_seq = seq
+            self._is_resumed = True
+            self.credit(seq - 1)
+        self.is_active = True
+
+    def catch_up(self, subscription: int, samples: list[Sample], *, since_ns: int) -> None:
+        """Send samples to one subscription alone, which then gets what is sent to all.
+
+        Those stamped before `since_ns` are history. What is on its way to all, and among these, it knows by
+        the number.
+        """
+        owner, parts, size = self._owner, list[bytes](), 0
+        for at, (seq, stamp_ns, payload) in enumerate(samples):
+            parts += (_pack_record(len(payload), stamp_ns), payload)
+            size += RECORD_HEAD_BYTES + len(payload)
+            is_replay = stamp_ns < since_ns
+            is_last = at + 1 == len(samples) or is_replay is not (samples[at + 1][1] < since_ns)
+            if is_last or size >= RUN_BYTES:
+                count = len(parts) // 2
+                flags = REPLAY if is_replay else 0
+                head = data_head(owner.id, seq + 1 - count, count, size, flags=flags, only_for=subscription)
+                self._link.send_about(owner, head + b"".join(parts))
+                parts.clear()
+                size = 0
+        self._link.send_about(owner, m.CaughtUp(publisher=owner.id, subscription=subscription))
+
+    def hand_over(self) -> None:
+        """End the open run and send it, or queue it where the broker does not take it now."""
+        samples = len(self._parts) // 2
+        if not samples:
+            return
+        body = b"".join(self._parts)
+        first_seq = self.next_seq
+        self._parts.clear()
+        self._budget = 0
+        self.next_seq += samples
+        if self._is_windowed:
+            self._flying.append((self.next_seq - 1, len(body)))
+            self._flying_bytes += len(body)
+        if self._history is not None:
+            self._history.push(Run(0, 0, first_seq, samples, body))
+            self._history.drop_over_quota(spare=1)
+        link, is_resumed = self._link, self._is_resumed
+        flags = RESUMED if is_resumed else 0
+        self._is_resumed = False
+        if not (
+            # Nothing waits: past the queues, which are most of what one message costs at a moderate rate.
+            self._owner.id
+            and not self.queue.runs
+            and len(body) < _SHORT_BYTES
+            and link.send_now(data_head(self._owner.id, first_seq, samples, len(body), flags=flags) + body)
+        ):
+            self._queue_run(Run(0, 0, first_seq, samples, body, is_resumed=is_resumed))
+        self.samples += samples
+        self.bytes += len(body) - samples * RECORD_HEAD_BYTES
+        link.report(self._owner)
+
+    def credit(self, seq: int) -> None:
+        """Everything up to `seq` was taken by all that must take."""
+        self._credited = max(self._credited, seq)
+        while self._flying and self._flying[0][0] <= seq:
+            self._flying_bytes -= self._flying.popleft()[1]
+
+    def declared(self, answer: m.Created) -> None:
+        """A broker knows the publisher now: what waits goes there."""
+        self._max_bytes = answer.max_message_bytes
+        limit = max(QUEUE_BYTES, answer.max_message_bytes + RUN_BYTES)
+        self.queue.account.limit = limit
+        if self._history is not None:
+            self._history.account.limit = limit
+        self._window_samples = answer.window_samples
+        self._window_bytes = answer.window_bytes
+        self._full_parts = 2 * answer.depth or 1 << 30
+        self.queue.set_depth(answer.depth)
+        self.queue.endpoint = answer.id
+        if self._history is not None:
+            # What waits is the end of the history, so the history alone tells a new broker everything.
+            self.queue.clear()
+            for run in self._history.newest(0, 0):
+                run.is_replay = False
+                self.queue.push(run)
+        self.credit(self.first_seq_to_send() - 1)
+        if self.queue.runs:
+            self._link.make_ready(self.queue)
+
+    def first_seq_to_send(self) -> int:
+        """The number of the first sample that a new broker will get."""
+        waiting = self._history if self._history is not None else self.queue
+        return waiting.runs[0].first_seq + waiting.skipped if waiting.runs else self.next_seq
+
+    def disconnected(self) -> None:
+        self.queue.is_ready = False  # the outbox that knew it is gone
+
+    @property
+    def open_samples(self) -> int:
+        """Samples of the run that is open; they are in no other count."""
+        return len(self._parts) // 2
+
+    @property
+    def open_bytes(self) -> int:
+        return sum(map(len, self._parts[1::2]))
+
+    def forget_open(self) -> None:
+        """The run that is open will not be sent."""
+        self._parts.clear()
+        self._budget = 0
+
+    def _room(self) -> int:
+        """Bytes that may still be taken before somebody takes something."""
+        waiting = self._from_threads
+        if self.next_seq - 1 - self._credited + self.open_samples + waiting.count >= self._window_samples:
+            return 0
+        return self._window_bytes - self._flying_bytes - self.open_bytes - waiting.held_bytes
+
+    def _queue_run(self, run: Run) -> None:
+        runs = self.queue.runs
+        is_resumed = bool(runs) and runs[0].is_resumed
+        replaced = self.queue.push(run) + self.queue.drop_over_quota(spare=1)
+        if replaced:
+            self.replaced += replaced
+            runs[0].is_resumed |= is_resumed  # the gap before it is mostly of that kind
+        if self._owner.id:
+            self._link.make_ready(self.queue)
+            self._link.flush()

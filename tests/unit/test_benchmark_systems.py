@@ -1,0 +1,257 @@
+"""benchmarks/: what is counted and what is refused, and each system measured, small."""
+
+import mmap
+import os
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from benchmarks import fanout, idle, memory, paced, startup, throughput
+from benchmarks.adapters.bus_fanout import Fan
+from benchmarks.adapters.holding import usage_of
+from benchmarks.harness import Failure, Group
+from benchmarks.systems import (
+    BUS,
+    BUS_BYTES,
+    BUS_FAN_OUT,
+    BUS_SOCKET,
+    BUS_SOCKET_BYTES,
+    BUS_SOCKET_FAN_OUT,
+    FLOOR,
+    ICEORYX,
+    PIPE,
+    PYZMQ,
+    TWO_HOPS,
+    System,
+)
+from benchmarks.work import Work
+
+# --- accounting, with a system that says what the test wants
+
+LIAR = """
+import os, sys
+def tell(text): print(text, flush=True)
+tell('{"event": "ready"}')
+if sys.argv[1] == "subscriber":
+    tell('{"event": "warm"}')
+    tell(os.environ["RECEIVED"])
+for word in sys.stdin:
+    if word.strip() == "go" and "SENT" in os.environ:
+        tell(os.environ["SENT"])
+"""
+FLOOD = Work(size=100, count=1000, warm_up=10)
+
+
+@pytest.fixture
+def liar(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> System:
+    (tmp_path / "liar_system.py").write_text(LIAR)
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+    monkeypatch.setenv("SENT", '{"event": "sent", "begin_ns": 1000000000}')
+    return System("liar", "liar_system")
+
+
+def _received(count: int, dropped: str = "{}") -> str:
+    return f'{{"event": "received", "end_ns": 1500000000, "count": {count}, "dropped": {dropped}}}'
+
+
+def test_throughput_counts_from_the_first_publish_to_the_last_message(
+    liar: System, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RECEIVED", _received(1010))
+
+    found = throughput.measure(liar, FLOOD)
+
+    assert found["per_s"] == pytest.approx(2000)
+    assert found["bytes_per_s"] == pytest.approx(200_000)
+    assert found["cpu_broker"] == 0
+
+
+@pytest.mark.parametrize(
+    ("received", "text"),
+    [
+        (_received(1009), r"1009 of 1010 arrived"),
+        (_received(1010, '{"replaced": 1}'), r"dropped: \{'replaced': 1\}"),
+    ],
+)
+def test_a_run_that_lost_something_is_no_throughput(
+    liar: System, monkeypatch: pytest.MonkeyPatch, received: str, text: str
+) -> None:
+    monkeypatch.setenv("RECEIVED", received)
+
+    with pytest.raises(Failure, match=text):
+        throughput.measure(liar, FLOOD)
+
+
+def test_a_system_that_hangs_midway_is_a_failure(liar: System, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RECEIVED", "nothing yet")
+    monkeypatch.setattr(throughput, "_LIMIT_S", 0.2)
+
+    with pytest.raises(Failure, match=r"did not say '(sent|received)'"):
+        throughput.measure(liar, FLOOD)
+
+
+def test_a_match_by_another_route_is_a_failure(liar: System, tmp_path: Path) -> None:
+    ready = """print('{"event": "ready", "route": "socket"}', flush=True); input()"""
+    (tmp_path / "liar_system.py").write_text(ready)
+
+    with Group() as group:
+        assert liar._replace(route="socket").start_role(group, "publisher", FLOOD).is_running()
+        with pytest.raises(Failure, match="matched by the route 'socket', not 'shm'"):
+            liar._replace(route="shm").start_role(group, "publisher", FLOOD)
+
+
+FAN = Fan(size=64, count=99, subscribers=2, is_lossless=False)
+
+
+@pytest.mark.parametrize("is_lossless", [False, True])
+def test_fan_out_counts_all_deliveries_and_what_was_lost(
+    liar: System, monkeypatch: pytest.MonkeyPatch, is_lossless: bool
+) -> None:
+    fan = msgspec.structs.replace(FAN, is_lossless=is_lossless)
+    monkeypatch.setenv("SENT", '{"event": "sent", "begin_ns": 1000000000, "cpu_ns": 50000}')
+    monkeypatch.setenv("RECEIVED", _received(75, '{"replaced": 25}'))
+
+    if is_lossless:
+        with pytest.raises(Failure, match="75 of 100 arrived"):
+            fanout.measure(liar, fan)
+    else:
+        found = fanout.measure(liar, fan)
+        assert found["deliveries_per_s"] == pytest.approx(300)
+        assert found["cpu_publish_ns"] == pytest.approx(500)
+        assert (found["delivered"], found["replaced"], found["overrun"]) == pytest.approx((75, 25, 0))
+
+
+def test_a_message_of_which_nobody_knows_what_became_is_a_failure(
+    liar: System, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SENT", '{"event": "sent", "begin_ns": 1000000000, "cpu_ns": 50000}')
+    monkeypatch.setenv("RECEIVED", _received(75, '{"replaced": 24}'))
+
+    with pytest.raises(Failure, match="75 of 100 arrived"):
+        fanout.measure(liar, FAN)
+
+
+# --- the real thing, small
+
+
+def _or_skip(system: System) -> System:
+    reason = system.missing()
+    if reason:
+        pytest.skip(reason)
+    return system
+
+
+@pytest.mark.parametrize("system", [BUS, BUS_SOCKET], ids=lambda system: system.route)
+@pytest.mark.parametrize(
+    ("publish_by", "take_by"), [("publish", "callback"), ("publish", "async for"), ("send", "callback")]
+)
+def test_throughput_of_busd(system: System, publish_by: str, take_by: str) -> None:
+    work = Work(size=64, count=2000, warm_up=100, publish_by=publish_by, take_by=take_by)
+
+    found = throughput.measure(_or_skip(system), work)
+
+    assert found["cpu_broker"] >= 0
+    assert min(value for key, value in found.items() if key != "cpu_broker") > 0
+
+
+@pytest.mark.parametrize(
+    ("system", "publish_by", "take_by"),
+    [
+        (BUS_BYTES, "loan", "views"),
+        (BUS_BYTES, "publish", "callback"),
+        (BUS_SOCKET_BYTES, "publish", "callback"),
+        (ICEORYX, "", "polling"),
+        (PYZMQ, "", ""),
+    ],
+    ids=lambda value: value if isinstance(value, str) else value.name,
+)
+def test_throughput_of_long_messages(system: System, publish_by: str, take_by: str) -> None:
+    work = Work(size=1 << 16, count=200, warm_up=20, publish_by=publish_by, take_by=take_by)
+
+    assert throughput.measure(_or_skip(system), work)["per_s"] > 0
+
+
+@pytest.mark.parametrize(
+    ("system", "take_by"),
+    [
+        (BUS, "callback"),
+        (BUS, "async for"),
+        (BUS_SOCKET, "callback"),
+        (TWO_HOPS, ""),
+        (FLOOR, ""),
+        (PIPE, ""),
+        (PIPE, "blocking"),
+        (PYZMQ, ""),
+        (ICEORYX, "event"),
+        (ICEORYX, "polling"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else value.name,
+)
+def test_latency_of_each_system(system: System, take_by: str) -> None:
+    found = paced.measure(_or_skip(system), Work(size=64, count=100, warm_up=10, rate=1000, take_by=take_by))
+
+    assert 0 < found["p50"] <= found["p99"] <= found["max"]
+    assert found["due_p50"] >= found["p50"]
+    assert found["cpu"] >= found["cpu_publisher"] > 0
+
+
+@pytest.mark.parametrize("publish_by", ["loan", "publish"])
+def test_latency_of_long_messages(publish_by: str) -> None:
+    take_by = "views" if publish_by == "loan" else "callback"
+    work = Work(size=1 << 20, count=10, warm_up=2, rate=100, publish_by=publish_by, take_by=take_by)
+
+    assert paced.measure(_or_skip(BUS_BYTES), work)["p50"] > 0
+
+
+def test_latency_with_busy_polling() -> None:
+    work = Work(size=64, count=100, warm_up=10, rate=1000, take_by="callback", busy_poll_s=0.002)
+
+    assert paced.measure(_or_skip(BUS), work)["p50"] > 0
+
+
+@pytest.mark.parametrize("system", [BUS_FAN_OUT, BUS_SOCKET_FAN_OUT], ids=lambda system: system.route)
+@pytest.mark.parametrize("is_lossless", [False, True])
+def test_fan_out_of_busd(system: System, is_lossless: bool) -> None:
+    fan = Fan(size=64, count=3000, subscribers=2, is_lossless=is_lossless)
+
+    found = fanout.measure(_or_skip(system), fan)
+
+    assert found["deliveries_per_s"] > 0
+    assert found["delivered"] == 100 or not is_lossless
+
+
+def test_memory_of_endpoints(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(memory, "_NUMBER", 20)
+
+    by_ring, by_socket = memory.measure(_or_skip(BUS)), memory.measure(BUS_SOCKET)
+
+    assert by_ring["publisher: shared"] > 0
+    assert by_socket["publisher: shared"] == 0
+
+
+def test_usage_tells_shared_memory_from_private_and_counts_a_segment_once() -> None:
+    before = usage_of(os.getpid())
+    size = 1 << 20
+    with os.fdopen(os.memfd_create("busd-test-of-usage"), "r+b") as file:
+        file.truncate(size)
+        with mmap.mmap(file.fileno(), size) as once, mmap.mmap(file.fileno(), size) as again:
+            once[:] = again[:]
+            shared = usage_of(os.getpid())
+            with mmap.mmap(-1, 8 * size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS) as private:
+                for offset in range(0, len(private), mmap.PAGESIZE):
+                    private[offset] = 1
+                both = usage_of(os.getpid())
+
+    assert shared.shared - before.shared == 1024
+    assert shared.private - before.private < 8 * 1024
+    assert both.private - shared.private >= 7 * 1024
+
+
+def test_start_and_idle_are_measured(tmp_path: Path) -> None:
+    assert startup.measure_first_message()["ms"] > 0
+    assert startup.measure_with_autostart()["ms"] > 0
+    assert startup.measure_program([sys.executable, "-m", "bus.cli", "topic", "list"], on_bus=True)["ms"] > 0
+    assert idle.measure(0.1, settle_s=0.0)["busd_us_per_s"] >= 0
+    startup.end_busd(tmp_path / "of_nobody.sock")

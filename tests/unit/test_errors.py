@@ -1,0 +1,31 @@
+"""bus.errors: what is raised again is the same error, without what it met before."""
+
+import pytest
+
+from bus import errors
+
+ERRORS = [
+    errors.ConfigurationError("no name", index=3),
+    errors.PayloadTooLarge("/t", size_bytes=2, limit_bytes=1),
+    errors.QuotaExceeded("nodes", used=2, limit=2),
+    errors.ConnectionClosed("this publisher on '/t' is closed"),
+    errors.ForkError("made before a fork"),
+    errors.SharedMemoryError("no memory"),
+]
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)
+def test_again(error: errors.BusError) -> None:
+    with pytest.raises(type(error)) as raised:
+        raise errors.again(error)
+    copy = raised.value
+    assert copy is not error
+    assert (str(copy), copy.args, vars(copy)) == (str(error), error.args, vars(error))
+    assert error.__traceback__ is None
+    assert copy.__traceback__ is not None
+
+
+def test_every_error_is_listed() -> None:
+    values = vars(errors).items()
+    classes = {name for name, one in values if isinstance(one, type) and issubclass(one, errors.BusError)}
+    assert classes == set(errors.__all__) - {"again"}

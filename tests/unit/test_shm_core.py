@@ -1,0 +1,341 @@
+"""bus.shm._core: writing and taking, loss and its counts, where reading begins and ends."""
+
+import gc
+import sys
+import threading
+import time
+import weakref
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from bus.shm import segments
+from shm_ends import LARGE, Listener, Talker, core
+
+
+@pytest.fixture
+def talker() -> Iterator[Talker]:
+    end = Talker()
+    yield end
+    end.close()
+
+
+@pytest.fixture
+def listener() -> Iterator[Listener]:
+    end = Listener()
+    yield end
+    end.close()
+
+
+# --- writing and taking
+
+
+def test_what_is_written_is_taken(talker: Talker, listener: Listener) -> None:
+    listener.join(talker)
+    before = time.monotonic_ns()
+    talker.write(b"one", bytearray(b"two"), memoryview(b"three"), b"")
+    assert talker.writer.write_parts([b"fo", bytearray(b"u"), b"r"] + [b""] * 20) is True
+    after = time.monotonic_ns()
+    assert (talker.writer.samples, talker.writer.bytes, talker.writer.latest) == (5, 15, 5)
+    assert (listener.reader.waiting(), listener.reader.next_seq(1)) == (5, 1)
+    taken = listener.reader.take(3, bytes) + listener.reader.take(9, bytes)
+    assert [message for message, *_ in taken] == [b"one", b"two", b"three", b"", b"four"]
+    assert [seq for _, _, seq, _, _ in taken] == [1, 2, 3, 4, 5]
+    stamps = [stamp for _, stamp, *_ in taken]
+    assert stamps == sorted(stamps)
+    assert before <= stamps[0] <= stamps[-1] <= after <= taken[0][4]
+    assert {source for *_, source, _ in taken} == {1}
+    assert (listener.reader.samples, listener.reader.bytes, listener.reader.waiting()) == (5, 15, 0)
+
+
+def test_a_batch_ends_with_its_limit_or_at_256_kib(listener: Listener) -> None:
+    talker = Talker(1 << 20, keep=100)
+    listener.join(talker)
+    talker.write(*[bytes(30_000)] * 20)
+    assert listener.reader.messages(0, bytes) == []
+    assert len(listener.take(2)) == 2
+    assert len(listener.take()) == 9
+    assert len(listener.take()) == 9
+
+
+def test_refusals(listener: Listener) -> None:
+    talker = Talker(4096, 16, keep=3)
+    writer = talker.writer
+    assert writer.max_payload == 4096 // 4 - segments.RECORD_HEAD_BYTES
+    assert writer.write(bytes(writer.max_payload + 1)) == core.TOO_LARGE
+    assert writer.write_parts([bytes(writer.max_payload), b"x"]) == core.TOO_LARGE
+    assert writer.lend(writer.max_payload + 1) == core.TOO_LARGE
+    writer.most = 10
+    assert writer.write(bytes(11)) == writer.write_parts([bytes(11)]) == writer.lend(11) == core.TOO_LARGE
+    writer.most = 1 << 62
+    talker.write(*[bytes(writer.max_payload)] * 4)
+    writer.keep = 5
+    assert writer.write(bytes(900)) == writer.lend(900) == core.SHORT
+    assert writer.write_parts([bytes(900)], force=True) is True
+    writer.keep, writer.hold = 1, writer.oldest
+    assert writer.write(bytes(900)) == core.FULL
+    writer.hold = 0
+    talker.write(bytes(900))
+    writer.keep, writer.hold = 2, 7
+    assert (writer.keep, writer.hold, writer.most) == (2, 7, 1 << 62)
+    for name in ("keep", "hold", "most"):
+        with pytest.raises(OverflowError):
+            setattr(writer, name, -1)
+
+
+def test_noted_once(talker: Talker) -> None:
+    talker.write(b"")
+    talker.writer.is_noted = False
+    assert [talker.writer.write(b"") for _ in range(2)] == [core.NOTED, True]
+
+
+def test_only_the_thread_that_made_it_writes(talker: Talker) -> None:
+    outcomes: list[object] = []
+    writer = talker.writer
+
+    def run() -> None:
+        outcomes.extend([writer.write(b""), writer.write_parts([b""]), writer.lend(1), writer.publish_lent()])
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join()
+    assert outcomes == [core.FOREIGN] * 4
+    assert writer.samples == 0
+
+
+def test_nothing_is_written_after_close(talker: Talker, listener: Listener) -> None:
+    listener.join(talker)
+    talker.write(b"last")
+    talker.writer.close()
+    talker.writer.close()
+    for write in (lambda: talker.writer.write(b""), lambda: talker.writer.lend(1)):
+        with pytest.raises(ValueError, match="closed"):
+            write()
+    assert listener.take() == [b"last"]
+    assert listener.reader.pop_left() == []  # the next ring may be on its way
+    listener.reader.finish(1)
+    assert [left[:2] for left in listener.reader.pop_left()] == [(1, "")]
+
+
+def test_a_loan_is_filled_in_place(talker: Talker, listener: Listener) -> None:
+    listener.join(talker)
+    place = talker.writer.lend(5)
+    place[:] = b"hello"
+    assert listener.take() == []
+    assert talker.writer.publish_lent() is True
+    with pytest.raises(ValueError, match="nothing is lent"):
+        talker.writer.publish_lent()
+    talker.writer.lend(5)
+    talker.write(b"between")
+    with pytest.raises(ValueError, match="took the place back"):
+        talker.writer.publish_lent()
+    assert listener.take() == [b"hello", b"between"]
+
+
+def test_what_was_published_since(talker: Talker) -> None:
+    for stamp in (10, 20, 20, 30):
+        assert talker.writer.write_parts([b"%d" % stamp], stamp_ns=stamp) is True
+    assert talker.writer.since(20) == [(2, 20, b"20"), (3, 20, b"20"), (4, 30, b"30")]
+    assert [talker.writer.seq_since(stamp) for stamp in (0, 10, 11, 30, 31)] == [1, 1, 2, 4, 5]
+    assert talker.writer.since(31) == []
+
+
+# --- where a reader starts
+
+
+@pytest.mark.parametrize(
+    ("options", "first"),
+    [
+        ({"start": 3}, 3),
+        ({"start": 9}, 9),
+        ({"since_ns": 30}, 3),
+        ({"since_ns": 60}, 6),
+        ({"since_ns": 60, "history": 2}, 4),
+        ({"since_ns": 40, "history": 2}, 2),
+        ({"since_ns": 40, "history": 1 << 60}, 1),
+        ({}, 1),
+    ],
+)
+def test_the_first_number(talker: Talker, listener: Listener, options: dict[str, int], first: int) -> None:
+    for stamp in (10, 20, 30, 40, 50):
+        talker.writer.write_parts([b""], stamp_ns=stamp)
+    assert listener.reader.attach("it", segments.map_ring(talker.ring), 0, **options) == first
+    assert listener.reader.next_seq("it") == first
+    assert listener.reader.waiting() == max(0, 6 - first)
+
+
+def test_a_start_before_the_oldest_is_overrun(listener: Listener) -> None:
+    talker = Talker(4096, 16)
+    talker.write(*[b"x"] * 100)
+    listener.join(talker, start=1)
+    assert len(listener.take()) + listener.reader.overrun == 100
+    assert listener.reader.overrun == talker.writer.oldest - 1
+
+
+def test_refused_attachments(talker: Talker, listener: Listener) -> None:
+    listener.join(talker)
+    memory = segments.map_ring(talker.ring)
+    for arguments, reason in (((1, memory, 5), "already"), ((2, memory, 128), "beyond")):
+        with pytest.raises(ValueError, match=reason):
+            listener.reader.attach(*arguments)
+    with pytest.raises(ValueError, match="no ring"):
+        listener.reader.attach(2, segments.map_readers(listener.segment), 5)
+    with pytest.raises(ValueError, match="out of bounds"):
+        listener.reader.attach(2, memory, 5, start=1 << 63)
+    with pytest.raises(ValueError, match="not attached"):
+        listener.reader.extend(2, memory)
+    with pytest.raises(ValueError, match="slot"):
+        talker.writer.add_gate(1, listener.bell, 128, is_lossless=False)
+    assert listener.readers.is_free(5)
+    with pytest.raises(ValueError, match="slot"):
+        listener.readers.is_free(128)
+
+
+# --- several rings, depth, loss
+
+
+def test_rings_are_merged_by_stamp(listener: Listener) -> None:
+    talkers = [Talker() for _ in range(3)]
+    for source, talker in enumerate(talkers):
+        listener.join(talker, source)
+    for stamp in range(1, 31):
+        talkers[stamp * 7 % 3].writer.write_parts([b"%d" % stamp], stamp_ns=stamp)
+    assert listener.take(4) + listener.take() == [b"%d" % stamp for stamp in range(1, 31)]
+
+
+def test_the_depth_is_over_all_rings(listener: Listener) -> None:
+    talkers = [Talker(), Talker()]
+    for source, talker in enumerate(talkers):
+        listener.join(talker, source)
+    for stamp in range(1, 21):
+        talkers[stamp % 3 == 0].writer.write_parts([b"%d" % stamp], stamp_ns=stamp)
+    listener.reader.depth = 4
+    assert listener.reader.waiting() == 4
+    assert listener.take() == [b"17", b"18", b"19", b"20"]
+    assert (listener.reader.replaced, listener.reader.overrun, listener.reader.samples) == (16, 0, 4)
+
+
+def test_expired_samples(talker: Talker, listener: Listener) -> None:
+    listener.join(talker, lifespan_ns=3600 * 10**9)
+    now = time.monotonic_ns()
+    for age_ns in (7200 * 10**9, 3601 * 10**9, 0):
+        if now > age_ns:
+            talker.writer.write_parts([b"%d" % age_ns], stamp_ns=now - age_ns)
+    expected = sum(now > age_ns for age_ns in (7200 * 10**9, 3601 * 10**9))
+    assert listener.take() == [b"0"]
+    assert listener.reader.expired == expected
+    listener.reader.detach(1)
+    listener.join(talker, lifespan_ns=1, start=1)
+    assert listener.take() == []
+    assert listener.reader.expired == expected + talker.writer.latest
+
+
+def test_what_does_not_decode(talker: Talker, listener: Listener) -> None:
+    listener.join(talker)
+    talker.write(*[b"bad"] * 100, b"7")
+    assert listener.reader.messages(200, int) == [7]
+    assert (listener.reader.undecodable, listener.reader.samples) == (100, 1)
+    rejected = listener.reader.pop_rejected()
+    assert len(rejected) == 64
+    assert rejected[0][0] == 3
+    assert isinstance(rejected[0][1], ValueError)
+    assert listener.reader.pop_rejected() == []
+
+
+def test_an_interrupt_goes_through(talker: Talker, listener: Listener) -> None:
+    listener.join(talker)
+    talker.write(b"one", b"two")
+
+    def interrupt(_: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        listener.reader.messages(1, interrupt)
+    assert listener.take() == [b"two"]
+
+
+@pytest.mark.parametrize("size", [1, LARGE])
+def test_decode_may_use_the_reader(talker: Talker, listener: Listener, size: int) -> None:
+    other = Talker()
+    listener.join(talker, "gone")
+    listener.join(other, "other")
+    talker.write(*[b"x" * size] * 3)
+    other.write(b"y")
+
+    def decode(payload: Any) -> Any:
+        listener.reader.detach("gone")
+        return [bytes(payload), *listener.reader.messages(5, bytes)]
+
+    assert listener.reader.take(9, decode)[0][0] == [b"x" * size, b"y"]
+    assert listener.take() == []
+
+
+# --- leaving
+
+
+def test_a_finished_ring_is_taken_to_where_it_ended(talker: Talker, listener: Listener) -> None:
+    listener.join(talker)
+    talker.write(b"one", b"two")
+    listener.reader.finish(1)
+    talker.write(b"too late")
+    assert listener.reader.pop_left() == []
+    assert listener.take() == [b"one", b"two"]
+    assert listener.take() == []
+    assert [left[:2] for left in listener.reader.pop_left()] == [(1, "")]
+    listener.reader.finish(1)
+    listener.reader.detach(1)
+
+
+def test_finished_rings_are_bounded(listener: Listener) -> None:
+    talkers = [Talker(4096, 16) for _ in range(70)]
+    for source, talker in enumerate(talkers):
+        listener.join(talker, source)
+        talker.write(b"%d" % source)
+        listener.reader.finish(source)
+    assert [left[:2] for left in listener.reader.pop_left()] == [(source, "") for source in range(6)]
+    assert listener.take() == [b"%d" % source for source in range(6, 70)]
+    assert listener.reader.replaced == 6
+
+
+# --- no leaks
+
+
+def test_a_cycle_through_a_reader_is_collected(talker: Talker) -> None:
+    listener = Listener()
+    listener.join(talker, source=listener)
+    talker.write(b"bad")
+    listener.reader.messages(1, int)
+    ref = weakref.ref(listener)
+    del listener
+    gc.collect()
+    assert ref() is None
+
+
+def test_nothing_is_left_of_many_rounds(talker: Talker, listener: Listener) -> None:
+    source, payload = object(), b"z" * 100
+
+    def refuse(_: object) -> None:
+        raise ValueError
+
+    def rounds(decode: Callable[[Any], Any]) -> None:
+        for _ in range(300):
+            slot = next(listener.slots, None) or 1
+            listener.reader.attach(source, segments.map_ring(talker.ring), slot, since_ns=1 << 62)
+            talker.writer.add_gate(1, listener.bell, slot, is_lossless=False)
+            talker.write(payload, bytes(LARGE), payload)
+            talker.writer.write_parts([payload, payload])
+            listener.reader.take(9, decode)
+            listener.readers.wake()
+            listener.reader.pop_rejected()
+            listener.reader.extend(source, segments.map_ring(talker.ring))
+            listener.reader.detach(source)
+            talker.writer.remove_gate(1)
+
+    counts = []
+    for decode in (bytes, refuse, bytes, refuse):
+        rounds(decode)
+        gc.collect()
+        counts.append((sys.getallocatedblocks(), sys.getrefcount(source), sys.getrefcount(payload)))
+    assert counts[3][1:] == counts[1][1:] == counts[0][1:]
+    assert counts[3][0] - counts[1][0] < 100
