@@ -296,8 +296,8 @@ class Outlet:
             return
         if ring is None:
             self.write = socket.add
-        elif not is_needed and not self._is_manual:
-            self.publish = ring.publish
+        elif ring.can_publish and not is_needed and not self._is_manual:
+            self.publish = ring.writer.publish
 
     def _returned(self) -> None:
         self._is_returning = False

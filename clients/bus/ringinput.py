@@ -15,10 +15,10 @@ from bus.qos import Durability, History, QoSProfile
 from bus.sharing import Sharing
 from bus.shm import core, segments
 from bus.wire import messages as m
+from bus.wire.session import MISSING
 
 _ALL = 1 << 60
 _MOST_REMEMBERED = 1024
-_MISSING = "the descriptors did not arrive; are the limits reached?"
 
 
 class _Ring:
@@ -91,7 +91,7 @@ class RingInput:
         """The publisher goes on in another ring; or say why that can't be read."""
         try:
             if not descriptors:
-                raise OSError(_MISSING)
+                raise OSError(MISSING)
             self._replace(source.gid, descriptors[0])
         except (OSError, ValueError, MemoryError) as error:
             self._refuse(source, str(error) or "no memory")
@@ -164,7 +164,7 @@ class RingInput:
     ) -> int:
         """Returns the slot. Raises OSError or ValueError, saying what is wrong."""
         if len(descriptors) != matched.descriptors:
-            raise OSError(_MISSING)
+            raise OSError(MISSING)
         ring, doorbell = descriptors
         before = self._rings.get(matched.gid)
         if before is not None:

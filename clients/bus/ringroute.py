@@ -21,6 +21,7 @@ from bus.shm import core, segments
 from bus.shm.segments import RECORD_HEAD_BYTES
 from bus.wire import messages as m
 from bus.wire.runs import Buffer
+from bus.wire.session import MISSING
 
 FOR_EVER = 1 << 60
 """A depth without bound."""
@@ -74,7 +75,7 @@ class RingRoute:
         support = owner.support
         self.writer.prepare(support.cls, support.is_valid, support.encode)
         # A long field of bytes shall not be encoded with the rest.
-        self.publish = self._step_by_step if bytes_fields(support.cls) else self.writer.publish
+        self.can_publish = not bytes_fields(support.cls)
         if keeps_all and qos.durability is Durability.TRANSIENT_LOCAL:
             self.writer.keep = FOR_EVER
         self._gates: dict[bytes, _Gate] = {}
@@ -103,10 +104,6 @@ class RingRoute:
         return self.descriptor
 
     # --- samples
-
-    @staticmethod
-    def _step_by_step(message: object) -> bool:
-        return False
 
     def put(self, parts: Sequence[Buffer], stamp_ns: int) -> bool:
         """Write a sample, given in parts, whatever that takes; False where lossless readers come first.
@@ -216,7 +213,7 @@ class RingRoute:
         if gate is None:
             return  # the match is gone again
         if len(descriptors) != attached.descriptors:
-            raise OSError("the descriptors did not arrive; are the limits reached?")
+            raise OSError(MISSING)
         segment, doorbell = descriptors
         process = self._sharing.reader_process(segment, doorbell, attached.pid)
         if (gate.process, gate.slot) != (process, attached.slot):  # else it has read on, while busd was away

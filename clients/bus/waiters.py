@@ -21,24 +21,26 @@ class Waiters:
         waiter = self._loop.create_future()
         self._waiting.append(waiter)
         try:
-            done, _ = await asyncio.wait([waiter], timeout=timeout_s) if timeout_s else ([await waiter], ())
-            if timeout_s and done:
-                waiter.result()
-            return bool(done)
+            if timeout_s is not None:
+                await asyncio.wait([waiter], timeout=timeout_s)
+                if not waiter.done():
+                    return False
+            await waiter
+            return True
         finally:
             if waiter in self._waiting:
                 self._waiting.remove(waiter)
 
     def release(self) -> None:
         """All who wait look again."""
-        waiting, self._waiting = self._waiting, []
-        for waiter in waiting:
-            if not waiter.done():
-                waiter.set_result(None)
+        for waiter in self._pop():
+            waiter.set_result(None)
 
     def fail(self, reason: BaseException) -> None:
         """All who wait get `reason`."""
+        for waiter in self._pop():
+            waiter.set_exception(reason)
+
+    def _pop(self) -> list[asyncio.Future[None]]:
         waiting, self._waiting = self._waiting, []
-        for waiter in waiting:
-            if not waiter.done():
-                waiter.set_exception(reason)
+        return [waiter for waiter in waiting if not waiter.done()]

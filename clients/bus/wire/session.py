@@ -52,6 +52,10 @@ MAX_BATCHES = 16
 """So many batches of descriptors may wait for their messages; an honest peer has one on the way."""
 
 
+MISSING = "the descriptors did not arrive; are the limits reached?"
+"""Why a message that came without those that it claims can't be acted on."""
+
+
 class Carried(NamedTuple):
     """A message that claims descriptors, and those that came with it: all that it claims, or none."""
 
