@@ -46,8 +46,8 @@ class FakeBroker:
         """The next connection; nothing was said on it."""
         return await self._accepted.get()
 
-    async def accept(self, *, lease_s: float = 10.0) -> "FakeConnection":
-        """The next connection, after the exchange of Hellos."""
+    async def accept(self, *, lease_s: float = 1e6) -> "FakeConnection":
+        """The next connection, after the exchange of Hellos; no sign of life comes in between."""
         connection = await self.meet()
         await connection.expect(m.Hello)
         connection.send(m.Hello(version=VERSION, pid=os.getpid(), program="fake", lease_s=lease_s))

@@ -112,7 +112,7 @@ def info_when(pattern: str) -> str:
 
 
 def test_info_verbose(route: str, lesson: None) -> None:
-    text = info_when(r"PUBLISHER.*Messages: 1 .*SUBSCRIPTION.*Messages: 1 ")
+    text = info_when(r"PUBLISHER.*Messages: 1 .*SUBSCRIPTION.*Messages: 1 .*Queue: 0 ")
     assert re.sub(r"GID: ([0-9a-f]{2}\.){15}[0-9a-f]{2}\n", "GID: <gid>\n", text) == (
         "Type: std_msgs/msg/String\n"
         "\n"
@@ -137,6 +137,7 @@ def test_info_verbose_without_a_subscription(daemon: object) -> None:
 
 
 def test_info_verbose_in_json(route: str, lesson: None) -> None:
+    info_when(r"SUBSCRIPTION.*Messages: 1 .*Queue: 0 ")
     record = msgspec.json.decode(bus("topic", "info", "-v", "/topic", "--json").out)
     (publisher,) = record["publishers"]
     assert publisher["node"] == "/minimal_publisher"

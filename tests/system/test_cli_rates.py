@@ -2,18 +2,24 @@
 
 import re
 import signal
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import msgspec
 import pytest
 
 from system.test_cli_tool import TALKER, Result, Running, bus, script, start
 
+T = TypeVar("T")
+
 NUMBER = r"\d+\.\d"
 HZ = (
     rf"average rate: {NUMBER}{{3}}\n"
     rf"\tmin: {NUMBER}{{3}}s max: {NUMBER}{{3}}s std dev: {NUMBER}{{5}}s window: \d+\n"
 )
-FLOW = rf"\tpublished: {NUMBER}{{3}} received: {NUMBER}{{3}}"
+FLOW = rf"\tpublished: {NUMBER}{{3}} received: {NUMBER}{{3}}( dropped: .+)?"
+REPORTS = 20
+"""So many reports, one a second, may be wrong because the machine was busy."""
 
 STAMPER = """
 import asyncio, time, bus
@@ -38,31 +44,60 @@ def number(text: str, name: str) -> float:
     return float(found[1])
 
 
+def report_that(fits: Callable[[T], object], read: Callable[[], T]) -> T:
+    """The first report that fits: what a stall has held up comes in a burst, and later ones outweigh that."""
+    seen = []
+    for _ in range(REPORTS):
+        seen.append(read())
+        if fits(seen[-1]):
+            return seen[-1]
+    pytest.fail(f"none of {seen}")
+
+
+def hz_lines(running: Running) -> str:
+    """A report with the publishers' rate, which is known after a second."""
+    lines = [running.line_with("average")]
+    while not lines[-1].startswith("\tpublished"):
+        line = running.line()
+        lines = [line] if line.startswith("average") else [*lines, line]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def json_line(running: Running) -> Any:
+    return msgspec.json.decode(running.line())
+
+
 def test_hz(daemon: object) -> None:
+    def fits(text: str) -> bool:
+        return 0 < number(text, "average rate") < 11 and 0 < number(text, "published") < 11
+
     with script(TALKER, "0.1"), start("topic", "hz", "/topic") as running:
-        first, second = running.lines(3), running.lines(3)
+        first = hz_lines(running)
+        second = report_that(fits, lambda: hz_lines(running))
         assert re.fullmatch(HZ + FLOW + "\n", first)
         assert re.fullmatch(HZ + FLOW + "\n", second)
         assert running.end(signal.SIGINT).code == 2
-    assert 0 < number(second, "average rate") < 11
-    assert 0 < number(second, "published") < 11
     assert number(second, "window") > number(first, "window")
 
 
 def test_hz_window(daemon: object) -> None:
     with script(TALKER, "0.05"), start("topic", "hz", "/topic", "-w", "3", "--wall-time") as running:
-        assert number(running.lines(3), "window") == 3
+        report_that(lambda text: number(text, "window") == 3, lambda: running.line_with("window"))
 
 
 def test_hz_filter(daemon: object) -> None:
+    """One in five is measured; all are received."""
+
+    def fits(record: Any) -> bool:
+        received_hz = record["received_hz"]
+        return received_hz is not None and record["rate"] == pytest.approx(received_hz / 5, rel=0.5)
+
     expression = "m.data[-1:] in ('0', '5')"
     with (
         script(TALKER, "0.05"),
         start("topic", "hz", "/topic", "--filter", expression, "--json") as running,
     ):
-        record = msgspec.json.decode(running.line())
-    # One in five is measured; all are received.
-    assert record["rate"] == pytest.approx(record["received_hz"] / 5, rel=0.5)
+        report_that(fits, lambda: json_line(running))
 
 
 def test_hz_of_several_topics(daemon: object) -> None:
@@ -89,7 +124,7 @@ def test_hz_of_several_topics(daemon: object) -> None:
 
 def test_hz_in_json(daemon: object) -> None:
     with script(TALKER, "0.1"), start("topic", "hz", "/topic", "/topic", "--json") as running:
-        record = msgspec.json.decode(running.line())
+        record = json_line(running)
     assert set(record) == {
         *("topic", "rate", "min_s", "max_s", "std_dev_s", "window"),
         *("published_hz", "received_hz", "dropped"),
@@ -108,11 +143,14 @@ def test_hz_tells_published_from_received(route: str, daemon: object) -> None:
         running.process.send_signal(signal.SIGSTOP)
         wait_for_messages(published() + 50)
         running.process.send_signal(signal.SIGCONT)
-        replaced, was_less = 0, False
-        while not (replaced and was_less):  # the counters of the two ends are reported by themselves
-            record = msgspec.json.decode(running.line())
-            replaced += record["dropped"].get("replaced", 0)
-            was_less |= record["received_hz"] < record["published_hz"]
+        # The counters of the two ends are reported by themselves.
+        report_that(
+            lambda record: (
+                record["dropped"].get("replaced")
+                and (record["received_hz"] or 0) < (record["published_hz"] or 0)
+            ),
+            lambda: json_line(running),
+        )
 
 
 def published() -> int:
@@ -141,25 +179,23 @@ def test_they_wait_for_the_topic(daemon: object, verb: str) -> None:
 def test_bw(daemon: object) -> None:
     with script(TALKER, "0.1"), start("topic", "bw", "/topic", "-w", "50") as running:
         assert running.line() == "Subscribed to [/topic]"
-        text = running.lines(2)
-    assert re.fullmatch(
-        r"\d+ B/s from \d+ messages\n\tMessage size mean: \d+ B min: \d+ B max: \d+ B\n", text
-    )
+        pattern = r"\d+ B/s from \d+ messages\n\tMessage size mean: \d+ B min: \d+ B max: \d+ B\n"
+        text = report_that(re.compile(pattern).fullmatch, lambda: running.lines(2))
     assert 16 <= number(text, "mean") <= 18
 
 
 def test_bw_in_json(daemon: object) -> None:
     with script(TALKER, "0.05"), start("topic", "bw", "/topic", "--json", "-w", "5") as running:
-        record = msgspec.json.decode(running.line())
+        record = report_that(lambda record: record["messages"] == 5, lambda: json_line(running))
     assert set(record) == {"topic", "bytes_per_s", "messages", "mean", "min", "max"}
-    assert record["messages"] == 5
 
 
 def test_bw_in_larger_units(daemon: object) -> None:
     words = ("topic", "pub", "/topic", "std_msgs/msg/String", "-r", "100", "-p", "0")
+    pattern = r"\d+\.\d\d MB/s from \d+ messages\n\tMessage size mean: 0\.06 MB min: 0\.06 MB"
     with start(*words, f"data: {'x' * 60_000}"), start("topic", "bw", "/topic") as running:
-        text = running.lines(3)
-    assert re.search(r"\d+\.\d\d MB/s from \d+ messages\n\tMessage size mean: 0\.06 MB min: 0\.06 MB", text)
+        assert running.line() == "Subscribed to [/topic]"
+        report_that(re.compile(pattern).match, lambda: running.lines(2))
 
 
 def delay_lines(running: Running) -> str:
@@ -178,8 +214,8 @@ def test_delay(daemon: object) -> None:
 
 def test_delay_window_and_json(daemon: object) -> None:
     with script(STAMPER), start("topic", "delay", "/topic", "-w", "3", "--json") as running:
-        record = msgspec.json.decode(running.line())
-    assert (record["topic"], record["window"]) == ("/topic", 3)
+        record = report_that(lambda record: record["window"] == 3, lambda: json_line(running))
+    assert record["topic"] == "/topic"
     assert record["delay_s"] >= 0.25
 
 

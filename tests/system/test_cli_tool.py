@@ -147,6 +147,11 @@ class Running:
         return text
 
 
+def without_hint(result: Result) -> Result:
+    """Where the machine is slow, `echo` may say what it waits for."""
+    return result._replace(err=re.sub(r"^no message yet on .*\n", "", result.err, flags=re.MULTILINE))
+
+
 def bus(*words: str, stdin: str = "") -> Result:
     """Run `bus` to its end."""
     done = subprocess.run((*BUS, *words), input=stdin, capture_output=True, text=True, timeout=WAIT_S)
@@ -190,7 +195,7 @@ def test_a_reader_that_has_seen_enough_is_no_error(daemon: object) -> None:
             ["bash", "-c", f"({shell}) | head -1"], capture_output=True, text=True, timeout=WAIT_S
         )
     assert done.stdout.startswith("data: 'Hello World: ")
-    assert done.stderr == "0\n"
+    assert without_hint(Result(done.stdout, done.stderr, 0)).err == "0\n"
 
 
 def test_output_to_a_closed_pipe(daemon: object) -> None:

@@ -102,13 +102,12 @@ class TestDepth:
         publisher = await node.create_publisher(Int32, "t", 100)
         for number in range(100):
             publisher.publish(Int32(data=number))
-        await until(lambda: accounted(subscription) == 100 and lost)
+        await until(lambda: accounted(subscription) == 100 and lost and lost[-1].total_count == 90)
         kept = []
         while taken := subscription.take():
             kept.append(taken[0].data)
         assert kept == list(range(90, 100))
         assert subscription.statistics().dropped == {"replaced": 90}
-        assert lost[-1].total_count == 90
 
     async def test_order_is_kept_under_flood(self, node: bus.Node) -> None:
         subscription = await node.create_subscription(Int32, "t", 5)

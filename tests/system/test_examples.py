@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import signal
 from pathlib import Path
 
@@ -99,8 +100,14 @@ async def test_a_demo_whose_listener_dies_fails_and_says_so(tmp_path: Path) -> N
 
 
 @on_one_loop
-async def test_a_demo_too_short_for_a_message_fails(tmp_path: Path) -> None:
-    async with running(tmp_path, EXAMPLES / "demo.py", "0") as demo:
+async def test_a_demo_too_short_for_a_message_fails(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Its talker is slower than any machine."""
+    slow = shutil.copytree(EXAMPLES, tmp_path_factory.mktemp("slow") / "examples")
+    talker = slow / "talker.py"
+    talker.write_text(talker.read_text().replace("create_timer(0.5,", "create_timer(1000.0,"))
+    async with running(tmp_path, slow / "demo.py", "0") as demo:
         assert await demo.end() == 1
     assert demo.lines == ["The talker published nothing."]
 

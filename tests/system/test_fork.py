@@ -105,7 +105,7 @@ def test_a_child_has_a_node_of_its_own(daemon: Daemon) -> None:
             message, _ = await subscription.receive()
             assert message.data == "from the child"
             assert exit_status(child) == 0
-            assert (await node.graph()).nodes[0].name == "parent"
+            await node.wait_for_graph(lambda graph: [one.name for one in graph.nodes] == ["parent"])
 
     async def talk() -> None:
         async with bus.Node("child", arguments=[], rosout=False) as node:

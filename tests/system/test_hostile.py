@@ -1,5 +1,6 @@
 """A peer that breaks the protocol is told why and cut off; the others do not notice."""
 
+import re
 import select
 import signal
 import socket
@@ -171,24 +172,24 @@ class TestHello:
                 peer.write(first + HELLO)
                 assert peer.fault().endswith("came before Hello")
 
-    @with_limits(handshake_s=0.3)
+    @with_limits(handshake_s=1.0)
     @pytest.mark.parametrize("part", [b"", HELLO[:5], HELLO[:-1]], ids=["silence", "a head", "a part"])
     def test_one_that_never_comes(self, peer: RawPeer, part: bytes) -> None:
         peer.write(part)
-        assert peer.fault() == "no Hello within 0.3 s"
+        assert peer.fault() == "no Hello within 1 s"
 
-    @with_limits(handshake_s=0.5)
+    @with_limits(handshake_s=1.0)
     def test_one_that_comes_too_slowly(self, peer: RawPeer) -> None:
         """Each byte is a sign of life, but not a Hello."""
         for byte in HELLO[:-1]:
             if select.select([peer.socket], [], [], 0.02)[0]:
                 break
             peer.write(bytes([byte]))
-        assert peer.fault() == "no Hello within 0.5 s"
+        assert peer.fault() == "no Hello within 1 s"
 
-    @with_limits(handshake_s=0.3, lease_s=0.5)
+    @with_limits(handshake_s=1.0, lease_s=3.0)
     def test_one_that_is_silent_after_it(self, peer: RawPeer) -> None:
-        assert peer.hello().fault().startswith("no sign of life for 0.")
+        assert re.fullmatch(r"no sign of life for \d+\.\d s", peer.hello().fault())
 
     def test_a_name_that_does_not_fit_a_log(self, daemon: Daemon, peer: RawPeer) -> None:
         peer.send(m.Hello(version=VERSION, program="x\n[ERROR] [0.0] [busd]: forged\x1b[2J" + "y" * 500_000))

@@ -145,7 +145,8 @@ class TestViews:
         subscription = await node.create_subscription(Image, "t", 10, views=True)
         publisher = await node.create_publisher(Image, "t", 10)
         publisher.publish(Image(0))
-        await subscription.receive()  # now the publisher knows where pins are told
+        await subscription.receive()
+        await node.graph()  # now the publisher knows where pins are told
         loan = publisher.loan(Image(1), "data", LONG)
         assert loan is not None
         place = memoryview(loan.buffer)

@@ -21,7 +21,7 @@ import pytest
 import bus
 from bus.msg.sensor_msgs import Image
 from bus.msg.std_msgs import String
-from conftest import WAIT_S, Daemon
+from conftest import TEST_S, WAIT_S, Daemon
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
@@ -92,7 +92,7 @@ class Program:
             text=True,
             env={**os.environ, "PYTHONASYNCIODEBUG": ""},
         )
-        self._patience = threading.Timer(WAIT_S, self.process.kill)
+        self._patience = threading.Timer(TEST_S, self.process.kill)  # some live as long as their test
         self._patience.start()
 
     def read_until(self, pattern: str) -> None:

@@ -19,7 +19,8 @@ from semantics import LATCHED, until
 
 pytestmark = pytest.mark.usefixtures("route")
 
-HANGS_S = 0.5
+LEASE_S = 2.0
+"""Longer than a busy machine may keep those silent who are not stopped."""
 
 TALKER = """
 import asyncio, sys
@@ -100,7 +101,7 @@ class TestClients:
         assert subscription.get_publisher_count() == 0
         assert (await node.graph()).publishers == ()
 
-    @with_limits(lease_s=HANGS_S)
+    @with_limits(lease_s=LEASE_S)
     async def test_a_stopped_one_leaves_and_comes_back(
         self, node: bus.Node, program: Callable[..., subprocess.Popen[str]]
     ) -> None:
@@ -158,6 +159,7 @@ class TestBroker:
         assert (await node.graph()).broker_pid == daemon.pid
         assert subscription.statistics().dropped == {}
         said = [record.getMessage() for record in caplog.records if record.name == "bus"]
+        said = [line for line in said if not line.startswith("busd is not back yet")]  # it may take a while
         assert len([line for line in said if line.startswith("lost busd")]) == 3
         assert len([line for line in said if line.startswith("busd is back")]) == 3
         assert len(said) == 6
@@ -244,7 +246,7 @@ class TestBroker:
             (tmp_path / "uvloop.py").write_text("raise ImportError('hidden by a test')\n")
             path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
             monkeypatch.setenv("PYTHONPATH", path)
-        (tmp_path / "busd.toml").write_text(f"[limits]\nlease_s = {HANGS_S}\n")
+        (tmp_path / "busd.toml").write_text(f"[limits]\nlease_s = {LEASE_S / 2}\n")
         daemon = start_daemon("--config", str(tmp_path / "busd.toml"))
 
         async def wait_patiently() -> None:
@@ -252,7 +254,7 @@ class TestBroker:
                 publisher = await node.create_publisher(Int32, "t")
                 before = publisher.id
                 daemon.process.send_signal(signal.SIGSTOP)
-                await asyncio.sleep(3 * HANGS_S)
+                await asyncio.sleep(LEASE_S)
                 daemon.process.send_signal(signal.SIGCONT)
                 await node.graph()
                 assert publisher.id == before

@@ -24,7 +24,7 @@ LAYERS = ("perception", "cognition", "actuation", "monitoring")
 
 @on_one_loop
 async def test_the_robot_ends_by_itself_with_a_summary(tmp_path: Path) -> None:
-    async with running(tmp_path, ROBOT / "main.py", "2") as robot:
+    async with running(tmp_path, ROBOT / "main.py", "4") as robot:
         status = await robot.end()
     *_, heading, camera, imu, joints, command, applied, verdict = robot.lines
     assert heading.split() == ["topic", "due", "sent", "got"]
@@ -34,10 +34,13 @@ async def test_the_robot_ends_by_itself_with_a_summary(tmp_path: Path) -> None:
         assert row, line
         shares.append(float(row[1]) / due)
     assert min(shares) > 0
-    if min(shares) >= 0.8:  # a very busy machine may be too slow, and must be told so
-        assert (status, verdict) == (0, "Every layer lived, every topic flowed.")
+    flowed, failed = (0, "Every layer lived, every topic flowed."), (1, "The robot failed: /")
+    if abs(min(shares) - 0.8) < 0.01:  # the rates are shown rounded
+        assert (status, verdict) == flowed or (status, verdict[:19]) == failed
+    elif min(shares) > 0.8:  # a very busy machine may be too slow, and must be told so
+        assert (status, verdict) == flowed
     else:
-        assert (status, verdict[:19]) == (1, "The robot failed: /")
+        assert (status, verdict[:19]) == failed
     assert_nothing_is_left(robot, tmp_path)
 
 
