@@ -107,7 +107,8 @@ def test_eight_at_once(path: Path) -> None:
     wait_until(lambda: not daemons(path))
     assert not path.exists()
     log = path.with_suffix(".log").read_text()
-    assert all(line.startswith(("[INFO]", "busd: busd is already running on")) for line in log.splitlines())
+    said = ("[INFO]", "busd: busd is already running on")
+    assert all(line.startswith(said) for line in log.splitlines()), log
     assert f"stopped: idle for {IDLE_S} s" in log
     assert "Traceback" not in log
 
