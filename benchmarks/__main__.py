@@ -15,6 +15,7 @@ from benchmarks.plan import Plan
 BENCHMARKS = (
     "latency",
     "latency_large",
+    "facade",
     "throughput",
     "bulk",
     "fanout",

@@ -190,7 +190,7 @@ class Group:
         """Until a child that `ends` has ended. Raises Failure as `expect` does."""
         deadline = monotonic() + within_s
         while child.is_running():
-            self._wait(deadline, f"{child.name} did not end within {within_s:g} s")
+            self._wait(deadline, f"{child.name} did not end within {within_s:g} s", child.exit_fd)
 
     def start_busd(self) -> Child:
         """A busd of our own, which the children started later find; returns when it listens."""

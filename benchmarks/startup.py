@@ -1,4 +1,4 @@
-"""How long it takes until something happens: `bus topic list`, imports, the first message of a new process.
+"""How long it takes until something happens: `bus topic list`, `bus run`, imports, a first message.
 
 Against `python -c pass`, which nothing written in Python can beat. Times are of the wall, from the moment
 before a process is started; the files are in the page cache and compiled.
@@ -10,8 +10,11 @@ import signal
 import socket
 import struct
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import monotonic_ns
 
 from benchmarks.cases import Case, Figures, interleave
@@ -34,20 +37,46 @@ _IMPORTS = {
     _LIBRARIES: "import asyncio, uvloop, msgspec, msgspec.msgpack, msgspec.json",
     "import bus": "import bus",
     "import of Node and String": "from bus import Node; from bus.msg.std_msgs import String",
+    "import bus.rclpy": "import bus.rclpy",
 }
+_EMPTY, _IMPORTING, _MAKING = "an empty script", "one that imports rclpy", "one that makes a node"
+_SCRIPTS = {
+    _EMPTY: "",
+    _IMPORTING: "import rclpy",
+    _MAKING: "import rclpy; rclpy.init(); rclpy.create_node('bench').destroy_node(); rclpy.shutdown()",
+}
+_TALKER = """
+import rclpy
+from rclpy.node import Node
+from std_msgs.msg import String
+
+
+class MinimalPublisher(Node):
+    def __init__(self):
+        super().__init__("minimal_publisher")
+        self.publisher_ = self.create_publisher(String, "bench", 10)
+        self.timer = self.create_timer(0.001, self.timer_callback)
+
+    def timer_callback(self):
+        msg = String()
+        msg.data = "Hello World: 0"
+        self.publisher_.publish(msg)
+        raise SystemExit
+
+
+rclpy.init()
+rclpy.spin(MinimalPublisher())
+"""
+_RUN = [sys.executable, "-m", "bus.cli", "run"]
+_PYTHON_SCRIPT, _RUN_SCRIPT = f"python: {_EMPTY}", f"bus run: {_EMPTY}"
+_RCLPY_FIRST = "first message, the lesson's talker by bus run"
 _COLUMNS = [Column("ms", "ms")]
 _NOTES = [
     "first message, busd running: from the start of the talker's process to the message in another process's "
     "hands; no busd: one process with both ends, which starts busd in the background",
     "libraries: what asyncio and the packages that busd is built on cost by themselves",
+    "the lesson's talker: as printed there, but with a period of 1 ms and not 500, and one message",
 ]
-_IMPORTS = {
-    "python -c pass": "pass",
-    "import asyncio": "import asyncio",
-    "import of the libraries": "import asyncio, uvloop, msgspec, msgspec.msgpack, msgspec.json",
-    "import bus": "import bus",
-    "import of Node and String": "from bus import Node; from bus.msg.std_msgs import String",
-}
 
 
 def run(plan: Plan) -> Section:
@@ -60,21 +89,54 @@ def run(plan: Plan) -> Section:
     listing = [[sys.executable, "-m", "bus.cli"], [str(script)]]
     for name, command, reason in zip(_LISTINGS, listing, ("", missing), strict=True):
         cases.append(Case(name, partial(measure_program, [*command, "topic", "list"], on_bus=True), reason))
+    cases.append(Case(_PYTHON_SCRIPT, partial(measure_program, [sys.executable], script="")))
+    for name, code in _SCRIPTS.items():
+        measure = partial(measure_program, _RUN, script=code, on_bus=name == _MAKING)
+        cases.append(Case(f"bus run: {name}", measure))
     cases.append(Case(_FIRST, measure_first_message))
+    cases.append(Case(_RCLPY_FIRST, measure_first_by_rclpy))
     cases.append(Case("first message, no busd yet", measure_with_autostart))
     repetitions = plan.repetitions * plan.choose(2, 3)
-    outcomes = interleave(cases, repetitions, lambda text: plan.tell(f"startup {text}"))
+    with _compiling():
+        interleave(cases, 1)  # so that all is compiled
+        outcomes = interleave(cases, repetitions, lambda text: plan.tell(f"startup {text}"))
     comparisons = []
-    for name, floor in [(name, _PASS) for name in _LISTINGS] + [(_FIRST, _PASS), (_FIRST, _LIBRARIES)]:
+    for name, floor in [
+        *((name, _PASS) for name in (*_LISTINGS, _RUN_SCRIPT)),
+        (_RUN_SCRIPT, _PYTHON_SCRIPT),
+        (_FIRST, _PASS),
+        (_FIRST, _LIBRARIES),
+        (_RCLPY_FIRST, _PASS),
+        (_RCLPY_FIRST, _FIRST),
+    ]:
         values = ratios(outcomes[name].repetitions, outcomes[floor].repetitions, "ms")
         comparisons += compare(f"{name} / {floor}", values)
     rows = [Row.of(outcomes[case.name]) for case in cases]
     return Section(NAME, "Start: from nothing to something", _COLUMNS, rows, comparisons, _NOTES)
 
 
-def measure_program(command: list[str], *, on_bus: bool = False) -> Figures:
-    """From start to end of a program that does one thing. Raises Failure where it does not end with 0."""
+@contextmanager
+def _compiling() -> Iterator[None]:
+    """Have the programs keep what they compile, in a folder of their own, whatever the environment says."""
+    names = ("PYTHONDONTWRITEBYTECODE", "PYTHONPYCACHEPREFIX")
+    before = {name: os.environ.pop(name) for name in names if name in os.environ}
+    with TemporaryDirectory(prefix="busd-bench-") as folder:
+        os.environ["PYTHONPYCACHEPREFIX"] = folder
+        try:
+            yield
+        finally:
+            del os.environ["PYTHONPYCACHEPREFIX"]
+            os.environ.update(before)
+
+
+def measure_program(command: list[str], *, on_bus: bool = False, script: str | None = None) -> Figures:
+    """From start to end of a program that does one thing. Raises Failure where it does not end with 0.
+
+    `script`: the text of a file, whose name ends the command.
+    """
     with Group() as group:
+        if script is not None:
+            command = [*command, _write(group, script)]
         if on_bus:
             group.start_busd()
         begin_ns = monotonic_ns()
@@ -92,6 +154,25 @@ def measure_first_message() -> Figures:
         group.start("talker", sys.executable, "-m", _PROGRAM, "talker", ends=True)
         at_ns = int(group.expect(listener, "received", within_s=_LIMIT_S)["at_ns"])
     return {"ms": (at_ns - begin_ns) / 1e6}
+
+
+def measure_first_by_rclpy() -> Figures:
+    """As `measure_first_message`, with the talker of a ROS 2 lesson."""
+    with Group() as group:
+        group.start_busd()
+        listener = group.start_python("listener", "-m", _PROGRAM, "listener")
+        group.expect(listener, "ready", within_s=START_S)
+        script = _write(group, _TALKER)
+        begin_ns = monotonic_ns()
+        group.start("talker", *_RUN, script, ends=True)
+        at_ns = int(group.expect(listener, "received", within_s=_LIMIT_S)["at_ns"])
+    return {"ms": (at_ns - begin_ns) / 1e6}
+
+
+def _write(group: Group, code: str) -> str:
+    script = group.folder / "script.py"
+    script.write_text(code)
+    return str(script)
 
 
 def measure_with_autostart() -> Figures:

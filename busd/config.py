@@ -107,7 +107,7 @@ def _check_keys(
 
 
 def _hint(key: str, known: Mapping[str, str]) -> str:
-    from difflib import get_close_matches  # slow to import, and needed for mistakes only
+    from bus.spelling import nearest
 
-    near = get_close_matches(key.lower(), known, n=1)
-    return f"; did you mean '{known[near[0]]}'?" if near else f" (known: {', '.join(known.values())})"
+    near = nearest(key.lower(), known)
+    return f"; did you mean '{known[near]}'?" if near else f" (known: {', '.join(known.values())})"

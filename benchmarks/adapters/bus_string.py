@@ -6,13 +6,18 @@ from time import monotonic_ns
 from typing import Any
 
 import bus
-from benchmarks.adapters.roles import Stamps
+from benchmarks.adapters.roles import LAST, Stamps, stamped
 from benchmarks.work import TOPIC, Work, pace, text_of
 from benchmarks.worker import Parent, options, run
 from bus.msg.std_msgs import String
 
+_TURN = 64
+"""Messages that may be lost are published so many at a time, and then the event loop gets a turn."""
+
 
 def _qos(work: Work) -> bus.QoSProfile:
+    if work.publish_by == LAST:
+        return bus.QoSProfile(depth=10)
     if not work.rate:
         return bus.QoSProfile(history="keep_all")
     # So many that a process which the scheduler forgets for a while loses none.
@@ -25,10 +30,16 @@ async def publisher(parent: Parent) -> None:
         pub = await node.create_publisher(String, TOPIC, _qos(work))
         await pub.wait_for_subscriptions()
         parent.tell("ready", route=pub.matches[0].route)
-        if work.rate:
+        if work.rate and work.publish_by == "timer":
+            await parent.wait_for("go")
+            await _publish_by_timer(node, pub, work)
+        elif work.rate:
             await parent.wait_for("go")
             await pace(lambda text: pub.publish(String(data=text)), work)
             await pub.flush()
+        elif work.publish_by == LAST:
+            await parent.wait_for("go")
+            await _flood_to_the_last(parent, pub, work)
         else:
             flood = _flood_by_send if work.publish_by == "send" else _flood_by_publish
             text = text_of(work.size)
@@ -39,6 +50,32 @@ async def publisher(parent: Parent) -> None:
             await flood(pub, text, work.count)
             parent.tell("sent", begin_ns=begin_ns)
         await asyncio.Event().wait()
+
+
+async def _publish_by_timer(node: bus.Node, pub: bus.Publisher[String], work: Work) -> None:
+    left, done = work.total, asyncio.Event()
+
+    def publish() -> None:
+        nonlocal left
+        pub.publish(String(data=stamped(work)))
+        left -= 1
+        if not left:
+            timer.cancel()
+            done.set()
+
+    timer = node.create_timer(1 / work.rate, publish)
+    await done.wait()
+
+
+async def _flood_to_the_last(parent: Parent, pub: bus.Publisher[String], work: Work) -> None:
+    publish, text = pub.publish, text_of(work.size)
+    begin_ns = monotonic_ns()
+    for number in range(work.count - 1):
+        publish(String(data=text))
+        if not number % _TURN:
+            await asyncio.sleep(0)
+    publish(String(data=LAST))
+    parent.tell("sent", begin_ns=begin_ns, end_ns=monotonic_ns())
 
 
 async def _flood_by_publish(pub: bus.Publisher[String], text: str, count: int) -> None:
@@ -58,6 +95,8 @@ async def subscriber(parent: Parent) -> None:
     async with bus.Node("bench_subscriber") as node:
         if work.rate:
             await _take_paced(parent, node, work)
+        elif work.publish_by == LAST:
+            await _take_to_the_last(parent, node, work)
         else:
             await _take_flood(parent, node, work)
         await asyncio.Event().wait()
@@ -88,6 +127,21 @@ async def _take_flood(parent: Parent, node: bus.Node, work: Work) -> None:
         end_ns = monotonic_ns()
         totals = sub.statistics()
         parent.tell(event, end_ns=end_ns, count=totals.delivered, dropped=totals.dropped)
+
+
+async def _take_to_the_last(parent: Parent, node: bus.Node, work: Work) -> None:
+    count, ended = 0, asyncio.Event()
+
+    def take(message: String) -> None:
+        nonlocal count
+        count += 1
+        if message.data == LAST:
+            parent.tell("received", end_ns=monotonic_ns(), count=count)
+            ended.set()
+
+    await node.create_subscription(String, TOPIC, _qos(work), take)
+    parent.tell("ready")
+    await ended.wait()
 
 
 def fail(lost: bus.MessageLost) -> None:

@@ -10,8 +10,17 @@ from typing import Any
 
 import msgspec
 
-from benchmarks.work import HEAD, Work, arrivals, pace, text_of
+from benchmarks.work import HEAD, Arrivals, Work, arrivals, pace, text_of
 from benchmarks.worker import Parent
+
+LAST = "the last"
+"""The text of the last message, where some may be lost; also the way `Work.publish_by` asks for that."""
+
+
+def stamped(work: Work) -> str:
+    """A paced message that is sent now, by who has a timer and no schedule: it is due now."""
+    now_ns = monotonic_ns()
+    return f"{now_ns} {now_ns} ".ljust(work.size)
 
 
 async def publish(parent: Parent, work: Work, send: Callable[[str], object]) -> None:
@@ -51,8 +60,11 @@ class Stamps:
         """Say that all came, and on request when. Between the two the parent reads clocks."""
         parent.tell("complete")
         await parent.wait_for("report")
-        found = arrivals(self._heads, self._arrived_ns, self._work)
-        parent.tell("received", **msgspec.to_builtins(found))
+        parent.tell("received", **msgspec.to_builtins(self.arrivals()))
+
+    def arrivals(self) -> Arrivals:
+        """What the stamps say of the way."""
+        return arrivals(self._heads, self._arrived_ns, self._work)
 
 
 class Taker:

@@ -1,4 +1,4 @@
-"""busd's client library: nodes, publishers and subscriptions on asyncio.
+"""busd's client library: nodes, publishers, subscriptions, services and clients on asyncio.
 
     import bus
     from bus.msg.std_msgs import String
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from bus import qos as qos
+    from bus.client import ServiceClient, ServiceClientStatistics
     from bus.endpoint import Match
     from bus.errors import (
         BrokerUnavailable,
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
         ProtocolError,
         QuotaExceeded,
         RemoteProtocolError,
+        ServiceError,
+        ServiceUnavailable,
         SharedMemoryError,
     )
     from bus.events import (
@@ -51,10 +54,13 @@ if TYPE_CHECKING:
     from bus.publisher import Publisher, PublisherStatistics
     from bus.qos import Durability, History, Liveliness, QoS, QoSProfile, Reliability
     from bus.runner import run
+    from bus.service import RequestId, ServiceServer, ServiceServerStatistics
+    from bus.srv import Service
     from bus.subscription import MessageInfo, Subscription, SubscriptionStatistics
     from bus.timer import Timer
 
 _HOMES = {
+    "bus.client": ("ServiceClient", "ServiceClientStatistics"),
     "bus.endpoint": ("Match",),
     "bus.errors": (
         "BrokerUnavailable",
@@ -68,6 +74,8 @@ _HOMES = {
         "ProtocolError",
         "QuotaExceeded",
         "RemoteProtocolError",
+        "ServiceError",
+        "ServiceUnavailable",
         "SharedMemoryError",
     ),
     "bus.events": (
@@ -88,6 +96,8 @@ _HOMES = {
     "bus.publisher": ("Publisher", "PublisherStatistics"),
     "bus.qos": ("Durability", "History", "Liveliness", "QoS", "QoSProfile", "Reliability"),
     "bus.runner": ("run",),
+    "bus.service": ("RequestId", "ServiceServer", "ServiceServerStatistics"),
+    "bus.srv": ("Service",),
     "bus.subscription": ("MessageInfo", "Subscription", "SubscriptionStatistics"),
     "bus.timer": ("Timer",),
 }
@@ -128,6 +138,14 @@ __all__ = [
     "QuotaExceeded",
     "Reliability",
     "RemoteProtocolError",
+    "RequestId",
+    "Service",
+    "ServiceClient",
+    "ServiceClientStatistics",
+    "ServiceError",
+    "ServiceServer",
+    "ServiceServerStatistics",
+    "ServiceUnavailable",
     "Severity",
     "SharedMemoryError",
     "Subscription",

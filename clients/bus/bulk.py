@@ -34,6 +34,8 @@ def bytes_fields(cls: type[msgspec.Struct]) -> tuple[str, ...]:
 
 @cache
 def _bytes_fields(cls: Any) -> tuple[str, ...]:
+    if not issubclass(cls, msgspec.Struct):
+        return ()  # it encodes in its own way
     info = inspect.type_info(cls)
     assert isinstance(info, inspect.StructType)
     return tuple(field.name for field in info.fields if isinstance(_bare(field.type), inspect.BytesType))

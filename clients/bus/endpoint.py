@@ -164,7 +164,7 @@ class Endpoint(Generic[M]):
     async def _wait_for_matches(self, number: int) -> None:
         if self.refusal is not None:
             raise again(self.refusal)
-        if self._ready_matches() >= number:
+        if self.ready_matches() >= number:
             return
         waiter = asyncio.get_running_loop().create_future()
         entry = (number, waiter)
@@ -184,13 +184,13 @@ class Endpoint(Generic[M]):
         self._release_match_waiters()
         self._tell_match(1, message.node)
 
-    def _ready_matches(self) -> int:
+    def ready_matches(self) -> int:
         """Matches by which a message would arrive at once."""
         return len(self._matches)
 
     def _release_match_waiters(self) -> None:
         for number, waiter in self._match_waiters:
-            if self._ready_matches() >= number and not waiter.done():
+            if self.ready_matches() >= number and not waiter.done():
                 waiter.set_result(None)
 
     def _unmatch(self, other: int, *, is_lost: bool = False) -> None:

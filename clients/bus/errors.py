@@ -11,6 +11,8 @@
     │   └── RemoteProtocolError           the other side broke the protocol
     ├── ConnectionClosed (ConnectionError)
     │   └── BrokerUnavailable             no busd answers at the socket
+    ├── ServiceError                      a service could not answer: its callback raised
+    ├── ServiceUnavailable                nobody serves that service, or who did has left before it answered
     └── ForkError (RuntimeError)          a node was used in a child of the process that made it
 
 Errors are for faults. What is expected to happen on a bus (nothing to take, a message replaced because a
@@ -31,6 +33,8 @@ __all__ = [
     "ProtocolError",
     "QuotaExceeded",
     "RemoteProtocolError",
+    "ServiceError",
+    "ServiceUnavailable",
     "SharedMemoryError",
     "again",
 ]
@@ -106,6 +110,23 @@ class ConnectionClosed(BusError, ConnectionError):
 
 class BrokerUnavailable(ConnectionClosed):
     """No broker answers at the socket, and none could or should be started."""
+
+
+class ServiceError(BusError):
+    """A service could not answer a call; the text is what its side says."""
+
+    def __init__(self, service: str, text: str) -> None:
+        super().__init__(f"service '{service}' failed: {text}")
+        self.service = service
+        self.text = text
+
+
+class ServiceUnavailable(BusError):
+    """Nobody serves the service, or all who were asked have left before they answered."""
+
+    def __init__(self, service: str, why: str) -> None:
+        super().__init__(f"service '{service}' is not available: {why}")
+        self.service = service
 
 
 class ForkError(BusError, RuntimeError):

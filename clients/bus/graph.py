@@ -1,10 +1,11 @@
 """The graph as a client sees it: nodes, endpoints, matches, with look-ups by name. Values only."""
 
+from collections.abc import Iterable
 from typing import Self
 
 import msgspec
 
-from bus.names import join_node_name
+from bus.names import join_node_name, reply_topic, request_topic, service_of_topic
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 
@@ -101,3 +102,26 @@ class Graph(msgspec.Struct, frozen=True):
 
     def subscriptions_of(self, topic: str) -> list[GraphEndpoint]:
         return [endpoint for endpoint in self.subscriptions if endpoint.topic == topic]
+
+    def services(self) -> dict[str, list[str]]:
+        """Each service that is served or called, with the names of its types, sorted."""
+        return services_of((*self.publishers, *self.subscriptions))
+
+    def servers_of(self, service: str) -> list[GraphEndpoint]:
+        """What takes the service's requests, one of each server; who only looks on does not answer."""
+        answering = {endpoint.node.id for endpoint in self.publishers_of(reply_topic(service))}
+        return [one for one in self.subscriptions_of(request_topic(service)) if one.node.id in answering]
+
+    def clients_of(self, service: str) -> list[GraphEndpoint]:
+        """What sends it requests, one of each client."""
+        return self.publishers_of(request_topic(service))
+
+
+def services_of(endpoints: Iterable[GraphEndpoint]) -> dict[str, list[str]]:
+    """The services whose requests `endpoints` carry, with the names of their types; all sorted."""
+    found: dict[str, set[str]] = {}
+    for endpoint in endpoints:
+        service = service_of_topic(endpoint.topic)
+        if service is not None and endpoint.topic == request_topic(service):
+            found.setdefault(service, set()).add(endpoint.type_name.removesuffix("_Request"))
+    return {service: sorted(found[service]) for service in sorted(found)}

@@ -16,14 +16,8 @@ from typing import Any, ClassVar, TypeVar
 from bus.connection import BrokerLeft, Connection
 from bus.declarations import Declarations, Declared, Endpoint, Node, lease_s
 from bus.descriptor import Descriptor
-from bus.errors import (
-    BrokerUnavailable,
-    BusError,
-    ConnectionClosed,
-    ForkError,
-    RemoteProtocolError,
-    again,
-)
+from bus.errors import BrokerUnavailable, BusError, ConnectionClosed, ForkError, RemoteProtocolError, again
+from bus.guardedloop import GuardedLoop
 from bus.logger import get_logger
 from bus.reports import Reports
 from bus.sharing import Sharing
@@ -59,7 +53,8 @@ class Link:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.loop = asyncio.get_running_loop()
-        self.thread = get_ident()
+        self._thread = get_ident()
+        self.guard = self.loop if isinstance(self.loop, GuardedLoop) else None
         self.wall_offset_ns = time_ns() - monotonic_ns()
         self.last_sent_ns = 0  # when a publisher last sent past the gathering
         self.failure: BusError | None = None
@@ -75,6 +70,13 @@ class Link:
         self._drains = Waiters(self.loop)
         self._observers: list[Callable[[], None]] = []
         Link._links.add(self)
+
+    @property
+    def thread(self) -> int:
+        """Who may use what belongs to the link: the event loop's thread, or that with the guard; 0: none."""
+        if self.guard is None:
+            return self._thread
+        return get_ident() if self.guard.is_mine() else 0
 
     # --- making and ending
 
@@ -99,6 +101,16 @@ class Link:
             link.release()
             raise
         return link
+
+    def abandon(self, reason: BusError) -> None:
+        """In the child of a fork. The loop is the parent's: no task, future or timer may be touched."""
+        self.failure = reason
+        if self._connection is not None:
+            self._connection.abandon()
+        if self.sharing is not None:
+            self.sharing.abandon()
+        for endpoint in self._declarations:
+            endpoint.abandon(reason)
 
     def release(self) -> None:
         """One user less; the last one closes the connection."""
@@ -210,9 +222,8 @@ class Link:
         self.flush()
 
     def _wrote(self) -> None:
-        """The socket took all that was chosen; who waits for that may look again after the next choice."""
         if self._drains:
-            self.loop.call_soon(self._drains.release)
+            self.loop.call_soon(self._drains.release)  # they look again after the next choice
 
     def _report(self, endpoint: Endpoint, totals: m.Report) -> None:
         self.wall_offset_ns = time_ns() - monotonic_ns()  # the wall clock may have been set
@@ -381,18 +392,9 @@ class Link:
 
 
 def _forked() -> None:
-    # The event loop is the parent's, down to its file descriptors: no task, future or timer may be touched.
-    links = tuple(Link._links)
     reason = ForkError("this node was made before a fork; make a node of its own in the child process")
-    for link in links:
-        link.failure = reason
-        if link._connection is not None:
-            link._connection.abandon()
-        if link.sharing is not None:
-            link.sharing.abandon()
-    for link in links:
-        for endpoint in link._declarations:
-            endpoint.abandon(reason)
+    for link in tuple(Link._links):
+        link.abandon(reason)
 
 
 os.register_at_fork(after_in_child=_forked)

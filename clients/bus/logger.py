@@ -3,7 +3,7 @@
 Owns the severities, the format and its environment variables (rcutils/logging.c), the filters `once`,
 `skip_first` and `throttle_duration_sec` (rclpy/impl/rcutils_logger.py), and the hook that feeds /rosout.
 Must not know nodes or topics, and leaves the root logger and every handler of others alone: all loggers made
-here are children of `logging.getLogger("bus.nodes")`, which does not propagate.
+here are children of `logging.getLogger(TOP_NAME)`, which does not propagate.
 """
 
 import logging
@@ -20,6 +20,7 @@ from typing import NamedTuple, TextIO, TypeAlias, TypedDict, Unpack
 from bus.errors import ConfigurationError
 
 __all__ = [
+    "TOP_NAME",
     "ConsoleHandler",
     "Filters",
     "LogEntry",
@@ -30,6 +31,9 @@ __all__ = [
     "get_logger",
     "set_default_level",
 ]
+
+TOP_NAME = "bus.nodes"
+"""What `logging` calls the parent of all loggers that are made here."""
 
 
 class Severity(IntEnum):
@@ -80,7 +84,7 @@ class Logger:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self._logger = logging.getLogger(f"{_TOP.name}.{name}")
+        self._logger = logging.getLogger(f"{TOP_NAME}.{name}")
         self._filters: dict[_CallSite, _FilterState] = {}
 
     def debug(self, message: object, **filters: Unpack[Filters]) -> bool:
@@ -142,10 +146,14 @@ class Logger:
 
     def _log(self, severity: Severity, message: object, filters: Filters) -> bool:
         frame = sys._getframe(2)
-        if filters and not self._passes(frame, **filters):
+        if not self._is_wanted(frame, severity, filters):
             return False
         self._logger.handle(_Record(self.name, severity, frame, str(message)))
         return True
+
+    def _is_wanted(self, frame: FrameType, severity: Severity, filters: Filters) -> bool:
+        """Whether the filters let this call pass; loggers with other filters have their own."""
+        return not filters or self._passes(frame, **filters)
 
     def _passes(
         self,
@@ -333,7 +341,7 @@ def _template(text: str) -> str:
     return _TOKEN.sub(r"%(\1)s", text.replace("%", "%%"))
 
 
-_TOP = logging.getLogger("bus.nodes")
+_TOP = logging.getLogger(TOP_NAME)
 _CONSOLE = ConsoleHandler()
 _TOP.addHandler(_CONSOLE)
 _TOP.setLevel(Severity.INFO)

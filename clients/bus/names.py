@@ -21,6 +21,9 @@ __all__ = [
     "is_hidden_topic",
     "join_node_name",
     "logger_name",
+    "reply_topic",
+    "request_topic",
+    "service_of_topic",
     "split_node_name",
     "validate_full_topic_name",
     "validate_namespace",
@@ -43,6 +46,9 @@ _NUMBER_AFTER_SLASH = re.compile(r"/[0-9]")
 _SUBSTITUTION = re.compile(r"\{([^{}]*)\}")
 _SHOWN_LENGTH = 256
 _DIGITS = frozenset("0123456789")
+
+_REQUEST = "/_request"
+_REPLY = "/_reply"
 
 _ENDS_WITH_SLASH = "must not end with a '/'"
 _UNMATCHED_BRACE = "topic name must not have unmatched (unbalanced) curly braces '{}'"
@@ -135,6 +141,24 @@ def logger_name(namespace: str, name: str) -> str:
 def is_hidden_topic(name: str) -> bool:
     """Whether any token begins with `_`: tools leave such topics out of their lists."""
     return any(token.startswith("_") for token in name.split("/"))
+
+
+def request_topic(service: str) -> str:
+    """The hidden topic on which a service gets its requests."""
+    return service + _REQUEST
+
+
+def reply_topic(service: str) -> str:
+    """The hidden topic on which a service answers."""
+    return service + _REPLY
+
+
+def service_of_topic(topic: str) -> str | None:
+    """The service whose requests or replies a topic carries; None where it is any other topic."""
+    for end in (_REQUEST, _REPLY):
+        if topic.endswith(end) and len(topic) > len(end):
+            return topic.removesuffix(end)
+    return None
 
 
 def is_hidden_node(name: str) -> bool:

@@ -17,10 +17,12 @@ from bus.errors import ConfigurationError, ConnectionClosed, ForkError
 from bus.events import PublisherEvents, SubscriptionEvents
 from bus.graph import Graph
 from bus.link import Link
-from bus.logger import LogEntry, Logger, enable_console, get_logger, set_default_level
+from bus.logger import Logger, enable_console, get_logger, set_default_level
 from bus.publisher import Publisher
 from bus.qos import QoS, profile, rosout_default
+from bus.rosout import Rosout
 from bus.schema import build
+from bus.servicehost import ServiceHost
 from bus.subscription import MessageInfo, Subscription
 from bus.timer import Timer
 from bus.typesupport import type_support
@@ -41,7 +43,7 @@ class NodeStatistics(msgspec.Struct, frozen=True):
     subscriptions: int
 
 
-class Node:
+class Node(ServiceHost):
     """A node named `name` in `namespace`; use it as `async with bus.Node("talker") as node:`.
 
     `arguments` are command-line arguments of which those after --ros-args are obeyed (remapping of topics,
@@ -52,6 +54,8 @@ class Node:
 
     Raises ConfigurationError for a name that breaks the rules; on entering, BrokerUnavailable.
     """
+
+    has_parameters = False
 
     def __init__(
         self,
@@ -77,15 +81,15 @@ class Node:
                 set_default_level(level.severity)
         if not self._arguments.log_to_console:
             enable_console(False)
-        if self._arguments.parameters:
-            _log.warning("parameters (-p, --params-file) are not supported yet and are ignored", once=True)
+        if self._arguments.parameters and not self.has_parameters:
+            _log.warning("parameters (-p, --params-file) are for programs of rclpy; ignored here", once=True)
         self._link: Link | None = None
         self._endpoints: list[Publisher[Any] | Subscription[Any]] = []
         self._timers: weakref.WeakSet[Timer] = weakref.WeakSet()  # one that runs is held by the loop
         self._body: asyncio.Task[Any] | None = None
         self._error: BaseException | None = None
         self._wants_rosout = rosout and self._arguments.log_to_rosout
-        self._rosout: Publisher[Any] | None = None
+        self._rosout: Rosout | None = None
 
     @property
     def full_name(self) -> str:
@@ -113,7 +117,8 @@ class Node:
             return
         for timer in tuple(self._timers):
             timer.close()
-        self._logger.remove_sink(self._publish_log)
+        if self._rosout is not None:
+            self._logger.remove_sink(self._rosout.publish)
         try:
             if not isinstance(link.failure, ForkError):
                 await self._close_endpoints(link)
@@ -361,24 +366,5 @@ class Node:
     async def _open_rosout(self) -> None:
         from bus.msg.rcl_interfaces import Log
 
-        self._rosout = await self.create_publisher(Log, "/rosout", rosout_default)
-        self._logger.add_sink(self._publish_log)
-
-    def _publish_log(self, entry: LogEntry) -> None:
-        from bus.msg.builtin_interfaces import Time
-        from bus.msg.rcl_interfaces import Log
-
-        rosout = self._rosout
-        if rosout is not None and rosout.refusal is None:
-            sec, nanosec = divmod(entry.stamp_ns, 1_000_000_000)
-            rosout.publish(
-                Log(
-                    stamp=Time(sec=sec, nanosec=nanosec),
-                    level=int(entry.severity),
-                    name=entry.name,
-                    msg=entry.text,
-                    file=entry.file,
-                    function=entry.function,
-                    line=entry.line,
-                )
-            )
+        self._rosout = Rosout(await self.create_publisher(Log, "/rosout", rosout_default))
+        self._logger.add_sink(self._rosout.publish)

@@ -22,7 +22,7 @@ from bus.logger import Logger
 from bus.outlet import NOTED, Outlet
 from bus.qos import QoSProfile
 from bus.transport.memory import LARGE_BYTES, keep_freed_memory
-from bus.typesupport import TypeSupport, wrong_class
+from bus.typesupport import ENCODE_ERRORS, TypeSupport, wrong_class
 from bus.wire import messages as m
 from bus.wire.layout import MAX_MESSAGE_BYTES
 from bus.wire.runs import Buffer
@@ -30,7 +30,6 @@ from bus.wire.runs import Buffer
 M = TypeVar("M", bound=msgspec.Struct)
 
 _DRAIN_S = 5.0
-_ENCODE_ERRORS = (ValueError, TypeError, AttributeError, BufferError, OverflowError, RecursionError)
 
 
 class PublisherStatistics(msgspec.Struct, frozen=True):
@@ -106,7 +105,7 @@ class Publisher(Endpoint[M]):
                 raise error
         try:
             payload = self._encode(message)
-        except _ENCODE_ERRORS as error:
+        except ENCODE_ERRORS as error:
             raise self.support.explain(message) or error from None
         return self._outlet.write(payload) or self._put(payload)
 
@@ -276,7 +275,7 @@ class Publisher(Endpoint[M]):
                 raise error
         try:
             return encode_around(message, field, size, self._encode)
-        except _ENCODE_ERRORS as error:
+        except ENCODE_ERRORS as error:
             raise self.support.explain(message) or error from None
 
     def _put(self, *parts: Buffer) -> bool:
@@ -295,7 +294,7 @@ class Publisher(Endpoint[M]):
         if size > self._max_bytes:
             raise PayloadTooLarge(self.topic_name, size_bytes=size, limit_bytes=self._max_bytes)
 
-    def _ready_matches(self) -> int:
+    def ready_matches(self) -> int:
         return len(self._matches) - self._outlet.expected
 
     def _unmatch(self, other: int, *, is_lost: bool = False) -> None:

@@ -259,10 +259,9 @@ def _choice(kind: type[_Choice], field: str, value: str) -> _Choice:
 
 
 def _unknown(what: str, value: str, allowed: Mapping[str, object] | list[str]) -> str:
-    from difflib import get_close_matches  # slow to import, and needed for mistakes only
+    from bus.spelling import did_you_mean
 
-    near = get_close_matches(value.lower(), list(allowed), n=1, cutoff=0.4)
-    hint = f"; did you mean '{near[0]}'?" if near else ""
+    hint = did_you_mean(value.lower(), allowed, 0.4)
     return f"unknown {what} '{value}'{hint} (allowed: {', '.join(allowed)})"
 
 

@@ -72,6 +72,7 @@ class RingRoute:
         self._announced: Descriptor | None = None
         self.writer = self._core.Writer(memory, self._depth)
         self.writer.is_noted = False
+        self.writer.is_guarded = link.guard is not None
         support = owner.support
         self.writer.prepare(support.cls, support.is_valid, support.encode)
         # A long field of bytes shall not be encoded with the rest.

@@ -42,7 +42,7 @@ class SocketRoute:
         self._link = link
         self._owner = owner
         self._from_threads = from_threads
-        self._thread = link.thread
+        self._thread = 0 if link.guard is not None else link.thread
         self.is_active = True
         self.queue = RunQueue(depth, Account(QUEUE_BYTES))
         self.keeps_history = qos.durability is Durability.TRANSIENT_LOCAL
@@ -72,7 +72,9 @@ class SocketRoute:
         without a call more. False on another thread than the loop's.
         """
         budget, parts = self._budget - len(payload), self._parts
-        if budget < 0 or len(parts) >= self._full_parts or get_ident() != self._thread:
+        if budget < 0 or len(parts) >= self._full_parts:
+            return False
+        if get_ident() != self._thread and get_ident() != self._link.thread:
             return False
         self._budget = budget - RECORD_HEAD_BYTES
         parts += (_pack_record(len(payload), stamp_ns or monotonic_ns()), payload)

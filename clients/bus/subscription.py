@@ -88,7 +88,7 @@ class Subscription(Endpoint[M]):
     ) -> None:
         super().__init__(link, node, topic, support, qos, events, logger, on_error)
         keeps_all = qos.history is History.KEEP_ALL
-        self._inbox: Inbox[M] = Inbox(
+        self.inbox: Inbox[M] = Inbox(
             _decoder(support, raw=raw, views=views),
             0 if keeps_all else qos.depth,
             is_lossless=qos.is_lossless,
@@ -96,7 +96,7 @@ class Subscription(Endpoint[M]):
             on_reject=self._reject,
             on_taken=self._acknowledge,
         )
-        self._ahead = self._inbox.ahead
+        self._ahead = self.inbox.ahead
         self._last_seqs: dict[bytes, int] = {}
         self._dropped_by_broker: dict[str, int] = {}
         self._dropped_by_earlier_brokers: dict[str, int] = {}
@@ -105,11 +105,15 @@ class Subscription(Endpoint[M]):
         self._ack_samples = 1
         self._ack_timer: asyncio.TimerHandle | None = None
         self._arrivals = Waiters(link.loop)
+        self.on_arrival: Callable[[], object] | None = None
+        """Called on the event loop when something has come that may be taken; in place of a callback."""
+        self.on_end: Callable[[BusError], object] | None = None
+        """Called once it can't be used any more, whatever the cause."""
         self._dispatcher: Dispatcher[M] | None = None
         if callback is not None:
             self._dispatcher = Dispatcher(
                 callback,
-                self._inbox,
+                self.inbox,
                 make_info=self._info,
                 receive=self.receive,
                 on_error=on_error,
@@ -118,13 +122,13 @@ class Subscription(Endpoint[M]):
         self._rings: RingInput | None = None
         if link.sharing is not None:
             self._rings = RingInput(link, link.sharing, self)
-            self._inbox.reader = self._rings.reader
+            self.inbox.reader = self._rings.reader
             if busy_poll:
                 self._rings.poll(busy_poll)
 
     def take(self) -> tuple[M, MessageInfo] | None:
         """The oldest waiting message and its info; None where none waits. Never blocks."""
-        taken = self._inbox.take()
+        taken = self.inbox.take()
         return None if taken is None else (taken[0], self._info(taken))
 
     async def receive(self) -> tuple[M, MessageInfo]:
@@ -132,7 +136,7 @@ class Subscription(Endpoint[M]):
 
         Cancellation: no message is lost. Raises ConnectionClosed once the subscription is closed.
         """
-        while (taken := self._inbox.take()) is None:
+        while (taken := self.inbox.take()) is None:
             await self._wait()
         return taken[0], self._info(taken)
 
@@ -142,7 +146,7 @@ class Subscription(Endpoint[M]):
     async def __anext__(self) -> M:
         if self._ahead:
             return self._ahead.popleft()[0]
-        while (taken := self._inbox.take()) is None:
+        while (taken := self.inbox.take()) is None:
             if type(self.refusal) is ConnectionClosed:
                 raise StopAsyncIteration
             await self._wait()
@@ -158,9 +162,9 @@ class Subscription(Endpoint[M]):
 
     def statistics(self) -> SubscriptionStatistics:
         return SubscriptionStatistics(
-            delivered=self._inbox.delivered,
-            bytes=self._inbox.bytes,
-            queued=self._inbox.queued,
+            delivered=self.inbox.delivered,
+            bytes=self.inbox.bytes,
+            queued=self.inbox.queued,
             dropped=self._all_dropped(),
             publishers=len(self._matches),
         )
@@ -169,9 +173,9 @@ class Subscription(Endpoint[M]):
 
     def receive_run(self, run: Run) -> None:
         """A run has come; it is not delivered before `wake`, but for a callback that would lose it."""
-        if self._inbox.put(run):
+        if self.inbox.put(run):
             self._dispatch()
-            self._inbox.trim()
+            self.inbox.trim()
 
     def wake(self) -> None:
         """All that has come is in the queue or in a ring: deliver it."""
@@ -179,12 +183,14 @@ class Subscription(Endpoint[M]):
             return
         if self._dispatcher is not None and not self._dispatcher.is_async:
             self._dispatcher.dispatch()
+        elif self.on_arrival is not None:
+            self.on_arrival()
         elif self._arrivals:
             self._arrivals.release()
         if self.qos.deadline is not None:
             self._last_ns = monotonic_ns()
         if self._rings is not None and self._events.message_lost is not None:
-            self._inbox.count_replaced()
+            self.inbox.count_replaced()
             self._tell_lost()
 
     def declaration(self, request: int, node: int) -> m.Message:
@@ -201,7 +207,7 @@ class Subscription(Endpoint[M]):
 
     def declared(self, answer: m.Created) -> None:
         super().declared(answer)
-        self._inbox.set_depth(answer.depth)
+        self.inbox.set_depth(answer.depth)
         self._ack_bytes = answer.window_bytes // 8
         self._ack_samples = answer.window_samples // 8
         self._watch_deadline()
@@ -211,17 +217,17 @@ class Subscription(Endpoint[M]):
     def disconnected(self) -> None:
         if self._rings is not None:
             self._rings.disconnected()
-        heard = {source.gid: source.last_seq for source in self._inbox.sources.values()}
+        heard = {source.gid: source.last_seq for source in self.inbox.sources.values()}
         self._last_seqs = dict([*self._last_seqs.items(), *heard.items()][-_MOST_REMEMBERED:])
         super().disconnected()
-        self._inbox.disconnected()
+        self.inbox.disconnected()
         for reason, count in self._dropped_by_broker.items():
             self._dropped_by_earlier_brokers[reason] = self._dropped_by_earlier_brokers.get(reason, 0) + count
         self._dropped_by_broker = {}
         self.id = 0
 
     def handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
-        sources, rings = self._inbox.sources, self._rings
+        sources, rings = self.inbox.sources, self._rings
         match message:
             case m.Matched(other=other):
                 known_seq = self._last_seqs.pop(message.gid, None)
@@ -235,7 +241,7 @@ class Subscription(Endpoint[M]):
                 super().handle(message)
                 if rings is not None and other in sources:
                     rings.finish(sources[other].gid)
-                self._inbox.forget(other)
+                self.inbox.forget(other)
             case m.RingReplaced(source=other):
                 if rings is not None and other in sources:
                     rings.replace(sources[other], descriptors)
@@ -243,10 +249,10 @@ class Subscription(Endpoint[M]):
                 super().handle(message)
                 if rings is not None and other in sources:
                     # Of what is in the ring, the broker has perhaps seen some before it heard of this.
-                    self._inbox.drain_rings()
+                    self.inbox.drain_rings()
                     rings.leave(sources[other].gid)
             case m.LivelinessChanged(publisher=publisher, alive=alive):
-                heard = self._inbox.sources.get(publisher)
+                heard = self.inbox.sources.get(publisher)
                 if heard is not None and heard.is_alive is not alive:
                     heard.is_alive = alive
                     self._tell_liveliness(1 if alive else -1, -1 if alive else 1)
@@ -258,7 +264,7 @@ class Subscription(Endpoint[M]):
 
     def totals(self) -> m.Report:
         """This subscription's counters, for the graph."""
-        inbox = self._inbox
+        inbox = self.inbox
         queued = inbox.queued  # looks at the rings
         if self._rings is not None:
             self._rings.sweep()
@@ -275,10 +281,12 @@ class Subscription(Endpoint[M]):
             self._dispatcher.end()
         if self._rings is not None:
             self._rings.close()
+        if self.on_end is not None:
+            self.on_end(reason)
 
     def abandon(self, reason: BusError) -> None:
         super().abandon(reason)
-        self._inbox.reader = None  # what it tells the publishers is the parent's word
+        self.inbox.reader = None  # what it tells the publishers is the parent's word
 
     # --- inside
 
@@ -298,13 +306,13 @@ class Subscription(Endpoint[M]):
             stamp_ns + offset_ns,
             received_ns + offset_ns,
             seq,
-            self._inbox.delivered,
+            self.inbox.delivered,
             source.gid if isinstance(source, Source) else b"",
         )
 
     def _unmatch(self, other: int, *, is_lost: bool = False) -> None:
         super()._unmatch(other)
-        source = self._inbox.sources.get(other)
+        source = self.inbox.sources.get(other)
         if source is not None:
             self._tell_liveliness(*((-1, 0) if source.is_alive else (0, -1)))
 
@@ -316,7 +324,7 @@ class Subscription(Endpoint[M]):
         is_behind = known_seq is not None and matched.next_seq - 1 > known_seq
         if known_seq is not None and is_behind and matched.route == "socket":
             if self.qos.durability is Durability.VOLATILE:
-                self._inbox.drop("disconnected", matched.next_seq - 1 - known_seq)
+                self.inbox.drop("disconnected", matched.next_seq - 1 - known_seq)
                 source.last_seq = matched.next_seq - 1
             else:
                 source.is_rejoined = True  # the replay may fill the gap
@@ -332,17 +340,16 @@ class Subscription(Endpoint[M]):
 
     def _acknowledge_all(self) -> None:
         self._ack_timer = None
-        for source in self._inbox.sources.values():
+        for source in self.inbox.sources.values():
             if source.taken_seq > source.acked_seq:
                 self._send_ack(source)
 
     def _send_ack(self, source: Source) -> None:
         source.acked_seq, source.unacked_bytes = source.taken_seq, 0
         # A publisher that has gone, or that an earlier broker knew, needs none.
-        if source.number in self._matches and self._inbox.sources.get(source.number) is source:
-            self._link.send_about(
-                self, m.Ack(subscription=self.id, source=source.number, seq=source.taken_seq)
-            )
+        if source.number in self._matches and self.inbox.sources.get(source.number) is source:
+            ack = m.Ack(subscription=self.id, source=source.number, seq=source.taken_seq)
+            self._link.send_about(self, ack)
 
     def _reject(self, size: int, error: Exception) -> None:
         self._logger.warning(
@@ -351,7 +358,7 @@ class Subscription(Endpoint[M]):
         )
 
     def _all_dropped(self) -> dict[str, int]:
-        total = dict(self._inbox.dropped)
+        total = dict(self.inbox.dropped)
         for part in (self._dropped_by_broker, self._dropped_by_earlier_brokers):
             for reason, count in part.items():
                 total[reason] = total.get(reason, 0) + count
@@ -367,12 +374,11 @@ class Subscription(Endpoint[M]):
                 self._tell(callback, MessageLost(total, change, reasons))
 
     def _tell_liveliness(self, alive_change: int, not_alive_change: int) -> None:
-        sources = self._inbox.sources
+        sources = self.inbox.sources
         lost = sum(not sources[other].is_alive for other in self._matches if other in sources)
         alive = len(self._matches) - lost
-        self._tell(
-            self._events.liveliness_changed, LivelinessChanged(alive, lost, alive_change, not_alive_change)
-        )
+        event = LivelinessChanged(alive, lost, alive_change, not_alive_change)
+        self._tell(self._events.liveliness_changed, event)
 
     def _type_warning(self) -> str:
         return f"Incompatible type on topic '{self.topic_name}', no messages will be received from it."

@@ -1,20 +1,18 @@
 """What the bus needs to know of a message class: name, hash and schema, how to encode, decode and check it.
 
 Owns: `TypeSupport`, one per class, and the texts of type errors. Must not know: topics, the wire. It doesn't
-import the ready-made classes of bus.msg before `find_type` asks for one.
+import the ready-made classes of bus.msg, nor bus.interfacetypes, before `find_type` asks for one.
 """
 
 import re
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from importlib import import_module
 from typing import Any, Generic, TypeVar, cast
 
 import msgspec
 from msgspec import Struct
 
 from bus.errors import MessageTypeError
-from bus.msg import PACKAGES
 from bus.schema import Node, Schema, describe, type_name
 from bus.typecheck import predicate
 from bus.typehash import schema_hash
@@ -43,7 +41,9 @@ def _as_plain(value: object) -> object:
 
 
 _encoder = msgspec.msgpack.Encoder(enc_hook=_as_plain)
-_ENCODE_ERRORS = (AttributeError, BufferError, OverflowError, RecursionError, TypeError, ValueError)
+ENCODE_ERRORS = (AttributeError, BufferError, OverflowError, RecursionError, TypeError, ValueError)
+"""What encoders raise for contents that no check has seen; `TypeSupport.explain` says it better."""
+
 _PATH = re.compile(r"(?<=`)\$[^`]*(?=`)")
 _STEP = re.compile(r"\[\.\.\.\]|\[(\d+)\]|\.([^.\[]+)")
 
@@ -84,13 +84,24 @@ class TypeSupport(Generic[M]):
     def __repr__(self) -> str:
         return f"TypeSupport({self.name})"
 
+    def encode_checked(self, message: M) -> bytes:
+        """`encode`, with all that it takes; for who does it seldom. Raises MessageTypeError."""
+        if (message.__class__ is not self.cls or not self.is_valid(message)) and (
+            error := self.explain(message)
+        ):
+            raise error
+        try:
+            return bytes(self.encode(message))
+        except ENCODE_ERRORS as error:
+            raise self.explain(message) or error from None
+
     def explain(self, message: M) -> MessageTypeError | None:
         """The error that names the wrong field and its path, or None if the message is right after all."""
         if not isinstance(message, self.cls):
             return wrong_class(self.cls, message)
         try:
             data = self.encode(message)
-        except _ENCODE_ERRORS as error:
+        except ENCODE_ERRORS as error:
             return MessageTypeError(f"{self.name}: {error} - at `{_path_of(error, message)}`")
         try:
             decoded = self.decode(data)
@@ -144,7 +155,10 @@ def type_support(cls: type[M]) -> TypeSupport[M]:
     """
     if not isinstance(cls, type) or getattr(cls, "__foreign__", False):
         return TypeSupport(cls)  # raises, or is for a class that isn't here for long
-    return _supports.get(cls) or _supports.setdefault(cls, TypeSupport(cls))
+    if (known := _supports.get(cls)) is not None:
+        return known
+    own = getattr(cls, "__type_support__", None)  # of a class that is no Struct, as those of bus.rosidl
+    return _supports.setdefault(cls, TypeSupport(cls) if own is None else own())
 
 
 def type_hash(cls: type[Struct]) -> str:
@@ -158,22 +172,20 @@ def wrong_class(cls: type[Struct], message: object) -> MessageTypeError:
     if isinstance(message, type):
         return MessageTypeError(f"{expected}the class {message.__qualname__}; write {message.__name__}()")
     hint = ""
-    if len(cls.__struct_fields__) == 1 and not isinstance(message, Struct):
-        hint = f"; write {cls.__name__}({cls.__struct_fields__[0]}=...)"
+    fields: tuple[str, ...] = getattr(cls, "__struct_fields__", ())
+    if len(fields) == 1 and not isinstance(message, Struct):
+        hint = f"; write {cls.__name__}({fields[0]}=...)"
     return MessageTypeError(f"{expected}{_full_name(type(message))}{hint}")
 
 
 def find_type(name: str) -> type[Struct] | None:
-    """The ready-made class called `std_msgs/msg/String` (or `std_msgs/String`), or None."""
-    package, _, rest = name.partition("/")
-    if package not in PACKAGES:
-        return None
-    class_name = rest.removeprefix("msg/")
-    cls = getattr(import_module(f"bus.msg.{package}"), class_name, None)
-    if not isinstance(cls, type) or not issubclass(cls, Struct):
-        return None
-    # A module also holds the classes that it imported from its neighbours.
-    return cls if type_name(cls) == f"{package}/msg/{class_name}" else None
+    """The class called `std_msgs/msg/String` (or `std_msgs/String`): ready-made, or made of its definition.
+
+    None where there is neither. Raises ConfigurationError where the definition is malformed.
+    """
+    from bus.interfacetypes import find_class
+
+    return find_class(name)
 
 
 def _full_name(cls: type) -> str:
@@ -188,7 +200,7 @@ def _path_of(error: Exception, value: object) -> str:
         for step, part in _parts(value):
             try:
                 _encoder.encode(part)
-            except _ENCODE_ERRORS as inner:
+            except ENCODE_ERRORS as inner:
                 path, value, error = path + step, part, inner
                 break
         else:

@@ -225,6 +225,8 @@ def test_nodes_in_json(lesson: None) -> None:
         **records[0],
         "subscribers": {},
         "publishers": {"/rosout": ["rcl_interfaces/msg/Log"], "/topic": ["std_msgs/msg/String"]},
+        "service_servers": {},
+        "service_clients": {},
     }
 
 

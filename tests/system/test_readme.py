@@ -1,4 +1,4 @@
-"""Everything that the README shows is run, against a busd of the test's own, and its output has that shape.
+"""What the README and the page of the lesson show is run, on a busd of the test's own: output has that shape.
 
 Not run are the lines that make the environment in which this test runs (venv, pip) and `make test`, which
 would run this test; of those it is checked that what they call is there.
@@ -6,6 +6,8 @@ would run this test; of those it is checked that what they call is there.
 
 import os
 import re
+import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -29,6 +31,7 @@ INTERRUPTED = "^C"
 ROBOT_SECONDS = "1"
 
 _SCRIPT = re.compile(r"^`(\w+\.py)`:\n\n```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+_FILE = re.compile(r"^`([\w/]+\.\w+)`:\n\n```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 _SOCKET = re.compile(r"/\S+\.sock")
@@ -73,7 +76,8 @@ def shape(text: str) -> str:
 
 CONSOLE = console()
 COMMANDS = {shown.command: shown for shown in CONSOLE}
-BUS = [shown for shown in CONSOLE if shown.command.startswith("bus ")]
+RUN = [shown for shown in CONSOLE if shown.command.startswith("bus run ")]
+BUS = [shown for shown in CONSOLE if shown.command.startswith("bus ") and shown not in RUN]
 PROGRAMS = {"busd": ("-m", "busd"), "bus": ("-m", "bus.cli"), "python": ()}
 
 
@@ -81,7 +85,7 @@ class Program:
     """A command of the README as a process; what it prints is kept."""
 
     def __init__(self, command: str, folder: Path = ROOT) -> None:
-        name, *arguments = command.split()
+        name, *arguments = shlex.split(command)
         words = [sys.executable, *PROGRAMS[name], *arguments] if name in PROGRAMS else [name, *arguments]
         self.text = ""
         self.process = subprocess.Popen(
@@ -135,12 +139,12 @@ def start(socket_path: Path) -> Iterator[Start]:
 
 def check(program: Program, shown: Shown) -> None:
     """Read what was shown; a program that is not interrupted must print that and nothing else."""
-    pattern = "".join(f"{shape(line)}\n" for line in shown.output)
+    pattern = "\n".join(shape(line) for line in shown.output)
     if shown.is_interrupted:
-        program.read_until(pattern)
+        program.read_until(f"{pattern}\n" if pattern else "")
         return
     status = program.end()
-    assert re.fullmatch(pattern, program.text), program.text
+    assert re.fullmatch(pattern, program.text.rstrip("\n")), program.text
     assert status == 0
 
 
@@ -189,7 +193,16 @@ def test_scripts_of_the_readme(daemon: Daemon, tmp_path: Path, start: Start) -> 
     assert all(block in files or block in dict(own).values() for block in blocks("python"))
     for name, text in own:
         (tmp_path / name).write_text(text)
-        check(start(f"python {name}", tmp_path), COMMANDS[f"python {name}"])
+        if f"python {name}" in COMMANDS:
+            check(start(f"python {name}", tmp_path), COMMANDS[f"python {name}"])
+        else:
+            assert any(name in shown.command for shown in RUN)
+    for shown in RUN:
+        program = start(shown.command, tmp_path)
+        check(program, shown)
+        assert shown.is_interrupted
+        assert program.end(signal.SIGINT) == 2
+        assert "Traceback" not in program.text
 
 
 def test_the_script_of_the_page_about_large_messages(
@@ -215,6 +228,61 @@ async def test_the_profiles_of_the_qos_page(daemon: Daemon) -> None:
     assert set(re.findall(r'"(\w+)", (?:bus|10|")', snippet)) == {name.strip("/") for name in topics} - {
         "rosout"
     }
+
+
+LESSON = (ROOT / "docs" / "lesson.md").read_text()
+STEPS = [part for part in re.split(r"^(?=## )", LESSON, flags=re.MULTILINE) if console(part)]
+PROGRAMS_OF_THE_LESSON = {
+    "py_pubsub talker": "publisher_member_function.py",
+    "py_pubsub listener": "subscriber_member_function.py",
+    "py_srvcli service": "service_member_function.py",
+    "py_srvcli client": "client_member_function.py",
+}
+"""As the page's packages name them; here they are run without pip or colcon, which other tests do."""
+
+
+@pytest.fixture
+def lesson(tmp_path: Path) -> Path:
+    """The lesson's workspace, with its programs."""
+    workspace = tmp_path / "ros2_ws"
+    (workspace / "src").mkdir(parents=True)
+    for name in PROGRAMS_OF_THE_LESSON.values():
+        shutil.copy(ROOT / "tests" / "lesson" / name, workspace)
+    return workspace
+
+
+def test_the_package_of_the_lesson_page(lesson: Path, start: Start) -> None:
+    """But for where it is made, and by whom."""
+    (shown,) = console(STEPS[0])
+    program = start(shown.command, lesson / "src")
+    assert program.end() == 0
+    own = ("destination directory: ", "maintainer: ")
+    printed = [line for line in program.text.splitlines() if not line.startswith(own)]
+    assert printed == [line for line in shown.lines if not line.startswith(own)]
+
+
+@pytest.mark.parametrize("step", STEPS[1:], ids=lambda step: step.splitlines()[0].strip("# "))
+def test_the_steps_of_the_lesson_page(step: str, daemon: Daemon, lesson: Path, start: Start) -> None:
+    """The programs of a step run on while the commands after them are typed."""
+    for line in "".join(blocks("sh", step)).splitlines():
+        assert start(line, lesson / "src").end() == 0
+    for name, text in _FILE.findall(step):
+        (lesson / name).parent.mkdir(exist_ok=True)
+        (lesson / name).write_text(text)
+    running: list[Program] = []
+    for shown in console(step):
+        command = shown.command
+        for name, file in PROGRAMS_OF_THE_LESSON.items():
+            command = command.replace(f"bus run {name}", f"bus run {file}")
+        program = start(command, lesson)
+        check(program, shown)
+        if shown.is_interrupted and command.startswith("bus run"):
+            running.append(program)
+        elif shown.is_interrupted:
+            assert program.end(signal.SIGINT) == 2
+    for program in running:
+        assert program.end(signal.SIGINT) in (0, 2)
+        assert "Traceback" not in program.text
 
 
 def make(target: str, tmp_path: Path, *arguments: str) -> subprocess.CompletedProcess[str]:

@@ -8,9 +8,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from benchmarks import fanout, idle, memory, paced, startup, throughput
+from benchmarks import facade, fanout, idle, memory, paced, startup, throughput
 from benchmarks.adapters.bus_fanout import Fan
 from benchmarks.adapters.holding import usage_of
+from benchmarks.adapters.roles import LAST
 from benchmarks.harness import Failure, Group
 from benchmarks.systems import (
     BUS,
@@ -23,6 +24,7 @@ from benchmarks.systems import (
     ICEORYX,
     PIPE,
     PYZMQ,
+    RCLPY,
     TWO_HOPS,
     System,
 )
@@ -205,6 +207,30 @@ def test_latency_of_long_messages(publish_by: str) -> None:
     assert paced.measure(_or_skip(BUS_BYTES), work)["p50"] > 0
 
 
+@pytest.mark.parametrize("system", [RCLPY, BUS], ids=lambda system: system.name)
+def test_the_facade_and_its_measure(system: System) -> None:
+    timed = Work(size=64, count=100, warm_up=10, rate=1000, publish_by="timer", take_by="callback")
+    flood = Work(size=64, count=2000, warm_up=100, publish_by="publish", take_by="callback")
+    lossy = Work(size=64, count=2000, warm_up=0, publish_by=LAST, take_by="callback")
+
+    assert paced.measure(_or_skip(system), timed)["p50"] > 0
+    assert throughput.measure(system, flood)["per_s"] > 0
+    assert 0 < facade.measure_lossy(system, lossy)["delivered"] <= 100
+
+
+def test_more_than_was_published_is_a_failure(liar: System, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SENT", '{"event": "sent", "begin_ns": 1000000000, "end_ns": 1100000000}')
+    monkeypatch.setenv("RECEIVED", _received(501))
+    lossy = Work(size=64, count=1000, warm_up=0, publish_by=LAST)
+
+    found = facade.measure_lossy(liar, lossy)
+
+    assert found == pytest.approx({"per_s": 1002, "published_per_s": 10_000, "delivered": 50.1})
+    monkeypatch.setenv("RECEIVED", _received(1001))
+    with pytest.raises(Failure, match="1001 of 1000 arrived"):
+        facade.measure_lossy(liar, lossy)
+
+
 def test_latency_with_busy_polling() -> None:
     work = Work(size=64, count=100, warm_up=10, rate=1000, take_by="callback", busy_poll_s=0.002)
 
@@ -251,7 +277,13 @@ def test_usage_tells_shared_memory_from_private_and_counts_a_segment_once() -> N
 
 def test_start_and_idle_are_measured(tmp_path: Path) -> None:
     assert startup.measure_first_message()["ms"] > 0
+    assert startup.measure_first_by_rclpy()["ms"] > 0
     assert startup.measure_with_autostart()["ms"] > 0
     assert startup.measure_program([sys.executable, "-m", "bus.cli", "topic", "list"], on_bus=True)["ms"] > 0
+    script = "import sys; sys.exit('rclpy' not in dir())"
+    run = [sys.executable, "-m", "bus.cli", "run"]
+    assert startup.measure_program(run, script=f"import rclpy; {script}")["ms"] > 0
+    with pytest.raises(Failure, match="exited with 1"):
+        startup.measure_program(run, script=script)
     assert idle.measure(0.1, settle_s=0.0)["busd_us_per_s"] >= 0
     startup.end_busd(tmp_path / "of_nobody.sock")

@@ -21,6 +21,7 @@ def nowhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("BUSD_SOCKET", str(tmp_path / "no.sock"))
     monkeypatch.setenv("BUSD_AUTOSTART", "0")
     monkeypatch.setenv("COLUMNS", "100")
+    cli._help_width.cache_clear()
 
 
 def stop(*words: str) -> int:

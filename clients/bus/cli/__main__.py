@@ -1,5 +1,5 @@
 """`python -m bus.cli`."""
 
-from bus.cli.main import main
+from bus.cli.entry import main
 
 main()

@@ -14,12 +14,9 @@ from functools import cache
 from importlib import import_module
 from typing import Any, NoReturn
 
+from bus.cli.exitcodes import EXIT_ERROR, EXIT_INTERRUPTED
 from bus.cli.output import CommandError
 from bus.errors import BusError
-
-EXIT_ERROR = 1
-EXIT_INTERRUPTED = 2
-"""After Ctrl-C: SIGINT's number, as ros2 does."""
 
 COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
     "topic": (
@@ -43,12 +40,55 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
             "list": "Output a list of available nodes",
         },
     ),
+    "service": (
+        "Various service related sub-commands",
+        {
+            "call": "Call a service",
+            "find": "Output a list of available services of a given type",
+            "info": "Output information about a service",
+            "list": "Output a list of available services",
+            "type": "Output a service's type",
+        },
+    ),
     "daemon": (
         "Various daemon related sub-commands",
         {
             "start": "Start the daemon if it isn't running",
             "status": "Output the status of the daemon",
             "stop": "Stop the daemon if it is running",
+        },
+    ),
+    "interface": (
+        "Show information about ROS interfaces",
+        {
+            "list": "List all interface types available",
+            "package": "Output a list of available interface types within one package",
+            "packages": "Output a list of packages that provide interfaces",
+            "proto": "Output an interface prototype",
+            "show": "Output the interface definition",
+        },
+    ),
+    "param": (
+        "Various param related sub-commands",
+        {
+            "delete": "Delete parameter",
+            "describe": "Show descriptive information about declared parameters",
+            "dump": "Show all of the parameters of a node as YAML",
+            "get": "Get parameter",
+            "list": "Output a list of available parameters",
+            "load": "Load parameter file for a node",
+            "set": "Set parameter",
+        },
+    ),
+    "run": ("Run a script, a module or a program of a package", {}),
+    "pkg": (
+        "Various package related sub-commands",
+        {
+            "create": "Create a new ROS 2 package",
+            "executables": "Output a list of package specific executables",
+            "list": "Output a list of available packages",
+            "prefix": "Output the prefix path of a package",
+            "xml": "Output the manifest of a package, or a tag of it",
         },
     ),
     "doctor": ("Check the set-up and say what to do where something is wrong", {}),
@@ -216,7 +256,9 @@ def _add_common_options(parser: ArgumentParser, default: str | None) -> None:
     # ros2's, which mean nothing here.
     group.add_argument("--no-daemon", action="store_true", default=SUPPRESS, help=SUPPRESS)
     group.add_argument("--spin-time", metavar="S", type=float, default=SUPPRESS, help=SUPPRESS)
-    group.add_argument("-s", "--use-sim-time", action="store_true", default=SUPPRESS, help=SUPPRESS)
+    # Some verbs have a -s of their own.
+    short = [] if "-s" in parser._option_string_actions else ["-s"]
+    group.add_argument(*short, "--use-sim-time", action="store_true", default=SUPPRESS, help=SUPPRESS)
 
 
 def _print_help(parser: ArgumentParser) -> Any:

@@ -59,11 +59,10 @@ class Silence:
             return None  # the link says so, and comes back
         if graph.publishers_of(self._topic):
             return None
-        from difflib import get_close_matches
+        from bus.spelling import did_you_mean
 
         published = {publisher.topic for publisher in graph.publishers} - {self._topic}
-        near = get_close_matches(self._topic, published, n=1, cutoff=0.75)
-        hint = f"; did you mean '{near[0]}'?" if near else ""
+        hint = did_you_mean(self._topic, published, 0.75)
         return f"nobody publishes on '{self._topic}'{hint} (waiting)"
 
     def _nothing_shown(self, subscription: Subscription[Any]) -> str | None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import msgspec
 
+from bus.cli.exitcodes import EXIT_INTERRUPTED, EXIT_TERMINATED
 from bus.cli.output import CommandError, complain
 from bus.cli.query import full_type_name
 from bus.graph import Graph
@@ -29,7 +30,7 @@ __all__ = [
 ]
 
 _LOOK_S = 0.2
-_EXIT_CODES = {signal.SIGINT: 2, signal.SIGTERM: 15}
+_EXIT_CODES = {signal.SIGINT: EXIT_INTERRUPTED, signal.SIGTERM: EXIT_TERMINATED}
 
 
 def run_stream(main: Coroutine[Any, Any, int]) -> int:

@@ -46,7 +46,8 @@ class Bell:
     def __init__(self, memory: Mapping, doorbell: int) -> None: ...
 
 class Writer:
-    """A publisher's end of its ring. Only for the thread that made it; `memory` is its own, formatted."""
+    """A publisher's end of its ring. Only for the thread that made it, unless `is_guarded`; `memory` is its
+    own, formatted."""
 
     capacity: int
     index_length: int
@@ -65,6 +66,8 @@ class Writer:
     most: int
     """Largest payload that may be published, whatever the ring holds: beyond, TOO_LARGE. May be set;
     1 << 62 at first."""
+    is_guarded: bool
+    """May be set to True: the callers hold a lock of their own, and any thread may call."""
     is_noted: bool
     """May be set to False: then the next write returns NOTED once."""
 

@@ -63,6 +63,7 @@ typedef struct {
     unsigned long thread; /* that made it; 0 once closed */
     unsigned forks;
     bool is_closed;
+    char is_guarded; /* whoever calls holds a lock of its own: any thread may */
     char is_noted;
     struct gate_owner *owners; /* beside ring.gates */
     Bell **bells;              /* each bell of the gates once, borrowed */

@@ -50,7 +50,7 @@ static void writer_dealloc(PyObject *object)
 
 static inline bool is_at_home(const Writer *self)
 {
-    return PyThread_get_thread_ident() == self->thread && self->forks == core_forks;
+    return (self->is_guarded || PyThread_get_thread_ident() == self->thread) && self->forks == core_forks;
 }
 
 static PyObject *turned_away(const Writer *self)
@@ -278,6 +278,7 @@ static PyObject *writer_close(PyObject *object, PyObject *Py_UNUSED(none))
     Writer *self = (Writer *)object;
     if (!self->is_closed) {
         self->is_closed = true;
+        self->is_guarded = 0;
         self->thread = 0;
         ring_close(&self->ring);
         writer_ring(self);
@@ -363,6 +364,7 @@ static PyMemberDef members[] = {
     {"samples", T_ULONGLONG, offsetof(Writer, samples), READONLY, NULL},
     {"bytes", T_ULONGLONG, offsetof(Writer, bytes), READONLY, NULL},
     {"rung", T_ULONGLONG, offsetof(Writer, rung), READONLY, NULL},
+    {"is_guarded", T_BOOL, offsetof(Writer, is_guarded), 0, NULL},
     {"is_noted", T_BOOL, offsetof(Writer, is_noted), 0, NULL},
     {0},
 };

@@ -6,11 +6,11 @@ from collections.abc import Iterable
 from bus.cli.completion import completed_by, nodes
 from bus.cli.output import CommandError, complain, print_json
 from bus.cli.query import get_graph
-from bus.graph import GraphEndpoint
+from bus.graph import GraphEndpoint, services_of
 from bus.names import is_hidden_topic
 
-# The bus has no services and actions; ros2's headings stay, so that what reads them finds them.
-_EMPTY = ("Service Servers", "Service Clients", "Action Servers", "Action Clients")
+# The bus has no actions; ros2's headings stay, so that what reads them finds them.
+_EMPTY = ("Action Servers", "Action Clients")
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -31,16 +31,29 @@ def main(args: Namespace) -> int:
         )
     node = found[0]
     is_shown = args.include_hidden or args.include_hidden_topics
-    subscriptions = _topics((one for one in graph.subscriptions if one.node.id == node.id), hidden=is_shown)
-    publishers = _topics((one for one in graph.publishers if one.node.id == node.id), hidden=is_shown)
+    subscribed = [one for one in graph.subscriptions if one.node.id == node.id]
+    published = [one for one in graph.publishers if one.node.id == node.id]
+    subscriptions, publishers = _topics(subscribed, hidden=is_shown), _topics(published, hidden=is_shown)
+    servers, clients = _services(subscribed, hidden=is_shown), _services(published, hidden=is_shown)
     if args.json:
-        print_json({"node": name, "pid": node.pid, "subscribers": subscriptions, "publishers": publishers})
+        print_json(
+            {
+                "node": name,
+                "pid": node.pid,
+                "subscribers": subscriptions,
+                "publishers": publishers,
+                "service_servers": servers,
+                "service_clients": clients,
+            }
+        )
         return 0
     print(name)
     empty: dict[str, list[str]] = {}
     for title, topics in (
         ("Subscribers", subscriptions),
         ("Publishers", publishers),
+        ("Service Servers", servers),
+        ("Service Clients", clients),
         *((title, empty) for title in _EMPTY),
     ):
         print(f"  {title}:")
@@ -54,3 +67,9 @@ def _topics(endpoints: Iterable[GraphEndpoint], *, hidden: bool) -> dict[str, li
         if hidden or not is_hidden_topic(endpoint.topic):
             found.setdefault(endpoint.topic, set()).add(endpoint.type_name)
     return {topic: sorted(found[topic]) for topic in sorted(found)}
+
+
+def _services(endpoints: Iterable[GraphEndpoint], *, hidden: bool) -> dict[str, list[str]]:
+    """A server takes requests, a client sends them."""
+    found = services_of(endpoints)
+    return {service: types for service, types in found.items() if hidden or not is_hidden_topic(service)}

@@ -1,0 +1,99 @@
+"""The facade of rclpy beside the asyncio API: latency, CPU time and throughput of the same work, in turns.
+
+Both are programs of their kind: a timer publishes and a callback takes, in `rclpy.spin` or on the event loop.
+"""
+
+from functools import partial
+
+from benchmarks import paced, throughput
+from benchmarks.adapters.roles import LAST
+from benchmarks.cases import Case, Figures, interleave
+from benchmarks.figures import ratios
+from benchmarks.harness import START_S, Failure, Group
+from benchmarks.plan import Plan
+from benchmarks.report import Column, Row, Section, compare
+from benchmarks.systems import BUS, RCLPY, System
+from benchmarks.work import Work
+
+NAME = "facade"
+_SIZE = 64
+_RATE = 1000.0
+_LIMIT_S = 60.0
+_SYSTEMS = {"rclpy": RCLPY, "asyncio": BUS}
+_PACED, _FLOOD, _LOSSY = f"{_RATE:,.0f}/s", "lossless", "default QoS"
+_GOALS = [
+    # what, figure, at most, at least
+    (_PACED, "p50", 1.5, None),
+    (_PACED, "p99", None, None),
+    (_PACED, "cpu", None, None),
+    (_FLOOD, "per_s", None, 1 / 3),
+    (_LOSSY, "per_s", None, None),
+    (_LOSSY, "published_per_s", None, None),
+]
+_COLUMNS = [
+    Column("p50", "µs: p50"),
+    Column("p99", "p99"),
+    Column("cpu", "CPU s per 100k: all"),
+    Column("cpu_publisher", "publisher"),
+    Column("cpu_broker", "broker"),
+    Column("cpu_subscriber", "subscriber"),
+    Column("per_s", "taken/s"),
+    Column("published_per_s", "published/s"),
+    Column("delivered", "delivered %"),
+]
+_NOTES = [
+    f"String of {_SIZE} B by shared memory, a new object each; rclpy: `rclpy.spin` in both processes, but "
+    "floods are published in a loop that does not spin; its messages are made empty and then filled",
+    f"{_PACED}: a timer publishes, and skips what it can't do in time; latency from inside its callback to "
+    "inside the subscription's",
+    f"{_FLOOD}: reliable + keep all, every run checked; {_LOSSY}: reliable, keep last 10, and the publisher "
+    "does not wait, so what is not taken in time is replaced",
+]
+
+
+def run(plan: Plan) -> Section:
+    """Measure each work by both."""
+    timed = Work(
+        size=_SIZE,
+        count=plan.choose(2_000, 8_000),
+        warm_up=200,
+        rate=_RATE,
+        publish_by="timer",
+        take_by="callback",
+    )
+    count = plan.choose(100_000, 500_000)
+    flood = Work(size=_SIZE, count=count, warm_up=count // 10, publish_by="publish", take_by="callback")
+    lossy = Work(size=_SIZE, count=count, warm_up=0, publish_by=LAST, take_by="callback")
+    cases = []
+    for what, work, measure in (
+        (_PACED, timed, paced.measure),
+        (_FLOOD, flood, throughput.measure),
+        (_LOSSY, lossy, measure_lossy),
+    ):
+        for name, system in _SYSTEMS.items():
+            cases.append(Case(f"{what}, {name}", partial(measure, system, work), system.missing()))
+    outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
+    comparisons = []
+    for what, key, at_most, at_least in _GOALS:
+        ours, theirs = (outcomes[f"{what}, {name}"].repetitions for name in _SYSTEMS)
+        values = ratios(ours, theirs, key)
+        comparisons += compare(f"{what}, rclpy / asyncio, {key}", values, at_most=at_most, at_least=at_least)
+    rows = [Row.of(outcomes[case.name]) for case in cases]
+    return Section(NAME, "The facade of rclpy beside the asyncio API", _COLUMNS, rows, comparisons, _NOTES)
+
+
+def measure_lossy(system: System, work: Work) -> Figures:
+    """One flood of which some, but not the last, may be lost. Raises Failure where it did not end."""
+    with Group() as group:
+        system.start_servers(group)
+        publisher, subscriber = system.start_pair(group, work)
+        publisher.tell("go")
+        sent = group.expect(publisher, "sent", within_s=_LIMIT_S)
+        received = group.expect(subscriber, "received", within_s=START_S)
+    if received["count"] > work.count:
+        raise Failure(f"{received['count']} of {work.count} arrived")
+    return {
+        "per_s": received["count"] * 1e9 / (received["end_ns"] - sent["begin_ns"]),
+        "published_per_s": work.count * 1e9 / (sent["end_ns"] - sent["begin_ns"]),
+        "delivered": 100 * received["count"] / work.count,
+    }

@@ -1,0 +1,1 @@
+"""`bus interface`: the definitions of messages, services and actions. No daemon is needed for them."""

@@ -1,0 +1,36 @@
+"""`bus interface package`."""
+
+from argparse import ArgumentParser, Namespace
+from typing import Any
+
+from bus.cli.completion import completed_by
+from bus.cli.interface.list import add_kinds, wanted_kinds
+from bus.cli.output import CommandError, print_json
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    add_kinds(parser, "Print out only the {} types")
+    completed_by(
+        parser.add_argument("package_name", help="Name of the ROS package (e.g. 'example_interfaces')"),
+        _packages,
+    )
+
+
+def main(args: Namespace) -> int:
+    from bus.interfaces import names
+
+    if not names(package=args.package_name):
+        raise CommandError(f"Unknown package '{args.package_name}'")
+    for kind in wanted_kinds(args):
+        for name in names(kind, args.package_name):
+            if args.json:
+                print_json({"type": name, "kind": kind})
+            else:
+                print(name)
+    return 0
+
+
+def _packages(**_: Any) -> list[str]:
+    from bus.interfaces import packages
+
+    return packages()

@@ -1,0 +1,25 @@
+"""`bus pkg executables`."""
+
+from argparse import ArgumentParser, Namespace
+
+from bus import packages
+from bus.cli.output import CommandError, print_json
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument("package_name", nargs="?", help="The package name")
+    parser.add_argument("--full-path", action="store_true", help="Show full path of each executable")
+
+
+def main(args: Namespace) -> int:
+    chosen = packages.names() if args.package_name is None else [args.package_name]
+    for package in chosen:
+        found = packages.executables(package)
+        if found is None:
+            raise CommandError(f"Package '{package}' not found")
+        for one in found:
+            if args.json:
+                print_json({"package": package, "executable": one.name, "path": one.path})
+            else:
+                print(one.path if args.full_path else f"{package} {one.name}")
+    return 0

@@ -1,0 +1,19 @@
+"""`bus pkg list`."""
+
+from argparse import ArgumentParser, Namespace
+
+from bus import packages
+from bus.cli.output import print_json
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    pass
+
+
+def main(args: Namespace) -> int:
+    for name in packages.names():
+        if args.json:
+            print_json({"package": name})
+        else:
+            print(name)
+    return 0

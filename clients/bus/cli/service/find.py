@@ -1,0 +1,39 @@
+"""`bus service find`."""
+
+from argparse import ArgumentParser, Namespace
+
+from bus.cli.output import print_json
+from bus.cli.query import get_graph
+from bus.cli.service.definitions import full_service_type
+from bus.names import is_hidden_topic
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "service_type", help="Name of the service type to filter for (e.g. 'std_srvs/srv/SetBool')"
+    )
+    parser.add_argument(
+        "-c", "--count-services", action="store_true", help="Only display the number of services discovered"
+    )
+    parser.add_argument("--include-hidden-services", action="store_true", help="Consider hidden services too")
+
+
+def main(args: Namespace) -> int:
+    wanted = full_service_type(args.service_type)
+    found = [
+        service
+        for service, types in get_graph(args).services().items()
+        if wanted in types and (args.include_hidden_services or not is_hidden_topic(service))
+    ]
+    if args.count_services:
+        if args.json:
+            print_json({"count": len(found)})
+        else:
+            print(len(found))
+        return 0
+    for service in found:
+        if args.json:
+            print_json({"service": service, "type": wanted})
+        else:
+            print(service)
+    return 0

@@ -1,0 +1,31 @@
+"""`bus service info`: a service's type, and how many serve and call it."""
+
+from argparse import ArgumentParser, Namespace
+
+from bus.cli.completion import completed_by
+from bus.cli.output import CommandError, print_json
+from bus.cli.query import full_topic_name, get_graph
+from bus.cli.service.definitions import services
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    completed_by(
+        parser.add_argument("service_name", help="Name of the service to get info (e.g. '/add_two_ints')"),
+        services,
+    )
+
+
+def main(args: Namespace) -> int:
+    service = full_topic_name(args.service_name)
+    graph = get_graph(args)
+    types = graph.services().get(service)
+    if types is None:
+        raise CommandError(f"Unknown service '{args.service_name}'")
+    clients, servers = len(graph.clients_of(service)), len(graph.servers_of(service))
+    if args.json:
+        print_json({"service": service, "types": types, "clients_count": clients, "services_count": servers})
+    else:
+        print(f"Type: {types[0] if len(types) == 1 else types}")
+        print(f"Clients count: {clients}")
+        print(f"Services count: {servers}")
+    return 0

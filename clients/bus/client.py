@@ -1,0 +1,284 @@
+"""Clients of services: requests out by a hidden topic, the answers in by another.
+
+Owns: the client's two endpoints, and which of its calls wait for an answer. Must not know: servers, nodes,
+graphs.
+
+The subscription to replies is declared before the publisher of requests, so that no answer comes too early.
+"""
+
+import asyncio
+from collections.abc import Callable
+from itertools import count
+from typing import Any, Final
+
+import msgspec
+
+from bus.envelope import Reply, ServiceSupport, keeping_all, service_support
+from bus.errors import BusError, LocalProtocolError, ServiceError, ServiceUnavailable, again
+from bus.events import (
+    IncompatibleQoS,
+    IncompatibleType,
+    MatchedChange,
+    PublisherEvents,
+    SubscriptionEvents,
+    ignore,
+)
+from bus.link import Link
+from bus.logger import Logger
+from bus.names import reply_topic, request_topic
+from bus.publisher import Publisher
+from bus.qos import QoSProfile
+from bus.subscription import Subscription
+
+__all__ = ["MAX_PENDING", "ServiceClient", "ServiceClientStatistics"]
+
+MAX_PENDING: Final = 1000
+"""So many calls of one client may wait for their answers: what both sides keep by default."""
+
+# An answer may still be on its way when its sender's end is known, which travels by another queue.
+_GRACE_S: Final = 0.5
+
+
+class ServiceClientStatistics(msgspec.Struct, frozen=True):
+    """Totals of one client."""
+
+    requests: int
+    """Requests sent."""
+    responses: int
+    """Answers that were waited for, those that only name an error included."""
+    errors: int
+    """Of these, the ones that only name an error."""
+    late: int
+    """Answers that nobody waited for: to calls that were cancelled, or answered by another server."""
+    pending: int
+    """Calls that wait now."""
+    servers: int
+    """Servers matched now."""
+
+
+class _Call:
+    """One that waits: whom it was sent to, and who is told."""
+
+    __slots__ = ("asked", "deliver", "is_lost")
+
+    def __init__(self, asked: frozenset[bytes], deliver: Callable[[int, Any], object]) -> None:
+        self.asked = asked
+        self.deliver = deliver
+        self.is_lost = False
+
+
+class ServiceClient:
+    """Calls one service; made by `Node.create_client`.
+
+    `on_response` is for calls by `send_request`: it gets a request's number, and the response or the error
+    (a BusError) that is in its place, on the event loop.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        node: str,
+        service: str,
+        service_type: Any,
+        qos: QoSProfile,
+        logger: Logger,
+        on_error: Callable[[BaseException], None],
+        *,
+        on_response: Callable[[int, Any], object] | None = None,
+    ) -> None:
+        self.service_name = service
+        self.type = service_type
+        self.qos = qos
+        self._support: ServiceSupport = service_support(service_type)
+        self._logger = logger
+        self._loop = link.loop
+        self._on_response = on_response
+        self._numbers = count(1)
+        self._calls: dict[int, _Call] = {}
+        self._servers: frozenset[bytes] = frozenset()
+        self._grace: asyncio.TimerHandle | None = None
+        self._sent = self._answered = self._errors = self._late = 0
+        self._requests: Publisher[Any] = Publisher(
+            link,
+            node,
+            request_topic(service),
+            self._support.requests,
+            qos,
+            PublisherEvents(
+                matched=self._on_matched,
+                incompatible_type=self._warn_of_type,
+                incompatible_qos=self._warn_of_qos,
+            ),
+            logger,
+            on_error,
+        )
+        self._gid = self._requests.gid
+        self._replies: Subscription[Any] = Subscription(
+            link,
+            node,
+            reply_topic(service),
+            self._support.replies(self._gid),
+            keeping_all(qos),
+            # Of another type, the topic of requests tells.
+            SubscriptionEvents(incompatible_type=ignore, incompatible_qos=self._warn_of_qos),
+            logger,
+            on_error,
+            self._take,
+        )
+        self._replies.on_end = self._end
+
+    @property
+    def endpoints(self) -> tuple[Subscription[Any], Publisher[Any]]:
+        """In the order in which they are to be declared."""
+        return self._replies, self._requests
+
+    async def call(self, request: Any) -> Any:
+        """Send `request` and wait for its answer, which may take for ever: use `asyncio.timeout`.
+
+        Raises ServiceUnavailable where nobody serves, or whoever does leaves before the answer; ServiceError
+        where the service's callback raised; LocalProtocolError where MAX_PENDING calls wait already; else as
+        `Publisher.publish`. Cancellation leaves nothing behind; the service may do its work all the same.
+        """
+        if not self._servers and self._requests.id:  # with busd away, nobody knows who serves
+            if self._requests.refusal is not None:
+                raise again(self._requests.refusal)
+            raise ServiceUnavailable(self.service_name, "nobody serves it now; see wait_for_service")
+        answer: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
+
+        def deliver(number: int, outcome: Any) -> None:
+            if not answer.done():
+                answer.set_result(outcome)
+
+        while not (number := self._send(request, deliver)):
+            await self._requests.wait_for_room()
+        try:
+            outcome = await answer
+        finally:
+            self.forget(number)
+        if isinstance(outcome, BusError):
+            raise again(outcome)
+        return outcome
+
+    def send_request(self, request: Any) -> int:
+        """Send `request`; its answer goes to `on_response`, with the number that this returns. Never blocks,
+        and may be called from any thread.
+
+        Returns 0 where there is no room, as `Publisher.publish` returns False: it was not sent. Whether
+        anybody serves is not looked at; where nobody does, it waits until `forget`. Raises as `call`.
+        """
+        if self._on_response is None:
+            raise LocalProtocolError("send_request is for clients that were made with on_response")
+        return self._send(request, self._on_response)
+
+    def forget(self, number: int) -> bool:
+        """Wait for an answer no more; returns whether there was such a call."""
+        return self._calls.pop(number, None) is not None
+
+    def service_is_ready(self) -> bool:
+        """Whether a call would be heard at once."""
+        return self._requests.ready_matches() > 0
+
+    async def wait_for_service(self) -> None:
+        """Wait until somebody serves; use `asyncio.timeout`. Cancellation leaves nothing behind."""
+        await self._requests.wait_for_subscriptions()
+
+    def statistics(self) -> ServiceClientStatistics:
+        return ServiceClientStatistics(
+            requests=self._sent,
+            responses=self._answered,
+            errors=self._errors,
+            late=self._late,
+            pending=len(self._calls),
+            servers=len(self._servers),
+        )
+
+    async def close(self) -> None:
+        """Leave the graph; calls that wait get ConnectionClosed. Closing twice is allowed."""
+        try:
+            await self._requests.close()
+        finally:
+            await self._replies.close()
+
+    # --- inside
+
+    def _send(self, request: Any, deliver: Callable[[int, Any], object]) -> int:
+        if len(self._calls) >= MAX_PENDING:
+            raise LocalProtocolError(
+                f"{len(self._calls)} calls of service '{self.service_name}' wait for their answers already"
+            )
+        number = next(self._numbers)
+        payload = self._support.encode_request(self._gid, number, request)
+        self._calls[number] = _Call(self._servers, deliver)  # before: an answer may be quicker than a thread
+        is_sent = False
+        try:
+            is_sent = self._requests.publish_encoded(payload)
+        finally:
+            if not is_sent:
+                self.forget(number)
+        if not is_sent:
+            return 0
+        self._sent += 1
+        return number
+
+    def _take(self, reply: Reply) -> None:
+        if reply.client == self._gid:
+            outcome = ServiceError(self.service_name, reply.error) if reply.error else reply.body
+            self._settle(reply.number, outcome)
+
+    def _settle(self, number: int, outcome: Any) -> None:
+        call = self._calls.pop(number, None)
+        if call is None:
+            self._late += 1
+            return
+        self._answered += 1
+        self._errors += isinstance(outcome, ServiceError)
+        call.deliver(number, outcome)
+
+    def _on_matched(self, change: MatchedChange) -> None:
+        before, self._servers = self._servers, frozenset(one.gid for one in self._requests.matches)
+        if change.current_count_change > 0 and len(self._servers) > 1:
+            self._logger.warning(
+                f"service '{self.service_name}' is served {len(self._servers)} times, {change.node} is the "
+                "last one: each gets every request, and the first answer counts"
+            )
+        gone = before - self._servers
+        if not gone or not self._requests.id:
+            return  # with busd away the servers are perhaps still there
+        for call in tuple(self._calls.values()):
+            if call.asked & gone:
+                call.asked -= gone
+                call.is_lost = not call.asked
+        if any(call.is_lost for call in tuple(self._calls.values())):
+            if self._grace is not None:
+                self._grace.cancel()
+            self._grace = self._loop.call_later(_GRACE_S, self._give_up)
+
+    def _give_up(self) -> None:
+        """Calls whose servers have left get no answer any more."""
+        self._grace = None
+        while (taken := self._replies.take()) is not None:
+            self._take(taken[0])
+        reason = ServiceUnavailable(self.service_name, "it has left before it answered")
+        self._fail([number for number, call in tuple(self._calls.items()) if call.is_lost], reason)
+
+    def _end(self, reason: BusError) -> None:
+        if self._grace is not None:
+            self._grace.cancel()
+        self._fail(list(self._calls), reason)
+
+    def _fail(self, numbers: list[int], reason: BusError) -> None:
+        for number in numbers:
+            if (call := self._calls.pop(number, None)) is not None:
+                call.deliver(number, reason)
+
+    def _warn_of_type(self, event: IncompatibleType) -> None:
+        self._logger.warning(
+            f"Incompatible type of service '{self.service_name}', no requests will be sent to its server. "
+            f"(node {event.node}: {event.text})"
+        )
+
+    def _warn_of_qos(self, event: IncompatibleQoS) -> None:
+        self._logger.warning(
+            f"New server discovered of service '{self.service_name}', with incompatible QoS. "
+            f"Last incompatible policy: {event.policy} (node {event.node}: {event.text.rstrip(';')})"
+        )

@@ -1,0 +1,234 @@
+"""An event loop that threads share: one runs it, and while it waits, others may use what lives on it.
+
+asyncio's own loop belongs to one thread; other threads can only send it word, which costs a change of threads
+each way. Here a lock, the guard, goes around the loop and all that lives on it. Whoever runs the loop holds
+the guard except while it waits; so another thread that holds it may call what the loop's own callbacks may
+call, but for coroutines. Knows nothing of the bus.
+"""
+
+import asyncio
+import select
+import selectors
+import time
+from collections import deque
+from collections.abc import Callable
+from contextvars import Context
+from heapq import heapify, heappop
+from math import ceil
+from threading import RLock, get_ident, main_thread
+from types import FrameType
+from typing import Any
+
+_FINE_S = 0.02
+"""Shorter waits get microseconds; epoll knows milliseconds only."""
+
+_YIELD_S = 20e-6
+_MOST_SELECTABLE = 1024
+_MANY_CANCELLED = 100
+
+
+class _ForEver:
+    is_set = False
+
+
+_FOR_EVER = _ForEver()
+
+
+class GuardedLoop(asyncio.SelectorEventLoop):
+    """Use it as `with loop:` to hold the guard; or `with loop.guard:`, which is quicker, and then `check`.
+
+    The loop may be run (`run`) by any thread, by one at a time, which must hold the guard, once.
+
+    A handler of signals that must not raise KeyboardInterrupt in the midst of what the guard guards (see
+    `is_busy`) sets `is_interrupted`: the main thread raises it when it has given the guard away.
+    """
+
+    def __init__(self) -> None:
+        # asyncio's own, of which typeshed knows nothing.
+        self._ready: deque[Any]
+        self._scheduled: list[Any]
+        self._stopping: bool
+        self._timer_cancelled_count: int
+        self._clock_resolution: float
+        self._thread_id: int | None
+        self.is_interrupted = False
+        self._deferred: deque[tuple[Callable[..., object], tuple[Any, ...]]] = deque()
+        self._main_thread = main_thread().ident
+        self.guard: Any = RLock()
+        self._contenders: deque[None] = deque()  # its methods are atomic
+        self.is_waiting = False
+        """Whoever runs it waits for events."""
+        selector: Any = selectors.EpollSelector()
+        self._epoll: select.epoll = selector._selector
+        self._keys: dict[int, selectors.SelectorKey] = selector._fd_to_key
+        super().__init__(selector)
+
+    def __enter__(self) -> None:
+        self.acquire()
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
+        if self.is_interrupted:
+            self.check()
+
+    def check(self) -> None:
+        """Without the guard: raise KeyboardInterrupt, where that waited for this."""
+        if self.is_interrupted and get_ident() == self._main_thread:
+            self.is_interrupted = False
+            raise KeyboardInterrupt
+
+    def acquire(self) -> None:
+        """Take the guard."""
+        if not self.guard.acquire(False):
+            self._contenders.append(None)
+            self.guard.acquire()
+            self._contenders.pop()
+
+    def release(self) -> None:
+        """Give the guard away, without looking for interrupts."""
+        self.guard.release()
+
+    def is_mine(self) -> bool:
+        """Whether this thread holds the guard."""
+        return bool(self.guard._is_owned())
+
+    def is_busy(self, frame: FrameType | None) -> bool:
+        """In a signal's handler, which interrupted `frame`: whether the main thread must not leave it now."""
+        return self.is_mine() or (frame is not None and frame.f_code.co_filename == __file__)
+
+    def wake(self) -> None:
+        """End the wait for events; also in a signal's handler, and without the guard."""
+        self._write_to_self()  # type: ignore[attr-defined]
+
+    def interrupt(self) -> None:
+        """Let a run end soon; as `wake`, from anywhere."""
+        self._stopping = True
+        self.wake()
+
+    def has_work(self) -> bool:
+        """Whether callbacks wait to be called."""
+        return bool(self._ready or self._deferred)
+
+    def stop(self) -> None:
+        self._stopping = True
+        if self.is_waiting:
+            self.wake()
+
+    def defer(self, callback: Callable[..., object], *args: Any) -> None:
+        """Call it when the loop is run next: what need not be done before whoever runs it now goes on."""
+        self._deferred.append((callback, args))
+
+    def run(self, until: Any = _FOR_EVER, deadline_ns: int = 0) -> None:
+        """As `run_forever`, until `stop`, until `until.is_set`, or `deadline_ns` on the monotonic clock.
+
+        With less around each turn: somebody waits for what the turn brings.
+        """
+        self._thread_id = get_ident()
+        asyncio._set_running_loop(self)
+        try:
+            while True:
+                while self._deferred:
+                    callback, args = self._deferred.popleft()
+                    callback(*args)
+                self._turn(until, deadline_ns)
+                if until.is_set or self._stopping:
+                    return
+                if deadline_ns and time.monotonic_ns() >= deadline_ns:
+                    return
+        finally:
+            self._stopping = False
+            self._thread_id = None
+            asyncio._set_running_loop(None)
+
+    def forget_stop(self) -> None:
+        """A `stop` that came while nobody ran it shall not end the next run."""
+        self._stopping = False
+
+    # --- what asyncio calls
+
+    def call_soon(  # type: ignore[override]
+        self, callback: Callable[..., object], *args: Any, context: Context | None = None
+    ) -> asyncio.Handle:
+        handle = super().call_soon(callback, *args, context=context)
+        if self.is_waiting:
+            self.wake()
+        return handle
+
+    def call_at(  # type: ignore[override]
+        self, when: float, callback: Callable[..., object], *args: Any, context: Context | None = None
+    ) -> asyncio.TimerHandle:
+        handle = super().call_at(when, callback, *args, context=context)
+        if self.is_waiting:
+            self.wake()
+        return handle
+
+    def _check_thread(self) -> None:
+        """In asyncio's debug mode: any thread may, with the guard."""
+
+    # --- inside
+
+    def _turn(self, until: Any, deadline_ns: int) -> None:
+        """As BaseEventLoop._run_once; but who can be read from is called first, and in nobody's context."""
+        ready, scheduled, guard = self._ready, self._scheduled, self.guard
+        timeout_s = -1.0
+        if scheduled:
+            timeout_s = self._time_to_next()
+        if deadline_ns:
+            left_s = max((deadline_ns - time.monotonic_ns()) / 1e9, 0)
+            timeout_s = left_s if timeout_s < 0 else min(timeout_s, left_s)
+        if ready or self._stopping:
+            timeout_s = 0
+        self.is_waiting = True
+        guard.release()
+        try:
+            if self._contenders:
+                time.sleep(_YIELD_S)  # a lock is not fair: who waits for it must get it
+            events = self._epoll.poll() if timeout_s < 0 else self._poll(timeout_s)
+        finally:
+            guard.acquire()
+            self.is_waiting = False
+        for descriptor, event in events:
+            key = self._keys.get(descriptor)
+            if key is not None:
+                reader, writer = key.data
+                if reader is not None and event & ~select.EPOLLOUT and not reader._cancelled:
+                    try:
+                        reader._callback(*reader._args)
+                    except Exception as error:
+                        self.call_exception_handler(
+                            {"message": "reading", "exception": error, "handle": reader}
+                        )
+                if writer is not None and event & ~select.EPOLLIN:
+                    ready.append(writer)
+        if until.is_set:
+            return  # the rest can wait for the next turn, and somebody waits for this
+        if scheduled:
+            now = self.time() + self._clock_resolution
+            while scheduled and scheduled[0]._when < now:
+                timer = heappop(scheduled)
+                timer._scheduled = False
+                ready.append(timer)
+        for _ in range(len(ready)):
+            handle = ready.popleft()
+            if not handle._cancelled:
+                handle._run()
+
+    def _time_to_next(self) -> float:
+        """Seconds until the next timer; -1 where there is none."""
+        scheduled = self._scheduled
+        if self._timer_cancelled_count > _MANY_CANCELLED:
+            self._scheduled[:] = [timer for timer in scheduled if not timer._cancelled]
+            heapify(scheduled)
+            self._timer_cancelled_count = 0
+        while scheduled and scheduled[0]._cancelled:
+            self._timer_cancelled_count -= 1
+            heappop(scheduled)._scheduled = False
+        return max(scheduled[0]._when - self.time(), 0) if scheduled else -1
+
+    def _poll(self, timeout_s: float) -> list[tuple[int, int]]:
+        epoll = self._epoll
+        if 0 < timeout_s < _FINE_S and epoll.fileno() < _MOST_SELECTABLE:
+            if not select.select((epoll.fileno(),), (), (), timeout_s)[0]:
+                return []
+            timeout_s = 0
+        return epoll.poll(ceil(timeout_s * 1e3) * 1e-3)

@@ -1,0 +1,83 @@
+"""Which callbacks may run at the same time. Owns the groups' state; must not know executors.
+
+Every method may be called from any thread.
+"""
+
+from threading import Lock
+from typing import Any
+from weakref import WeakSet, ref
+
+__all__ = ["CallbackGroup", "MutuallyExclusiveCallbackGroup", "ReentrantCallbackGroup"]
+
+
+class CallbackGroup:
+    """Base of the groups. An entity is a subscription, timer, client, service, guard condition or waitable.
+
+    `entities` are held weakly: a group keeps nothing alive.
+    """
+
+    def __init__(self) -> None:
+        self.entities: WeakSet[Any] = WeakSet()
+        self.is_shared = False
+        """Entities of more than one node are in it, which may have executors in different threads."""
+        self._node: Any = None
+
+    def add_entity(self, entity: Any) -> None:
+        self.entities.add(entity)
+        node = getattr(entity, "node", None)
+        if node is not None:
+            known = self._node and self._node()
+            self.is_shared |= known is not None and known is not node
+            self._node = ref(node)
+
+    def has_entity(self, entity: object) -> bool:
+        return entity in self.entities
+
+    def can_execute(self, entity: object) -> bool:
+        """Whether the entity's callback could begin now."""
+        raise NotImplementedError
+
+    def beginning_execution(self, entity: object) -> bool:
+        """Whether the entity's callback may begin; where it may, `ending_execution` must follow."""
+        raise NotImplementedError
+
+    def ending_execution(self, entity: object) -> None:
+        """The entity's callback has ended."""
+        raise NotImplementedError
+
+
+class ReentrantCallbackGroup(CallbackGroup):
+    """Callbacks run whenever a thread is free, one entity's alongside itself too."""
+
+    def can_execute(self, entity: object) -> bool:
+        return True
+
+    def beginning_execution(self, entity: object) -> bool:
+        return True
+
+    def ending_execution(self, entity: object) -> None:
+        pass
+
+
+class MutuallyExclusiveCallbackGroup(CallbackGroup):
+    """One callback at a time."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._active_entity: object | None = None
+        self._lock = Lock()
+
+    def can_execute(self, entity: object) -> bool:
+        return self._active_entity is None
+
+    def beginning_execution(self, entity: object) -> bool:
+        with self._lock:
+            if self._active_entity is not None:
+                return False
+            self._active_entity = entity
+            return True
+
+    def ending_execution(self, entity: object) -> None:
+        with self._lock:
+            assert self._active_entity is entity, "another entity's callback is running"
+            self._active_entity = None

@@ -1,0 +1,59 @@
+"""What an executor works off: anything of a node that can have a call to make."""
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+Work: TypeAlias = tuple[Callable[..., object], tuple[Any, ...]]
+"""A call to be made without the guard."""
+
+
+class Entity:
+    """Base of subscriptions, timers, services, clients, guard conditions and events.
+
+    `take` and `notify` are called under the engine's guard.
+    """
+
+    is_async = False
+    """Its work returns a coroutine."""
+    is_single = False
+    """After one `take` there is nothing more to take for now."""
+    is_timer = False
+
+    def __init__(self, node: Any, callback_group: Any) -> None:
+        self.node = node
+        self.callback_group = callback_group
+        self.group = callback_group  # whose other members may not run at the same time
+        self.is_queued = False  # at an executor
+        self.is_destroyed = False
+        if callback_group is not None:
+            callback_group.add_entity(self)
+
+    def take(self, most: int) -> Work | None:
+        """The next call, of up to `most` messages where it is for messages; None where there is nothing."""
+        raise NotImplementedError
+
+    def notify(self) -> None:
+        """There may be something to take."""
+        executor = self.node.own_executor
+        if executor is not None and not self.is_queued and not self.is_destroyed:
+            self.is_queued = True  # as Executor.enqueue: after a sleep each call more is slow
+            executor.ready.append(self)
+            waiter = executor.waiter
+            if not waiter.is_set:
+                waiter.set()
+
+
+class Calls(Entity):
+    """Calls that were put in a queue, each made once: events of a node."""
+
+    def __init__(self, node: Any, callback_group: Any) -> None:
+        super().__init__(node, callback_group)
+        self._calls: deque[Work] = deque()
+
+    def put(self, function: Callable[..., object], *arguments: Any) -> None:
+        self._calls.append((function, arguments))
+        self.notify()
+
+    def take(self, most: int) -> Work | None:
+        return self._calls.popleft() if self._calls else None

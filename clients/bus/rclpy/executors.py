@@ -1,0 +1,163 @@
+"""Executors: they wait until callbacks of their nodes are due, and call them, in one thread or in many."""
+
+import os
+import warnings
+from collections.abc import Callable, Coroutine
+from threading import get_ident
+from typing import Any
+
+from bus.rclpy.context import Context
+from bus.rclpy.engine import Waiter
+from bus.rclpy.entity import Work
+from bus.rclpy.executor import Executor, ExternalShutdownException, Ready, Step, deadline_after
+from bus.rclpy.task import Future
+
+__all__ = [
+    "ConditionReachedException",
+    "EventsExecutor",
+    "Executor",
+    "ExternalShutdownException",
+    "MultiThreadedExecutor",
+    "ShutdownException",
+    "SingleThreadedExecutor",
+    "TimeoutException",
+    "await_or_execute",
+]
+
+
+class TimeoutException(Exception):
+    """Nothing was ready in time."""
+
+
+class ShutdownException(Exception):
+    """The executor was shut down while it waited."""
+
+
+class ConditionReachedException(Exception):
+    """What was waited for has come."""
+
+
+async def await_or_execute(callback: Callable[..., Any], *args: Any) -> Any:
+    """Call it, and await what it returns where that is a coroutine."""
+    result = callback(*args)
+    return await result if isinstance(result, Coroutine) else result
+
+
+class SingleThreadedExecutor(Executor):
+    """Calls back in the thread that spins."""
+
+    def _spin_once(self, deadline_ns: int, most: int, until: Future[Any] | None = None) -> None:
+        loop = self._engine.loop
+        with loop.guard:
+            found = self._next(deadline_ns, most, until)
+            if found is not None:
+                entity, work = found
+                group = entity.group
+                # In one thread, calls exclude each other anyway.
+                holds_group = entity.is_async or (group is not None and group.is_shared)
+                if holds_group:
+                    self._begin(entity)
+        if loop.is_interrupted:
+            loop.check()
+        if found is None:
+            return
+        if not holds_group and not isinstance(entity, Step):
+            work[0](*work[1])
+            return
+        has_ended = True
+        try:
+            has_ended = self._run(entity, work)
+        finally:
+            holder = entity.holder if isinstance(entity, Step) else entity
+            if holder is not None and has_ended:
+                with loop:
+                    self._end(holder)
+
+
+class MultiThreadedExecutor(Executor):
+    """Calls back in `num_threads` threads, by default as many as there are CPUs."""
+
+    is_picky = True  # a thread must be free
+
+    def __init__(self, num_threads: int | None = None, *, context: Context | None = None) -> None:
+        super().__init__(context=context)
+        if num_threads is None:
+            num_threads = len(os.sched_getaffinity(0))
+        if num_threads == 1:
+            warnings.warn(
+                "MultiThreadedExecutor is used with a single thread.\n"
+                "Use the SingleThreadedExecutor instead.",
+                stacklevel=2,
+            )
+        self._threads = self._free = num_threads
+        self._workers: set[int] = set()
+        self._leaving: list[Waiter] = []  # they wait for the end of calls
+        self._leavers = 0  # workers that shut down themselves, of which none waits for another
+        from concurrent.futures import ThreadPoolExecutor  # late: most programs have no use for it
+
+        self._pool = ThreadPoolExecutor(num_threads, thread_name_prefix="rclpy executor")
+
+    def shutdown(self, timeout_sec: float | None = None) -> bool:
+        """Stop spinning, and wait until the calls have ended, for `timeout_sec` at most; returns whether.
+
+        A call that does this itself is not waited for.
+        """
+        super().shutdown(timeout_sec)
+        self._pool.shutdown(wait=False)
+        engine, deadline_ns = self._engine, deadline_after(timeout_sec)
+        with engine.loop:
+            is_worker = get_ident() in self._workers
+            self._leavers += is_worker
+            self._tell_leaving()
+            try:
+                while self._threads - self._free > self._leavers:
+                    waiter = Waiter(engine)
+                    self._leaving.append(waiter)
+                    if not waiter.wait(deadline_ns):
+                        return False
+                return True
+            finally:
+                self._leavers -= is_worker
+
+    def _tell_leaving(self) -> None:
+        leaving, self._leaving = self._leaving, []
+        for waiter in leaving:
+            waiter.set()
+
+    def _pop(self) -> "Ready | None":
+        return super()._pop() if self._free else None
+
+    def _spin_once(self, deadline_ns: int, most: int, until: Future[Any] | None = None) -> None:
+        with self._engine.loop:
+            found = self._next(deadline_ns, 1, until)
+            if found is not None and not self.is_shutdown:
+                try:
+                    self._pool.submit(self._work, *found)
+                except RuntimeError:  # the interpreter ends, and this is a daemon thread
+                    self._is_shutdown = True
+                    return
+                self._begin(found[0])
+                self._free -= 1
+
+    def _work(self, entity: "Ready", work: Work) -> None:
+        self._workers.add(get_ident())
+        failure: BaseException | None = None
+        has_ended = True
+        try:
+            has_ended = self._run(entity, work)
+        except BaseException as error:
+            failure = error
+        with self._engine.loop:
+            self._workers.discard(get_ident())
+            self._free += 1
+            holder = entity.holder if isinstance(entity, Step) else entity
+            if has_ended and holder is not None:
+                self._end(holder)
+            if failure is not None:
+                self._failures.append(failure)
+            self.wake_up()
+            self._tell_leaving()
+
+
+EventsExecutor = SingleThreadedExecutor
+"""That of rclpy is another way to the same; here there is one."""

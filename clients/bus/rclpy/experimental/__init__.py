@@ -1,0 +1,5 @@
+"""What rclpy has on trial."""
+
+from bus.rclpy.executors import EventsExecutor
+
+__all__ = ["EventsExecutor"]

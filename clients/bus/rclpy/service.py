@@ -1,0 +1,108 @@
+"""Services of the facade: a native server, whose requests wait here until an executor has time for them."""
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from bus.callbacks import is_async
+from bus.rclpy.engine import Engine
+from bus.rclpy.entity import Entity, Work
+from bus.rclpy.qos import QoSProfile
+from bus.service import RequestId, ServiceServer
+
+__all__ = ["Service"]
+
+MOST_WAITING = 1000
+"""Requests that wait for an executor; the oldest go beyond."""
+
+
+class Service(Entity):
+    """Made by `Node.create_service`. `replaced` counts requests that went because nobody spun."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        srv_type: Any,
+        srv_name: str,
+        callback: Callable[[Any, Any], Any],
+        callback_group: Any,
+        qos_profile: QoSProfile,
+        node: Any,
+    ) -> None:
+        self.srv_type = srv_type
+        self.srv_name = srv_name
+        self.callback = callback
+        self.qos_profile = qos_profile
+        self.is_async = is_async(callback)
+        self.replaced = 0
+        self.native: ServiceServer | None = None
+        self._engine = engine
+        self._waiting: deque[tuple[Any, RequestId]] = deque()
+        super().__init__(node, callback_group)
+
+    @property
+    def service_name(self) -> str:
+        assert self.native is not None
+        return self.native.service_name
+
+    def send_response(self, response: Any, header: RequestId) -> None:
+        """Answer the request that came with `header`. Raises TypeError for what is no response."""
+        if not isinstance(response, self.srv_type.Response):
+            raise TypeError(
+                f"the callback of service '{self.service_name}' must return"
+                f" a {self.srv_type.Response.__name__}, not {type(response).__name__}"
+            )
+        self._respond(header, response)
+
+    def destroy(self) -> None:
+        """Take no more requests."""
+        self.node.destroy_service(self)
+
+    def __enter__(self) -> "Service":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.destroy()
+
+    # --- for the executor and the native server, under the guard
+
+    def on_request(self, request: Any, request_id: RequestId) -> None:
+        if len(self._waiting) >= MOST_WAITING:
+            self._waiting.popleft()
+            self.replaced += 1
+        self._waiting.append((request, request_id))
+        self.notify()
+
+    def take(self, most: int) -> Work | None:
+        if not self._waiting:
+            return None
+        return (self._answer_async if self.is_async else self._answer), self._waiting.popleft()
+
+    def _answer(self, request: Any, request_id: RequestId) -> None:
+        try:
+            self.send_response(self.callback(request, self.srv_type.Response()), request_id)
+        except Exception as error:
+            self._refuse(request_id, error)
+            raise
+
+    async def _answer_async(self, request: Any, request_id: RequestId) -> None:
+        try:
+            self.send_response(await self.callback(request, self.srv_type.Response()), request_id)
+        except Exception as error:
+            self._refuse(request_id, error)
+            raise
+
+    def _refuse(self, request_id: RequestId, error: Exception) -> None:
+        """In ROS the client would wait for ever."""
+        native = self.native
+        assert native is not None
+        with self._engine.loop:
+            native.respond(request_id, None, f"{type(error).__name__}: {error}")
+
+    def _respond(self, request_id: RequestId, response: Any) -> None:
+        native = self.native
+        assert native is not None
+        with self._engine.loop:
+            has_room = native.respond(request_id, response)
+        if not has_room:
+            raise RuntimeError(f"no room for a response of service '{self.service_name}'")

@@ -1,0 +1,134 @@
+"""Subscriptions of the facade: a native one, whose messages an executor takes when it has time for them."""
+
+from collections.abc import Callable
+from enum import Enum
+from time import monotonic_ns
+from typing import Any, Generic, TypedDict, TypeVar
+
+from bus.callbacks import is_async, takes_info
+from bus.rclpy.engine import Engine
+from bus.rclpy.entity import Entity, Work
+from bus.rclpy.qos import QoSProfile
+from bus.subscription import Subscription as NativeSubscription
+
+__all__ = ["MessageInfo", "Subscription"]
+
+M = TypeVar("M")
+
+_TURN_NS = 2_500_000
+
+
+class MessageInfo(TypedDict):
+    """What a callback of two arguments gets as the second. Times in nanoseconds since 1970."""
+
+    source_timestamp: int
+    received_timestamp: int
+    publication_sequence_number: int
+    reception_sequence_number: int
+
+
+class Subscription(Entity, Generic[M]):
+    """Made by `Node.create_subscription`."""
+
+    class CallbackType(Enum):
+        """How many arguments the callback takes."""
+
+        MessageOnly = 0
+        WithMessageInfo = 1
+
+    def __init__(
+        self,
+        engine: Engine,
+        native: NativeSubscription[Any],
+        msg_type: type[M],
+        callback: Callable[..., Any],
+        callback_group: Any,
+        qos_profile: QoSProfile,
+        raw: bool,
+        node: Any,
+    ) -> None:
+        self.msg_type = msg_type
+        self.callback = callback
+        self.qos_profile = qos_profile
+        self.raw = raw
+        self.is_async = is_async(callback)
+        self._engine = engine
+        self._native = native
+        self._inbox = native.inbox
+        self._take_messages = native.inbox.take_messages
+        self._wants_info = takes_info(callback)
+        self._number = 1  # of messages to be taken at once
+        self._is_alone = self.is_async or self._wants_info
+        super().__init__(node, callback_group)
+        with engine.loop:
+            native.on_arrival = self.notify
+
+    @property
+    def topic(self) -> str:
+        return self._native.topic_name
+
+    @property
+    def topic_name(self) -> str:
+        return self._native.topic_name
+
+    def get_publisher_count(self) -> int:
+        """Publishers matched now."""
+        with self._engine.loop:
+            return self._native.get_publisher_count()
+
+    def destroy(self) -> None:
+        """No more calls."""
+        self.node.destroy_subscription(self)
+
+    def __enter__(self) -> "Subscription[M]":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.destroy()
+
+    # --- for the executor
+
+    def take(self, most: int) -> Work | None:
+        if self._is_alone:
+            taken = self._native.take()
+            if taken is None:
+                return None
+            return self.callback, (taken[0], _info(taken[1])) if self._wants_info else taken[:1]
+        number = min(self._number, most)
+        messages = self._take_messages(number)
+        if not messages:
+            self._number = 1
+            single = self._inbox.take()
+            return None if single is None else (self.callback, single[:1])
+        if number == 1:
+            self._number = 2
+            return self.callback, (messages[0],)
+        return self._call_with, (messages,)
+
+    def _call_with(self, messages: list[Any]) -> None:
+        """Call back for all. A callback that proves fast gets more at a time, which saves the rest."""
+        callback, context, begin_ns = self.callback, self.node.context, monotonic_ns()
+        left = iter(messages)
+        try:
+            for message in left:
+                callback(message)
+                if self.is_destroyed or not context.ok():
+                    break
+        finally:
+            if rest := list(left):
+                self._engine.call(self._put_back, rest)
+        if len(messages) == self._number:
+            self._number = min(2 * self._number, 64) if monotonic_ns() - begin_ns < _TURN_NS else 1
+
+    def _put_back(self, messages: list[Any]) -> None:
+        self._inbox.put_back(messages)
+        self.notify()
+
+
+def _info(info: Any) -> MessageInfo:
+    return MessageInfo(
+        source_timestamp=info.source_timestamp,
+        received_timestamp=info.received_timestamp,
+        publication_sequence_number=info.publication_sequence_number,
+        reception_sequence_number=info.reception_sequence_number,
+    )

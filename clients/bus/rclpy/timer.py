@@ -1,0 +1,178 @@
+"""Timers and rates. A timer keeps its phase and skips what it missed, as ROS 2's do (rcl/timer.c)."""
+
+from collections.abc import Callable
+from time import monotonic_ns
+from typing import Any
+
+from bus.callbacks import is_async
+from bus.rclpy.clock import Clock, ClockChange, JumpHandle, JumpThreshold, ROSClock, TimeJump
+from bus.rclpy.duration import Duration
+from bus.rclpy.engine import Waiter, engine
+from bus.rclpy.entity import Entity, Work
+from bus.rclpy.exceptions import ROSInterruptException
+
+__all__ = ["Rate", "Timer"]
+
+NEVER_NS = 1 << 62
+_ANY_JUMP = JumpThreshold(
+    min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1), on_clock_change=True
+)
+
+
+class Timer(Entity):
+    """Calls `callback()` every `timer_period_ns`, first after one period; made by `Node.create_timer`."""
+
+    is_single = True
+    is_timer = True
+
+    def __init__(
+        self,
+        callback: Callable[..., object] | None,
+        callback_group: Any,
+        timer_period_ns: int,
+        clock: Clock,
+        *,
+        node: Any,
+        autostart: bool = True,
+    ) -> None:
+        self.callback = callback
+        self.clock = clock
+        self.is_async = callback is not None and is_async(callback)
+        self._period_ns = timer_period_ns
+        self._last_ns = self._now_ns()
+        self._next_ns = self._last_ns + timer_period_ns
+        self._is_canceled = not autostart
+        super().__init__(node, callback_group)
+        self._left_ns = timer_period_ns
+        self._jumps: JumpHandle | None = None
+        if isinstance(clock, ROSClock):
+            self._jumps = clock.create_jump_callback(
+                _ANY_JUMP, pre_callback=self._before, post_callback=self._after
+            )
+
+    @property
+    def timer_period_ns(self) -> int:
+        """Setting it holds from the next `reset` on, or from the next call."""
+        return self._period_ns
+
+    @timer_period_ns.setter
+    def timer_period_ns(self, value: int) -> None:
+        self._period_ns = int(value)
+
+    def cancel(self) -> None:
+        """No more calls, until `reset`."""
+        self._is_canceled = True
+
+    def reset(self) -> None:
+        """The next call comes one period from now."""
+        self._is_canceled = False
+        self._next_ns = self._now_ns() + self._period_ns
+        engine().call(self.rearm)
+
+    def is_canceled(self) -> bool:
+        return self._is_canceled
+
+    def is_ready(self) -> bool:
+        """Whether a call is due."""
+        return not self._is_canceled and self._now_ns() >= self._next_ns
+
+    def time_since_last_call(self) -> int:
+        """Nanoseconds."""
+        return self._now_ns() - self._last_ns
+
+    def time_until_next_call(self) -> int | None:
+        """Nanoseconds, below zero where it is late; None where it is canceled."""
+        return None if self._is_canceled else self._next_ns - self._now_ns()
+
+    def destroy(self) -> None:
+        self.node.destroy_timer(self)
+
+    def forget_clock(self) -> None:
+        """It is destroyed."""
+        if self._jumps is not None:
+            self._jumps.unregister()
+
+    # --- at a jump of the clock (rcl/timer.c, _rcl_timer_time_jump)
+
+    def _before(self) -> None:
+        self._left_ns = self._next_ns - self._now_ns()
+
+    def _after(self, jump: TimeJump) -> None:
+        now_ns = self._now_ns()
+        if jump.clock_change in (ClockChange.ROS_TIME_ACTIVATED, ClockChange.ROS_TIME_DEACTIVATED):
+            self._last_ns, self._next_ns = now_ns, now_ns + self._left_ns
+        elif now_ns < self._last_ns:
+            self._last_ns, self._next_ns = now_ns, now_ns + self._period_ns
+        engine().call(self.rearm)
+
+    # --- for the executor, under the guard
+
+    def due_ns(self) -> int:
+        """When a call is due, on the monotonic clock; NEVER_NS where that can't be told."""
+        if self._is_canceled or self.is_destroyed or self.is_queued:
+            return NEVER_NS
+        if self.clock.ros_time_is_active:
+            return 0 if self._now_ns() >= self._next_ns else NEVER_NS  # the executor is told of each change
+        return self._next_ns
+
+    def take(self, most: int) -> Work | None:
+        now_ns = self._now_ns()
+        if self._is_canceled or now_ns < self._next_ns or self.callback is None:
+            return None
+        self._next_ns += self._period_ns
+        if self._next_ns <= now_ns and self._period_ns:
+            self._next_ns += ((now_ns - self._next_ns) // self._period_ns + 1) * self._period_ns
+        self._last_ns = now_ns
+        return self.callback, ()
+
+    def rearm(self) -> None:
+        """The executor must look at the time anew."""
+        executor = self.node.own_executor
+        if executor is not None:
+            executor.look_at_timers()
+
+    def _now_ns(self) -> int:
+        return self.clock.now().nanoseconds if self.clock.ros_time_is_active else monotonic_ns()
+
+
+class Rate:
+    """`sleep` ends at the next multiple of the period; made by `Node.create_rate`. Nobody need spin."""
+
+    def __init__(self, period_ns: int, clock: Clock, context: Any) -> None:
+        self._period_ns = period_ns
+        self._clock = clock
+        self._context = context
+        self._next_ns = self._now_ns() + period_ns
+        self._is_destroyed = False
+
+    def sleep(self) -> None:
+        """Raises ROSInterruptException where the context ends meanwhile, or has ended."""
+        now_ns = self._now_ns()
+        if now_ns < self._next_ns:
+            self._sleep_until(self._next_ns)
+            self._next_ns += self._period_ns
+        else:
+            self._next_ns += ((now_ns - self._next_ns) // self._period_ns + 1) * self._period_ns
+        if self._is_destroyed or not self._context.ok():
+            raise ROSInterruptException
+
+    def destroy(self) -> None:
+        self._is_destroyed = True
+
+    def _now_ns(self) -> int:
+        return self._clock.now().nanoseconds if self._clock.ros_time_is_active else monotonic_ns()
+
+    def _sleep_until(self, end_ns: int) -> None:
+        if self._clock.ros_time_is_active:
+            from bus.rclpy.time import Time
+
+            self._clock.sleep_until(
+                Time(nanoseconds=end_ns, clock_type=self._clock.clock_type), self._context
+            )
+            return
+        mover = engine()
+        with mover.loop:
+            waiter = Waiter(mover)
+            self._context.track_executor(waiter)
+            if self._context.ok():
+                waiter.wait(end_ns)

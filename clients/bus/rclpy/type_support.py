@@ -1,0 +1,40 @@
+"""Whether a class is a message or a service that can be put on the bus. Must not know how that is done."""
+
+from typing import Any
+
+__all__ = ["check_for_type_support", "check_is_valid_msg_type", "check_is_valid_srv_type"]
+
+
+def check_for_type_support(msg_or_srv_type: Any) -> None:
+    """Raises AttributeError for what is neither a message nor a service class."""
+    has_name = isinstance(getattr(msg_or_srv_type, "__type_name__", None), str)
+    # A msgspec.Struct of the user's own is a message of the native API.
+    if not has_name and not hasattr(msg_or_srv_type, "__struct_fields__"):
+        what = (
+            f"type object '{msg_or_srv_type.__name__}'"
+            if isinstance(msg_or_srv_type, type)
+            else f"'{type(msg_or_srv_type).__name__}' object"
+        )
+        raise AttributeError(
+            f"{what} has no attribute '_TYPE_SUPPORT'"
+            " This might be a ROS 1 message type but it should be a ROS 2 message type."
+            " Make sure to source your ROS 2 workspace after your ROS 1 workspace."
+        )
+
+
+def check_is_valid_msg_type(msg_type: Any) -> None:
+    """Raises AttributeError as above, RuntimeError for a service or an action."""
+    check_for_type_support(msg_type)
+    if hasattr(msg_type, "Request") or hasattr(msg_type, "Goal"):
+        raise RuntimeError(
+            f"The message type provided is not valid ({msg_type}), this might be a service or action"
+        )
+
+
+def check_is_valid_srv_type(srv_type: Any) -> None:
+    """Raises AttributeError as above, RuntimeError for a message or an action."""
+    check_for_type_support(srv_type)
+    if not (hasattr(srv_type, "Request") and hasattr(srv_type, "Response")):
+        raise RuntimeError(
+            f"The service type provided is not valid ({srv_type}), this might be a message or action"
+        )

@@ -1,0 +1,92 @@
+"""Arrays of numbers as rosidl has them: sequences are array.array, arrays of a fixed size are numpy's.
+
+Owns: type codes, conversion, and numpy, which is imported when the first array of a fixed size is made, and
+whose place array.array takes where it isn't installed. Must not know: fields, messages.
+"""
+
+import sys
+from array import array
+from collections.abc import Callable
+from functools import cache
+from importlib import import_module
+from typing import Any, Final
+
+__all__ = ["CODES", "fixed", "is_array", "numpy", "plain", "same", "sequence"]
+
+CODES: Final = {
+    "int8": "b",
+    "uint8": "B",
+    "char": "B",
+    "int16": "h",
+    "uint16": "H",
+    "int32": "i",
+    "uint32": "I",
+    "int64": "q",
+    "uint64": "Q",
+    "float32": "f",
+    "float64": "d",
+}
+"""Type code of array.array for each type of a definition that is a number."""
+
+
+@cache
+def numpy() -> Any:
+    """The module, or None where it isn't installed."""
+    try:
+        return import_module("numpy")
+    except ImportError:
+        return None
+
+
+def is_array(value: object) -> bool:
+    """Whether `value` is an array of numpy; doesn't import it."""
+    ndarray: Any = getattr(sys.modules.get("numpy"), "ndarray", ())
+    return isinstance(value, ndarray)
+
+
+def plain(value: Any) -> Any:
+    """Python's own for a scalar of numpy, any other value as it is."""
+    generic: Any = getattr(sys.modules.get("numpy"), "generic", ())
+    # A double of numpy is a float already.
+    return value.item() if isinstance(value, generic) and not isinstance(value, float) else value
+
+
+def sequence(code: str, value: Any) -> "array[Any]":
+    """An array.array with the values of `value`. Raises TypeError or OverflowError for others."""
+    if is_array(value):
+        value = value.ravel()
+        if value.dtype.char == code or value.dtype == code:
+            return _from_bytes(code, value.tobytes())
+        return array(code, value.tolist())
+    if code == "B" and isinstance(value, memoryview):
+        return _from_bytes(code, value)
+    return array(code, value)
+
+
+def _from_bytes(code: str, data: Any) -> "array[Any]":
+    made: array[Any] = array(code)
+    made.frombytes(data)
+    return made
+
+
+@cache
+def fixed(code: str) -> Callable[[Any], Any]:
+    """A function that makes an array of a fixed size of what `sequence` takes, or of bytes."""
+    module = numpy()
+    if module is None:
+        return lambda values: sequence(code, values)
+    dtype, make = module.dtype(code), module.array
+    if code == "B":
+        return lambda values: make(values if is_array(values) else bytearray(values), dtype)
+    return lambda values: make(values, dtype)
+
+
+def same(first: Any, second: Any) -> bool:
+    """Whether two values of a field are equal; arrays of numpy have no truth value of their own."""
+    if is_array(first) or is_array(second):
+        return bool(_listed(first) == _listed(second))
+    return bool(first == second)
+
+
+def _listed(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else value

@@ -1,0 +1,260 @@
+"""Services: requests in by a hidden topic, answers out by another.
+
+Owns: the server's two endpoints, and how a callback's result becomes an answer. Must not know: clients,
+nodes, graphs.
+
+The publisher of replies is declared before the subscription to requests; a client does it the other way
+round. So whoever's request arrives here is there to hear the answer.
+"""
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from typing import Any, Final, NamedTuple
+
+import msgspec
+
+from bus.callbacks import is_async, takes_info
+from bus.envelope import Request, ServiceSupport, keeping_all, service_support
+from bus.errors import BusError, ConnectionClosed
+from bus.events import IncompatibleQoS, IncompatibleType, PublisherEvents, SubscriptionEvents, ignore
+from bus.link import Link
+from bus.logger import Logger
+from bus.names import reply_topic, request_topic
+from bus.publisher import Publisher
+from bus.qos import QoSProfile
+from bus.subscription import Subscription
+
+__all__ = ["RequestId", "ServiceServer", "ServiceServerStatistics"]
+
+_MOST_AT_ONCE: Final = 100
+
+
+class RequestId(NamedTuple):
+    """Whose call it is, and which of theirs."""
+
+    client: bytes
+    number: int
+
+
+class ServiceServerStatistics(msgspec.Struct, frozen=True):
+    """Totals of one server."""
+
+    requests: int
+    """Requests taken."""
+    responses: int
+    """Answers sent, those that only name an error included."""
+    errors: int
+    """Of these, the ones that only name an error."""
+    refused: int
+    """Answers for which there was no room (QoS keep all)."""
+    dropped: dict[str, int]
+    """Requests lost on the way, by reason, as of a subscription."""
+    clients: int
+    """Clients matched now."""
+
+
+class ServiceServer:
+    """Serves one service; made by `Node.create_service`.
+
+    With `callback`, it is called for each request and what it returns is the answer. With `on_request` in its
+    place, that is called with the request and its RequestId, and `respond` is to be called later; an
+    `async def on_request` gets the next request when it is done with this one.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        node: str,
+        service: str,
+        service_type: Any,
+        qos: QoSProfile,
+        logger: Logger,
+        on_error: Callable[[BaseException], None],
+        *,
+        callback: Callable[..., Any] | None = None,
+        on_request: Callable[[Any, RequestId], Any] | None = None,
+    ) -> None:
+        self.service_name = service
+        self.type = service_type
+        self.qos = qos
+        self._support: ServiceSupport = service_support(service_type)
+        self._logger = logger
+        self._on_error = on_error
+        self._taken = self._answered = self._errors = 0
+        if (callback is None) is (on_request is None):
+            raise TypeError("a service needs either a callback or on_request")
+        self._work = None if callback is None else _Work(self, callback, on_error)
+        if self._work is not None:
+            on_request = self._work.on_request
+        assert on_request is not None
+        self._on_request = on_request
+        self._replies: Publisher[Any] = Publisher(
+            link,
+            node,
+            reply_topic(service),
+            self._support.replies(b""),
+            qos,
+            # Of another type, the topic of requests tells.
+            PublisherEvents(incompatible_type=ignore, incompatible_qos=self._warn_of_qos),
+            logger,
+            on_error,
+        )
+        self._requests: Subscription[Any] = Subscription(
+            link,
+            node,
+            request_topic(service),
+            self._support.requests,
+            keeping_all(qos),
+            SubscriptionEvents(incompatible_type=self._warn_of_type, incompatible_qos=self._warn_of_qos),
+            logger,
+            on_error,
+            self._take_async if is_async(on_request) else self._take,
+        )
+        self._requests.on_end = self._end_work
+
+    @property
+    def endpoints(self) -> tuple[Publisher[Any], Subscription[Any]]:
+        """In the order in which they are to be declared."""
+        return self._replies, self._requests
+
+    def respond(self, request_id: RequestId, response: Any, error: str = "") -> bool:
+        """Answer a request, with `error` instead of `response` where that is not empty; from any thread.
+
+        Returns False where there was no room for it (QoS keep all), as `Publisher.publish` does. Raises
+        MessageTypeError for a wrong response, PayloadTooLarge above the limit, ConnectionClosed after
+        `close`.
+        """
+        if error:
+            payload = self._support.encode_error(*request_id, error)
+        else:
+            payload = self._support.encode_response(*request_id, response)
+        if not self._replies.publish_encoded(payload):
+            return False
+        self._answered += 1
+        self._errors += bool(error)
+        return True
+
+    async def wait_for_room(self) -> None:
+        """After `respond` found no room: wait until it is worth trying again. Raises ConnectionClosed."""
+        await self._replies.wait_for_room()
+
+    def statistics(self) -> ServiceServerStatistics:
+        requests = self._requests.statistics()
+        return ServiceServerStatistics(
+            requests=self._taken,
+            responses=self._answered,
+            errors=self._errors,
+            refused=self._replies.statistics().refused,
+            dropped=requests.dropped,
+            clients=requests.publishers,
+        )
+
+    async def close(self) -> None:
+        """Take no more requests, hand over the answers, leave the graph. Closing twice is allowed.
+
+        Callbacks that are still at work are cancelled; their clients are told that the service has gone.
+        """
+        await self._requests.close()
+        await self._replies.close()
+
+    # --- inside
+
+    def _take(self, request: Request) -> None:
+        self._taken += 1
+        self._on_request(request.body, RequestId(request.client, request.number))
+
+    async def _take_async(self, request: Request) -> None:
+        self._taken += 1
+        await self._on_request(request.body, RequestId(request.client, request.number))
+
+    def _end_work(self, _: object) -> None:
+        if self._work is not None:
+            self._work.end()
+
+    def _warn_of_type(self, event: IncompatibleType) -> None:
+        self._logger.warning(
+            f"Incompatible type of service '{self.service_name}', no requests will be taken from its client. "
+            f"(node {event.node}: {event.text})"
+        )
+
+    def _warn_of_qos(self, event: IncompatibleQoS) -> None:
+        self._logger.warning(
+            f"New client discovered of service '{self.service_name}', with incompatible QoS. "
+            f"Last incompatible policy: {event.policy} (node {event.node}: {event.text.rstrip(';')})"
+        )
+
+
+class _Work:
+    """Calls a user's callback for each request: `def` ones at once, `async def` ones side by side."""
+
+    def __init__(
+        self, server: ServiceServer, callback: Callable[..., Any], on_error: Callable[[BaseException], None]
+    ) -> None:
+        self._server = server
+        self._callback = callback
+        self._on_error = on_error
+        self._gives_response = takes_info(callback)  # ROS's form: (request, response) -> response
+        self._places = asyncio.Semaphore(_MOST_AT_ONCE)
+        self._tasks: set[asyncio.Task[None]] = set()
+        self.on_request: Callable[[Any, RequestId], Any] = self._start if is_async(callback) else self._call
+
+    def end(self) -> None:
+        """Nobody would hear the answers."""
+        if self._tasks:
+            for task in self._tasks - {asyncio.current_task()}:
+                task.cancel()
+
+    def _call(self, request: Any, request_id: RequestId) -> None:
+        try:
+            response = self._callback(*self._arguments(request))
+            has_room = self._respond(request_id, response)
+        except Exception as error:
+            self._refuse(request_id, error)
+            raise
+        if not has_room:
+            self._keep(self._respond_later(request_id, response))
+
+    async def _start(self, request: Any, request_id: RequestId) -> None:
+        await self._places.acquire()
+        self._keep(self._run(request, request_id)).add_done_callback(lambda _: self._places.release())
+
+    async def _run(self, request: Any, request_id: RequestId) -> None:
+        try:
+            response = await self._callback(*self._arguments(request))
+            has_room = self._respond(request_id, response)
+        except Exception as error:
+            self._refuse(request_id, error)
+            self._on_error(error)
+            return
+        if not has_room:
+            await self._respond_later(request_id, response)
+
+    def _keep(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+        task = asyncio.create_task(work, name=f"a call of {self._server.service_name}")
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
+
+    def _arguments(self, request: Any) -> tuple[Any, ...]:
+        return (request, self._server.type.Response()) if self._gives_response else (request,)
+
+    def _respond(self, request_id: RequestId, response: Any) -> bool:
+        """Returns whether there was room; nobody waits for it once the server is closed."""
+        try:
+            return self._server.respond(request_id, response)
+        except ConnectionClosed:
+            return True
+
+    async def _respond_later(self, request_id: RequestId, response: Any) -> None:
+        try:
+            while not self._respond(request_id, response):
+                await self._server.wait_for_room()
+        except ConnectionClosed:
+            pass
+
+    def _refuse(self, request_id: RequestId, error: Exception) -> None:
+        """Tell the client what went wrong."""
+        try:
+            self._server.respond(request_id, None, f"{type(error).__name__}: {error}")
+        except BusError:
+            pass  # the one that is raised is the cause

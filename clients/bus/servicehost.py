@@ -1,0 +1,127 @@
+"""The part of a node that makes services and clients.
+
+Owns: that the two endpoints of each come and go together. Must not know: what else a node has.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
+
+from bus.errors import ConnectionClosed
+from bus.link import Link
+from bus.logger import Logger
+from bus.publisher import Publisher
+from bus.qos import QoS, QoSProfile, profile
+from bus.subscription import Subscription
+
+if TYPE_CHECKING:  # most programs need neither
+    from bus.client import ServiceClient
+    from bus.service import RequestId, ServiceServer
+
+__all__ = ["SERVICE_QOS", "ServiceHost"]
+
+# ROS 2's depth for services is 10, with which a burst of more calls would lose requests without a word.
+SERVICE_QOS: Final = QoSProfile(depth=1000)
+"""What both sides of a service have where nothing else is asked for."""
+
+
+class ServiceHost(ABC):
+    """Base of Node."""
+
+    _logger: Logger
+
+    @property
+    @abstractmethod
+    def full_name(self) -> str: ...
+
+    @abstractmethod
+    def resolve_topic_name(self, topic: str) -> str: ...
+
+    @abstractmethod
+    def _opened(self) -> Link: ...
+
+    @abstractmethod
+    async def _declare(self, link: Link, endpoint: Publisher[Any] | Subscription[Any]) -> None: ...
+
+    @abstractmethod
+    def _fail(self, error: BaseException) -> None: ...
+
+    async def create_service(
+        self,
+        service_type: type[Any],
+        name: str,
+        callback: Callable[..., Any] | None = None,
+        qos: QoS = SERVICE_QOS,
+        *,
+        on_request: Callable[[Any, "RequestId"], Any] | None = None,
+    ) -> "ServiceServer":
+        """Serve `service_type`, a class as `bus.Service` says, as `name`.
+
+        `callback` is `def` or `async def`, of (request), and returns the response; or of (request, response),
+        of which the second is there to be filled and returned. Calls of an async one run side by side, up to
+        a hundred. An exception goes to the client as ServiceError, and out of the node as any callback's.
+        For `on_request`, in place of a callback, see `ServiceServer`.
+
+        Raises as `create_publisher`. Cancellation: not created.
+        """
+        from bus.service import ServiceServer
+
+        server = ServiceServer(
+            self._opened(),
+            self.full_name,
+            self.resolve_service_name(name),
+            service_type,
+            profile(qos),
+            self._logger,
+            self._fail,
+            callback=callback,
+            on_request=on_request,
+        )
+        await self._declare_both(*server.endpoints)
+        return server
+
+    async def create_client(
+        self,
+        service_type: type[Any],
+        name: str,
+        qos: QoS = SERVICE_QOS,
+        *,
+        on_response: Callable[[int, Any], object] | None = None,
+    ) -> "ServiceClient":
+        """A client of the service `name`; whoever serves it already is known on return.
+
+        Raises as `create_publisher`. Cancellation: not created.
+        """
+        from bus.client import ServiceClient
+
+        client = ServiceClient(
+            self._opened(),
+            self.full_name,
+            self.resolve_service_name(name),
+            service_type,
+            profile(qos),
+            self._logger,
+            self._fail,
+            on_response=on_response,
+        )
+        await self._declare_both(*client.endpoints)
+        return client
+
+    def resolve_service_name(self, name: str) -> str:
+        """The full name of a service as this node means it; the rules for topics are for services, too."""
+        return self.resolve_topic_name(name)
+
+    async def _declare_both(
+        self, first: Publisher[Any] | Subscription[Any], second: Publisher[Any] | Subscription[Any]
+    ) -> None:
+        """The two endpoints of a service or client: both, or none."""
+        link = self._opened()
+        try:
+            await self._declare(link, first)
+            await self._declare(link, second)
+        except BaseException as error:
+            for endpoint in (first, second):
+                if endpoint.refusal is None:
+                    link.forget(endpoint)
+                    endpoint.end(ConnectionClosed(f"not created: {error}"))
+            raise

@@ -1,0 +1,49 @@
+"""ROS 2's ready-made services, one module a package: `from bus.srv.example_interfaces import AddTwoInts`.
+
+Owns: the base class of a service's definition, and the list of packages. Must not know: topics, the wire.
+
+    import bus
+    from bus.msg import Message, float64
+
+    class Scale(bus.Service):
+        class Request(Message, kw_only=True):
+            value: float64 = 0.0
+
+        class Response(Message, kw_only=True):
+            value: float64 = 0.0
+"""
+
+from typing import Any, ClassVar, Final
+
+__all__ = ["PACKAGES", "Service", "make_service"]
+
+PACKAGES: Final = ("example_interfaces", "std_srvs")
+
+
+class Service:
+    """Base of a service's definition: two message classes, `Request` and `Response`, within it.
+
+    `__type_name__` is `<package>/srv/<Class>` for the classes under bus.srv, `local/srv/<Class>` elsewhere,
+    or what the class itself sets. It is no object at run time: see `Node.create_service` and `create_client`.
+    """
+
+    __type_name__: ClassVar[str]
+    Request: ClassVar[type[Any]]
+    Response: ClassVar[type[Any]]
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "__type_name__" not in cls.__dict__:
+            package = cls.__module__.split(".")[2] if cls.__module__.startswith("bus.srv.") else "local"
+            cls.__type_name__ = f"{package}/srv/{cls.__name__}"
+        for part in ("Request", "Response"):
+            message = cls.__dict__.get(part)
+            if message is not None and message.__qualname__ == f"{cls.__qualname__}.{part}":
+                message.__type_name__ = f"{cls.__type_name__}_{part}"
+                message.__name__ = f"{cls.__name__}_{part}"  # as ROS 2 calls it in its texts
+
+
+def make_service(name: str, request: type[Any], response: type[Any]) -> type[Service]:
+    """The service called `name` (`demo/srv/Scale`) with these two message classes."""
+    contents = {"__type_name__": name, "Request": request, "Response": response}
+    return type(name.rpartition("/")[2], (Service,), contents)

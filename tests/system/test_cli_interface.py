@@ -1,0 +1,129 @@
+"""`bus interface` as its users run it, in the words of `ros2 interface`; and types that only a file has."""
+
+from pathlib import Path
+
+import pytest
+
+from system.test_cli_tool import bus, start
+
+WHEEL = """\
+# A wheel.
+
+uint8 LEFT=1
+std_msgs/Header header # when
+float64[<=4] speeds # rad/s
+
+Spoke[] spokes
+"""
+SPOKE = "# A spoke.\nfloat32 length 0.5 # in m\n"
+
+
+@pytest.fixture(autouse=True)
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A package of a workspace around the current directory; no daemon may be started."""
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+    monkeypatch.delenv("BUS_INTERFACE_PATH", raising=False)
+    monkeypatch.setenv("BUSD_AUTOSTART", "0")
+    folder = tmp_path / "ws" / "src" / "demo"
+    for name, text in {
+        "package.xml": "<package><name>demo</name></package>",
+        "msg/Wheel.msg": WHEEL,
+        "msg/Spoke.msg": SPOKE,
+        "msg/Bad.msg": "int33 x\n",
+        "srv/Turn.srv": "Spoke spoke\n---\nbool done\n",
+    }.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    monkeypatch.chdir(tmp_path / "ws")
+    return folder
+
+
+def test_show_expands_what_a_definition_names() -> None:
+    assert bus("interface", "show", "demo/msg/Wheel").out == (
+        "# A wheel.\n\nuint8 LEFT=1\nstd_msgs/Header header # when\n"
+        "\tbuiltin_interfaces/Time stamp\n\t\tint32 sec\n\t\tuint32 nanosec\n\tstring frame_id\n"
+        "float64[<=4] speeds # rad/s\n\nSpoke[] spokes\n\tfloat32 length 0.5\n"
+    )
+    assert bus("interface", "show", "demo/Wheel", "--no-comments").out == (
+        "uint8 LEFT=1\nstd_msgs/Header header\n"
+        "\tbuiltin_interfaces/Time stamp\n\t\tint32 sec\n\t\tuint32 nanosec\n\tstring frame_id\n"
+        "float64[<=4] speeds\nSpoke[] spokes\n\tfloat32 length 0.5\n"
+    )
+
+
+def test_show_of_services_and_all_comments() -> None:
+    assert (
+        bus("interface", "show", "demo/srv/Turn").out == "Spoke spoke\n\tfloat32 length 0.5\n---\nbool done\n"
+    )
+    expected = "Spoke spoke\n\t# A spoke.\n\tfloat32 length 0.5 # in m\n---\nbool done\n"
+    assert bus("interface", "show", "demo/srv/Turn", "--all-comments").out == expected
+    assert (
+        bus("interface", "show", "-", "--no-comments", stdin="std_msgs/msg/String\n").out == "string data\n"
+    )
+
+
+def test_list_has_titles_and_kinds() -> None:
+    out = bus("interface", "list").out
+    titles = [line for line in out.splitlines() if not line.startswith("    ")]
+    assert titles == ["Messages:", "Services:", "Actions:"]
+    assert "\n    demo/msg/Wheel\n" in out and "\n    std_srvs/srv/SetBool\n" in out
+    services = bus("interface", "list", "-s").out.splitlines()
+    assert services[0] == "Services:" and all("/srv/" in line for line in services[1:])
+    assert bus("interface", "list", "-a", "--json").out.startswith(
+        '{"type":"example_interfaces/action/Fibonacci","kind":"action"}\n'
+    )
+
+
+def test_packages_and_package() -> None:
+    assert {"demo", "std_msgs", "turtlesim"} <= set(bus("interface", "packages").out.splitlines())
+    with_actions = bus("interface", "packages", "-a").out.splitlines()
+    assert "turtlesim" in with_actions and "demo" not in with_actions
+    assert bus("interface", "package", "demo").out == (
+        "demo/msg/Bad\ndemo/msg/Spoke\ndemo/msg/Wheel\ndemo/srv/Turn\n"
+    )
+    assert bus("interface", "package", "demo", "-s").out == "demo/srv/Turn\n"
+
+
+def test_proto_is_a_value_to_begin_with() -> None:
+    assert bus("interface", "proto", "demo/msg/Spoke").out == '"length: 0.5\n"\n'
+    assert bus("interface", "proto", "demo/srv/Turn", "--no-quotes").out == "spoke:\n  length: 0.5\n\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        ("package nope", "Unknown package 'nope'\n"),
+        ("show nope/msg/X", "Unknown package 'nope'\n"),
+        (
+            "show std_msgs/msg/Strin",
+            "Could not find the interface 'std_msgs/msg/Strin'; did you mean 'std_msgs/msg/String'?\n",
+        ),
+        ("show String", "Invalid name 'String'. Expected three parts separated by '/'\n"),
+        ("show std_msgs//String", "Invalid name 'std_msgs//String'. Must not contain empty parts\n"),
+        ("show demo/msg/Bad", "demo/msg/Bad.msg:1: 'int33' is not a known type; did you mean 'int32'?\n"),
+        ("proto demo/Bad", "demo/msg/Bad.msg:1: 'int33' is not a known type; did you mean 'int32'?\n"),
+    ],
+)
+def test_errors(words: str, error: str) -> None:
+    assert bus("interface", *words.split()) == ("", error, 1)
+
+
+def test_show_of_a_message_within_itself(package: Path) -> None:
+    (package / "msg/Egg.msg").write_text("Hen hen\n")
+    (package / "msg/Hen.msg").write_text("Egg[] eggs\n")
+    error = "demo/msg/Egg contains itself: demo/msg/Egg -> demo/msg/Hen -> demo/msg/Egg\n"
+    assert bus("interface", "show", "demo/msg/Egg") == ("", error, 1)
+
+
+def test_the_topic_tools_know_types_that_only_a_file_has(daemon: object) -> None:
+    with start("topic", "echo", "/wheel", "demo/msg/Spoke", "--once") as echo:
+        echo.error_line()  # nobody publishes yet
+        result = bus("topic", "pub", "--once", "/wheel", "demo/msg/Spoke", "length: 2.5")
+        assert result.code == 0, result.err
+        assert echo.lines(2) == "length: 2.5\n---\n"
+        assert echo.end().code == 0
+    bad = bus("topic", "pub", "--once", "/wheel", "demo/msg/Bad", "x: 1")
+    assert (bad.err, bad.code) == (
+        "demo/msg/Bad.msg:1: 'int33' is not a known type; did you mean 'int32'?\n",
+        1,
+    )

@@ -1,0 +1,148 @@
+"""Who matches whom in the facade, and the events that tell of it, by both routes."""
+
+import threading
+from typing import Any
+
+import pytest
+
+from bus.rclpy.callback_groups import ReentrantCallbackGroup
+from bus.rclpy.duration import Duration
+from bus.rclpy.event_handler import (
+    PublisherEventCallbacks,
+    QoSLivelinessChangedInfo,
+    QoSPublisherMatchedInfo,
+    QoSSubscriptionMatchedInfo,
+    SubscriptionEventCallbacks,
+)
+from bus.rclpy.executors import MultiThreadedExecutor
+from bus.rclpy.node import Node
+from bus.rclpy.qos import (
+    LivelinessPolicy,
+    QoSPolicyKind,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_profile_sensor_data,
+)
+from rclpy_world import Int64, World, arguments, wait_until, world
+
+__all__ = ["arguments", "world"]
+
+pytestmark = pytest.mark.usefixtures("route")
+
+
+@pytest.fixture
+def node(world: World) -> Node:
+    return world.node()
+
+
+def test_counts_change_without_spin(world: World, node: Node) -> None:
+    publisher = node.create_publisher(Int64, "t", 10)
+    assert publisher.get_subscription_count() == 0
+    other = world.node("other")
+    subscriptions = [other.create_subscription(Int64, "t", print, 10) for _ in range(2)]
+    wait_until(lambda: publisher.get_subscription_count() == 2)
+    other.destroy_subscription(subscriptions[0])
+    wait_until(lambda: publisher.get_subscription_count() == 1)
+    node.destroy_publisher(publisher)
+    wait_until(lambda: subscriptions[1].get_publisher_count() == 0)
+
+
+def test_best_effort_does_not_match_reliable(world: World, node: Node) -> None:
+    said: list[tuple[str, Any]] = []
+    publisher = node.create_publisher(
+        Int64,
+        "t",
+        qos_profile_sensor_data,
+        event_callbacks=PublisherEventCallbacks(incompatible_qos=lambda info: said.append(("p", info))),
+    )
+    node.create_subscription(
+        Int64,
+        "t",
+        lambda message: said.append(("message", message)),
+        QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE),
+        event_callbacks=SubscriptionEventCallbacks(incompatible_qos=lambda info: said.append(("s", info))),
+    )
+    publisher.publish(Int64())
+    world.spin_until(lambda: len(said) == 2)
+    infos = dict(said)
+    assert set(infos) == {"p", "s"}
+    assert all(one.last_policy_kind == QoSPolicyKind.RELIABILITY for one in infos.values())
+    assert publisher.get_subscription_count() == 0
+
+
+def test_matches_are_told(world: World, node: Node) -> None:
+    said: list[Any] = []
+    publisher = node.create_publisher(
+        Int64, "t", 10, event_callbacks=PublisherEventCallbacks(matched=said.append)
+    )
+    subscription = node.create_subscription(
+        Int64, "t", print, 10, event_callbacks=SubscriptionEventCallbacks(matched=said.append)
+    )
+    world.spin_until(lambda: len(said) == 2)
+    node.destroy_subscription(subscription)
+    world.spin_until(lambda: len(said) == 3)
+    assert sorted(said[:2], key=lambda one: type(one).__name__) == [
+        QoSPublisherMatchedInfo(1, 1, 1, 1),
+        QoSSubscriptionMatchedInfo(1, 1, 1, 1),
+    ]
+    assert said[2] == QoSPublisherMatchedInfo(1, 0, 0, -1)
+    assert publisher.get_subscription_count() == 0
+
+
+def test_missed_deadlines_are_told(world: World, node: Node) -> None:
+    missed: dict[str, list[Any]] = {"p": [], "s": []}
+    qos = QoSProfile(depth=1, deadline=Duration(seconds=0.02))
+    publisher = node.create_publisher(
+        Int64, "t", qos, event_callbacks=PublisherEventCallbacks(deadline=missed["p"].append)
+    )
+    node.create_subscription(
+        Int64,
+        "t",
+        lambda message: None,
+        qos,
+        event_callbacks=SubscriptionEventCallbacks(deadline=missed["s"].append),
+    )
+    publisher.publish(Int64())
+    world.spin_until(lambda: len(missed["p"]) >= 2 and len(missed["s"]) >= 2)
+    assert [one.total_count for one in missed["p"][:2]] == [1, 2]
+
+
+def test_liveliness_is_told_and_can_be_asserted(world: World, node: Node) -> None:
+    qos = QoSProfile(
+        depth=1,
+        liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
+        liveliness_lease_duration=Duration(seconds=0.05),
+    )
+    lost: list[Any] = []
+    changed: list[Any] = []
+    publisher = node.create_publisher(
+        Int64, "t", qos, event_callbacks=PublisherEventCallbacks(liveliness=lost.append)
+    )
+    node.create_subscription(
+        Int64, "t", print, qos, event_callbacks=SubscriptionEventCallbacks(liveliness=changed.append)
+    )
+    publisher.assert_liveliness()
+    world.spin_until(lambda: lost and any(one.not_alive_count == 1 for one in changed))
+    count = len(changed)
+    publisher.assert_liveliness()
+    world.spin_until(lambda: any(one.alive_count == 1 for one in changed[count:]))
+    assert all(isinstance(one, QoSLivelinessChangedInfo) for one in changed)
+
+
+def test_events_come_in_worker_threads_too(world: World, node: Node) -> None:
+    said: list[str] = []
+    group = ReentrantCallbackGroup()
+    node.create_publisher(Int64, "t", 10)
+    with world.spinning(node, kind=lambda: MultiThreadedExecutor(2)):
+        node.create_subscription(
+            Int64,
+            "t",
+            print,
+            10,
+            callback_group=group,
+            event_callbacks=SubscriptionEventCallbacks(
+                matched=lambda info: said.append(threading.current_thread().name)
+            ),
+        )
+        wait_until(lambda: said)
+    assert said[0].startswith("rclpy executor")

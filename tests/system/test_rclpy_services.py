@@ -1,0 +1,283 @@
+"""Services and clients of the facade, by both routes."""
+
+import threading
+from typing import Any
+
+import pytest
+
+import bus.rclpy as rclpy
+from bus.errors import ServiceError
+from bus.rclpy.callback_groups import ReentrantCallbackGroup
+from bus.rclpy.client import Client
+from bus.rclpy.exceptions import InvalidHandle
+from bus.rclpy.executors import MultiThreadedExecutor
+from bus.rclpy.node import Node
+from bus.rclpy.service import Service
+from bus.rclpy.task import Future
+from conftest import WAIT_S
+from rclpy_world import AddTwoInts, String, World, add, arguments, in_thread, wait_until, world
+
+__all__ = ["arguments", "world"]
+
+pytestmark = pytest.mark.usefixtures("route")
+
+
+def asked(a: int, b: int = 0) -> Any:
+    return AddTwoInts.Request(a=a, b=b)
+
+
+@pytest.fixture
+def server(world: World) -> Node:
+    return world.node("server")
+
+
+@pytest.fixture
+def node(world: World) -> Node:
+    return world.node("caller")
+
+
+@pytest.fixture
+def client(node: Node) -> Client:
+    return node.create_client(AddTwoInts, "add")
+
+
+def test_a_call_and_its_future(world: World, server: Node, node: Node, client: Client) -> None:
+    service = server.create_service(AddTwoInts, "add", add)
+    assert isinstance(service, Service)
+    assert client.wait_for_service(timeout_sec=WAIT_S) and client.service_is_ready()
+    future = client.call_async(asked(2, 3))
+    assert isinstance(future, Future) and not future.done()
+    with world.spinning(server):
+        rclpy.spin_until_future_complete(node, future, timeout_sec=WAIT_S)
+    assert future.result() == AddTwoInts.Response(sum=5)
+    assert service.service_name == client.service_name == "/add"
+
+
+def test_a_call_that_waits(world: World, server: Node, client: Client) -> None:
+    """Nobody spins with the client's node."""
+    server.create_service(AddTwoInts, "add", add)
+    with world.spinning(server):
+        assert client.call(asked(1, 1)).sum == 2
+
+
+def test_calls_that_wait_in_many_threads(world: World, server: Node, node: Node, client: Client) -> None:
+    """Each gets its own answer, also where an executor takes them meanwhile."""
+    server.create_service(AddTwoInts, "add", add)
+    sums: dict[int, list[int]] = {}
+
+    def ask(thread: int) -> None:
+        sums[thread] = [client.call(asked(thread * 100, number)).sum for number in range(40)]
+
+    with world.spinning(server), world.spinning(node):
+        threads = [threading.Thread(target=ask, args=(index,)) for index in range(5)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(WAIT_S)
+    assert sums == {index: [index * 100 + number for number in range(40)] for index in range(5)}
+
+
+def test_done_callbacks_and_many_futures_at_once(world: World, server: Node, client: Client) -> None:
+    server.create_service(AddTwoInts, "add", add)
+    sums: list[int] = []
+    for number in range(500):
+        client.call_async(asked(number)).add_done_callback(lambda done: sums.append(done.result().sum))
+    world.spin_until(lambda: len(sums) == 500)
+    assert sums == list(range(500))
+
+
+def test_a_service_that_is_not_there(world: World, server: Node, client: Client) -> None:
+    assert client.wait_for_service(timeout_sec=0) is False
+    assert client.wait_for_service(timeout_sec=0.02) is False
+    assert client.service_is_ready() is False
+    assert client.call(asked(1), timeout_sec=0.05) is None
+    assert client._futures == {}
+    service = server.create_service(AddTwoInts, "add", add)
+    assert client.wait_for_service() is True
+    assert server.destroy_service(service)
+    wait_until(lambda: not client.service_is_ready())
+
+
+def test_waiting_for_a_service_that_comes(server: Node, client: Client) -> None:
+    found: list[bool] = []
+    with in_thread(lambda: found.append(client.wait_for_service(timeout_sec=-1))):
+        server.create_service(AddTwoInts, "add", add)
+    assert found == [True]
+
+
+def test_a_shutdown_ends_the_waiting(world: World, server: Node, client: Client) -> None:
+    began = threading.Event()
+    found: list[Any] = []
+
+    def wait() -> None:
+        began.set()
+        found.append(client.wait_for_service())
+        found.append(client.call(asked(1)))
+
+    with in_thread(wait):
+        began.wait()
+        rclpy.shutdown()
+    assert found == [False, None]
+
+
+def test_calls_made_before_the_server_is_there_stay_open(
+    world: World, server: Node, node: Node, client: Client
+) -> None:
+    future = client.call_async(asked(1))
+    assert client.get_pending_request(next(iter(client._futures))) is future
+    server.create_service(AddTwoInts, "add", add)
+    assert client.wait_for_service(timeout_sec=WAIT_S)
+    second = client.call_async(asked(2))
+    world.spin_until(second.done)
+    assert not future.done()
+
+
+def test_requests_that_are_given_up(world: World, server: Node, client: Client) -> None:
+    server.create_service(AddTwoInts, "add", add)
+    assert client.wait_for_service(timeout_sec=WAIT_S)
+    first, second = client.call_async(asked(1)), client.call_async(asked(2))
+    client.remove_pending_request(first)
+    client.remove_pending_request(first)
+    with pytest.raises(KeyError):
+        client.get_pending_request(1 << 60)
+    world.spin_until(second.done)
+    assert not first.done() and second.result().sum == 2
+
+
+def test_a_call_that_is_too_slow_gives_none(world: World, server: Node, client: Client) -> None:
+    gate = threading.Event()
+
+    def slow(request: Any, response: Any) -> Any:
+        gate.wait(WAIT_S)
+        return add(request, response)
+
+    server.create_service(AddTwoInts, "add", slow)
+    with world.spinning(server):
+        assert client.wait_for_service(timeout_sec=WAIT_S)
+        assert client.call(asked(1), timeout_sec=0.05) is None
+        gate.set()
+        assert client.call(asked(2), timeout_sec=WAIT_S).sum == 2
+
+
+def test_what_is_no_request_or_response(world: World, server: Node, client: Client) -> None:
+    for wrong in (AddTwoInts.Response(), String(), None):
+        with pytest.raises(TypeError, match="expected a AddTwoInts_Request"):
+            client.call_async(wrong)
+        with pytest.raises(TypeError):
+            client.call(wrong)
+    server.create_service(AddTwoInts, "add", lambda request, response: None)
+    assert client.wait_for_service(timeout_sec=WAIT_S)
+    client.call_async(asked(1))
+    with pytest.raises(TypeError, match="must return a AddTwoInts_Response, not NoneType"):
+        rclpy.spin(server)
+
+
+def test_a_server_that_raises(world: World, server: Node, client: Client) -> None:
+    """It leaves the server's spin, and the client is told."""
+
+    def fail(request: Any, response: Any) -> Any:
+        raise ZeroDivisionError("by design")
+
+    server.create_service(AddTwoInts, "add", fail)
+    assert client.wait_for_service(timeout_sec=WAIT_S)
+    future = client.call_async(asked(1))
+    with pytest.raises(ZeroDivisionError, match="by design"):
+        rclpy.spin(server)
+    world.spin_until(future.done)
+    with pytest.raises(ServiceError, match="service '/add' failed: ZeroDivisionError: by design"):
+        future.result()
+
+
+@pytest.mark.parametrize("is_multi", [False, True])
+def test_an_async_service_that_asks_another(world: World, server: Node, node: Node, is_multi: bool) -> None:
+    group = ReentrantCallbackGroup()
+    inner = server.create_client(AddTwoInts, "inner", callback_group=group)
+    world.node("last").create_service(AddTwoInts, "inner", add)
+
+    async def twice(request: Any, response: Any) -> Any:
+        for _ in range(2):
+            response.sum += (await inner.call_async(request)).sum
+        return response
+
+    server.create_service(AddTwoInts, "twice", twice, callback_group=group)
+    client = node.create_client(AddTwoInts, "twice")
+    assert client.wait_for_service(timeout_sec=WAIT_S) and inner.wait_for_service(timeout_sec=WAIT_S)
+    futures = [client.call_async(asked(number, 1)) for number in range(20)]
+    nodes = [one for one in world.nodes() if one is not node]
+    kind: Any = (lambda: MultiThreadedExecutor(3)) if is_multi else None
+    with world.spinning(*nodes, **({"kind": kind} if kind else {})):
+        world.spin_until(lambda: all(future.done() for future in futures), node)
+    assert [future.result().sum for future in futures] == [2 * (number + 1) for number in range(20)]
+
+
+def test_an_async_callback_that_awaits_an_answer(world: World, server: Node, node: Node) -> None:
+    """In the group of its client, as most programs have it."""
+    server.create_service(AddTwoInts, "add", add)
+    client = node.create_client(AddTwoInts, "add")
+    sums: list[int] = []
+
+    async def ask(message: Any) -> None:
+        sums.append((await client.call_async(asked(int(message.data), 1))).sum)
+
+    node.create_subscription(String, "t", ask, 10)
+    publisher = node.create_publisher(String, "t", 10)
+    assert client.wait_for_service(timeout_sec=WAIT_S)
+    for number in range(5):
+        publisher.publish(String(data=str(number)))
+    world.spin_until(lambda: len(sums) == 5)
+    assert sums == [1, 2, 3, 4, 5]
+
+
+def test_two_servers(world: World, server: Node, node: Node, client: Client) -> None:
+    """One answer to each call; the other is passed over."""
+    calls: list[str] = []
+
+    def serve(name: str) -> Any:
+        def answer(request: Any, response: Any) -> Any:
+            calls.append(name)
+            return add(request, response)
+
+        return answer
+
+    for name in ("first", "second"):
+        world.node(name).create_service(AddTwoInts, "add", serve(name))
+    wait_until(lambda: node.count_services("add") == 2)
+    assert client.wait_for_service(timeout_sec=WAIT_S)
+    futures = [client.call_async(asked(number)) for number in range(20)]
+    world.spin_until(lambda: all(future.done() for future in futures))
+    assert [future.result().sum for future in futures] == list(range(20))
+    assert set(calls) <= {"first", "second"} and len(calls) >= 20
+
+
+def test_answers_come_in_the_order_of_the_calls(world: World, server: Node, client: Client) -> None:
+    seen: list[int] = []
+
+    def note(request: Any, response: Any) -> Any:
+        seen.append(request.a)
+        return add(request, response)
+
+    server.create_service(AddTwoInts, "add", note)
+    assert client.wait_for_service(timeout_sec=WAIT_S)
+    done: list[int] = []
+    for number in range(100):
+        client.call_async(asked(number)).add_done_callback(lambda future: done.append(future.result().sum))
+    world.spin_until(lambda: len(done) == 100)
+    assert seen == done == list(range(100))
+
+
+def test_a_response_must_be_one(world: World, server: Node, client: Client) -> None:
+    service = server.create_service(AddTwoInts, "add", add)
+    with pytest.raises(TypeError, match="must return a AddTwoInts_Response, not AddTwoInts_Request"):
+        service.send_response(asked(1), None)  # type: ignore[arg-type]
+
+
+def test_destroyed_clients_and_services(world: World, server: Node, node: Node, client: Client) -> None:
+    service = server.create_service(AddTwoInts, "add", add)
+    assert client.wait_for_service(timeout_sec=WAIT_S)
+    service.destroy()
+    wait_until(lambda: not client.service_is_ready())
+    client.destroy()
+    wait_until(lambda: server.count_clients("add") == 0)
+    assert list(node.clients) == list(server.services) == []
+    with pytest.raises(InvalidHandle, match="the client of service '/add' is destroyed"):
+        client.call_async(asked(1))

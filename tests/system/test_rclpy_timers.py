@@ -1,0 +1,294 @@
+"""Timers, rates, guard conditions and simulated time in the facade."""
+
+import gc
+import threading
+import time
+from typing import Any
+
+import pytest
+
+import bus.rclpy as rclpy
+from bus.rclpy.clock import Clock, ClockType
+from bus.rclpy.exceptions import ROSInterruptException
+from bus.rclpy.executors import MultiThreadedExecutor
+from bus.rclpy.node import Node
+from bus.rclpy.task import Future
+from conftest import WAIT_S
+from rclpy_world import Int64, World, arguments, in_thread, is_waiting, wait_until, world
+
+__all__ = ["arguments", "world"]
+
+LONG_S = 3600
+S = 10**9
+
+
+@pytest.fixture
+def node(world: World) -> Node:
+    return world.node()
+
+
+class TestTimers:
+    def test_the_first_call_comes_after_one_period(self, world: World, node: Node) -> None:
+        calls: list[int] = []
+        begin = time.monotonic_ns()
+        timer = node.create_timer(0.02, lambda: calls.append(time.monotonic_ns()))
+        world.spin_until(lambda: len(calls) == 3)
+        for index, call in enumerate(calls):
+            assert call - begin >= (index + 1) * 20_000_000
+        assert timer.timer_period_ns == 20_000_000
+
+    def test_no_burst_after_a_stall(self, world: World, node: Node) -> None:
+        """What was missed is skipped, and the phase stays."""
+        period_s, stall_s = 0.005, 0.2
+        calls: list[int] = []
+
+        def call() -> None:
+            calls.append(time.monotonic_ns())
+            if len(calls) == 1:
+                time.sleep(stall_s)
+
+        timer = node.create_timer(period_s, call)
+        due = timer._next_ns
+        world.spin_until(lambda: len(calls) == 10)
+        run_s = (calls[-1] - calls[0]) / S - stall_s
+        assert len(calls) <= run_s / period_s + 3
+        assert (timer._next_ns - due) % timer.timer_period_ns == 0
+
+    def test_cancel_and_reset(self, world: World, node: Node) -> None:
+        calls: list[int] = []
+        timer = node.create_timer(0.001, lambda: calls.append(1))
+        world.spin_until(lambda: calls)
+        timer.cancel()
+        timer.cancel()
+        assert timer.is_canceled() and not timer.is_ready() and timer.time_until_next_call() is None
+        count = len(calls)
+        others: list[int] = []
+        other = node.create_timer(0.001, lambda: others.append(1))
+        world.spin_until(lambda: len(others) >= 10)
+        assert len(calls) == count
+        timer.reset()
+        assert not timer.is_canceled()
+        world.spin_until(lambda: len(calls) == count + 3)
+        assert node.destroy_timer(other)
+
+    def test_one_that_cancels_itself(self, world: World, node: Node) -> None:
+        calls: list[str] = []
+
+        def once() -> None:
+            calls.append("once")
+            timer.cancel()
+
+        timer = node.create_timer(0, once)
+        node.create_timer(0.001, lambda: calls.append("other"))
+        world.spin_until(lambda: calls.count("other") >= 5)
+        assert calls.count("once") == 1
+
+    def test_without_autostart(self, world: World, node: Node) -> None:
+        calls: list[int] = []
+        timer = node.create_timer(0.001, lambda: calls.append(1), autostart=False)
+        assert timer.is_canceled()
+        rclpy.spin_once(node, timeout_sec=0.02)
+        assert calls == []
+        timer.reset()
+        world.spin_until(lambda: calls)
+
+    def test_times(self, world: World, node: Node) -> None:
+        timer = node.create_timer(LONG_S, print)
+        until, since = timer.time_until_next_call(), timer.time_since_last_call()
+        assert until is not None and 0 < until <= LONG_S * S and since >= 0
+        assert not timer.is_ready()
+        due = node.create_timer(0, print)
+        assert due.is_ready() and (due.time_until_next_call() or 0) <= 0
+
+    def test_a_new_period(self, world: World, node: Node) -> None:
+        """It holds from the next reset on."""
+        calls: list[int] = []
+        timer = node.create_timer(LONG_S, lambda: calls.append(1))
+        timer.timer_period_ns = 1_000_000
+        assert timer.timer_period_ns == 1_000_000
+        rclpy.spin_once(node, timeout_sec=0.02)
+        assert calls == []
+        timer.reset()
+        world.spin_until(lambda: len(calls) == 3)
+
+    def test_reset_wakes_who_waits(self, world: World, node: Node) -> None:
+        calls: list[int] = []
+        timer = node.create_timer(LONG_S, lambda: calls.append(1))
+        with world.spinning(node) as executor:
+            wait_until(lambda: is_waiting(executor))
+            timer.timer_period_ns = 0
+            timer.reset()
+            wait_until(lambda: calls)
+
+    def test_one_made_while_another_thread_spins(self, world: World, node: Node) -> None:
+        calls: list[int] = []
+        with world.spinning(node) as executor:
+            wait_until(lambda: is_waiting(executor))
+            node.create_timer(0.001, lambda: calls.append(1))
+            wait_until(lambda: len(calls) >= 3)
+
+    def test_period_zero_leaves_others_their_turn(self, world: World, node: Node) -> None:
+        calls: list[str] = []
+        heard: list[Any] = []
+        node.create_timer(0, lambda: calls.append("zero"))
+        node.create_timer(0.001, lambda: calls.append("other"))
+        node.create_subscription(Int64, "t", heard.append, 100)
+        publisher = node.create_publisher(Int64, "t", 100)
+        for number in range(20):
+            publisher.publish(Int64(data=number))
+        world.spin_until(lambda: len(heard) == 20 and calls.count("other") >= 3)
+        assert calls.count("zero") >= 3
+
+    def test_two_timers_by_spin_once(self, world: World, node: Node) -> None:
+        """Both are due each time, and one is called."""
+        calls: list[str] = []
+        for name in ("a", "b"):
+            node.create_timer(0.001, lambda name=name: calls.append(name))
+        for _ in range(40):
+            rclpy.spin_once(node, timeout_sec=WAIT_S)
+        assert len(calls) == 40
+        assert calls[20:].count("a") >= 5 and calls[20:].count("b") >= 5
+
+    def test_async(self, world: World, node: Node) -> None:
+        """The next call comes when the one before has ended."""
+        calls: list[str] = []
+        gate: Future[None] = Future()
+
+        async def call() -> None:
+            calls.append("begins")
+            if len(calls) == 1:
+                await gate
+            calls.append("ends")
+
+        node.create_timer(0.001, call)
+        others: list[int] = []
+        other = world.node("other")
+        other.create_timer(0.001, lambda: others.append(1))
+        executor = world.executor(node, other)
+        world.spin_executor_until(lambda: len(others) >= 10, executor)
+        assert calls == ["begins"]
+        gate.set_result(None)
+        world.spin_executor_until(lambda: len(calls) >= 4, executor)
+        assert calls[:4] == ["begins", "ends"] * 2
+
+    def test_one_that_nobody_holds(self, world: World, node: Node) -> None:
+        calls: list[int] = []
+        node.create_timer(0.001, lambda: calls.append(1))
+        gc.collect()
+        world.spin_until(lambda: len(calls) == 2)
+
+    def test_one_that_raises(self, world: World, node: Node) -> None:
+        def fail() -> None:
+            raise OSError("in a timer")
+
+        node.create_timer(0, fail)
+        for _ in range(2):
+            with pytest.raises(OSError, match="in a timer"):
+                rclpy.spin(node)
+
+    @pytest.mark.parametrize("kind", [ClockType.STEADY_TIME, ClockType.SYSTEM_TIME])
+    def test_other_clocks(self, world: World, node: Node, kind: ClockType) -> None:
+        calls: list[int] = []
+        timer = node.create_timer(0.001, lambda: calls.append(1), clock=Clock(clock_type=kind))
+        world.spin_until(lambda: len(calls) == 3)
+        assert timer.clock.clock_type == kind
+
+    def test_in_worker_threads(self, world: World, node: Node) -> None:
+        calls: list[int] = []
+        node.create_timer(0.001, lambda: calls.append(threading.get_ident()))
+        with world.spinning(node, kind=lambda: MultiThreadedExecutor(2)):
+            wait_until(lambda: len(calls) >= 10)
+        assert threading.get_ident() not in calls
+
+
+class TestRates:
+    def test_nobody_need_spin(self, node: Node) -> None:
+        rate = node.create_rate(200)
+        begin = time.monotonic_ns()
+        for _ in range(5):
+            rate.sleep()
+        assert time.monotonic_ns() - begin >= 4 * 5_000_000
+
+    def test_spin_once_and_sleep_in_one_thread(self, world: World, node: Node) -> None:
+        calls: list[int] = []
+        node.create_timer(0, lambda: calls.append(1))
+        rate = node.create_rate(500)
+        for _ in range(5):
+            rclpy.spin_once(node, timeout_sec=WAIT_S)
+            rate.sleep()
+        assert len(calls) == 5
+
+    def test_in_a_callback(self, world: World, node: Node) -> None:
+        slept: list[int] = []
+        rate = node.create_rate(200)
+
+        def sleep() -> None:
+            rate.sleep()
+            slept.append(1)
+
+        node.create_guard_condition(sleep).trigger()
+        with world.spinning(node, kind=lambda: MultiThreadedExecutor(2)):
+            wait_until(lambda: slept)
+
+    def test_shutdown_ends_a_sleep(self, world: World, node: Node) -> None:
+        rate = node.create_rate(1 / LONG_S)
+        began = threading.Event()
+
+        def sleep() -> None:
+            began.set()
+            rate.sleep()
+
+        with pytest.raises(ROSInterruptException), in_thread(sleep):
+            began.wait()
+            rclpy.shutdown()
+        with pytest.raises(ROSInterruptException):
+            rate.sleep()
+
+    def test_a_destroyed_one(self, node: Node) -> None:
+        rate = node.create_rate(1000)
+        assert node.destroy_rate(rate)
+        with pytest.raises(ROSInterruptException):
+            rate.sleep()
+
+
+class TestGuardConditions:
+    def test_several_triggers_are_one_call(self, world: World, node: Node) -> None:
+        calls: list[int] = []
+        guard = node.create_guard_condition(lambda: calls.append(1))
+        for _ in range(5):
+            guard.trigger()
+        others: list[int] = []
+        world.spin_until(lambda: calls)
+        node.create_guard_condition(lambda: others.append(1)).trigger()
+        world.spin_until(lambda: others)
+        assert calls == [1]
+
+    def test_from_other_threads(self, world: World, node: Node) -> None:
+        """Each trigger is followed by a call."""
+        calls = [0]
+        asked = threading.Semaphore(0)
+
+        def call() -> None:
+            calls[0] += 1
+            asked.release()
+
+        guard = node.create_guard_condition(call)
+        with world.spinning(node):
+            for _ in range(200):
+                guard.trigger()
+                assert asked.acquire(timeout=WAIT_S)
+        assert calls == [200]
+
+    def test_async_and_destroyed(self, world: World, node: Node) -> None:
+        calls: list[int] = []
+
+        async def call() -> None:
+            calls.append(1)
+
+        guard = node.create_guard_condition(call)
+        guard.trigger()
+        world.spin_until(lambda: calls)
+        guard.trigger()
+        guard.destroy()
+        rclpy.spin_once(node, timeout_sec=0)
+        assert calls == [1]

@@ -1,0 +1,292 @@
+"""What can go wrong with a service: nobody serves, a callback raises, definitions differ, processes die."""
+
+import asyncio
+import contextlib
+import signal
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pytest
+
+import bus
+from bus.msg import Message, string
+from bus.srv.example_interfaces import AddTwoInts
+from bus.srv.std_srvs import Trigger
+from conftest import Daemon
+from programs import Program, running
+from semantics import node, until
+
+__all__ = ["node"]
+
+pytestmark = pytest.mark.usefixtures("route")
+
+SERVER = """
+import asyncio, sys, bus
+from bus.srv.example_interfaces import AddTwoInts
+
+async def add(request):
+    print("asked", request.a, flush=True)
+    await asyncio.sleep(0 if request.a < 100 else 1000)
+    return AddTwoInts.Response(sum=request.a + request.b)
+
+async def main():
+    async with bus.Node("server", arguments=[]) as node:
+        await node.create_service(AddTwoInts, "add", add)
+        print("ready", flush=True)
+        await asyncio.Event().wait()
+
+bus.run(main())
+"""
+CLIENT = """
+import asyncio, bus
+from bus.srv.example_interfaces import AddTwoInts
+
+async def main():
+    async with bus.Node("doomed", arguments=[]) as node:
+        client = await node.create_client(AddTwoInts, "add")
+        calls = [asyncio.ensure_future(client.call(AddTwoInts.Request(a=a))) for a in range(50)]
+        await asyncio.gather(*calls)
+
+bus.run(main())
+"""
+
+
+class Other:
+    """What somebody else means by the same name."""
+
+    __type_name__: ClassVar[str] = AddTwoInts.__type_name__
+
+    class Request(Message, kw_only=True):
+        text: string = ""
+
+    Response = AddTwoInts.Response
+
+
+def add(request: AddTwoInts.Request) -> AddTwoInts.Response:
+    return AddTwoInts.Response(sum=request.a + request.b)
+
+
+def asked(a: int, b: int = 0) -> AddTwoInts.Request:
+    return AddTwoInts.Request(a=a, b=b)
+
+
+@pytest.fixture
+async def other(daemon: Daemon) -> AsyncIterator[bus.Node]:
+    """A second node, for the clients."""
+    async with bus.Node("caller", arguments=[]) as other:
+        yield other
+
+
+@contextlib.asynccontextmanager
+async def server(folder: Path) -> AsyncIterator[Program]:
+    async with running(folder, "-c", SERVER) as program:
+        await program.line("ready")
+        yield program
+
+
+class TestFaults:
+    async def test_nobody_serves(self, node: bus.Node) -> None:
+        client = await node.create_client(AddTwoInts, "add")
+        assert not client.service_is_ready()
+        with pytest.raises(bus.ServiceUnavailable, match="service '/add' is not available: nobody serves it"):
+            await client.call(asked(1))
+        assert client.statistics().requests == 0
+
+    @pytest.mark.parametrize("is_awaited", [False, True])
+    async def test_a_callback_that_raises(self, daemon: Daemon, other: bus.Node, is_awaited: bool) -> None:
+        def fail(request: Any) -> Any:
+            raise LookupError("no such number")
+
+        async def fail_later(request: Any) -> Any:
+            fail(request)
+
+        client = await other.create_client(AddTwoInts, "add")
+        with pytest.raises(LookupError):
+            async with bus.Node("server", arguments=[]) as server:
+                await server.create_service(AddTwoInts, "add", fail_later if is_awaited else fail)
+                await client.wait_for_service()
+                call = asyncio.ensure_future(client.call(asked(1)))
+                await server.spin()
+        with pytest.raises(bus.ServiceError) as caught:
+            await call
+        assert str(caught.value) == "service '/add' failed: LookupError: no such number"
+        assert client.statistics().errors == 1
+
+    @pytest.mark.parametrize("is_awaited", [False, True])
+    async def test_a_wrong_response(self, daemon: Daemon, other: bus.Node, is_awaited: bool) -> None:
+        async def answer_later(request: Any) -> Any:
+            return Trigger.Response()
+
+        client = await other.create_client(AddTwoInts, "add")
+        with pytest.raises(
+            bus.MessageTypeError, match=r"expected a bus\.srv\.example_interfaces\.AddTwoInts\.Resp"
+        ):
+            async with bus.Node("server", arguments=[]) as server:
+                await server.create_service(
+                    AddTwoInts, "add", answer_later if is_awaited else lambda request: Trigger.Response()
+                )
+                await client.wait_for_service()
+                call = asyncio.ensure_future(client.call(asked(1)))
+                await server.spin()
+        with pytest.raises(
+            bus.ServiceError, match="MessageTypeError: example_interfaces/srv/AddTwoInts_Resp"
+        ):
+            await call
+
+    async def test_a_wrong_request(self, node: bus.Node) -> None:
+        await node.create_service(AddTwoInts, "add", add)
+        client = await node.create_client(AddTwoInts, "add")
+        with pytest.raises(bus.MessageTypeError):
+            await client.call(Trigger.Request())
+        assert client.statistics().pending == 0
+
+    async def test_a_call_that_is_cancelled(self, node: bus.Node, other: bus.Node) -> None:
+        held: list[bus.RequestId] = []
+        service = await node.create_service(
+            AddTwoInts, "add", on_request=lambda request, request_id: held.append(request_id)
+        )
+        client = await other.create_client(AddTwoInts, "add")
+        call = asyncio.ensure_future(client.call(asked(1)))
+        await until(lambda: held)
+        call.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await call
+        assert client.statistics().pending == 0
+        service.respond(held[0], AddTwoInts.Response())
+        await until(lambda: client.statistics().late == 1)
+        assert client.statistics().responses == 0
+
+    async def test_definitions_that_differ(
+        self, node: bus.Node, other: bus.Node, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        await node.create_service(AddTwoInts, "add", add)
+        client = await other.create_client(Other, "add")
+        with pytest.raises(bus.ServiceUnavailable):
+            await client.call(Other.Request())
+        said = ""
+        while said.count("Incompatible type of service '/add'") < 2:
+            await asyncio.sleep(0.002)
+            said += capsys.readouterr().err
+        assert "[tester]: Incompatible type of service '/add', no requests will be taken" in said
+        assert "[caller]: Incompatible type of service '/add', no requests will be sent" in said
+        assert "topic" not in said
+
+    async def test_two_servers(
+        self, node: bus.Node, other: bus.Node, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        held: list[bus.RequestId] = []
+        slow = await other.create_service(
+            AddTwoInts, "add", on_request=lambda request, request_id: held.append(request_id)
+        )
+        await node.create_service(AddTwoInts, "add", add)
+        client = await other.create_client(AddTwoInts, "add")
+        assert (await client.call(asked(1, 1))).sum == 2
+        assert "service '/add' is served 2 times" in capsys.readouterr().err
+        await until(lambda: held)
+        slow.respond(held[0], AddTwoInts.Response(sum=99))
+        await until(lambda: client.statistics().late == 1)
+
+    async def test_a_server_that_closes(self, node: bus.Node, other: bus.Node) -> None:
+        started = asyncio.Event()
+
+        async def never(request: Any) -> Any:
+            started.set()
+            await asyncio.Event().wait()
+
+        service = await node.create_service(AddTwoInts, "add", never)
+        client = await other.create_client(AddTwoInts, "add")
+        call = asyncio.ensure_future(client.call(asked(1)))
+        await started.wait()
+        await service.close()
+        await service.close()
+        with pytest.raises(bus.ServiceUnavailable, match="it has left before it answered"):
+            await call
+        with pytest.raises(bus.ConnectionClosed):
+            service.respond(bus.RequestId(bytes(16), 1), AddTwoInts.Response())
+
+    async def test_what_was_answered_before_the_end_arrives(self, node: bus.Node, other: bus.Node) -> None:
+        closing: list[asyncio.Future[None]] = []
+
+        def add_and_close(request: Any) -> Any:
+            closing.append(asyncio.ensure_future(service.close()))
+            return add(request)
+
+        service = await node.create_service(AddTwoInts, "add", add_and_close)
+        client = await other.create_client(AddTwoInts, "add")
+        assert (await client.call(asked(1, 2))).sum == 3
+        await asyncio.gather(*closing)
+
+    async def test_a_client_that_closes(self, node: bus.Node, other: bus.Node) -> None:
+        held: list[bus.RequestId] = []
+        await node.create_service(AddTwoInts, "add", on_request=lambda request, one: held.append(one))
+        client = await other.create_client(AddTwoInts, "add")
+        call = asyncio.ensure_future(client.call(asked(1)))
+        await until(lambda: held)
+        await client.close()
+        for waiting in (call, asyncio.ensure_future(client.call(asked(2)))):
+            with pytest.raises(bus.ConnectionClosed):
+                await waiting
+        assert client.statistics().pending == 0
+
+
+class TestProcesses:
+    async def test_a_server_that_is_killed_and_another_that_comes(
+        self, other: bus.Node, tmp_path: Path
+    ) -> None:
+        client = await other.create_client(AddTwoInts, "add")
+        async with server(tmp_path) as first:
+            await client.wait_for_service()
+            assert (await client.call(asked(1, 1))).sum == 2
+            call = asyncio.ensure_future(client.call(asked(100)))
+            await first.line("asked 100")
+            first.process.send_signal(signal.SIGKILL)
+            with pytest.raises(bus.ServiceUnavailable):
+                await call
+        async with server(tmp_path):
+            await client.wait_for_service()
+            assert (await client.call(asked(2, 2))).sum == 4
+
+    async def test_a_client_that_is_killed(self, node: bus.Node, other: bus.Node, tmp_path: Path) -> None:
+        held: list[tuple[Any, bus.RequestId]] = []
+        service = await node.create_service(
+            AddTwoInts, "add", on_request=lambda request, request_id: held.append((request, request_id))
+        )
+        async with running(tmp_path, "-c", CLIENT) as doomed:
+            await until(lambda: len(held) == 50)
+            doomed.process.send_signal(signal.SIGKILL)
+            await doomed.end()
+        for request, request_id in held:
+            assert service.respond(request_id, add(request))
+        held.clear()
+        client = await other.create_client(AddTwoInts, "add")
+        call = asyncio.ensure_future(client.call(asked(7)))
+        await until(lambda: held)
+        service.respond(held[0][1], add(held[0][0]))
+        assert (await call).sum == 7
+
+    async def test_a_broker_that_dies(self, node: bus.Node, other: bus.Node, daemon: Daemon) -> None:
+        """What is called afterwards is answered; what was under way is, too, or its caller gives up."""
+        await node.create_service(AddTwoInts, "add", add)
+        client = await other.create_client(AddTwoInts, "add")
+        assert (await client.call(asked(1))).sum == 1
+        daemon.kill()
+        await until(lambda: client.statistics().servers == 0)
+        daemon.restart()
+        await client.wait_for_service()
+        assert (await client.call(asked(2))).sum == 2
+
+    async def test_a_call_while_the_broker_is_away(
+        self, node: bus.Node, other: bus.Node, daemon: Daemon, route: str
+    ) -> None:
+        if route == "socket":
+            pytest.skip("its requests go through the broker")
+        await node.create_service(AddTwoInts, "add", add)
+        client = await other.create_client(AddTwoInts, "add")
+        await client.wait_for_service()
+        assert (await client.call(asked(1))).sum == 1
+        daemon.kill()
+        await until(lambda: client.statistics().servers == 0)
+        assert (await client.call(asked(2))).sum == 2
+        daemon.restart()
+        await client.wait_for_service()

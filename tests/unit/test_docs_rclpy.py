@@ -1,0 +1,263 @@
+"""docs/rclpy.md and the facade: what it lists is there, all that is there is listed, the missing says so."""
+
+import inspect
+import pkgutil
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from enum import Enum
+from importlib import import_module
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import bus.rclpy
+from bus.msg.std_msgs import String
+from bus.rclpy.entity import Entity
+from bus.rclpy.node import Node
+from bus.servicehost import SERVICE_QOS
+
+DOCS = Path(__file__).parents[2] / "docs"
+TEXT = (DOCS / "rclpy.md").read_text()
+
+INSIDE = {
+    "rclpy.event_handler": {"publisher_events", "subscription_events"},
+    "rclpy.parameter": {"ParameterChange", "ValueType", "parameter_message"},
+    "rclpy.qos": {"from_native", "profile_of", "to_native"},
+}
+"""Public names of a module that rclpy hasn't: the facade's modules use them among themselves."""
+
+INSIDE_OF_CLASSES = {
+    "rclpy.callback_groups.CallbackGroup": {"is_shared"},
+    "rclpy.client.Client": {"native", "on_response"},
+    "rclpy.clock.ClockEvent": {"look_again"},
+    "rclpy.clock.JumpHandle": {"post_callback", "pre_callback", "threshold"},
+    "rclpy.clock.JumpThreshold": {"is_exceeded"},
+    "rclpy.context.Context": {
+        *("all", "arguments", "domain_id", "end_by_signal", "nodes", "parameters", "track_executor"),
+        "was_ended_by_signal",
+    },
+    "rclpy.executors.Executor": {"enqueue", "is_picky", "look_at_timers", "ready", "waiter", "wake_up"},
+    "rclpy.impl.rcutils_logger.RcutilsLogger": {"add_sink", "critical", "remove_sink"},
+    "rclpy.node.Node": {"entities", "own_executor", "receive_one"},
+    "rclpy.publisher.Publisher": {"node"},
+    "rclpy.service.Service": {"native", "on_request", "replaced"},
+    "rclpy.task.Future": {"call_when_done", "forget_waiter"},
+    "rclpy.task.Task": {"call_when_done", "forget_waiter", "reschedule"},
+    "rclpy.time.Time": {"of_clock"},
+    "rclpy.timer.Timer": {"due_ns", "forget_clock", "rearm"},
+    "rclpy.topic_endpoint_info.TopicEndpointInfo": {"from_graph"},
+    "rclpy.type_hash.TypeHash": {"parse"},
+}
+
+ROWLESS = {
+    *("rclpy.action.client.ActionClient", "rclpy.action.client.ClientGoalHandle"),
+    *("rclpy.action.server.ActionServer", "rclpy.action.server.ServerGoalHandle"),
+    *("rclpy.callback_groups.MutuallyExclusiveCallbackGroup", "rclpy.callback_groups.ReentrantCallbackGroup"),
+    *("rclpy.executors.EventsExecutor", "rclpy.executors.MultiThreadedExecutor"),
+    *("rclpy.executors.SingleThreadedExecutor", "rclpy.InitContextManager"),
+    *("rclpy.impl.rcutils_logger.LoggingFilter", "rclpy.impl.rcutils_logger.Once"),
+    *("rclpy.impl.rcutils_logger.SkipFirst", "rclpy.impl.rcutils_logger.Throttle"),
+    *("rclpy.lifecycle.node.LifecycleNode", "rclpy.lifecycle.node.LifecyclePublisher"),
+    "rclpy.parameter_service.ParameterService",
+}
+"""Classes whose members are those of their base, or nobody's business."""
+
+
+def section(title: str) -> str:
+    _, found, rest = TEXT.partition(f"\n## {title}\n")
+    assert found, f"there is no section {title}"
+    return rest.partition("\n## ")[0]
+
+
+def rows(head: str, text: str = TEXT) -> list[list[str]]:
+    """The rows of the table whose head begins with that."""
+    _, found, rest = text.partition(f"\n| {head} |")
+    assert found, f"there is no table {head}"
+    lines = takewhile(lambda line: line.startswith("|"), rest.splitlines()[2:])
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+
+
+def names_in(cell: str) -> list[str]:
+    return re.findall(r"`([\w.]+)`", cell)
+
+
+def load(module: str) -> Any:
+    return import_module(f"bus.{module}")
+
+
+def find(path: str) -> Any:
+    module, _, name = path.rpartition(".")
+    return getattr(load(module), name)
+
+
+def modules() -> Iterator[str]:
+    yield "rclpy"
+    for found in pkgutil.walk_packages(bus.rclpy.__path__, "bus.rclpy."):
+        if found.name != "bus.rclpy.impl":  # a package with nothing in it
+            yield found.name.removeprefix("bus.")
+
+
+def public_names(module: str) -> set[str]:
+    loaded = load(module)
+    return set(getattr(loaded, "__all__", ())) or {one for one in vars(loaded) if not one.startswith("_")}
+
+
+def members(cls: type) -> set[str]:
+    """Public attributes of the class, and those that its methods assign."""
+    found: set[str] = set()
+    for part in cls.__mro__:
+        if part.__module__.startswith("bus."):
+            found.update(vars(part), getattr(part, "__annotations__", ()))
+            found.update(re.findall(r"\bself\.(\w+)(?:: [^=\n]+)? = ", inspect.getsource(part)))
+    return {name for name in found if not name.startswith("_")}
+
+
+def _classes() -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for cell, listed in rows("class | members"):
+        (name,) = names_in(cell)
+        base = re.match(r"those of (\w+)", listed)
+        above = found[f"{name.rpartition('.')[0]}.{base[1]}"] if base else []
+        found[name] = [*found.get(name, []), *above, *names_in(listed)]
+    return found
+
+
+def inside_of(name: str) -> set[str]:
+    """What is not for programs: also what every entity has for executors."""
+    of_entities = members(Entity) - {"callback_group"} if issubclass(find(name), Entity) else set()
+    return of_entities | INSIDE_OF_CLASSES.get(name, set())
+
+
+MODULES = {names_in(cell)[0]: names_in(listed) for cell, listed in rows("module | names")}
+CLASSES = _classes()
+
+
+def test_every_module_is_listed() -> None:
+    ours = {f"rclpy.{name}" for name in names_in(section("Inside")) if name != "bus.rclpy"}
+    assert {*MODULES, *ours} == set(modules())
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_names_of_modules(module: str) -> None:
+    assert set(MODULES[module]) == public_names(module) - INSIDE.get(module, set())
+    for name in MODULES[module]:
+        assert getattr(load(module), name) is not None
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_members_of_classes(name: str) -> None:
+    assert set(CLASSES[name]) == members(find(name)) - inside_of(name)
+
+
+def test_every_class_is_listed() -> None:
+    """But exceptions, enums, and tuples and dicts with names."""
+    values = [getattr(load(module), name) for module, names in MODULES.items() for name in names]
+    there = {
+        one
+        for one in values
+        if isinstance(one, type)
+        and one.__module__.startswith("bus.rclpy")
+        and not issubclass(one, (BaseException, Enum, tuple, dict))
+    }
+    assert there == {find(name) for name in {*CLASSES, *ROWLESS}}
+
+
+def test_what_the_tables_leave_out_is_there() -> None:
+    for module, names in INSIDE.items():
+        assert names <= public_names(module), module
+    for cls, names in INSIDE_OF_CLASSES.items():
+        assert names <= members(find(cls)), cls
+
+
+def test_attributes_of_the_package() -> None:
+    assert bus.rclpy.Node is find("rclpy.node.Node")
+    assert bus.rclpy.Parameter is find("rclpy.parameter.Parameter")
+    assert bus.rclpy.Context is find("rclpy.context.Context")
+    for module in MODULES:
+        _, _, name = module.partition(".")
+        if name and "." not in name and not name.startswith("_"):
+            assert getattr(bus.rclpy, name) is load(module)
+
+
+def test_what_may_stand_in_a_with() -> None:
+    (said,) = re.findall(r"\n(.*?) are context managers", TEXT)
+    named = re.findall(r"\w+", said.replace(" and ", ", "))
+    assert named
+    for name, cls in {name.rpartition(".")[2]: find(name) for name in CLASSES}.items():
+        assert (name in named) == hasattr(cls, "__enter__"), name
+
+
+def test_packages_of_messages() -> None:
+    share = Path(str(bus.__file__)).parent / "share"
+    ((cell,),) = rows("package")
+    assert sorted(names_in(cell)) == sorted(path.name for path in share.iterdir() if path.is_dir())
+
+
+def test_arguments_that_do_nothing_are_taken() -> None:
+    for cell, arguments, why in rows("call | argument | why"):
+        (path,) = names_in(cell)
+        owner, _, name = path.rpartition(".")
+        call = find(path) if owner in MODULES else getattr(find(owner), name)
+        assert set(names_in(arguments)) <= set(inspect.signature(call).parameters), path
+        assert why
+
+
+@pytest.mark.parametrize(("cell", "text"), rows("missing | text"))
+def test_what_can_only_be_imported(cell: str, text: str) -> None:
+    (path,) = names_in(cell)
+    with pytest.raises(NotImplementedError) as found:
+        find(path)()
+    assert str(found.value) == text
+
+
+def test_content_filters_are_missing() -> None:
+    nobody: Any = None  # it does not come to the node
+    with pytest.raises(NotImplementedError) as found:
+        Node.create_subscription(nobody, String, "topic", print, 10, content_filter_options=object())
+    assert f"`{found.value}`" in section("What is not there")
+
+
+@pytest.mark.parametrize(("cell", "without"), rows("class | without"))
+def test_attributes_that_are_missing(cell: str, without: str) -> None:
+    (path,) = names_in(cell)
+    assert names_in(without)
+    assert set(names_in(without)) & members(find(path)) == set()
+
+
+def test_modules_that_are_missing(tmp_path: Path) -> None:
+    """busd says their names, and not only Python."""
+    missing = [name for cell, _ in rows("module | for") for name in names_in(cell)]
+    assert {"tf2_ros", "rclpy.waitable"} <= set(missing)
+    program = tmp_path / "program.py"
+    program.write_text(
+        "import sys, bus.rclpy_compat\n"
+        "for name in sys.argv[1:]:\n"
+        "    try:\n"
+        "        __import__(name)\n"
+        "    except ModuleNotFoundError as error:\n"
+        "        print(error)\n"
+        "    else:\n"
+        "        print('there is a', name)\n"
+    )
+    command = [sys.executable, str(program), *missing]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    for name, line in zip(missing, done.stdout.splitlines(), strict=True):
+        assert line.startswith(f"busd has no '{name}'"), line
+
+
+def test_values_in_the_text() -> None:
+    assert f"`{find('rclpy.utilities.get_rmw_implementation_identifier')()}` |" in TEXT
+    assert find("rclpy.executors.EventsExecutor") is find("rclpy.executors.SingleThreadedExecutor")
+    assert f"waits for room, for {find('rclpy.publisher.ROOM_S'):g} s at most" in TEXT
+    assert f"| the default depth of services | 10 | {SERVICE_QOS.depth}," in TEXT
+
+
+def test_links_lead_somewhere() -> None:
+    for target in re.findall(r"\]\(([^)#]+)", TEXT):
+        assert (DOCS / target).exists(), target
+    titles = {title.lower().replace(" ", "-") for title in re.findall(r"^## (.*)$", TEXT, re.MULTILINE)}
+    assert set(re.findall(r"\]\(#([^)]+)\)", TEXT)) <= titles

@@ -1,0 +1,235 @@
+"""The import hook: names of ROS 2 in a program of its own, where nothing of ROS 2 is installed."""
+
+import subprocess
+import sys
+from pathlib import Path
+from textwrap import dedent
+
+import pytest
+
+TESTS = Path(__file__).parents[1]
+
+
+@pytest.fixture
+def workspace(tmp_path: Path) -> Path:
+    """A colcon workspace with a package of definitions."""
+    package = tmp_path / "src" / "my_interfaces"
+    for path, text in {
+        "package.xml": "<package><name>my_interfaces</name></package>",
+        "msg/Wheel.msg": "float64 speed\ngeometry_msgs/Point[] contacts\n",
+        "msg/Broken.msg": "Int32 x\n",
+        "srv/Turn.srv": "float64 angle\n---\nbool ok\n",
+    }.items():
+        (package / path).parent.mkdir(parents=True, exist_ok=True)
+        (package / path).write_text(text)
+    return tmp_path
+
+
+def start(code: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    path = [str(folder), *(entry for entry in sys.path if entry)]
+    return subprocess.run(
+        [sys.executable, "-W", "error", "-c", dedent(code)],
+        env={"PATH": "", "PYTHONPATH": ":".join(path), "PYTHONDONTWRITEBYTECODE": "1", **environment},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+
+
+def run(code: str, folder: Path, **environment: str) -> list[str]:
+    done = start("import bus.rclpy_compat\n" + dedent(code), folder, **environment)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+def error_of(code: str, folder: Path) -> str:
+    done = start("import bus.rclpy_compat\n" + dedent(code), folder)
+    assert done.returncode == 1, done.stdout
+    return done.stderr.splitlines()[-1]
+
+
+def test_the_ways_to_import_a_message(tmp_path: Path) -> None:
+    code = """
+        from std_msgs.msg import String, Header as H
+        import std_msgs.msg, geometry_msgs.msg as g
+        from std_msgs.msg._string import String as Same
+        from std_srvs.srv import SetBool
+        from std_srvs.srv._set_bool import SetBool_Request
+        from example_interfaces.action import Fibonacci
+        assert String is std_msgs.msg.String is Same
+        assert SetBool_Request is SetBool.Request
+        print(String(data="x"), g.Point(), SetBool.Request(data=True), Fibonacci.Goal().order, H().frame_id)
+        print(sorted(set(dir(std_msgs.msg)) & {"String", "Int32", "Strin"}), "String" in std_msgs.msg.__all__)
+        from std_msgs.msg import *
+        print(Int32, type(Empty()).__module__)
+    """
+    assert run(code, tmp_path) == [
+        "std_msgs.msg.String(data='x') geometry_msgs.msg.Point(x=0.0, y=0.0, z=0.0) "
+        "std_srvs.srv.SetBool_Request(data=True) 0 ",
+        "['Int32', 'String'] True",
+        "<class 'std_msgs.msg._int32.Int32'> std_msgs.msg._empty",
+    ]
+
+
+def test_definitions_of_a_workspace(workspace: Path) -> None:
+    code = """
+        from my_interfaces.msg import Wheel
+        from my_interfaces.srv import Turn
+        print(Wheel(speed=1.0), Turn.Response(ok=True), type(Wheel().contacts).__name__)
+    """
+    # From src, the package's folder is for Python a package without anything in it.
+    for folder in (workspace, workspace / "src", workspace / "src" / "my_interfaces"):
+        assert run(code, folder) == [
+            "my_interfaces.msg.Wheel(speed=1.0, contacts=[]) my_interfaces.srv.Turn_Response(ok=True) list"
+        ]
+
+
+def test_a_malformed_definition_is_an_error_when_it_is_asked_for(workspace: Path) -> None:
+    assert run("import my_interfaces.msg as m; print(len(m.__all__))", workspace) == ["2"]
+    error = error_of("from my_interfaces.msg import Broken", workspace)
+    assert "ConfigurationError" in error and "my_interfaces/msg/Broken.msg:1" in error
+
+
+def test_a_package_with_code_of_its_own_keeps_it(workspace: Path) -> None:
+    code = workspace / "src" / "my_interfaces" / "my_interfaces"
+    code.mkdir()
+    (code / "__init__.py").write_text("SPEED = 5\n")
+    (code / "node.py").write_text("from my_interfaces.msg import Wheel\n")
+    lines = run(
+        "import my_interfaces, my_interfaces.node as n; print(my_interfaces.SPEED, n.Wheel.__name__)",
+        code.parent,
+    )
+    assert lines == ["5 Wheel"]
+
+
+def test_a_real_message_package_is_left_alone_unless_forced(tmp_path: Path) -> None:
+    real = tmp_path / "std_msgs" / "msg"
+    real.mkdir(parents=True)
+    (real.parent / "__init__.py").touch()
+    (real / "__init__.py").write_text("class String:\n    pass\n")
+    code = "from std_msgs.msg import String; from std_srvs.srv import SetBool; print(String.__module__)"
+    assert run(code, tmp_path) == ["std_msgs.msg"]
+    assert run(code, tmp_path, BUS_RCLPY_FORCE="1") == ["std_msgs.msg._string"]
+    assert run(f"bus.rclpy_compat.install(force=True); {code}", tmp_path) == ["std_msgs.msg._string"]
+
+
+def test_a_real_rclpy_is_left_alone_unless_forced(tmp_path: Path) -> None:
+    (tmp_path / "rclpy").mkdir()
+    (tmp_path / "rclpy" / "__init__.py").write_text("IS_REAL = True\n")
+    (tmp_path / "rclpy" / "node.py").write_text("class Node: pass\n")
+    code = """
+        import rclpy
+        from rclpy.node import Node
+        print(rclpy.IS_REAL, Node.__module__)
+        try:
+            import rclpy.qos
+        except ModuleNotFoundError as error:
+            print(error)
+    """
+    assert run(code, tmp_path) == ["True rclpy.node", "No module named 'rclpy.qos'"]
+    forced = "import rclpy.qos, sys; print(rclpy is sys.modules['bus.rclpy'])"
+    assert run(forced, tmp_path, BUS_RCLPY_FORCE="1") == ["True"]
+
+
+def test_rclpy_has_the_same_modules_under_both_names(tmp_path: Path) -> None:
+    code = """
+        import sys
+        import rclpy
+        import bus.rclpy.qos
+        print(rclpy is bus.rclpy, rclpy.qos is bus.rclpy.qos, rclpy.__name__, rclpy.__spec__.name)
+        import rclpy.time
+        from rclpy import duration, exceptions
+        from rclpy.impl import rcutils_logger
+        import rclpy.impl.rcutils_logger as same
+        for name in ("time", "impl.rcutils_logger"):
+            assert sys.modules["rclpy." + name] is sys.modules["bus.rclpy." + name]
+        print(rclpy.time is bus.rclpy.time, same is rcutils_logger, hasattr(rclpy, "nothing"))
+    """
+    assert run(code, tmp_path) == ["True True bus.rclpy bus.rclpy", "True True False"]
+
+
+def test_the_c_extension_is_there_without_an_import(tmp_path: Path) -> None:
+    code = """
+        import rclpy
+        inside = rclpy.impl.implementation_singleton.rclpy_implementation
+        print(inside.RCLError is rclpy.exceptions.RCLError, hasattr(rclpy.impl, "nothing"))
+    """
+    assert run(code, tmp_path) == ["True False"]
+
+
+def test_other_modules_of_ros(tmp_path: Path) -> None:
+    code = """
+        import rosidl_runtime_py, rosidl_parser.definition, ament_index_python
+        from rosidl_runtime_py.utilities import get_message, get_service
+        from rosidl_runtime_py.set_message import set_message_fields
+        from rosidl_parser.definition import BasicType
+        from ament_index_python.packages import get_package_share_directory, PackageNotFoundError
+        Point = get_message("geometry_msgs/msg/Point")
+        assert Point.SLOT_TYPES[0] == BasicType("double")
+        message = Point()
+        set_message_fields(message, {"x": 1})
+        print(rosidl_runtime_py.message_to_yaml(message, flow_style=True).strip())
+        print(get_service("std_srvs/srv/SetBool").__name__)
+        try:
+            ament_index_python.get_package_share_directory("no_such_package")
+        except PackageNotFoundError as error:
+            print(str(error).partition(",")[0])
+    """
+    assert run(code, tmp_path) == [
+        "{x: 1.0, y: 0.0, z: 0.0}",
+        "SetBool",
+        "package 'no_such_package' not found",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("code", "error"),
+    [
+        (
+            "from std_msgs.msg import Strin",
+            "ImportError: cannot import name 'Strin' from 'std_msgs.msg'; did you mean 'String'?",
+        ),
+        (
+            "import std_msgs.msg; std_msgs.msg.Strin",
+            "AttributeError: module 'std_msgs.msg' has no attribute 'Strin'",
+        ),
+        ("import tf2_ros", "ModuleNotFoundError: busd has no 'tf2_ros', which is a part of ROS 2"),
+        (
+            "from launch import LaunchDescription",
+            "ModuleNotFoundError: busd has no 'launch', which is a part",
+        ),
+        (
+            "from nav9_msgs.msg import A",
+            "ModuleNotFoundError: busd has no 'nav9_msgs': there are no definitions",
+        ),
+        ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
+        ("import std_srvs.msg", "ModuleNotFoundError: No module named 'std_srvs.msg'"),
+        ("import std_msgs.msg._strin", "ModuleNotFoundError: No module named 'std_msgs.msg._strin'"),
+        ("import std_msgs.other", "ModuleNotFoundError: No module named 'std_msgs.other'"),
+        ("import rclpy.no_such_part", "ModuleNotFoundError: busd has no 'rclpy.no_such_part'"),
+        ("import bus.no_such_part", "ModuleNotFoundError: No module named 'bus.no_such_part'"),
+    ],
+)
+def test_what_is_missing_is_said(code: str, error: str, tmp_path: Path) -> None:
+    assert error_of(code, tmp_path).startswith(error)
+
+
+def test_installing_twice_does_nothing_more(tmp_path: Path) -> None:
+    code = """
+        import sys
+        before = len(sys.meta_path)
+        bus.rclpy_compat.install()
+        bus.rclpy_compat.install()
+        print(len(sys.meta_path) - before)
+    """
+    assert run(code, tmp_path) == ["0"]
+
+
+def test_it_imports_little(tmp_path: Path) -> None:
+    code = """
+        import sys
+        large = {"asyncio", "msgspec", "numpy", "importlib.abc", "bus.interfaces", "bus.rclpy"}
+        print(large & {*sys.modules})
+    """
+    assert run(code, tmp_path) == ["set()"]

@@ -1,0 +1,333 @@
+"""The engine of the facade: who runs the loop, waiting in many threads, interrupts."""
+
+import asyncio
+import random
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from types import FrameType
+from typing import Any
+
+import pytest
+
+from bus.rclpy import engine as engines
+from bus.rclpy.context import Context
+from bus.rclpy.engine import Engine, Waiter
+from conftest import WAIT_S
+from neighbours import wait_until
+
+LONG_S = 3600
+
+
+@pytest.fixture
+def engine() -> Iterator[Engine]:
+    before = set(threading.enumerate())
+    engine = Engine()
+    yield engine
+    engine.close()
+    assert set(threading.enumerate()) <= before
+
+
+def in_threads(count: int, function: Callable[[int], object]) -> None:
+    """Run `function(index)` in so many threads at once; raises what one of them raised."""
+    errors: list[BaseException] = []
+
+    def run(index: int) -> None:
+        try:
+            function(index)
+        except BaseException as error:
+            errors.append(error)
+
+    threads = [threading.Thread(target=run, args=(index,)) for index in range(count)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(WAIT_S)
+    assert not any(thread.is_alive() for thread in threads)
+    if errors:
+        raise errors[0]
+
+
+async def doubled(number: int, delay_s: float = 0) -> int:
+    await asyncio.sleep(delay_s)
+    return 2 * number
+
+
+class TestRun:
+    def test_a_result(self, engine: Engine) -> None:
+        assert engine.run(doubled(3)) == 6
+        assert engine.run(doubled(3, 0.001), timeout_s=WAIT_S) == 6
+
+    def test_an_error(self, engine: Engine) -> None:
+        async def fail() -> None:
+            raise LookupError("inside")
+
+        with pytest.raises(LookupError, match="inside"):
+            engine.run(fail())
+
+    def test_a_timeout_cancels_it(self, engine: Engine) -> None:
+        ended: list[str] = []
+
+        async def wait() -> None:
+            try:
+                await asyncio.sleep(LONG_S)
+            except asyncio.CancelledError:
+                ended.append("cancelled")
+                raise
+
+        with pytest.raises(TimeoutError):
+            engine.run(wait(), timeout_s=0.02)
+        wait_until(lambda: ended)
+        assert ended == ["cancelled"]
+
+    def test_a_timeout_of_nothing_gives_it_a_turn(self, engine: Engine) -> None:
+        async def at_once() -> int:
+            return 1
+
+        assert engine.run(at_once(), timeout_s=0) == 1
+
+    def test_the_end_of_a_context_ends_it(self, engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(engines, "_engine", engine)
+        context = Context()
+        context.init([])
+        timer = threading.Timer(0.02, context.shutdown)
+        timer.start()
+        with pytest.raises(TimeoutError):
+            engine.run(asyncio.sleep(LONG_S), context=context)
+        with pytest.raises(TimeoutError):
+            engine.run(asyncio.sleep(LONG_S), context=context)
+        timer.join()
+
+    def test_many_threads_at_once(self, engine: Engine) -> None:
+        results: dict[int, list[int]] = {}
+
+        def use(thread: int) -> None:
+            choose = random.Random(thread)
+            results[thread] = [
+                engine.run(doubled(number, choose.choice((0, 0.0005, 0.002)))) for number in range(50)
+            ]
+
+        in_threads(8, use)
+        assert results == {thread: [2 * number for number in range(50)] for thread in range(8)}
+
+    def test_the_first_to_go_leaves_the_loop_to_another(self, engine: Engine) -> None:
+        """Those who wait must not hang where the one that ran the loop has what it waited for."""
+        delays = [0.05, 0.001, 0.03, 0.01, 0.02]
+        done: list[int] = []
+
+        def use(thread: int) -> None:
+            for _ in range(10):
+                done.append(engine.run(doubled(thread, delays[thread])))
+
+        in_threads(5, use)
+        assert len(done) == 50
+
+    def test_in_a_coroutine_of_another_loop(self, engine: Engine) -> None:
+        async def main() -> int:
+            return engine.run(doubled(4, 0.001))
+
+        assert asyncio.run(main()) == 8
+
+
+class TestKeeper:
+    def test_it_runs_the_loop_where_nobody_waits(self, engine: Engine) -> None:
+        told: list[str] = []
+        engine.call(engine.loop.call_later, 0.001, told.append, "later")
+        engine.call(engine.loop.call_soon, told.append, "soon")
+        wait_until(lambda: len(told) == 2)
+        assert told == ["soon", "later"]
+
+    def test_it_takes_over_again_and_again(self, engine: Engine) -> None:
+        """As under a program that spins now and then, and is long in its callbacks."""
+        told: list[int] = []
+        for number in range(5):
+            engine.run(doubled(1))
+            engine.call(engine.loop.call_later, 0.001, told.append, number)
+            wait_until(lambda number=number: number in told)
+        assert told == list(range(5))
+
+    def test_a_task_goes_on_while_its_maker_is_away(self, engine: Engine) -> None:
+        ticks = [0]
+
+        async def tick() -> None:
+            while True:
+                await asyncio.sleep(0.001)
+                ticks[0] += 1
+
+        task = engine.call(engine.loop.create_task, tick())
+        wait_until(lambda: ticks[0] >= 10)
+        engine.call(task.cancel)
+        wait_until(task.done)
+
+    def test_nothing_is_left_after_the_end(self) -> None:
+        before = set(threading.enumerate())
+        first = engines.engine()
+        assert engines.engine() is first is engines.current()
+        assert first.run(doubled(1)) == 2
+        engines.end()
+        engines.end()
+        assert engines.current() is None and first.loop.is_closed()
+        assert engines.engine() is not first
+        engines.end()
+        assert set(threading.enumerate()) <= before
+
+    def test_the_first_use_by_many_threads(self) -> None:
+        found: list[Engine] = []
+        barrier = threading.Barrier(6)
+
+        def use(_: int) -> None:
+            barrier.wait()
+            found.append(engines.engine())
+
+        try:
+            in_threads(6, use)
+            assert len(set(map(id, found))) == 1
+        finally:
+            engines.end()
+
+
+class TestWaiters:
+    def test_set_by_another_thread(self, engine: Engine) -> None:
+        with engine.loop:
+            waiter = Waiter(engine)
+        timer = threading.Timer(0.02, engine.call, (waiter.set,))
+        timer.start()
+        with engine.loop:
+            assert waiter.wait() is True
+        timer.join()
+
+    def test_one_that_is_set_already(self, engine: Engine) -> None:
+        with engine.loop:
+            waiter = Waiter(engine)
+            waiter.set()
+            assert waiter.wait() is True
+
+    def test_a_deadline(self, engine: Engine) -> None:
+        begin = time.monotonic_ns()
+        with engine.loop:
+            assert Waiter(engine).wait(begin + 20_000_000) is False
+        assert time.monotonic_ns() - begin >= 20_000_000
+
+    @pytest.mark.parametrize("is_eager", [False, True])
+    def test_many_of_them(self, engine: Engine, is_eager: bool) -> None:
+        """Each is set by the one before: nobody sleeps through it."""
+        count = 6
+        with engine.loop:
+            waiters = [Waiter(engine) for _ in range(count)]
+        rounds = [0] * count
+
+        def use(index: int) -> None:
+            for _ in range(40):
+                with engine.loop:
+                    assert waiters[index].wait(is_eager=is_eager)
+                    waiters[index].is_set = False
+                    rounds[index] += 1
+                    waiters[(index + 1) % count].set()
+
+        timer = threading.Timer(0.02, engine.call, (waiters[0].set,))
+        timer.start()
+        in_threads(count, use)
+        timer.join()
+        assert rounds == [40] * count
+
+
+class TestInterrupts:
+    @pytest.fixture
+    def handled(self, engine: Engine) -> Iterator[list[bool]]:
+        """SIGUSR1 is handled as SIGINT is by the facade."""
+        handled: list[bool] = []
+
+        def handler(number: int, frame: FrameType | None) -> None:
+            is_busy = engine.is_busy(frame)
+            handled.append(is_busy)
+            if not is_busy:
+                raise KeyboardInterrupt
+            engine.interrupt()
+
+        before = signal.signal(signal.SIGUSR1, handler)
+        yield handled
+        signal.signal(signal.SIGUSR1, before)
+
+    def test_it_ends_a_wait(self, engine: Engine, handled: list[bool]) -> None:
+        with pytest.raises(KeyboardInterrupt):
+            timer = after(0.02)
+            engine.run(asyncio.sleep(LONG_S))
+        timer.join()
+        assert engine.run(doubled(1)) == 2
+
+    def test_it_ends_a_wait_while_another_thread_runs_the_loop(
+        self, engine: Engine, handled: list[bool]
+    ) -> None:
+        with engine.loop:
+            waiter = Waiter(engine)
+
+        def spin() -> None:
+            with engine.loop:
+                waiter.wait(is_eager=True)
+
+        other = threading.Thread(target=spin)
+        other.start()
+        wait_until(lambda: engine._runner is waiter)
+        with pytest.raises(KeyboardInterrupt):
+            timer = after(0.02)
+            engine.run(asyncio.sleep(LONG_S))
+        timer.join()
+        assert other.is_alive()
+        engine.call(waiter.set)
+        other.join(WAIT_S)
+        assert engine.run(doubled(1)) == 2
+
+    @pytest.mark.filterwarnings("ignore:coroutine")  # one that was made, and not yet given to `run`
+    def test_at_any_moment(self, engine: Engine, handled: list[bool]) -> None:
+        """Raised once, whatever the main thread does with the engine, which is whole after it."""
+        delays = random.Random(7)
+        for _ in range(60):
+            with pytest.raises(KeyboardInterrupt):
+                timer = after(delays.random() * 0.004)
+                while True:
+                    engine.run(doubled(1, delays.choice((0, 0.0002, 0.001))))
+                    engine.call(engine.loop.call_soon, int)
+                    time.sleep(0)
+            timer.join()
+            assert not engine.loop.is_mine() and not engine.loop.is_interrupted
+        assert len(handled) == 60
+        assert engine.run(doubled(2)) == 4
+        in_threads(3, lambda index: engine.run(doubled(index)))
+
+
+def after(delay_s: float) -> threading.Timer:
+    """SIGUSR1 for the main thread, after a while."""
+    main: Any = threading.main_thread().ident
+    timer = threading.Timer(delay_s, signal.pthread_kill, (main, signal.SIGUSR1))
+    timer.start()
+    return timer
+
+
+def test_a_hammer(engine: Engine) -> None:
+    """Four threads wait, call, and time out at random for half a second; nothing hangs, nothing is lost."""
+    end = time.monotonic() + 0.5
+    told: list[int] = []
+    asked = [0] * 4
+
+    def use(thread: int) -> None:
+        choose = random.Random(thread)
+        while time.monotonic() < end:
+            what = choose.randrange(5)
+            if what == 0:
+                assert engine.run(doubled(thread)) == 2 * thread
+            elif what == 1:
+                assert engine.run(doubled(thread, choose.random() * 0.003)) == 2 * thread
+            elif what == 2:
+                with pytest.raises(TimeoutError):
+                    engine.run(asyncio.sleep(LONG_S), timeout_s=choose.random() * 0.003)
+            elif what == 3:
+                engine.call(engine.loop.call_soon, told.append, thread)
+                asked[thread] += 1
+            else:
+                engine.call(engine.loop.call_later, choose.random() * 0.003, told.append, thread)
+                asked[thread] += 1
+
+    in_threads(4, use)
+    wait_until(lambda: len(told) == sum(asked))
+    assert [told.count(thread) for thread in range(4)] == asked

@@ -1,0 +1,288 @@
+"""Futures and tasks of the facade: results, callbacks, steps of coroutines, threads."""
+
+import asyncio
+import gc
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from bus.rclpy.task import Future, Task
+
+
+class Executor:
+    """Takes tasks and runs them when told; a task that was woken is in line again."""
+
+    def __init__(self) -> None:
+        self.line: list[Task[Any]] = []
+
+    def create_task(self, callback: Any, *args: Any, **kwargs: Any) -> Task[Any]:
+        task: Task[Any] = Task(callback, args, kwargs, executor=self)  # type: ignore[arg-type]
+        task.reschedule = lambda: self.line.append(task)
+        self.line.append(task)
+        return task
+
+    def run(self) -> int:
+        """Until nobody is in line; returns how many steps that were."""
+        steps = 0
+        while self.line:
+            self.line.pop(0)()
+            steps += 1
+        return steps
+
+
+def test_a_future_gets_a_result() -> None:
+    future: Future[int] = Future()
+    assert (future.done(), future.result(), future.exception()) == (False, None, None)
+    heard: list[int | None] = []
+    future.add_done_callback(lambda done: heard.append(done.result()))
+    future.set_result(3)
+    future.add_done_callback(lambda done: heard.append(done.result()))
+    assert (future.done(), future.cancelled(), future.result(), heard) == (True, False, 3, [3, 3])
+
+
+def test_an_exception_is_raised_by_result() -> None:
+    future: Future[int] = Future()
+    error = RuntimeError("no")
+    future.set_exception(error)
+    assert future.done() and future.exception() is error
+    with pytest.raises(RuntimeError, match="no"):
+        future.result()
+
+
+def test_cancel() -> None:
+    future: Future[int] = Future()
+    heard: list[bool] = []
+    future.add_done_callback(lambda done: heard.append(done.cancelled()))
+    future.cancel()
+    future.cancel()
+    assert (future.done(), future.cancelled(), future.result(), heard) == (True, True, None, [True])
+    done: Future[int] = Future()
+    done.set_result(1)
+    done.cancel()
+    assert not done.cancelled()
+
+
+def test_an_exception_that_nobody_looked_at(capsys: pytest.CaptureFixture[str]) -> None:
+    future: Future[int] = Future()
+    future.set_exception(RuntimeError("lost"))
+    del future
+    gc.collect()
+    assert capsys.readouterr().err == "The following exception was never retrieved: lost\n"
+
+
+def test_callbacks_that_raise() -> None:
+    def bad(future: Future[int]) -> None:
+        raise RuntimeError("bad")
+
+    future: Future[int] = Future()
+    heard: list[Future[int]] = []
+    future.add_done_callback(bad)
+    future.add_done_callback(heard.append)
+    with pytest.warns(UserWarning, match="Unhandled exception in done callback: bad"):
+        future.set_result(1)
+    assert heard == [future]
+    with pytest.raises(RuntimeError, match="bad"):
+        future.add_done_callback(bad)
+
+
+def test_callbacks_can_be_taken_back() -> None:
+    future: Future[int] = Future()
+    heard: list[Future[int]] = []
+    future.add_done_callback(heard.append)
+    assert future.remove_done_callback(heard.append)
+    assert not future.remove_done_callback(heard.append)
+    future.set_result(1)
+    assert heard == []
+
+
+def test_callbacks_run_in_the_executor() -> None:
+    executor = Executor()
+    future: Future[int] = Future(executor=executor)  # type: ignore[arg-type]
+    heard: list[int | None] = []
+    future.add_done_callback(lambda done: heard.append(done.result()))
+    waited: list[str] = []
+    future.call_when_done(lambda: waited.append("at once"))
+    future.set_result(1)
+    future.add_done_callback(lambda done: heard.append(done.result()))
+    future.call_when_done(lambda: waited.append("again"))
+    assert (heard, waited) == ([], ["at once", "again"])
+    executor.run()
+    assert heard == [1, 1]
+
+
+def test_an_executor_that_is_gone_is_no_executor() -> None:
+    future: Future[int] = Future(executor=Executor())  # type: ignore[arg-type]
+    gc.collect()
+    heard: list[Future[int]] = []
+    future.add_done_callback(heard.append)
+    future.set_result(1)
+    assert heard == [future]
+
+
+def test_a_task_calls_a_function() -> None:
+    task: Task[int] = Task(lambda a, b: a - b, (5,), {"b": 2})
+    assert not task.done() and not task.executing()
+    task()
+    task()
+    assert task.result() == 3
+
+
+def test_a_task_keeps_what_its_function_raises() -> None:
+    executor = Executor()
+    task = executor.create_task(lambda: 1 / 0)
+    executor.run()
+    with pytest.raises(ZeroDivisionError):
+        task.result()
+
+
+def test_keyboard_interrupt_goes_through() -> None:
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    task: Task[None] = Task(interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        task()
+    assert not task.done() and not task.executing()
+
+
+def test_a_coroutine_waits_without_being_called_again() -> None:
+    executor = Executor()
+    first: Future[int] = Future()
+    second: Future[int] = Future()
+    seen: list[bool] = []
+
+    async def add(third: int) -> int:
+        seen.append(task.executing())
+        return (await first or 0) + (await second or 0) + third
+
+    task = executor.create_task(add, 3)
+    assert executor.run() == 1
+    second.set_result(2)
+    assert executor.run() == 0
+    first.set_result(1)
+    assert executor.run() == 1
+    assert (task.result(), seen, task.executing()) == (6, [True], False)
+
+
+def test_tasks_await_each_other() -> None:
+    executor = Executor()
+
+    async def outer() -> str:
+        try:
+            await inner
+        except ZeroDivisionError:
+            return "caught"
+        return "missed"
+
+    task = executor.create_task(outer)
+    inner = executor.create_task(lambda: 1 / 0)
+    executor.run()
+    assert task.result() == "caught"
+
+
+def test_a_coroutine_object_and_one_that_only_yields() -> None:
+    executor = Executor()
+    turns: list[str] = []
+
+    async def polite(name: str) -> None:
+        for _ in range(2):
+            turns.append(name)
+            await asyncio.sleep(0)
+
+    executor.create_task(polite("a"))
+    executor.create_task(polite, "b")
+    executor.run()
+    assert turns == ["a", "b", "a", "b"]
+
+
+def test_awaiting_what_an_executor_can_not_wait_for() -> None:
+    loop = asyncio.new_event_loop()
+    try:
+        strange = loop.create_future()
+
+        async def wrong() -> None:
+            await strange
+
+        task: Task[None] = Task(wrong)
+        task()
+        with pytest.raises(TypeError, match="a callback can await rclpy's futures and other callbacks only"):
+            task.result()
+    finally:
+        loop.close()
+
+
+def test_a_cancelled_task_closes_its_coroutine() -> None:
+    executor = Executor()
+    ended: list[str] = []
+
+    async def wait() -> None:
+        try:
+            await Future()
+        finally:
+            ended.append("closed")
+
+    task = executor.create_task(wait)
+    executor.run()
+    task.cancel()
+    assert (task.cancelled(), ended) == (True, ["closed"])
+    task()
+    never = executor.create_task(wait())
+    never.cancel()  # a coroutine that never began: closed, too, and no warning
+    assert executor.run() == 1
+
+
+def test_a_future_that_gets_done_while_the_step_ends() -> None:
+    """The task must be in line again however the two meet."""
+    for _ in range(200):
+        future: Future[int] = Future()
+        woken = threading.Event()
+
+        async def wait(future: Future[int] = future) -> int | None:
+            return await future
+
+        task: Task[int] = Task(wait, reschedule=woken.set)
+        thread = threading.Thread(target=future.set_result, args=(1,))
+        thread.start()
+        task()
+        thread.join(60)
+        if not task.done():
+            assert woken.wait(60)
+            task()
+        assert task.result() == 1
+
+
+def test_one_step_at_a_time() -> None:
+    inside, release = threading.Event(), threading.Event()
+    calls: list[int] = []
+
+    def slow() -> None:
+        calls.append(1)
+        inside.set()
+        assert release.wait(60)
+
+    task: Task[None] = Task(slow)
+    thread = threading.Thread(target=task)
+    thread.start()
+    assert inside.wait(60)
+    assert task.executing()
+    task()
+    release.set()
+    thread.join(60)
+    assert (calls, task.done()) == ([1], True)
+
+
+def test_results_from_many_threads_wake_each_waiter_once() -> None:
+    future: Future[int] = Future()
+    heard: list[int] = []
+    append: Callable[[], None] = lambda: heard.append(1)  # noqa: E731
+    threads = [threading.Thread(target=future.call_when_done, args=(append,)) for _ in range(8)]
+    for thread in threads[:4]:
+        thread.start()
+    future.set_result(1)
+    for thread in threads[4:]:
+        thread.start()
+    for thread in threads:
+        thread.join(60)
+    assert len(heard) == 8

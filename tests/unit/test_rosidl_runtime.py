@@ -1,0 +1,171 @@
+"""Messages as plain values and back, classes by name, and where packages are."""
+
+import json
+from array import array
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bus.rosidl import ament_index, message_class, runtime
+
+
+def cls(name: str) -> Any:
+    return message_class(name)
+
+
+def test_plain_values() -> None:
+    joints = cls("sensor_msgs/msg/JointState")(name=["a", "b"], position=[1.0, 2.0])
+    plain = runtime.message_to_ordereddict(joints)
+    assert list(plain) == ["header", "name", "position", "velocity", "effort"]
+    assert plain["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
+    assert (plain["name"], plain["position"]) == (["a", "b"], [1.0, 2.0])
+    cut = runtime.message_to_ordereddict(joints, truncate_length=1)
+    assert cut["name"] == ["a", "..."] and cut["position"] == [1.0, "..."]
+    short = runtime.message_to_ordereddict(joints, no_arr=True, no_str=True)
+    assert short["position"] == "<sequence type: double, length: 2>"
+    assert short["header"]["frame_id"] == "<string length: <0>>"
+    info = runtime.message_to_ordereddict(cls("sensor_msgs/msg/CameraInfo")(), no_arr=True)
+    assert info["k"] == "<array type: double[9]>"
+    assert runtime.message_to_ordereddict(b"\xce") == {"bytes": b"\xce"}
+
+
+def test_texts() -> None:
+    message = cls("geometry_msgs/msg/PointStamped")()
+    message.header.frame_id = "mäp"
+    message.point.x = 1.5
+    assert runtime.message_to_yaml(message) == (
+        "header:\n  stamp:\n    sec: 0\n    nanosec: 0\n  frame_id: mäp\n"
+        "point:\n  x: 1.5\n  y: 0.0\n  z: 0.0\n"
+    )
+    assert runtime.message_to_csv(message) == "0,0,mäp,1.5,0.0,0.0"
+    assert runtime.message_to_csv(b"a") == "b'a'"
+
+
+def test_fields_from_plain_values() -> None:
+    marker = cls("visualization_msgs/msg/Marker")()
+    rest = runtime.set_message_fields(
+        marker,
+        {
+            "ns": "a",
+            "id": 3,
+            "scale": {"x": 2},
+            "points": [{"x": 1}, cls("geometry_msgs/msg/Point")(y=1.0)],
+            "frame_locked": True,
+            "color": cls("std_msgs/msg/ColorRGBA")(r=1.0),
+        },
+    )
+    assert rest == []
+    assert (marker.ns, marker.id, marker.scale.x, marker.color.r) == ("a", 3, 2.0, 1.0)
+    assert [(point.x, point.y) for point in marker.points] == [(1.0, 0.0), (0.0, 1.0)]
+    arrays = cls("std_msgs/msg/Float64MultiArray")()
+    runtime.set_message_fields(arrays, {"data": [1, 2]})
+    assert arrays.data == array("d", [1.0, 2.0])
+    info = cls("sensor_msgs/msg/CameraInfo")()
+    runtime.set_message_fields(info, {"k": range(9)})
+    assert info.k.tolist() == [float(i) for i in range(9)]
+
+
+def test_stamps_are_filled_in_later() -> None:
+    stamped = cls("geometry_msgs/msg/PointStamped")()
+    stamps = runtime.set_message_fields(stamped, {"header": "auto"}, expand_header_auto=True)
+    stamps += runtime.set_message_fields(stamped.header, {"stamp": "now"}, expand_time_now=True)
+    now = cls("builtin_interfaces/msg/Time")(sec=5)
+    assert len(stamps) == 2
+    for stamp in stamps:
+        stamped.header.stamp = cls("builtin_interfaces/msg/Time")()
+        stamp(now)
+        assert stamped.header.stamp is now
+
+
+@pytest.mark.parametrize(
+    ("values", "kind", "text"),
+    [
+        ("x", TypeError, "Value 'x' is expected to be a dictionary but is a str"),
+        ({"nothing": 1}, AttributeError, "no attribute 'nothing'"),
+        ({"point": 5}, TypeError, "Value '5' is expected to be a dictionary but is a int"),
+        ({"point": {"x": "abc"}}, ValueError, "could not convert string to float"),
+    ],
+)
+def test_wrong_values(values: Any, kind: type[Exception], text: str) -> None:
+    with pytest.raises(kind, match=text):
+        runtime.set_message_fields(cls("geometry_msgs/msg/PointStamped")(), values)
+
+
+def test_a_text_is_no_truth_value() -> None:
+    with pytest.raises(AssertionError, match="must be of type 'bool'"):
+        runtime.set_message_fields(cls("std_msgs/msg/Bool")(), {"data": "false"})
+
+
+def test_classes_by_name() -> None:
+    assert runtime.get_message("std_msgs/msg/String") is cls("std_msgs/msg/String")
+    assert runtime.get_interface("std_msgs/String") is cls("std_msgs/msg/String")
+    assert runtime.get_service("std_srvs/srv/SetBool").__name__ == "SetBool"
+    assert runtime.get_action("example_interfaces/action/Fibonacci").__name__ == "Fibonacci"
+
+
+@pytest.mark.parametrize(
+    ("get", "name", "kind", "text"),
+    [
+        (
+            runtime.get_message,
+            "std_srvs/srv/SetBool",
+            ValueError,
+            "full name of a message, got 'std_srvs/srv",
+        ),
+        (runtime.get_interface, "String", ValueError, "full name of an interface, got 'String'"),
+        (runtime.get_interface, "std_msgs/other/String", ValueError, "full name of an interface"),
+        (runtime.get_message, "std_msgs/msg/Strin", AttributeError, "module 'std_msgs.msg' has no attribute"),
+        (runtime.get_message, "no_msgs/msg/A", ModuleNotFoundError, "No module named 'no_msgs'"),
+    ],
+)
+def test_unknown_names(get: Any, name: str, kind: type[Exception], text: str) -> None:
+    with pytest.raises(kind, match=text):
+        get(name)
+
+
+def test_packages_below_a_prefix(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    index = tmp_path / "share" / "ament_index" / "resource_index" / "packages"
+    index.mkdir(parents=True)
+    (index / "first").touch()
+    (tmp_path / "share" / "first").mkdir()
+    (tmp_path / "share" / "second").mkdir()
+    (tmp_path / "share" / "second" / "package.xml").touch()
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{tmp_path}:/nonexistent")
+    assert ament_index.get_search_paths()[:2] == [str(tmp_path), "/nonexistent"]
+    assert ament_index.get_package_prefix("first") == str(tmp_path)
+    assert ament_index.get_package_share_directory("second") == str(tmp_path / "share" / "second")
+    assert ament_index.get_package_share_path("first") == tmp_path / "share" / "first"
+    found = ament_index.get_packages_with_prefixes()
+    assert found["first"] == found["second"] == str(tmp_path)
+
+
+def test_a_package_installed_from_its_source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    source = tmp_path / "my source"
+    source.mkdir()
+    (source / "package.xml").touch()
+    info = tmp_path / "site" / "my_robot-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: my_robot\nVersion: 1.0\n")
+    (info / "direct_url.json").write_text(
+        json.dumps({"url": source.as_uri(), "dir_info": {"editable": True}})
+    )
+    monkeypatch.syspath_prepend(str(info.parent))
+    assert ament_index.get_package_share_path("my_robot") == source
+    (info / "direct_url.json").write_text(json.dumps({"url": source.as_uri(), "dir_info": {}}))
+    with pytest.raises(ament_index.PackageNotFoundError):
+        ament_index.get_package_share_path("my_robot")  # what was copied can't be told from its source
+
+
+def test_what_is_no_package(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: Any) -> None:
+    with pytest.raises(ament_index.PackageNotFoundError, match="package 'no_such' not found, searching: "):
+        ament_index.get_package_prefix("no_such")
+    with pytest.raises(ValueError, match=r"'\.\./x' is not a valid package name"):
+        ament_index.get_package_share_directory("../x")
+    (tmp_path / "share" / "ament_index" / "resource_index" / "packages").mkdir(parents=True)
+    (tmp_path / "share" / "ament_index" / "resource_index" / "packages" / "bare").touch()
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
+    ament_index.get_package_share_directory("bare", print_warning=False)
+    assert capsys.readouterr().err == ""
+    ament_index.get_package_share_directory("bare")
+    assert "no share directory" in capsys.readouterr().err
