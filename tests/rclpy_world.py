@@ -167,7 +167,7 @@ def is_waiting(executor: Executor) -> bool:
 def arrived(subscription: Any) -> int:
     """How many messages it has had, taken or waiting or replaced by newer ones."""
     with subscription._engine.loop:
-        return accounted(subscription._native)
+        return accounted(subscription.native)
 
 
 @pytest.fixture

@@ -71,7 +71,7 @@ def publisher(parent: _Parent, node: Node, work: Work) -> None:
     pub = node.create_publisher(String, TOPIC, _qos(work))
     while not pub.get_subscription_count():
         rclpy.spin_once(node, timeout_sec=_MATCH_S)
-    tell("ready", route=pub._native.matches[0].route)  # of which rclpy has no notion
+    tell("ready", route=pub.native.matches[0].route)  # of which rclpy has no notion
     if work.rate:
         parent.wait_for("go")
         _publish_paced(node, pub, work)
@@ -154,7 +154,7 @@ def _take_flood(node: Node, work: Work) -> None:
     tell("ready")
     _spin(node)
     end_ns = monotonic_ns()
-    dropped = sub._native.statistics().dropped  # rclpy does not count them
+    dropped = sub.native.statistics().dropped  # rclpy does not count them
     tell("received", end_ns=end_ns, count=count, dropped=dropped)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from inspect import Parameter, iscoroutinefunction, signature
 
-__all__ = ["is_async", "takes_info"]
+__all__ = ["ignore", "is_async", "takes_info"]
 
 
 def is_async(callback: Callable[..., object]) -> bool:
@@ -22,3 +22,7 @@ def takes_info(callback: Callable[..., object]) -> bool:
         return False
     positional = (Parameter.POSITIONAL_ONLY, Parameter.POSITIONAL_OR_KEYWORD)
     return sum(one.kind in positional and one.default is Parameter.empty for one in parameters) >= 2
+
+
+def ignore(event: object) -> None:
+    """For events of which nobody shall hear: without a callback, a warning is logged of some."""

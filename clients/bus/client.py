@@ -13,16 +13,10 @@ from typing import Any, Final
 
 import msgspec
 
+from bus.callbacks import ignore
 from bus.envelope import Reply, ServiceSupport, keeping_all, service_support
 from bus.errors import BusError, LocalProtocolError, ServiceError, ServiceUnavailable, again
-from bus.events import (
-    IncompatibleQoS,
-    IncompatibleType,
-    MatchedChange,
-    PublisherEvents,
-    SubscriptionEvents,
-    ignore,
-)
+from bus.events import IncompatibleQoS, IncompatibleType, MatchedChange, PublisherEvents, SubscriptionEvents
 from bus.link import Link
 from bus.logger import Logger
 from bus.names import reply_topic, request_topic

@@ -122,6 +122,11 @@ class Connection:
             self._has_shared = True
             self.send(m.Share(), (self._sharing.doorbell, self._sharing.segment))
 
+    @property
+    def is_writing(self) -> bool:
+        """Whether the socket has yet to take some of what was chosen for it."""
+        return self._stream is not None and self._stream.is_blocked
+
     def flush(self) -> None:
         """Send what waits, as far as the socket takes it."""
         if self._stream is not None:

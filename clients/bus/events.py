@@ -18,7 +18,6 @@ __all__ = [
     "MessageLost",
     "PublisherEvents",
     "SubscriptionEvents",
-    "ignore",
 ]
 
 
@@ -101,7 +100,3 @@ class SubscriptionEvents(msgspec.Struct, frozen=True, kw_only=True):
     deadline_missed: Callable[[DeadlineMissed], object] | None = None
     liveliness_changed: Callable[[LivelinessChanged], object] | None = None
     message_lost: Callable[[MessageLost], object] | None = None
-
-
-def ignore(event: object) -> None:
-    """The callback that does nothing: not even the warning that is logged where there is no callback."""

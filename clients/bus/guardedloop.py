@@ -17,7 +17,7 @@ from heapq import heapify, heappop
 from math import ceil
 from threading import RLock, get_ident, main_thread
 from types import FrameType
-from typing import Any
+from typing import Any, Protocol
 
 _FINE_S = 0.02
 """Shorter waits get microseconds; epoll knows milliseconds only."""
@@ -25,6 +25,13 @@ _FINE_S = 0.02
 _YIELD_S = 20e-6
 _MOST_SELECTABLE = 1024
 _MANY_CANCELLED = 100
+
+
+class Until(Protocol):
+    """What a run of the loop is for."""
+
+    is_set: bool
+    """It is there: the run ends after the turn that brought it."""
 
 
 class _ForEver:
@@ -88,6 +95,11 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         """Give the guard away, without looking for interrupts."""
         self.guard.release()
 
+    @property
+    def holder(self) -> int:
+        """The thread that asks, where it holds the guard; else 0."""
+        return get_ident() if self.is_mine() else 0
+
     def is_mine(self) -> bool:
         """Whether this thread holds the guard."""
         return bool(self.guard._is_owned())
@@ -118,7 +130,7 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         """Call it when the loop is run next: what need not be done before whoever runs it now goes on."""
         self._deferred.append((callback, args))
 
-    def run(self, until: Any = _FOR_EVER, deadline_ns: int = 0) -> None:
+    def run(self, until: Until = _FOR_EVER, deadline_ns: int = 0) -> None:
         """As `run_forever`, until `stop`, until `until.is_set`, or `deadline_ns` on the monotonic clock.
 
         With less around each turn: somebody waits for what the turn brings.
@@ -167,7 +179,7 @@ class GuardedLoop(asyncio.SelectorEventLoop):
 
     # --- inside
 
-    def _turn(self, until: Any, deadline_ns: int) -> None:
+    def _turn(self, until: Until, deadline_ns: int) -> None:
         """As BaseEventLoop._run_once; but who can be read from is called first, and in nobody's context."""
         ready, scheduled, guard = self._ready, self._scheduled, self.guard
         timeout_s = -1.0

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "KINDS",
+    "check_size",
     "definition_path",
     "find_definition",
     "find_message",
@@ -44,6 +45,7 @@ _SHIPPED: Final = Path(__file__).with_name("share")
 _PACKAGE_NAME: Final = re.compile(rb"<name>\s*(\w+)\s*</name>")
 _IGNORED: Final = frozenset(("COLCON_IGNORE", "AMENT_IGNORE", "CATKIN_IGNORE"))
 _NO_WORKSPACES: Final = frozenset(("/", "/usr", "/usr/local"))
+_MAX_FIXED: Final = 2**24
 _MAX_DEPTH: Final = 5
 _MAX_FOLDERS: Final = 5000
 """How far `src` is searched: it may be something else than that of a workspace."""
@@ -82,6 +84,12 @@ def definition_path(name: str) -> Path:
     if (path := find_path(name)) is None:
         raise ConfigurationError(f"unknown interface '{name}'{_meant(name)}")
     return path
+
+
+def check_size(owner: str, field: idl.Field) -> None:
+    """Raises ConfigurationError for an array of a fixed size that no message should begin with."""
+    if field.type.array == "fixed" and field.type.size > _MAX_FIXED:
+        raise ConfigurationError(f"{owner}: '{field.name}' is too large for an array of a fixed size")
 
 
 def full_name(name: str) -> str:

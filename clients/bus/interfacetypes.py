@@ -16,7 +16,7 @@ from msgspec import Meta, Struct
 
 from bus import msg
 from bus.errors import ConfigurationError
-from bus.interfaces import find_message, find_path
+from bus.interfaces import check_size, find_message, find_path
 from bus.msg import _types
 from bus.schemaform import is_type_name, zero
 
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from bus.srv import Service
 
 __all__ = ["find_class", "message_class", "service_class"]
-
-_MAX_FIXED: Final = 2**24
 
 _lock: Final = RLock()
 _classes: Final[dict[str, type[Struct]]] = {}
@@ -121,8 +119,7 @@ def _annotation_and_default(owner: str, field: Field) -> tuple[Any, Any]:
             return inner, msgspec.field(default_factory=inner)
         return inner, zero(base, {}) if field.default is None else field.default
     least = type_.size if type_.array == "fixed" else 0
-    if least > _MAX_FIXED:
-        raise ConfigurationError(f"{owner}: '{field.name}' is too large for an array of a fixed size")
+    check_size(owner, field)
     if base in ("uint8", "byte"):
         value = bytes(least) if field.default is None else _joined(field.default)
         return _limited(bytes, _types.PRIMITIVES[f"{base}[]"], type_, {"ros": f"{base}[]"}), value

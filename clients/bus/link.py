@@ -74,9 +74,7 @@ class Link:
     @property
     def thread(self) -> int:
         """Who may use what belongs to the link: the event loop's thread, or that with the guard; 0: none."""
-        if self.guard is None:
-            return self._thread
-        return get_ident() if self.guard.is_mine() else 0
+        return self._thread if self.guard is None else self.guard.holder
 
     # --- making and ending
 
@@ -205,15 +203,17 @@ class Link:
             self._connection.flush()
 
     async def wait_for_drain(self, queue: RunQueue) -> None:
-        """Wait until `queue` is empty. Raises ConnectionClosed where the link ends first."""
-        while queue.runs:
+        """Wait until the socket has all that was in `queue`. Raises ConnectionClosed where the link ends."""
+        is_chosen = False
+        while not is_chosen:
             if self.failure is not None:
                 raise again(self.failure)
-            await self._drains.wait()
+            is_chosen = not queue.runs  # and written when the socket has taken all that was
+            if not is_chosen or (self._connection is not None and self._connection.is_writing):
+                await self._drains.wait()
 
     def report(self, endpoint: Endpoint) -> None:
-        """The counters of `endpoint` have changed; the broker is told soon."""
-        self._reports.add(endpoint)
+        self._reports.add(endpoint)  # the broker is told soon
 
     def _hand_over(self) -> None:
         gathered, self._gathered = self._gathered, set()

@@ -13,10 +13,10 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from bus.callbacks import is_async, takes_info
+from bus.callbacks import ignore, is_async, takes_info
 from bus.envelope import Request, ServiceSupport, keeping_all, service_support
 from bus.errors import BusError, ConnectionClosed
-from bus.events import IncompatibleQoS, IncompatibleType, PublisherEvents, SubscriptionEvents, ignore
+from bus.events import IncompatibleQoS, IncompatibleType, PublisherEvents, SubscriptionEvents
 from bus.link import Link
 from bus.logger import Logger
 from bus.names import reply_topic, request_topic

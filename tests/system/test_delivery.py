@@ -1,6 +1,7 @@
 """Delivery, depth, late joiners and threads, end to end through a real daemon, on both event loops."""
 
 import asyncio
+import sys
 import threading
 import time
 from typing import Any
@@ -15,6 +16,19 @@ from semantics import KEEP_ALL, LATCHED, Wheel, accounted, node, send_all, until
 __all__ = ["node"]
 
 pytestmark = pytest.mark.usefixtures("route")
+
+_LEAVING = """
+import bus
+from bus.msg.std_msgs import String
+
+async def main():
+    async with bus.Node("leaving", arguments=()) as node:
+        publisher = await node.create_publisher(String, "topic", 1000)
+        for number in range(500):
+            publisher.publish(String(data=str(number) * 2000))
+
+bus.run(main())
+"""
 
 
 class TestDelivery:
@@ -73,6 +87,14 @@ class TestDelivery:
         for text in texts:
             assert (await subscription.receive())[0].data == text
         await sending
+
+    async def test_nothing_is_lost_where_the_publisher_leaves(self, node: bus.Node) -> None:
+        """More than fits into a socket is on its way then."""
+        subscription = await node.create_subscription(String, "topic", 1000)
+        program = await asyncio.create_subprocess_exec(sys.executable, "-c", _LEAVING)
+        heard = [(await subscription.receive())[0].data for _ in range(500)]
+        assert heard == [str(number) * 2000 for number in range(500)]
+        assert await program.wait() == 0
 
     async def test_a_users_own_struct(self, node: bus.Node) -> None:
         subscription = await node.create_subscription(Wheel, "wheel", 10)

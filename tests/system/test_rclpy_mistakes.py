@@ -90,6 +90,11 @@ CALLS: dict[str, tuple[_Mistake, type[Exception], str]] = {
     ),
     "a period that is no number": (lambda node: node.create_timer("often", ignore), ValueError, "'often'"),
     "a period below zero": (lambda node: node.create_timer(-1, ignore), ValueError, "-1 is below zero"),
+    "a timer's callback by its name": (
+        lambda node: node.create_timer(1.0, "ignore"),
+        TypeError,
+        "callback must be callable, not str",
+    ),
     "a rate of zero": (lambda node: node.create_rate(0), ValueError, "frequency must be > 0"),
     "a dictionary for parameters": (
         lambda node: node.set_parameters({"x": 1}),

@@ -24,6 +24,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 TEXT = (DOCS / "rclpy.md").read_text()
 
 INSIDE = {
+    "rclpy.clock": {"ANY_JUMP", "CHANGES_OF_SOURCE"},
     "rclpy.event_handler": {"publisher_events", "subscription_events"},
     "rclpy.parameter": {"ParameterChange", "ValueType", "parameter_message"},
     "rclpy.qos": {"from_native", "profile_of", "to_native"},
@@ -37,14 +38,15 @@ INSIDE_OF_CLASSES = {
     "rclpy.clock.JumpHandle": {"post_callback", "pre_callback", "threshold"},
     "rclpy.clock.JumpThreshold": {"is_exceeded"},
     "rclpy.context.Context": {
-        *("all", "arguments", "domain_id", "end_by_signal", "nodes", "parameters", "track_executor"),
+        *("all", "arguments", "domain_id", "end_by_signal", "nodes", "parameters", "wake_at_end"),
         "was_ended_by_signal",
     },
-    "rclpy.executors.Executor": {"enqueue", "is_picky", "look_at_timers", "ready", "waiter", "wake_up"},
+    "rclpy.executors.Executor": {"enqueue", "asks_always", "look_at_timers", "ready", "waiter", "wake_up"},
     "rclpy.impl.rcutils_logger.RcutilsLogger": {"add_sink", "critical", "remove_sink"},
     "rclpy.node.Node": {"entities", "own_executor", "receive_one"},
-    "rclpy.publisher.Publisher": {"node"},
-    "rclpy.service.Service": {"native", "on_request", "replaced"},
+    "rclpy.publisher.Publisher": {"native", "node"},
+    "rclpy.subscription.Subscription": {"native"},
+    "rclpy.service.Service": {"native", "on_request"},
     "rclpy.task.Future": {"call_when_done", "forget_waiter"},
     "rclpy.task.Task": {"call_when_done", "forget_waiter", "reschedule"},
     "rclpy.time.Time": {"of_clock"},

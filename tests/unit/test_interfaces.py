@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from bus import interfaces, interfacetypes
+from bus import interfaces, interfacetypes, rosidl
 from bus.errors import ConfigurationError
 from bus.idl import Message
 from bus.interfaces import definition_path, find_definition, find_message, full_name, names, packages
@@ -280,6 +280,8 @@ def test_a_message_within_itself_is_refused(own: Path) -> None:
         message_class("demo/msg/Egg")
     with pytest.raises(ConfigurationError, match="too large"):
         make(own, "float64[2000000000] xs\n")
+    with pytest.raises(ConfigurationError, match="too large"):
+        rosidl.message_class("demo/msg/Wheel")
 
 
 def test_full_names(own: Path) -> None:

@@ -53,6 +53,15 @@ def test_numpy_where_it_is_installed() -> None:
     assert cls("sensor_msgs/msg/Image")(data=np.ones((2, 2), np.uint8)).data == array("B", [1] * 4)
 
 
+@pytest.mark.parametrize("dtype", [">i4", "<i4", ">u2", ">i8"])
+def test_numpy_of_another_byte_order(dtype: str) -> None:
+    """They were taken for this machine's, and the values were others."""
+    np = pytest.importorskip("numpy")
+    array_of = np.array([1, 2, 300], np.dtype(dtype))
+    assert cls("std_msgs/msg/Int32MultiArray")(data=array_of).data == array("i", [1, 2, 300])
+    assert cls("std_msgs/msg/Int64MultiArray")(data=array_of).data == array("q", [1, 2, 300])
+
+
 def test_numpy_is_not_imported_before_an_array_needs_it() -> None:
     code = (
         "import sys\n"

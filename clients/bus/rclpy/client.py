@@ -2,11 +2,10 @@
 
 from collections import deque
 from contextlib import suppress
-from time import monotonic_ns
 from typing import TYPE_CHECKING, Any
 
 from bus.errors import BusError, ServiceUnavailable
-from bus.rclpy.engine import Engine, Waiter
+from bus.rclpy.engine import Engine, Waiter, deadline_after
 from bus.rclpy.entity import Entity, Work
 from bus.rclpy.exceptions import InvalidHandle
 from bus.rclpy.qos import QoSProfile
@@ -39,7 +38,7 @@ class Client(Entity):
         self._answers: deque[tuple[Future[Any], Any]] = deque()
         self._callers: list[Waiter] = []  # who wait for answers themselves
         super().__init__(node, callback_group)
-        self.group = None  # an answer completes a future and calls nobody; and the group may await it
+        self.held_group = None  # an answer completes a future and calls nobody; and the group may await it
 
     @property
     def service_name(self) -> str:
@@ -54,11 +53,10 @@ class Client(Entity):
         future = self.call_async(request)
         engine = self._engine
         with engine.loop:
-            waiter = Waiter(engine)
-            self.node.context.track_executor(waiter)
+            waiter = Waiter(engine, self.node.context)
             self._callers.append(waiter)
         future.call_when_done(lambda: engine.call(waiter.set))
-        deadline_ns = _deadline_ns(timeout_sec)
+        deadline_ns = deadline_after(timeout_sec)
         try:
             while not future.done():
                 with engine.loop:
@@ -155,7 +153,3 @@ class Client(Entity):
         # Where nobody spun when it was called; else what a callback raises would not come out of `spin`.
         future._set_executor(self.node.own_executor)
         return (future.set_exception if isinstance(outcome, BusError) else future.set_result), (outcome,)
-
-
-def _deadline_ns(timeout_s: float | None) -> int:
-    return 0 if timeout_s is None or timeout_s < 0 else monotonic_ns() + round(timeout_s * 1e9)

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from bus.rclpy.context import Context
 
 __all__ = [
+    "ANY_JUMP",
+    "CHANGES_OF_SOURCE",
     "Clock",
     "ClockChange",
     "ClockEvent",
@@ -67,7 +69,7 @@ class JumpThreshold:
 
     def is_exceeded(self, jump: "TimeJump") -> bool:
         """Whether a callback with this threshold is called for that jump."""
-        if jump.clock_change in _CHANGES_OF_SOURCE:
+        if jump.clock_change in CHANGES_OF_SOURCE:
             return self.on_clock_change
         if self.min_forward is not None and jump.delta >= self.min_forward:
             return True
@@ -232,12 +234,12 @@ class Clock:
         event = ClockEvent()
 
         def on_jump(jump: TimeJump) -> None:
-            if jump.clock_change in _CHANGES_OF_SOURCE:
+            if jump.clock_change in CHANGES_OF_SOURCE:
                 event.set()
             else:
                 event.look_again()
 
-        with _woken_by(context, event), self.create_jump_callback(_ANY_JUMP, post_callback=on_jump):
+        with _woken_by(context, event), self.create_jump_callback(ANY_JUMP, post_callback=on_jump):
             if context.ok():  # it may have been shut down before it knew of the event
                 event.wait_until(self, until)
         return context.ok() and not event.is_set()
@@ -332,5 +334,5 @@ def _wake_sleepers(context: "Context | None") -> None:
         event.set()
 
 
-_CHANGES_OF_SOURCE = (ClockChange.ROS_TIME_ACTIVATED, ClockChange.ROS_TIME_DEACTIVATED)
-_ANY_JUMP = JumpThreshold(min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1))
+CHANGES_OF_SOURCE = (ClockChange.ROS_TIME_ACTIVATED, ClockChange.ROS_TIME_DEACTIVATED)
+ANY_JUMP = JumpThreshold(min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1))

@@ -28,7 +28,7 @@ class Context:
         self.domain_id: int | None = None
         """As given to `init`; None = as the environment says."""
         self._callbacks: list[Callable[[], object]] = []
-        self._executors: WeakSet[Any] = WeakSet()
+        self._sleepers: WeakSet[Any] = WeakSet()
         self._nodes: WeakSet[Any] = WeakSet()
         self.arguments: tuple[str, ...] = ()
         self.parameters: tuple[parameterfile.Section, ...] = ()
@@ -125,9 +125,9 @@ class Context:
     def track_node(self, node: Any) -> None:
         self._nodes.add(node)
 
-    def track_executor(self, executor: Any) -> None:
-        """It is woken at the end."""
-        self._executors.add(executor)
+    def wake_at_end(self, sleeper: Any) -> None:
+        """Call its `wake_up` at the end; it is not kept alive. Under the engine's guard."""
+        self._sleepers.add(sleeper)
 
     def end_by_signal(self) -> None:
         """In a signal's handler: end, but leave what takes locks to others."""
@@ -135,7 +135,7 @@ class Context:
             self._is_valid = False
             self.was_ended_by_signal = True
             if engine := engines.current():
-                engine.loop.call_soon_threadsafe(self._wake_executors)
+                engine.loop.call_soon_threadsafe(self._wake_all)
                 engine.nudge()
             if self._callbacks:
                 Thread(target=self._call_back, name="rclpy shutdown", daemon=True).start()
@@ -150,13 +150,13 @@ class Context:
             was_valid, self._is_valid = self._is_valid, False
         if was_valid:
             if engine := engines.current():
-                engine.call(self._wake_executors)
+                engine.call(self._wake_all)
             self._call_back()
         return was_valid
 
-    def _wake_executors(self) -> None:
-        for executor in tuple(self._executors):
-            executor.wake_up()
+    def _wake_all(self) -> None:
+        for sleeper in tuple(self._sleepers):
+            sleeper.wake_up()
 
     def _call_back(self) -> None:
         with self._lock:

@@ -2,8 +2,11 @@
 
 A thread that spins runs the loop itself, so that a message costs no change of threads. Nobody runs it while
 that thread is in a callback of the user's; where that lasts, or nobody spins at all, the keeper, a thread in
-the background, runs it: discovery and delivery go on. Owns the loop, the keeper and the waiting; must not
-know nodes or callbacks.
+the background, runs it: discovery and delivery go on. Owns the loop, the keeper and the waiting, and keeps
+what all executors share; must not know nodes or callbacks.
+
+Who must look again is told in these ways: `Waiter.set`, what it waits for is there; `Waiter.release`, look,
+from anywhere; `Engine.settle` and `nudge`, the loop must run; `GuardedLoop.wake`, its wait for events ends.
 """
 
 import asyncio
@@ -36,7 +39,7 @@ class Engine:
         self._main_waiter: Waiter | None = None
         self._runner: Waiter | Engine | None = None  # who runs the loop; the engine itself is the keeper
         self._blocked: deque[Waiter] = deque()  # they wait while another one runs it
-        self._leaves = 0
+        self._turns = 0
         self.held = 0
         """Callback groups that are held: executors look at groups while there are any."""
         self.passed_over: set[Any] = set()
@@ -58,13 +61,9 @@ class Engine:
         Raises TimeoutError, also where `context` is shut down meanwhile, and KeyboardInterrupt in the main
         thread; then the coroutine is cancelled.
         """
-        deadline_ns = 0 if timeout_s is None else monotonic_ns() + round(timeout_s * 1e9)
+        deadline_ns = deadline_after(timeout_s)
         with self.loop:
-            waiter = Waiter(self)
-            if context is not None:
-                context.track_executor(waiter)
-                if not context.ok():
-                    waiter.set()
+            waiter = Waiter(self, context)
             task = self.loop.create_task(coroutine)
             task.add_done_callback(waiter.set)
             waiter.wait(deadline_ns)
@@ -146,7 +145,7 @@ class Engine:
                         loop.run(waiter, deadline_ns)
                     finally:
                         self._runner = None
-                        self._leaves += 1
+                        self._turns += 1
                 else:
                     self._block(waiter, deadline_ns, is_eager=is_eager)
                 if deadline_ns and not waiter.is_set and monotonic_ns() >= deadline_ns:
@@ -156,7 +155,7 @@ class Engine:
             if is_main:
                 self._main_waiter = None
             if self._blocked:
-                self.pass_on()
+                self._pass_on()
             elif self._is_asleep:
                 self._is_asleep = False
                 self._ring()
@@ -182,7 +181,7 @@ class Engine:
             with suppress(ValueError):
                 self._blocked.remove(waiter)
 
-    def pass_on(self) -> None:
+    def _pass_on(self) -> None:
         """Somebody who waits must run the loop."""
         if self._runner is None and self._blocked:
             self._blocked.popleft().release()
@@ -203,17 +202,17 @@ class Engine:
             with self.loop:
                 if self._is_closed:
                     return
-                is_idle = self._leaves == seen
+                is_idle = self._turns == seen
                 if self._runner is None and (is_idle or self._is_urgent):
                     self._runner = self
                     self._is_urgent = False
                     self.loop.run()
                     self._runner = None
-                    self._leaves += 1
-                    self.pass_on()
+                    self._turns += 1
+                    self._pass_on()
                 self._is_urgent = False
                 self._is_asleep = self._runner is not None and is_idle
-                seen = self._leaves
+                seen = self._turns
                 timeout_s = -1 if self._is_asleep else _TICK_S
             self._bell.acquire(True, timeout_s)
 
@@ -229,15 +228,18 @@ async def _cancel_all(tasks: set[asyncio.Task[Any]]) -> None:
 
 
 class Waiter:
-    """One thread's wait for something. All under the engine's guard, but for `release`."""
+    """A thread's wait for something, or for the end of `context`. All under the guard, but for `release`."""
 
     __slots__ = ("__weakref__", "_engine", "_lock", "is_set")
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, engine: Engine, context: Any = None) -> None:
         self.is_set = False
         self._engine = engine
         self._lock = Lock()
         self._lock.acquire()
+        if context is not None:
+            context.wake_at_end(self)
+            self.is_set = not context.ok()
 
     def set(self, _: object = None) -> None:
         """What is waited for is there."""
@@ -248,7 +250,6 @@ class Waiter:
                 engine._tell(self)
 
     def wake_up(self) -> None:
-        """As `set`: the context has ended."""
         self.set()
 
     def wait(self, deadline_ns: int = 0, *, is_eager: bool = False) -> bool:
@@ -268,6 +269,11 @@ class Waiter:
         """Let it look again; from anywhere."""
         with suppress(RuntimeError):  # it is not blocked, and will look
             self._lock.release()
+
+
+def deadline_after(timeout_s: float | None) -> int:
+    """On the monotonic clock; 0 = none, for None and below zero."""
+    return 0 if timeout_s is None or timeout_s < 0 else monotonic_ns() + round(timeout_s * 1e9)
 
 
 _engine: Engine | None = None

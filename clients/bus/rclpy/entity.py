@@ -23,7 +23,8 @@ class Entity:
     def __init__(self, node: Any, callback_group: Any) -> None:
         self.node = node
         self.callback_group = callback_group
-        self.group = callback_group  # whose other members may not run at the same time
+        self.held_group = callback_group
+        """What a call holds, so that others of the group do not run meanwhile; None: nothing."""
         self.is_queued = False  # at an executor
         self.is_destroyed = False
         if callback_group is not None:

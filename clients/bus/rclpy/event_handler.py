@@ -9,6 +9,7 @@ from enum import IntEnum
 from typing import Any, NamedTuple, TypeAlias
 
 from bus import events
+from bus.callbacks import ignore
 from bus.rclpy.exceptions import UnsupportedEventTypeError
 from bus.rclpy.qos_policies import QoSPolicyKind
 
@@ -183,7 +184,7 @@ class PublisherEventCallbacks:
 
 def subscription_events(callbacks: SubscriptionEventCallbacks, enqueue: Enqueue) -> events.SubscriptionEvents:
     """The bus's events of a subscription with these callbacks."""
-    silent = None if callbacks.use_default_callbacks else events.ignore
+    silent = None if callbacks.use_default_callbacks else ignore
     return events.SubscriptionEvents(
         matched=_on(callbacks.matched, enqueue, lambda e: QoSSubscriptionMatchedInfo(*_matched(e))),
         incompatible_qos=_on(callbacks.incompatible_qos, enqueue, _incompatible_qos, silent),
@@ -196,7 +197,7 @@ def subscription_events(callbacks: SubscriptionEventCallbacks, enqueue: Enqueue)
 
 def publisher_events(callbacks: PublisherEventCallbacks, enqueue: Enqueue) -> events.PublisherEvents:
     """The bus's events of a publisher with these callbacks."""
-    silent = None if callbacks.use_default_callbacks else events.ignore
+    silent = None if callbacks.use_default_callbacks else ignore
     return events.PublisherEvents(
         matched=_on(callbacks.matched, enqueue, lambda e: QoSPublisherMatchedInfo(*_matched(e))),
         incompatible_qos=_on(callbacks.incompatible_qos, enqueue, _incompatible_qos, silent),

@@ -6,18 +6,17 @@ waits (`bus.rclpy.engine`); calls are made without the guard. Must not know in w
 
 from collections import deque
 from collections.abc import Callable, Coroutine
-from operator import itemgetter
 from time import monotonic_ns
 from types import TracebackType
 from typing import Any, TypeAlias
 
 from bus.rclpy.context import Context, get_default_context
-from bus.rclpy.engine import Waiter, engine
+from bus.rclpy.engine import Waiter, deadline_after, engine
 from bus.rclpy.entity import Entity, Work
 from bus.rclpy.task import Future, Task
 from bus.rclpy.timer import NEVER_NS
 
-__all__ = ["Executor", "ExternalShutdownException", "Ready", "Step", "deadline_after"]
+__all__ = ["Executor", "ExternalShutdownException", "Ready", "Step"]
 
 MOST_AT_ONCE = 64
 UNFINISHED = object()
@@ -34,7 +33,7 @@ class ExternalShutdownException(Exception):
 class Executor:
     """Base of the executors. Any number of nodes; each node has one executor."""
 
-    is_picky = False
+    asks_always = False
     """Not everything that is ready may run, even where no group is held."""
 
     def __init__(self, *, context: Context | None = None) -> None:
@@ -48,7 +47,7 @@ class Executor:
         self._failures: deque[BaseException] = deque()
         self._is_shutdown = False
         with self._engine.loop:
-            self._context.track_executor(self)
+            self._context.wake_at_end(self)
 
     @property
     def is_shutdown(self) -> bool:
@@ -191,10 +190,10 @@ class Executor:
                 self._collect_timers()
             if self._failures:
                 raise self._failures.popleft()
-            while (
-                ready
-                and (entity := self._pop() if engine.held or self.is_picky else ready.popleft()) is not None
-            ):
+            while ready and not self._is_shutdown:
+                entity = self._pop() if engine.held or self.asks_always else ready.popleft()
+                if entity is None:
+                    break
                 work = None if entity.is_destroyed else entity.take(most)
                 if work is not None and not entity.is_single:
                     ready.append(entity)  # it may have more, and is behind the others now
@@ -220,7 +219,7 @@ class Executor:
     def _pop(self) -> "Ready | None":
         """The first of those that may run."""
         for index, entity in enumerate(self.ready):
-            group = entity.group
+            group = entity.held_group
             if group is None or group.can_execute(entity):
                 del self.ready[index]
                 return entity
@@ -239,19 +238,19 @@ class Executor:
                 elif due_ns < next_ns:
                     next_ns = due_ns
         self._timer_ns = next_ns
-        for _, timer in sorted(due, key=_first):  # who has waited longest
+        for _, timer in sorted(due, key=lambda one: one[0]):  # who has waited longest
             timer.is_queued = True
             self.ready.append(timer)
 
     def _begin(self, entity: "Ready") -> None:
         """Its group is held until `_end`."""
-        if entity.group is not None:
-            entity.group.beginning_execution(entity)
+        if entity.held_group is not None:
+            entity.held_group.beginning_execution(entity)
             self._engine.held += 1
 
     def _end(self, entity: "Ready") -> None:
-        if entity.group is not None:
-            entity.group.ending_execution(entity)
+        if entity.held_group is not None:
+            entity.held_group.ending_execution(entity)
             self._engine.held -= 1
             while self._engine.passed_over:
                 self._engine.passed_over.pop().wake_up()
@@ -283,7 +282,7 @@ class Step:
     ) -> None:
         self.task: Task[Any] = Task(function, args, kwargs, executor=executor, reschedule=self.again)
         self.holder = holder
-        self.group: Any = None
+        self.held_group: Any = None
         self.is_destroyed = False
         self.is_queued = False
         self.node = None
@@ -307,11 +306,3 @@ class Step:
 
 
 Ready: TypeAlias = Entity | Step
-
-
-_first = itemgetter(0)
-
-
-def deadline_after(timeout_s: float | None) -> int:
-    """On the monotonic clock; 0 = none, for None and below zero."""
-    return 0 if timeout_s is None or timeout_s < 0 else monotonic_ns() + round(timeout_s * 1e9)

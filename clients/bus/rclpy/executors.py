@@ -7,9 +7,9 @@ from threading import get_ident
 from typing import Any
 
 from bus.rclpy.context import Context
-from bus.rclpy.engine import Waiter
+from bus.rclpy.engine import Waiter, deadline_after
 from bus.rclpy.entity import Work
-from bus.rclpy.executor import Executor, ExternalShutdownException, Ready, Step, deadline_after
+from bus.rclpy.executor import Executor, ExternalShutdownException, Ready, Step
 from bus.rclpy.task import Future
 
 __all__ = [
@@ -52,7 +52,7 @@ class SingleThreadedExecutor(Executor):
             found = self._next(deadline_ns, most, until)
             if found is not None:
                 entity, work = found
-                group = entity.group
+                group = entity.held_group
                 # In one thread, calls exclude each other anyway.
                 holds_group = entity.is_async or (group is not None and group.is_shared)
                 if holds_group:
@@ -77,7 +77,7 @@ class SingleThreadedExecutor(Executor):
 class MultiThreadedExecutor(Executor):
     """Calls back in `num_threads` threads, by default as many as there are CPUs."""
 
-    is_picky = True  # a thread must be free
+    asks_always = True  # a thread must be free
 
     def __init__(self, num_threads: int | None = None, *, context: Context | None = None) -> None:
         super().__init__(context=context)

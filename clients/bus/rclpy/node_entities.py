@@ -128,8 +128,7 @@ class EntityMaker:
     ) -> Subscription[M]:
         """A subscription; `callback` is `def` or `async def`, of (message) or (message, info)."""
         check_is_valid_msg_type(msg_type)
-        if not callable(callback):
-            raise TypeError(f"callback must be callable, not {type(callback).__name__}")
+        _check_callback(callback)
         if content_filter_options is not None:
             raise NotImplementedError("content filters are not there yet: filter in the callback")
         self._check(topic)
@@ -179,8 +178,7 @@ class EntityMaker:
         """Serve; `callback(request, response)`, `def` or `async def`, returns the response."""
         check_is_valid_srv_type(srv_type)
         self._check(srv_name, is_service=True)
-        if not callable(callback):
-            raise TypeError(f"callback must be callable, not {type(callback).__name__}")
+        _check_callback(callback)
         profile = profile_of(qos_profile)
         group = callback_group or self._default_callback_group
         service = Service(self._engine, srv_type, srv_name, callback, group, profile, self)
@@ -203,6 +201,8 @@ class EntityMaker:
         period_ns = int(float(timer_period_sec) * 1e9)
         if period_ns < 0:
             raise ValueError(f"timer period {timer_period_sec!r} is below zero")
+        if callback is not None:
+            _check_callback(callback)
         group = callback_group or self._default_callback_group
         timer = Timer(callback, group, period_ns, clock or self._clock, node=self, autostart=autostart)
         with self._engine.loop:
@@ -230,11 +230,11 @@ class EntityMaker:
             is_ours = publisher in self._publishers
             self._publishers = tuple(one for one in self._publishers if one is not publisher)
         if is_ours:
-            self._engine.run(publisher._native.close())
+            self._engine.run(publisher.native.close())
         return is_ours
 
     def destroy_subscription(self, subscription: Subscription[Any]) -> bool:
-        return self._remove(subscription, subscription._native)
+        return self._remove(subscription, subscription.native)
 
     def destroy_client(self, client: Client) -> bool:
         return self._remove(client, client.native)
@@ -314,6 +314,11 @@ class EntityMaker:
             for entity in (*self._entities, *self.timers):
                 entity.is_destroyed = True
             self.timers, self._entities, self._publishers = (), (), ()
+
+
+def _check_callback(callback: object) -> None:
+    if not callable(callback):
+        raise TypeError(f"callback must be callable, not {type(callback).__name__}")
 
 
 def _service_qos(profile: QoSProfile) -> NativeProfile:

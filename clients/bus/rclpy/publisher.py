@@ -34,15 +34,15 @@ class Publisher(Generic[M]):
         self._engine = engine
         self._loop = engine.loop
         self._guard = engine.loop.guard
-        self._native = native
+        self.native = native
 
     @property
     def topic(self) -> str:
-        return self._native.topic_name
+        return self.native.topic_name
 
     @property
     def topic_name(self) -> str:
-        return self._native.topic_name
+        return self.native.topic_name
 
     def publish(self, msg: M | bytes) -> None:
         """Publish a message, or one that is serialized already; from any thread.
@@ -56,27 +56,27 @@ class Publisher(Generic[M]):
             return
         try:
             with self._guard:
-                is_taken = self._native.publish(msg)
+                is_taken = self.native.publish(msg)
         except ConnectionClosed as error:
             raise self._why_closed(error) from None
         if self._loop.is_interrupted:
             self._loop.check()
         if not is_taken:
-            self._wait_for_room(self._native.send(msg))
+            self._wait_for_room(self.native.send(msg))
 
     def get_subscription_count(self) -> int:
         """Subscriptions matched now."""
         with self._loop:
-            return self._native.get_subscription_count()
+            return self.native.get_subscription_count()
 
     def assert_liveliness(self) -> None:
         """A sign of life, where the QoS is manual by topic."""
-        self._engine.call(self._native.assert_liveliness)
+        self._engine.call(self.native.assert_liveliness)
 
     def wait_for_all_acked(self, timeout: Duration | None = None) -> bool:
         """Wait until all that was published is handed over; returns whether it is."""
         try:
-            self._engine.run(self._native.flush(), None if timeout is None else timeout.nanoseconds / 1e9)
+            self._engine.run(self.native.flush(), None if timeout is None else timeout.nanoseconds / 1e9)
         except TimeoutError:
             return False
         return True
@@ -98,10 +98,10 @@ class Publisher(Generic[M]):
         if not isinstance(msg, bytes):
             if not isinstance(msg, self.msg_type):
                 raise TypeError(f"Expected {self.msg_type}, got {type(msg)}")
-            msg = self._native.support.encode(msg)
+            msg = self.native.support.encode(msg)
         try:
             with self._loop:
-                is_taken = self._native.publish_encoded(msg)
+                is_taken = self.native.publish_encoded(msg)
         except ConnectionClosed as error:
             raise self._why_closed(error) from None
         if not is_taken:

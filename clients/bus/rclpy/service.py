@@ -13,11 +13,11 @@ from bus.service import RequestId, ServiceServer
 __all__ = ["Service"]
 
 MOST_WAITING = 1000
-"""Requests that wait for an executor; the oldest go beyond."""
+"""Requests that wait for an executor; beyond, the oldest are refused."""
 
 
 class Service(Entity):
-    """Made by `Node.create_service`. `replaced` counts requests that went because nobody spun."""
+    """Made by `Node.create_service`."""
 
     def __init__(
         self,
@@ -34,7 +34,6 @@ class Service(Entity):
         self.callback = callback
         self.qos_profile = qos_profile
         self.is_async = is_async(callback)
-        self.replaced = 0
         self.native: ServiceServer | None = None
         self._engine = engine
         self._waiting: deque[tuple[Any, RequestId]] = deque()
@@ -68,8 +67,8 @@ class Service(Entity):
 
     def on_request(self, request: Any, request_id: RequestId) -> None:
         if len(self._waiting) >= MOST_WAITING:
-            self._waiting.popleft()
-            self.replaced += 1
+            _, oldest = self._waiting.popleft()
+            self._refuse(oldest, RuntimeError("too many requests wait: nobody spins the server"))
         self._waiting.append((request, request_id))
         self.notify()
 

@@ -53,28 +53,28 @@ class Subscription(Entity, Generic[M]):
         self.raw = raw
         self.is_async = is_async(callback)
         self._engine = engine
-        self._native = native
+        self.native = native
         self._inbox = native.inbox
         self._take_messages = native.inbox.take_messages
         self._wants_info = takes_info(callback)
-        self._number = 1  # of messages to be taken at once
-        self._is_alone = self.is_async or self._wants_info
+        self._batch = 1  # of messages to be taken at once
+        self._takes_one = self.is_async or self._wants_info
         super().__init__(node, callback_group)
         with engine.loop:
             native.on_arrival = self.notify
 
     @property
     def topic(self) -> str:
-        return self._native.topic_name
+        return self.native.topic_name
 
     @property
     def topic_name(self) -> str:
-        return self._native.topic_name
+        return self.native.topic_name
 
     def get_publisher_count(self) -> int:
         """Publishers matched now."""
         with self._engine.loop:
-            return self._native.get_publisher_count()
+            return self.native.get_publisher_count()
 
     def destroy(self) -> None:
         """No more calls."""
@@ -89,19 +89,19 @@ class Subscription(Entity, Generic[M]):
     # --- for the executor
 
     def take(self, most: int) -> Work | None:
-        if self._is_alone:
-            taken = self._native.take()
+        if self._takes_one:
+            taken = self.native.take()
             if taken is None:
                 return None
             return self.callback, (taken[0], _info(taken[1])) if self._wants_info else taken[:1]
-        number = min(self._number, most)
+        number = min(self._batch, most)
         messages = self._take_messages(number)
         if not messages:
-            self._number = 1
+            self._batch = 1
             single = self._inbox.take()
             return None if single is None else (self.callback, single[:1])
         if number == 1:
-            self._number = 2
+            self._batch = 2
             return self.callback, (messages[0],)
         return self._call_with, (messages,)
 
@@ -117,8 +117,8 @@ class Subscription(Entity, Generic[M]):
         finally:
             if rest := list(left):
                 self._engine.call(self._put_back, rest)
-        if len(messages) == self._number:
-            self._number = min(2 * self._number, 64) if monotonic_ns() - begin_ns < _TURN_NS else 1
+        if len(messages) == self._batch:
+            self._batch = min(2 * self._batch, 64) if monotonic_ns() - begin_ns < _TURN_NS else 1
 
     def _put_back(self, messages: list[Any]) -> None:
         self._inbox.put_back(messages)

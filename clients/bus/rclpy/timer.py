@@ -5,8 +5,7 @@ from time import monotonic_ns
 from typing import Any
 
 from bus.callbacks import is_async
-from bus.rclpy.clock import Clock, ClockChange, JumpHandle, JumpThreshold, ROSClock, TimeJump
-from bus.rclpy.duration import Duration
+from bus.rclpy.clock import ANY_JUMP, CHANGES_OF_SOURCE, Clock, JumpHandle, ROSClock, TimeJump
 from bus.rclpy.engine import Waiter, engine
 from bus.rclpy.entity import Entity, Work
 from bus.rclpy.exceptions import ROSInterruptException
@@ -14,9 +13,11 @@ from bus.rclpy.exceptions import ROSInterruptException
 __all__ = ["Rate", "Timer"]
 
 NEVER_NS = 1 << 62
-_ANY_JUMP = JumpThreshold(
-    min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1), on_clock_change=True
-)
+
+
+def _now_ns(clock: Clock) -> int:
+    """Of the machine's clocks, the one that nobody sets: setting the date must not stall a timer."""
+    return clock.now().nanoseconds if clock.ros_time_is_active else monotonic_ns()
 
 
 class Timer(Entity):
@@ -47,7 +48,7 @@ class Timer(Entity):
         self._jumps: JumpHandle | None = None
         if isinstance(clock, ROSClock):
             self._jumps = clock.create_jump_callback(
-                _ANY_JUMP, pre_callback=self._before, post_callback=self._after
+                ANY_JUMP, pre_callback=self._before, post_callback=self._after
             )
 
     @property
@@ -99,7 +100,7 @@ class Timer(Entity):
 
     def _after(self, jump: TimeJump) -> None:
         now_ns = self._now_ns()
-        if jump.clock_change in (ClockChange.ROS_TIME_ACTIVATED, ClockChange.ROS_TIME_DEACTIVATED):
+        if jump.clock_change in CHANGES_OF_SOURCE:
             self._last_ns, self._next_ns = now_ns, now_ns + self._left_ns
         elif now_ns < self._last_ns:
             self._last_ns, self._next_ns = now_ns, now_ns + self._period_ns
@@ -132,7 +133,7 @@ class Timer(Entity):
             executor.look_at_timers()
 
     def _now_ns(self) -> int:
-        return self.clock.now().nanoseconds if self.clock.ros_time_is_active else monotonic_ns()
+        return _now_ns(self.clock)
 
 
 class Rate:
@@ -160,7 +161,7 @@ class Rate:
         self._is_destroyed = True
 
     def _now_ns(self) -> int:
-        return self._clock.now().nanoseconds if self._clock.ros_time_is_active else monotonic_ns()
+        return _now_ns(self._clock)
 
     def _sleep_until(self, end_ns: int) -> None:
         if self._clock.ros_time_is_active:
@@ -172,7 +173,4 @@ class Rate:
             return
         mover = engine()
         with mover.loop:
-            waiter = Waiter(mover)
-            self._context.track_executor(waiter)
-            if self._context.ok():
-                waiter.wait(end_ns)
+            Waiter(mover, self._context).wait(end_ns)

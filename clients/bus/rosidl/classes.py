@@ -16,7 +16,7 @@ from typing import Any, Final, NoReturn
 
 from bus.errors import ConfigurationError
 from bus.idl import INTEGERS, PARTS, Field, Type
-from bus.interfaces import find_message, full_name
+from bus.interfaces import check_size, find_message, full_name
 from bus.rosidl import fields, numbers
 from bus.rosidl.message import RosMessage
 
@@ -125,6 +125,7 @@ def _functions(
     setters: list[str] = []
     given, bare = ["  if not known.issuperset(given): strange(given, known)"], []
     for index, field in enumerate(members):
+        check_size(name, field)
         condition: str | None = "True"
         if is_checked:
             condition = _doubt(field.type, names, nested.get(field.name))

@@ -55,7 +55,7 @@ def sequence(code: str, value: Any) -> "array[Any]":
     """An array.array with the values of `value`. Raises TypeError or OverflowError for others."""
     if is_array(value):
         value = value.ravel()
-        if value.dtype.char == code or value.dtype == code:
+        if value.dtype.isnative and (value.dtype.char == code or value.dtype == code):
             return _from_bytes(code, value.tobytes())
         return array(code, value.tolist())
     if code == "B" and isinstance(value, memoryview):

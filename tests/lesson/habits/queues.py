@@ -24,7 +24,7 @@ heard = []
 subscription = node.create_subscription(String, 't', lambda message: heard.append(message.data), 3)
 publisher = node.create_publisher(String, 't', 10)
 def arrived():
-    counts = subscription._native.statistics()
+    counts = subscription.native.statistics()
     return counts.queued + sum(counts.dropped.values())
 print(publisher.get_subscription_count())
 for number in range(10):
