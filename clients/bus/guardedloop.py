@@ -59,7 +59,8 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         self._clock_resolution: float
         self._thread_id: int | None
         self.is_interrupted = False
-        self._deferred: deque[tuple[Callable[..., object], tuple[Any, ...]]] = deque()
+        self.deferred: deque[tuple[Callable[..., object], tuple[Any, ...]]] = deque()
+        """Calls, with their arguments, to be made when it is run next: what need not be done at once."""
         self._main_thread = main_thread().ident
         self.guard: Any = RLock()
         self._contenders: deque[None] = deque()  # its methods are atomic
@@ -119,30 +120,51 @@ class GuardedLoop(asyncio.SelectorEventLoop):
 
     def has_work(self) -> bool:
         """Whether callbacks wait to be called."""
-        return bool(self._ready or self._deferred)
+        return bool(self._ready or self.deferred)
 
     def stop(self) -> None:
         self._stopping = True
         if self.is_waiting:
             self.wake()
 
-    def defer(self, callback: Callable[..., object], *args: Any) -> None:
-        """Call it when the loop is run next: what need not be done before whoever runs it now goes on."""
-        self._deferred.append((callback, args))
-
     def run(self, until: Until = _FOR_EVER, deadline_ns: int = 0) -> None:
         """As `run_forever`, until `stop`, until `until.is_set`, or `deadline_ns` on the monotonic clock.
 
-        With less around each turn: somebody waits for what the turn brings.
+        With less around each turn, because somebody waits for what it brings: who can be read from is called
+        first, and in nobody's context.
         """
+        ready, deferred, guard, keys = self._ready, self.deferred, self.guard, self._keys
         self._thread_id = get_ident()
         asyncio._set_running_loop(self)
         try:
             while True:
-                while self._deferred:
-                    callback, args = self._deferred.popleft()
+                while deferred:
+                    callback, args = deferred.popleft()
                     callback(*args)
-                self._turn(until, deadline_ns)
+                timeout_s = 0.0 if ready or self._stopping else self._time_left(deadline_ns)
+                self.is_waiting = True
+                guard.release()
+                try:
+                    if self._contenders:
+                        time.sleep(_YIELD_S)  # a lock is not fair: who waits for it must get it
+                    events = self._epoll.poll() if timeout_s < 0 else self._poll(timeout_s)
+                finally:
+                    guard.acquire()
+                    self.is_waiting = False
+                for descriptor, event in events:
+                    key = keys.get(descriptor)
+                    if key is not None:
+                        reader, writer = key.data
+                        if reader is not None and event & ~select.EPOLLOUT and not reader._cancelled:
+                            try:
+                                reader._callback(*reader._args)
+                            except Exception as error:
+                                self._complain(reader, error)
+                        if writer is not None and event & ~select.EPOLLIN:
+                            ready.append(writer)
+                if until.is_set:
+                    return  # the rest can wait for the next run
+                self._call_ready()
                 if until.is_set or self._stopping:
                     return
                 if deadline_ns and time.monotonic_ns() >= deadline_ns:
@@ -179,43 +201,11 @@ class GuardedLoop(asyncio.SelectorEventLoop):
 
     # --- inside
 
-    def _turn(self, until: Until, deadline_ns: int) -> None:
-        """As BaseEventLoop._run_once; but who can be read from is called first, and in nobody's context."""
-        ready, scheduled, guard = self._ready, self._scheduled, self.guard
-        timeout_s = -1.0
+    def _call_ready(self) -> None:
+        """Timers that are due, and what was asked for before."""
+        ready, scheduled = self._ready, self._scheduled
         if scheduled:
-            timeout_s = self._time_to_next()
-        if deadline_ns:
-            left_s = max((deadline_ns - time.monotonic_ns()) / 1e9, 0)
-            timeout_s = left_s if timeout_s < 0 else min(timeout_s, left_s)
-        if ready or self._stopping:
-            timeout_s = 0
-        self.is_waiting = True
-        guard.release()
-        try:
-            if self._contenders:
-                time.sleep(_YIELD_S)  # a lock is not fair: who waits for it must get it
-            events = self._epoll.poll() if timeout_s < 0 else self._poll(timeout_s)
-        finally:
-            guard.acquire()
-            self.is_waiting = False
-        for descriptor, event in events:
-            key = self._keys.get(descriptor)
-            if key is not None:
-                reader, writer = key.data
-                if reader is not None and event & ~select.EPOLLOUT and not reader._cancelled:
-                    try:
-                        reader._callback(*reader._args)
-                    except Exception as error:
-                        self.call_exception_handler(
-                            {"message": "reading", "exception": error, "handle": reader}
-                        )
-                if writer is not None and event & ~select.EPOLLIN:
-                    ready.append(writer)
-        if until.is_set:
-            return  # the rest can wait for the next turn, and somebody waits for this
-        if scheduled:
-            now = self.time() + self._clock_resolution
+            now = time.monotonic() + self._clock_resolution
             while scheduled and scheduled[0]._when < now:
                 timer = heappop(scheduled)
                 timer._scheduled = False
@@ -225,17 +215,23 @@ class GuardedLoop(asyncio.SelectorEventLoop):
             if not handle._cancelled:
                 handle._run()
 
-    def _time_to_next(self) -> float:
-        """Seconds until the next timer; -1 where there is none."""
+    def _time_left(self, deadline_ns: int) -> float:
+        """Seconds until the next timer or the deadline; -1 where there is neither."""
         scheduled = self._scheduled
         if self._timer_cancelled_count > _MANY_CANCELLED:
-            self._scheduled[:] = [timer for timer in scheduled if not timer._cancelled]
+            scheduled[:] = [timer for timer in scheduled if not timer._cancelled]
             heapify(scheduled)
             self._timer_cancelled_count = 0
         while scheduled and scheduled[0]._cancelled:
             self._timer_cancelled_count -= 1
             heappop(scheduled)._scheduled = False
-        return max(scheduled[0]._when - self.time(), 0) if scheduled else -1
+        end = scheduled[0]._when if scheduled else 0
+        if deadline_ns and not 0 < end < deadline_ns / 1e9:
+            end = deadline_ns / 1e9
+        return max(end - time.monotonic(), 0) if end else -1
+
+    def _complain(self, handle: Any, error: Exception) -> None:
+        self.call_exception_handler({"message": "reading", "exception": error, "handle": handle})
 
     def _poll(self, timeout_s: float) -> list[tuple[int, int]]:
         epoll = self._epoll

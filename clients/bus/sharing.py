@@ -9,7 +9,6 @@ import os
 import select
 from collections import deque
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from time import monotonic_ns
 from typing import Any
@@ -75,9 +74,7 @@ class Sharing:
         self._is_polling = False
         self._is_closed = False
         # On a loop that threads share, whoever waits for the news goes on before the rest is seen to.
-        self._turn_soon = (
-            partial(self._loop.defer, self._turn) if isinstance(self._loop, GuardedLoop) else self._turn
-        )
+        self._deferred = self._loop.deferred if isinstance(self._loop, GuardedLoop) else None
         self._loop.add_reader(self.doorbell.number, self._rung)
         self.readers.sleep()
 
@@ -172,7 +169,10 @@ class Sharing:
             owners = self.readers.wake()
             if owners:
                 self._on_news(owners)
-            self._turn_soon(bool(owners), 0)
+            if self._deferred is None:
+                self._turn(bool(owners), 0)
+            else:
+                self._deferred.append((self._turn, (bool(owners), 0)))
 
     def _turn(self, has_news: bool, spin_ns: int) -> None:
         """What has come is delivered: see to the rest, and sleep."""

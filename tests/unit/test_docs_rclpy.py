@@ -50,7 +50,7 @@ INSIDE_OF_CLASSES = {
     "rclpy.task.Future": {"call_when_done", "forget_waiter"},
     "rclpy.task.Task": {"call_when_done", "forget_waiter", "reschedule"},
     "rclpy.time.Time": {"of_clock"},
-    "rclpy.timer.Timer": {"due_ns", "forget_clock", "rearm"},
+    "rclpy.timer.Timer": {"due_ns", "forget_clock", "is_simulated", "rearm"},
     "rclpy.topic_endpoint_info.TopicEndpointInfo": {"from_graph"},
     "rclpy.type_hash.TypeHash": {"parse"},
 }

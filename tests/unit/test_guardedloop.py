@@ -223,7 +223,7 @@ class TestRunning:
     def test_what_is_deferred_comes_with_the_next_run(self, loop: GuardedLoop) -> None:
         told: list[int] = []
         with loop:
-            loop.defer(told.append, 1)
+            loop.deferred.append((told.append, (1,)))
             assert loop.has_work() and told == []
             loop.call_soon(loop.stop)
             loop.run()
@@ -335,7 +335,7 @@ def test_four_threads_for_half_a_second(loop: GuardedLoop) -> None:
                     elif what == 2:
                         loop.call_later(choose.random() * 0.003, note, thread, -1).cancel()
                     elif what == 3:
-                        loop.defer(note, thread, number)
+                        loop.deferred.append((note, (thread, number)))
                         loop.wake()
                     else:
                         task = loop.create_task(asyncio.sleep(0))

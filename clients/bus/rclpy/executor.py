@@ -231,7 +231,7 @@ class Executor:
         due: list[tuple[int, Any]] = []
         for node in self._nodes:
             for timer in node.timers:
-                self._is_simulated |= timer.clock.ros_time_is_active
+                self._is_simulated |= timer.is_simulated
                 due_ns = timer.due_ns()
                 if due_ns <= now_ns:
                     due.append((due_ns, timer))

@@ -39,6 +39,7 @@ class Timer(Entity):
         self.callback = callback
         self.clock = clock
         self.is_async = callback is not None and is_async(callback)
+        self.is_simulated = clock.ros_time_is_active
         self._period_ns = timer_period_ns
         self._last_ns = self._now_ns()
         self._next_ns = self._last_ns + timer_period_ns
@@ -99,6 +100,7 @@ class Timer(Entity):
         self._left_ns = self._next_ns - self._now_ns()
 
     def _after(self, jump: TimeJump) -> None:
+        self.is_simulated = self.clock.ros_time_is_active
         now_ns = self._now_ns()
         if jump.clock_change in CHANGES_OF_SOURCE:
             self._last_ns, self._next_ns = now_ns, now_ns + self._left_ns
@@ -112,12 +114,12 @@ class Timer(Entity):
         """When a call is due, on the monotonic clock; NEVER_NS where that can't be told."""
         if self._is_canceled or self.is_destroyed or self.is_queued:
             return NEVER_NS
-        if self.clock.ros_time_is_active:
+        if self.is_simulated:
             return 0 if self._now_ns() >= self._next_ns else NEVER_NS  # the executor is told of each change
         return self._next_ns
 
     def take(self, most: int) -> Work | None:
-        now_ns = self._now_ns()
+        now_ns = self._now_ns() if self.is_simulated else monotonic_ns()
         if self._is_canceled or now_ns < self._next_ns or self.callback is None:
             return None
         self._next_ns += self._period_ns
