@@ -7,7 +7,7 @@ from textwrap import dedent
 
 import pytest
 
-TESTS = Path(__file__).parents[1]
+import bus
 
 
 @pytest.fixture
@@ -26,7 +26,7 @@ def workspace(tmp_path: Path) -> Path:
 
 
 def start(code: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    path = [str(folder), *(entry for entry in sys.path if entry)]
+    path = [str(folder), str(Path(bus.__file__).parents[1])]
     return subprocess.run(
         [sys.executable, "-W", "error", "-c", dedent(code)],
         env={"PATH": "", "PYTHONPATH": ":".join(path), "PYTHONDONTWRITEBYTECODE": "1", **environment},
