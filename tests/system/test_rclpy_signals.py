@@ -173,16 +173,18 @@ async def test_a_thread_that_spins_says_nothing(tmp_path: Path) -> None:
 thread = threading.Thread(target=rclpy.spin, args=(node,))
 thread.start()
 try:
+    print('waits', flush=True)
     time.sleep(1000)
 except KeyboardInterrupt:
     thread.join()
     print('joined')
 """
     async with running(tmp_path, *program(tmp_path, text)) as one:
+        await one.line("waits")  # before, it may be at rest where it starts the thread
         await rest(one)
         one.process.send_signal(signal.SIGINT)
         assert await one.end() == 0
-    assert one.lines == ["up", "joined"]
+    assert one.lines == ["up", "waits", "joined"]
 
 
 @on_one_loop
