@@ -15,9 +15,12 @@ import time
 from collections.abc import Callable, Mapping
 from enum import IntEnum
 from types import FrameType
-from typing import NamedTuple, TextIO, TypeAlias, TypedDict, Unpack
+from typing import TYPE_CHECKING, NamedTuple, TextIO, TypeAlias, TypedDict, Unpack
 
 from bus.errors import ConfigurationError
+
+if TYPE_CHECKING:  # it would bring msgspec with it
+    from bus.arguments import Arguments
 
 __all__ = [
     "TOP_NAME",
@@ -27,6 +30,7 @@ __all__ = [
     "Logger",
     "Severity",
     "Sink",
+    "configure",
     "enable_console",
     "get_logger",
     "set_default_level",
@@ -194,6 +198,17 @@ def get_logger(name: str) -> Logger:
 def set_default_level(level: Severity | int | str) -> None:
     """The level of every logger that has none of its own; UNSET brings back INFO."""
     _TOP.setLevel(_severity(level) or Severity.INFO)
+
+
+def configure(arguments: "Arguments") -> None:
+    """Do what a command line says of logs."""
+    for level in arguments.log_levels:
+        if level.logger:
+            get_logger(level.logger).set_level(level.severity)
+        else:
+            set_default_level(level.severity)
+    if not arguments.log_to_console:
+        enable_console(False)
 
 
 def enable_console(enabled: bool) -> None:

@@ -17,7 +17,7 @@ from bus.errors import ConfigurationError, ConnectionClosed, ForkError
 from bus.events import PublisherEvents, SubscriptionEvents
 from bus.graph import Graph
 from bus.link import Link
-from bus.logger import Logger, enable_console, get_logger, set_default_level
+from bus.logger import Logger, configure, get_logger
 from bus.publisher import Publisher
 from bus.qos import QoS, profile, rosout_default
 from bus.rosout import Rosout
@@ -74,13 +74,7 @@ class Node(ServiceHost):
         self.id = 0
         self._path = socket_path(socket, domain)
         self._logger = get_logger(names.logger_name(self.namespace, self.name))
-        for level in self._arguments.log_levels:
-            if level.logger:
-                get_logger(level.logger).set_level(level.severity)
-            else:
-                set_default_level(level.severity)
-        if not self._arguments.log_to_console:
-            enable_console(False)
+        configure(self._arguments)
         if self._arguments.parameters and not self.has_parameters:
             _log.warning("parameters (-p, --params-file) are for programs of rclpy; ignored here", once=True)
         self._link: Link | None = None

@@ -120,9 +120,8 @@ class Client(Entity):
         """Wait until somebody serves, `timeout_sec` at most (None, below zero: for ever); returns whether."""
         native = self.native
         assert native is not None
-        limit_s = None if timeout_sec is None or timeout_sec < 0 else timeout_sec
         with suppress(TimeoutError):
-            self._engine.run(native.wait_for_service(), limit_s, context=self.node.context)
+            self._engine.run(native.wait_for_service(), timeout_sec, context=self.node.context)
         return self.service_is_ready()
 
     def destroy(self) -> None:

@@ -11,7 +11,7 @@ from bus import parameterfile
 from bus.address import domain_id
 from bus.arguments import Arguments
 from bus.errors import ConfigurationError
-from bus.logger import enable_console, get_logger, set_default_level
+from bus.logger import configure, get_logger
 from bus.rclpy import engine as engines
 from bus.rclpy.exceptions import NotInitializedException
 
@@ -76,13 +76,7 @@ class Context:
             self.was_ended_by_signal = False
             self._is_valid = True
         if initialize_logging:
-            for level in arguments.log_levels:
-                if level.logger:
-                    get_logger(level.logger).set_level(level.severity)
-                else:
-                    set_default_level(level.severity)
-            if not arguments.log_to_console:
-                enable_console(False)
+            configure(arguments)
 
     def ok(self) -> bool:
         """Whether it has begun and not ended."""

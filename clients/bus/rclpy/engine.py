@@ -132,7 +132,7 @@ class Engine:
         if self.failure is not None:
             raise again(self.failure)
         loop = self.loop
-        is_main = get_ident() == self._main_thread
+        is_main = self.is_main()
         if is_main:
             self._main_waiter = waiter
         try:

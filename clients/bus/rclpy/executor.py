@@ -249,8 +249,10 @@ class Executor:
             self._engine.held += 1
 
     def _end(self, entity: "Ready") -> None:
-        if entity.held_group is not None:
-            entity.held_group.ending_execution(entity)
+        """A call has ended, and with it what was begun for it; for a step, that of its holder."""
+        holder = entity.holder if isinstance(entity, Step) else entity
+        if holder is not None and holder.held_group is not None:
+            holder.held_group.ending_execution(holder)
             self._engine.held -= 1
             while self._engine.passed_over:
                 self._engine.passed_over.pop().wake_up()

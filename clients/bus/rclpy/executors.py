@@ -68,10 +68,9 @@ class SingleThreadedExecutor(Executor):
         try:
             has_ended = self._run(entity, work)
         finally:
-            holder = entity.holder if isinstance(entity, Step) else entity
-            if holder is not None and has_ended:
+            if has_ended:
                 with loop:
-                    self._end(holder)
+                    self._end(entity)
 
 
 class MultiThreadedExecutor(Executor):
@@ -150,9 +149,8 @@ class MultiThreadedExecutor(Executor):
         with self._engine.loop:
             self._workers.discard(get_ident())
             self._free += 1
-            holder = entity.holder if isinstance(entity, Step) else entity
-            if has_ended and holder is not None:
-                self._end(holder)
+            if has_ended:
+                self._end(entity)
             if failure is not None:
                 self._failures.append(failure)
             self.wake_up()
