@@ -139,6 +139,10 @@ int core_arguments(const char *const *names, PyObject *const *args, Py_ssize_t c
 int core_as_u64(PyObject *value, void *number);
 void *core_allocate(PyTypeObject *type);
 void core_free(void *object);
+/* What a Bell and Readers are made of, from the arguments (memory, doorbell): a checked segment, borrowed; NULL and an
+ * error where it is none. */
+Mapping *core_readers_segment(PyTypeObject *type, PyObject *args, PyObject *kwargs, bool is_written,
+                              uint64_t *slot_count, int *doorbell);
 
 /* The types */
 extern PyType_Spec mapping_spec, bell_spec, writer_spec, readers_spec, reader_spec, view_spec, loan_spec;

@@ -3,18 +3,11 @@
 
 static PyObject *bell_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
 {
-    static char *names[] = {"memory", "doorbell", NULL};
-    const CoreState *state = PyType_GetModuleState(type);
-    Mapping *memory;
+    uint64_t slot_count;
     int doorbell;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "O!i", names, state->mapping, &memory, &doorbell))
+    Mapping *memory = core_readers_segment(type, args, kwargs, false, &slot_count, &doorbell);
+    if (memory == NULL)
         return NULL;
-    struct readers_geometry geometry;
-    const char *fault = readers_check(memory->memory, (uint64_t)memory->size, &geometry);
-    if (fault != NULL) {
-        PyErr_SetString(PyExc_ValueError, fault);
-        return NULL;
-    }
     Bell *self = core_allocate(type);
     if (self == NULL)
         return NULL;
@@ -22,7 +15,7 @@ static PyObject *bell_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
     self->memory = memory;
     self->arrival = &((const struct readers_header *)memory->memory)->arrival;
     self->slots = readers_slots(memory->memory);
-    self->slot_count = geometry.slot_count;
+    self->slot_count = slot_count;
     self->doorbell = doorbell;
     return (PyObject *)self;
 }

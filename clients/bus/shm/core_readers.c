@@ -5,22 +5,33 @@
 
 #define SLICE_NS 50000u /* of a spin, between looks at signals and other threads */
 
-static PyObject *readers_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
+Mapping *core_readers_segment(PyTypeObject *type, PyObject *args, PyObject *kwargs, bool is_written,
+                              uint64_t *slot_count, int *doorbell)
 {
     static char *names[] = {"memory", "doorbell", NULL};
     const CoreState *state = PyType_GetModuleState(type);
     Mapping *memory;
-    int doorbell;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "O!i", names, state->mapping, &memory, &doorbell))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "O!i", names, state->mapping, &memory, doorbell))
         return NULL;
     struct readers_geometry geometry;
     const char *fault = readers_check(memory->memory, (uint64_t)memory->size, &geometry);
-    if (fault == NULL && !memory->is_writable)
+    if (fault == NULL && is_written && !memory->is_writable)
         fault = "mapping is read-only";
     if (fault != NULL) {
         PyErr_SetString(PyExc_ValueError, fault);
         return NULL;
     }
+    *slot_count = geometry.slot_count;
+    return memory;
+}
+
+static PyObject *readers_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
+{
+    uint64_t slot_count;
+    int doorbell;
+    Mapping *memory = core_readers_segment(type, args, kwargs, true, &slot_count, &doorbell);
+    if (memory == NULL)
+        return NULL;
     Readers *self = core_allocate(type);
     if (self == NULL)
         return NULL;
@@ -28,7 +39,7 @@ static PyObject *readers_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
     self->memory = memory;
     self->header = (struct readers_header *)memory->memory;
     self->slots = readers_slots(memory->memory);
-    self->slot_count = geometry.slot_count;
+    self->slot_count = slot_count;
     self->doorbell = doorbell;
     return (PyObject *)self;
 }
