@@ -80,6 +80,22 @@ async def until_nodes(node: bus.Node, *names: str) -> None:
         await asyncio.sleep(0.002)
 
 
+async def until_said(program: subprocess.Popen[str], text: str) -> str:
+    """What it has said on stderr, once `text` is a part of it."""
+    assert program.stderr is not None
+    descriptor, said = program.stderr.fileno(), ""
+    os.set_blocking(descriptor, False)
+    while text not in said:
+        try:
+            more = os.read(descriptor, 1 << 16)
+            assert more, f"ended without {text!r}: {said}"
+            said += more.decode()
+        except BlockingIOError:
+            await asyncio.sleep(0.002)
+    os.set_blocking(descriptor, True)
+    return said
+
+
 async def until_restarted(daemon: Daemon, *endpoints: bus.Publisher[Int32] | bus.Subscription[Int32]) -> None:
     """Kill busd, start another, wait until it knows the endpoints."""
     daemon.kill()
@@ -115,8 +131,9 @@ class TestClients:
         talker.send_signal(signal.SIGCONT)
         await until_nodes(node, "talker")
         await subscription.receive()
+        log = await until_said(talker, "busd is back")
         talker.terminate()
-        _, log = talker.communicate(timeout=WAIT_S)
+        log += talker.communicate(timeout=WAIT_S)[1]
         assert log.count("lost busd (no sign of life for ") == 1
         assert log.count("busd is back") == 1
 
