@@ -12,6 +12,7 @@ from collections.abc import Callable, Coroutine, Iterator
 from functools import partial, wraps
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import hypothesis
 import pytest
@@ -163,10 +164,32 @@ def pytest_asyncio_loop_factories(config: pytest.Config, item: pytest.Item) -> o
     }
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--all-combinations", action="store_true", help="each loop with each route, and not two of the four"
+    )
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     for item in items:
         if isinstance(item, pytest.Function) and asyncio.iscoroutinefunction(item.obj):
             item.obj = bounded(item.obj)
+    if not config.getoption("--all-combinations"):
+        left_out = [item for item in items if not _is_in_half(item)]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if _is_in_half(item)]
+
+
+def _is_in_half(item: pytest.Item) -> bool:
+    """Of the four combinations of loop and route each test has two, in which each loop and each route is.
+
+    Which two hangs on its name, so that all tests together have all four.
+    """
+    ids = item.callspec.id.split("-") if hasattr(item, "callspec") else []
+    if not ("asyncio" in ids) ^ ("uvloop" in ids) or not ("shm" in ids) ^ ("socket" in ids):
+        return True
+    name = item.nodeid.partition("[")[0]
+    return ("asyncio" in ids) ^ ("shm" in ids) ^ bool(crc32(name.encode()) & 1)
 
 
 def bounded(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., Coroutine[Any, Any, None]]:
