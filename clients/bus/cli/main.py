@@ -80,6 +80,14 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
             "set": "Set parameter",
         },
     ),
+    "bench": (
+        "Measure the bus on this machine, with processes of its own",
+        {
+            "fanout": "One publisher to many subscribers",
+            "latency": "How old messages are when they come",
+            "throughput": "Messages a second, and what is lost",
+        },
+    ),
     "run": ("Run a script, a module or a program of a package", {}),
     "pkg": (
         "Various package related sub-commands",

@@ -1,0 +1,1 @@
+"""Verbs of `bus bench`, and the processes that they measure with."""
