@@ -70,9 +70,12 @@ def with_field(message: M, name: str, value: Any) -> M:
 
 
 def encode_around(message: M, name: str, size: int, encode: Callable[[M], bytes]) -> tuple[bytes, bytes]:
-    """The encoding of `message` with `size` bytes as field `name`: what comes before these, and after."""
-    encoded = encode(with_field(message, name, _RAW_MARK))
-    before, _, after = encoded.partition(_MARK)
+    """The encoding of `message` with `size` bytes as field `name`: what comes before these, and after.
+
+    The field of `message`, which is a copy made by `with_field`, is lost.
+    """
+    msgspec.structs.force_setattr(message, name, _RAW_MARK)
+    before, _, after = encode(message).partition(_MARK)
     return before + pack(">BI", 0xC6, size), after  # MessagePack's bin 32
 
 

@@ -127,7 +127,7 @@ class Outlet:
             return None
         place[:start], place[stop:] = before, after
         self._is_lent = True
-        self._choose_routes()
+        self.publish = self.write = _not_so_quick
 
         def finish(is_wanted: bool) -> bool:
             if get_ident() != self._link.thread:

@@ -276,7 +276,7 @@ class Publisher(Endpoint[M]):
         try:
             return encode_around(message, field, size, self._encode)
         except ENCODE_ERRORS as error:
-            raise self.support.explain(message) or error from None
+            raise self.support.explain(with_field(message, field, value)) or error from None
 
     def _put(self, *parts: Buffer) -> bool:
         """Publish a sample, after all that can stand against it was looked at."""

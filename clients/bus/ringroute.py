@@ -64,6 +64,7 @@ class RingRoute:
         self._owner = owner
         self._core = core()
         self._is_lossless = qos.is_lossless
+        self._is_manual = qos.liveliness is Liveliness.MANUAL_BY_TOPIC
         keeps_all = qos.history is History.KEEP_ALL
         self._depth = 1 if keeps_all else qos.depth
         capacity, index = (_LONG_CAPACITY, _LONG_INDEX) if keeps_all else (_CAPACITY, _INDEX)
@@ -121,7 +122,7 @@ class RingRoute:
                     return False
             else:
                 may_force = self._make_larger(sum(map(len, parts)), status)
-        self._written()
+        self._written(status)
         return True
 
     def lend(self, size: int) -> memoryview | None:
@@ -138,8 +139,7 @@ class RingRoute:
                 may_force = self._make_larger(size, place)
 
     def publish_lent(self) -> None:
-        self.writer.publish_lent()
-        self._written()
+        self._written(self.writer.publish_lent())
 
     def _make_larger(self, size: int, status: int) -> bool:
         """Grow for a message of `size` bytes; returns whether depth must be given up instead."""
@@ -291,9 +291,10 @@ class RingRoute:
 
     # --- inside
 
-    def _written(self) -> None:
-        self._link.report(self._owner)
-        if self._owner.qos.liveliness is Liveliness.MANUAL_BY_TOPIC:  # the broker does not see it
+    def _written(self, status: bool | int) -> None:
+        if status is not True:  # for the first time since the counters were reported
+            self._link.report(self._owner)
+        if self._is_manual:  # the broker does not see it
             self._link.send_about(self._owner, m.AssertLiveliness(publisher=self._owner.id))
 
     def _drop_stale(self) -> None:

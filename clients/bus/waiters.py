@@ -33,8 +33,9 @@ class Waiters:
 
     def release(self) -> None:
         """All who wait look again."""
-        for waiter in self._pop():
-            waiter.set_result(None)
+        if self._waiting:
+            for waiter in self._pop():
+                waiter.set_result(None)
 
     def fail(self, reason: BaseException) -> None:
         """All who wait get `reason`."""
