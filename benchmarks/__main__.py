@@ -14,7 +14,6 @@ from benchmarks.plan import Plan
 
 BENCHMARKS = (
     "latency",
-    "latency_large",
     "facade",
     "throughput",
     "bulk",
@@ -23,10 +22,12 @@ BENCHMARKS = (
     "memory",
     "startup",
     "idle",
+    "growth",
+    "discovery",
     "check_cost",
 )
 RESULTS = ROOT / "benchmarks" / "results"
-_QUICK_REPETITIONS, _REPETITIONS = 2, 7
+_QUICK_REPETITIONS, _REPETITIONS = 1, 3
 
 
 def main() -> int:

@@ -1,23 +1,30 @@
 """Messages a second of one field of bytes, as a camera's: copied in and out, or written and read in place."""
 
-from msgspec.structs import replace
-
-from benchmarks.cases import interleave
-from benchmarks.figures import bytes_text, ratios
+from benchmarks import copying
+from benchmarks.cases import Case, interleave
+from benchmarks.figures import bytes_text
 from benchmarks.plan import Plan
-from benchmarks.report import Comparison, Row, Section, compare
-from benchmarks.systems import BUS_BYTES, BUS_SOCKET_BYTES, ICEORYX
-from benchmarks.throughput import COLUMNS, case
-from benchmarks.work import Work
+from benchmarks.report import Comparison, Row, Section
+from benchmarks.systems import BUS_BYTES, BUS_SOCKET_BYTES, ICEORYX, Speed
+from benchmarks.throughput import COLUMNS, case, copying_case, work_of
+from benchmarks.versus import against
 
 NAME = "bulk"
-_COUNTS = {1 << 16: (20_000, 150_000), 1 << 20: (2_000, 15_000)}
+_SIZES = (1 << 16, 1 << 20, 4 << 20)
 _LOANED, _COPIED, _SOCKET = (
     f"{BUS_BYTES.name}, loaned and viewed",
     f"{BUS_BYTES.name}, copied",
     f"{BUS_SOCKET_BYTES.name}, copied",
 )
 _RIVAL = f"{ICEORYX.name}, loaned and in place, polling"
+_IN_PLACE = Speed(300_000, 5e9)
+_GOALS = [
+    # ours, theirs, of which sizes, at least
+    (_LOANED, _RIVAL, _SIZES, 1.0),
+    (_LOANED, copying.NAME, (1 << 20,), 0.5),
+    (_COPIED, _RIVAL, _SIZES, None),
+    (_COPIED, copying.NAME, (1 << 20,), None),
+]
 _NOTES = [
     "reliable + keep all, a message with one field of bytes; loaned ones are filled by one copy of the same "
     "bytes; every run checked: all arrived, none dropped",
@@ -28,23 +35,35 @@ _NOTES = [
 
 
 def run(plan: Plan) -> Section:
-    """Measure 64 KiB and 1 MiB."""
-    cases = []
-    for size, counts in _COUNTS.items():
-        count, text = plan.choose(*counts), bytes_text(size)
-        work = Work(size=size, count=count, warm_up=count // 10, publish_by="publish", take_by="callback")
-        loaned = replace(work, publish_by="loan", take_by="views")
-        cases.append(case(f"{text}, {_LOANED}", BUS_BYTES, loaned))
-        cases.append(case(f"{text}, {_RIVAL}", ICEORYX, replace(work, take_by="polling")))
-        cases.append(case(f"{text}, {_COPIED}", BUS_BYTES, work))
-        fewer = replace(work, count=count // 4, warm_up=count // 40)
-        cases.append(case(f"{text}, {_SOCKET}", BUS_SOCKET_BYTES, fewer))
+    """Measure the sizes of the plan that are long."""
+    sizes = [size for size in _SIZES if size in plan.sizes]
+    cases = [one for size in sizes for one in _cases(plan, size)]
     outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
     comparisons: list[Comparison] = []
-    for text in map(bytes_text, _COUNTS):
-        rival = outcomes[f"{text}, {_RIVAL}"].repetitions
-        for ours, goal in ((_LOANED, 1.0), (_COPIED, None)):
-            values = ratios(outcomes[f"{text}, {ours}"].repetitions, rival, "bytes_per_s")
-            comparisons += compare(f"{text}, {ours} / {_RIVAL}, bytes/s", values, at_least=goal)
+    for size in sizes:
+        text = bytes_text(size)
+        for ours, theirs, of_sizes, goal in _GOALS:
+            if size in of_sizes:
+                comparisons += against(
+                    outcomes,
+                    f"{text}, {ours}",
+                    f"{text}, {theirs}",
+                    "bytes_per_s",
+                    at_least=goal,
+                    what="bytes/s",
+                )
     rows = [Row.of(outcomes[case.name]) for case in cases]
-    return Section(NAME, "Throughput: bytes, lossless, 1 to 1", COLUMNS, rows, comparisons, _NOTES)
+    title = "Throughput: bytes, lossless, 1 to 1"
+    return Section(NAME, title, COLUMNS, rows, comparisons, _NOTES, "size in B")
+
+
+def _cases(plan: Plan, size: int) -> list[Case]:
+    loaned = work_of(plan, _IN_PLACE, size, publish_by="loan", take_by="views")
+    rival = work_of(plan, _IN_PLACE, size, publish_by="loan", take_by="polling")
+    return [
+        case(_LOANED, BUS_BYTES, loaned),
+        case(_RIVAL, ICEORYX, rival),
+        case(_COPIED, BUS_BYTES, work_of(plan, BUS_BYTES.guess, size)),
+        case(_SOCKET, BUS_SOCKET_BYTES, work_of(plan, BUS_SOCKET_BYTES.guess, size)),
+        copying_case(plan, size),
+    ]

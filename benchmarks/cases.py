@@ -11,11 +11,16 @@ Figures = dict[str, float]
 
 
 class Case(NamedTuple):
-    """One line of a table: `measure` does it once; `missing` says why it can't be done here."""
+    """One line of a table: `measure` does it once; `missing` says why it can't be done here.
+
+    In a picture it is the point of `series` (a system, and how it is used) at `at` of the section's axis.
+    """
 
     name: str
     measure: Callable[[], Figures]
     missing: str = ""
+    series: str = ""
+    at: float = 0.0
 
 
 @dataclass
@@ -26,6 +31,8 @@ class Outcome:
     repetitions: list[Figures] = field(default_factory=list)
     failure: str = ""
     missing: str = ""
+    series: str = ""
+    at: float = 0.0
 
     def spreads(self) -> dict[str, Spread]:
         """Each figure over the repetitions."""
@@ -41,7 +48,9 @@ def interleave(
     So what the machine does meanwhile falls on all of them alike. A case that failed is not tried again: one
     that hangs would cost its time limit each time.
     """
-    outcomes = {case.name: Outcome(case.name, missing=case.missing) for case in cases}
+    outcomes = {
+        case.name: Outcome(case.name, missing=case.missing, series=case.series, at=case.at) for case in cases
+    }
     for number in range(repetitions):
         for case in cases if number % 2 == 0 else cases[::-1]:
             outcome = outcomes[case.name]

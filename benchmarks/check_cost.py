@@ -1,4 +1,4 @@
-"""What the parts of `publish` cost: the check of the types, the encoding, all of it."""
+"""What `publish` and `take` are made of: the check of the types, encoding and decoding, all of it."""
 
 import msgspec
 
@@ -12,21 +12,24 @@ NAME = "check_cost"
 _LIMIT_S = 60.0
 _PROGRAM = "benchmarks.adapters.publish_costs"
 _COLUMNS = [
-    Column("check_ns", "ns: type check"),
-    Column("encode_ns", "encode"),
-    Column("flood_ns", "publish, in a flood"),
-    Column("single_ns", "publish, one a turn"),
+    Column("check_ns", "ns: type check", "lower"),
+    Column("encode_ns", "encode", "lower"),
+    Column("flood_ns", "publish, in a flood", "lower"),
+    Column("single_ns", "publish, one a turn", "lower"),
+    Column("decode_ns", "decode", "lower"),
+    Column("take_ns", "take", "lower"),
 ]
 _NOTES = [
     "check and encode are parts of publish; a flood is 200 messages (8 images) in a turn of the event loop, "
     "of which runs are made; one a turn also pays for the system call that sends it",
-    "no subscription: busd reads what comes, and forgets it",
+    "publish: nobody hears it; decode is a part of take, which is called until nothing is left of a burst "
+    "and gives the message with its info",
 ]
 
 
 def run(plan: Plan) -> Section:
     """Measure each message; a round takes them in turns."""
-    outcomes = {name: Outcome(name) for name in messages()}
+    outcomes = {name: Outcome(name, series=name) for name in messages()}
     try:
         with Group() as group:
             group.start_busd()
@@ -47,4 +50,4 @@ def run(plan: Plan) -> Section:
         shares = [one["check_ns"] / one["flood_ns"] for one in outcome.repetitions]
         comparisons += compare(f"{name}: check as a part of publish in a flood", shares)
     rows = [Row.of(outcome) for outcome in outcomes.values()]
-    return Section(NAME, "Publish: what its parts cost", _COLUMNS, rows, comparisons, _NOTES)
+    return Section(NAME, "Parts: what publish and take are made of", _COLUMNS, rows, comparisons, _NOTES)

@@ -1,49 +1,54 @@
-"""What CPU time messages cost that come one by one, so that every process sleeps between any two."""
+"""The CPU time and memory of messages that come one by one, so that every process sleeps between any two."""
 
 from msgspec.structs import replace
 
 from benchmarks import paced
 from benchmarks.cases import interleave
-from benchmarks.figures import ratios
+from benchmarks.figures import bytes_text
 from benchmarks.plan import Plan
-from benchmarks.report import Column, Row, Section, compare
-from benchmarks.systems import BUS, BUS_SOCKET, FLOOR, ICEORYX, PIPE, PYZMQ
+from benchmarks.report import Column, Row, Section
+from benchmarks.systems import BUS, BUS_SOCKET, FLOOR, FLOORS, RIVALS
+from benchmarks.versus import against, against_best
 from benchmarks.work import Work
 
 NAME = "cost"
 _RATE = 5000.0
+_SIZE = 64
 _COLUMNS = [
-    Column("cpu", "CPU s per 100k: all"),
-    Column("cpu_publisher", "publisher"),
-    Column("cpu_broker", "broker"),
-    Column("cpu_subscriber", "subscriber"),
-    Column("p50", "µs: p50"),
+    Column("cpu", "CPU s per 100k: all", "lower"),
+    *(Column(f"cpu_{part}", part, "lower") for part in paced.PARTS),
+    *(
+        Column(f"mib_{part}", f"MiB: {part}" if not index else part, "lower")
+        for index, part in enumerate(paced.PARTS)
+    ),
+    Column("p50", "µs: p50", "lower"),
 ]
 _NOTES = [
-    "the kernel's clock of each process, from the first message to the last, for String of 64 B; the "
-    "publisher's sleep until the next message is due is in it",
-    "publishers give their event loop a turn after each message, but for the Pipe's and the floor's, which "
-    "are plain programs; the Pipe's subscriber blocks in recv()",
+    "the kernel's clock of each process, from the first message to the last; the publisher's sleep until "
+    "the next message is due is in it",
+    "publishers that need an event loop give it a turn after each message; those whose library blocks "
+    "(all but busd, and clients of asyncio) are plain programs here and do not",
+    "MiB: of the whole process after the stream, with its part of the pages that it shares (PSS)",
 ]
 
 
 def run(plan: Plan) -> Section:
-    """Measure 64 B at 5,000/s."""
-    work = Work(size=64, count=plan.choose(4_000, 20_000), warm_up=500, rate=_RATE, take_by="callback")
-    plain = replace(work, take_by="blocking", gives_turns=False)
+    """Measure all systems with 64 B at 5,000/s."""
+    work = Work(size=_SIZE, count=plan.choose(1_000, 6_000), warm_up=500, rate=_RATE)
     cases = [
-        paced.case(BUS.name, BUS, work),
-        paced.case(PIPE.name, PIPE, plain),
-        paced.case(FLOOR.name, FLOOR, plain),
-        paced.case(BUS_SOCKET.name, BUS_SOCKET, work),
-        paced.case(PYZMQ.name, PYZMQ, work),
-        paced.case(f"{ICEORYX.name}, event-driven", ICEORYX, replace(work, take_by="event")),
+        paced.case(
+            system.name, system, replace(work, take_by=system.takes_by, gives_turns=system.gives_turns)
+        )
+        for system in (BUS, BUS_SOCKET, *FLOORS, *RIVALS)
     ]
     outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
-    ours = outcomes[BUS.name].repetitions
-    comparisons = []
-    for theirs, goal in ((PIPE, 1.0), (FLOOR, None)):
-        values = ratios(ours, outcomes[theirs.name].repetitions, "cpu")
-        comparisons += compare(f"{BUS.name} / {theirs.name}, CPU", values, at_most=goal)
+    text = bytes_text(_SIZE)
+    ours, socket = (f"{text}, {system.name}" for system in (BUS, BUS_SOCKET))
+    rivals = [f"{text}, {rival.name}" for rival in RIVALS]
+    brokered = [f"{text}, {rival.name}" for rival in RIVALS if rival.kind == "brokered"]
+    comparisons = against_best(outcomes, ours, rivals, "cpu", at_most=1.0, what="CPU")
+    comparisons += against_best(outcomes, socket, brokered, "cpu", what="CPU")
+    comparisons += against(outcomes, ours, f"{text}, {FLOOR.name}", "cpu", what="CPU")
     rows = [Row.of(outcomes[case.name]) for case in cases]
-    return Section(NAME, f"CPU time: String of 64 B at {_RATE:,.0f}/s", _COLUMNS, rows, comparisons, _NOTES)
+    title = f"CPU time and memory: String of {text} at {_RATE:,.0f}/s"
+    return Section(NAME, title, _COLUMNS, rows, comparisons, _NOTES, "size in B")

@@ -31,15 +31,13 @@ _GOALS = [
     (_LOSSY, "published_per_s", None, None),
 ]
 _COLUMNS = [
-    Column("p50", "µs: p50"),
-    Column("p99", "p99"),
-    Column("cpu", "CPU s per 100k: all"),
-    Column("cpu_publisher", "publisher"),
-    Column("cpu_broker", "broker"),
-    Column("cpu_subscriber", "subscriber"),
-    Column("per_s", "taken/s"),
-    Column("published_per_s", "published/s"),
-    Column("delivered", "delivered %"),
+    Column("p50", "µs: p50", "lower"),
+    Column("p99", "p99", "lower"),
+    Column("cpu", "CPU s per 100k: all", "lower"),
+    *(Column(f"cpu_{part}", part, "lower") for part in paced.PARTS),
+    Column("per_s", "taken/s", "higher"),
+    Column("published_per_s", "published/s", "higher"),
+    Column("delivered", "delivered %", "higher"),
 ]
 _NOTES = [
     f"String of {_SIZE} B by shared memory, a new object each; rclpy: `rclpy.spin` in both processes, but "
@@ -55,13 +53,13 @@ def run(plan: Plan) -> Section:
     """Measure each work by both."""
     timed = Work(
         size=_SIZE,
-        count=plan.choose(2_000, 8_000),
+        count=plan.choose(600, 2_000),
         warm_up=200,
         rate=_RATE,
         publish_by="timer",
         take_by="callback",
     )
-    count = plan.choose(100_000, 500_000)
+    count = plan.choose(100_000, 300_000)
     flood = Work(size=_SIZE, count=count, warm_up=count // 10, publish_by="publish", take_by="callback")
     lossy = Work(size=_SIZE, count=count, warm_up=0, publish_by=LAST, take_by="callback")
     cases = []
@@ -71,7 +69,8 @@ def run(plan: Plan) -> Section:
         (_LOSSY, lossy, measure_lossy),
     ):
         for name, system in _SYSTEMS.items():
-            cases.append(Case(f"{what}, {name}", partial(measure, system, work), system.missing()))
+            series = f"{what}, {name}"
+            cases.append(Case(series, partial(measure, system, work), system.missing(), series, _SIZE))
     outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
     comparisons = []
     for what, key, at_most, at_least in _GOALS:
@@ -79,7 +78,8 @@ def run(plan: Plan) -> Section:
         values = ratios(ours, theirs, key)
         comparisons += compare(f"{what}, rclpy / asyncio, {key}", values, at_most=at_most, at_least=at_least)
     rows = [Row.of(outcomes[case.name]) for case in cases]
-    return Section(NAME, "The facade of rclpy beside the asyncio API", _COLUMNS, rows, comparisons, _NOTES)
+    title = "The facade of rclpy beside the asyncio API"
+    return Section(NAME, title, _COLUMNS, rows, comparisons, _NOTES, "size in B")
 
 
 def measure_lossy(system: System, work: Work) -> Figures:

@@ -1,7 +1,7 @@
 """Numbers out of samples: percentiles, spreads over repetitions, ratios. Pure; knows no processes."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 
 import msgspec
@@ -64,6 +64,16 @@ def ratios(
         for our, their in zip(ours, theirs, strict=False)
         if our.get(key) and their.get(their_key or key)
     ]
+
+
+def best(found: Mapping[str, Sequence[Mapping[str, float]]], key: str, *, is_least: bool) -> str:
+    """Whose `key` has the least (or the greatest) median over its repetitions; empty where nobody has one."""
+    medians = {
+        name: median(held)
+        for name, repetitions in found.items()
+        if (held := [one[key] for one in repetitions if key in one])
+    }
+    return (min if is_least else max)(medians, key=lambda name: medians[name], default="")
 
 
 def bytes_text(size: int) -> str:

@@ -33,6 +33,13 @@ class Failure(Exception):
     """A measurement that came to nothing; the text says why."""
 
 
+class Event(dict[str, Any]):
+    """What a child said; a value that it left out is a Failure."""
+
+    def __missing__(self, key: str) -> Any:
+        raise Failure(f"the event {self.get('event')!r} came without {key!r}")
+
+
 class Child:
     """A process of a `Group`; made by `Group.start`."""
 
@@ -47,7 +54,7 @@ class Child:
     ) -> None:
         self.name = name
         self.ends = ends
-        self.events: list[dict[str, Any]] = []
+        self.events: list[Event] = []
         self.is_server = stop_signal is not None
         self._stop_signal = stop_signal
         self._log = folder / f"{name}.log"
@@ -95,11 +102,11 @@ class Child:
             if not line.startswith(b"{"):
                 continue  # what a program prints for people
             try:
-                self.events.append(json.loads(line))
+                self.events.append(Event(json.loads(line)))
             except ValueError:
                 raise Failure(f"{self.name} said what is no JSON: {line[:80]!r}") from None
 
-    def take(self, event: str) -> dict[str, Any] | None:
+    def take(self, event: str) -> Event | None:
         """The oldest event of that name that came, or None."""
         for index, one in enumerate(self.events):
             if one.get("event") == event:
@@ -177,7 +184,7 @@ class Group:
         """Start a Python program that speaks the protocol of this module."""
         return self.start(name, sys.executable, *arguments)
 
-    def expect(self, child: Child, event: str, *, within_s: float) -> dict[str, Any]:
+    def expect(self, child: Child, event: str, *, within_s: float) -> Event:
         """The next `event` of `child`. Raises Failure where it does not come, or any child ends meanwhile."""
         deadline = monotonic() + within_s
         while True:

@@ -1,64 +1,156 @@
 """One-way latency of paced messages, from the call that publishes to the message in the subscriber's hands.
 
-Next to busd, in turns, the floors of its two routes and the rivals. Where the processes run is the
-scheduler's choice; who polls and does not wait for events says so.
+Every system at every size, in turns: busd by both routes, the floors, the rivals. All wait for events, but
+for those that are marked as polling. Where the processes run is the scheduler's choice.
 """
+
+import os
+from collections.abc import Mapping
+from functools import partial
+from typing import NamedTuple
 
 from msgspec.structs import replace
 
 from benchmarks import paced
-from benchmarks.cases import interleave
-from benchmarks.figures import ratios
+from benchmarks.cases import Case, Outcome, interleave
+from benchmarks.figures import bytes_text
 from benchmarks.plan import Plan
-from benchmarks.report import Row, Section, compare
-from benchmarks.systems import BUS, BUS_SOCKET, FLOOR, ICEORYX, PIPE, PYZMQ, TWO_HOPS
+from benchmarks.report import Comparison, Row, Section
+from benchmarks.systems import (
+    BUS,
+    BUS_BYTES,
+    BUS_SOCKET,
+    BUS_SOCKET_BYTES,
+    ECAL,
+    FLOOR,
+    FLOORS,
+    ICEORYX,
+    RCLPY,
+    RIVALS,
+    TWO_HOPS,
+    System,
+)
+from benchmarks.versus import against, against_best
 from benchmarks.work import Work
 
 NAME = "latency"
-_RATE = 1000.0
+_SMALL = 64
 _BUSY_POLL_S = 0.002
-_OURS, _SOCKET, _POLLING = BUS.name, BUS_SOCKET.name, f"{BUS.name}, busy polling"
-_EVENT, _ICEORYX_POLLING = f"{ICEORYX.name}, event-driven", f"{ICEORYX.name}, busy polling"
+
+
+class _Stream(NamedTuple):
+    """How many messages a second, and how many of them: in a quick run, and else."""
+
+    rate: float
+    warm_up: int
+    counts: tuple[int, int]
+
+
+_STREAMS = {
+    _SMALL: _Stream(1000, 100, (300, 400)),
+    1 << 10: _Stream(1000, 60, (300, 300)),
+    1 << 16: _Stream(1000, 100, (200, 300)),
+    1 << 20: _Stream(100, 10, (25, 50)),
+    4 << 20: _Stream(20, 4, (15, 16)),
+}
+_PLACED = (BUS, FLOOR, ICEORYX, ECAL)
+_ON_ONE, _ON_TWO = "on one CPU", "on two CPUs"
+_POLLED = (_SMALL, 1 << 16, 1 << 20)
+_BY_FACADE = (_SMALL, 1 << 20)
+_LARGE = (1 << 20, 4 << 20)
+_AS_BYTES = 1 << 20
+_LOANED, _COPIED = f"{BUS.name}, loaned and viewed", f"{BUS.name}, bytes"
+_POLLING, _RIVAL_POLLING = f"{BUS.name}, busy polling", f"{ICEORYX.name}, busy polling"
+_IN_PLACE = f"{ICEORYX.name}, in place"
 _GOALS = [
     # ours, theirs, percentile, at most
-    (_OURS, FLOOR.name, "p50", 1.3),
-    (_OURS, FLOOR.name, "p99", 1.5),
-    (_OURS, PYZMQ.name, "p50", 1.0),
-    (_OURS, _EVENT, "p50", 1.0),
-    (_POLLING, _ICEORYX_POLLING, "p50", 1.0),
-    (_SOCKET, TWO_HOPS.name, "p50", 2.0),
+    (BUS.name, FLOOR.name, "p50", 1.3),
+    (BUS.name, FLOOR.name, "p99", 1.5),
+    (f"{BUS.name}, {_ON_ONE}", f"{FLOOR.name}, {_ON_ONE}", "p50", 1.3),
+    (f"{BUS.name}, {_ON_TWO}", f"{FLOOR.name}, {_ON_TWO}", "p50", 1.3),
+    (BUS_SOCKET.name, TWO_HOPS.name, "p50", 2.0),
+]
+_GOALS_AT_ALL_SIZES = [
+    (ours, theirs, key, 1.0)
+    for ours, theirs in ((_POLLING, _RIVAL_POLLING), (_LOANED, _IN_PLACE))
+    for key in ("p50", "p99")
 ]
 _NOTES = [
     *paced.LATENCY_NOTES,
-    "into a subscriber on uvloop, with a callback where nothing else is said; iceoryx2 has no event loop and "
-    "blocks in its listener; busy polling uses a whole CPU while messages come",
+    "String: a str at both ends; into a subscriber on uvloop where the system can, with a callback where "
+    "nothing else is said; busy polling uses a whole CPU while messages come",
+    "loaned and viewed, and in place: copied once, into shared memory, and only looked at there; bytes: "
+    "copied in and out, and nothing is decoded",
+    "on one CPU, on two: publisher and subscriber were put there; else the scheduler chooses. A wake-up of "
+    "another virtual CPU costs several times one of the same",
+    "best rival: the one with the best median of all that wait for events; of fewer than 100 messages the "
+    "p99 is the max",
 ]
 
 
 def run(plan: Plan) -> Section:
-    """Measure 64 B at 1,000/s."""
-    work = Work(size=64, count=plan.choose(1_000, 6_000), warm_up=200, rate=_RATE, take_by="callback")
-    cases = [
-        paced.case(_OURS, BUS, work),
-        paced.case(FLOOR.name, FLOOR, work),
-        paced.case(f"{_OURS}, async for", BUS, replace(work, take_by="async for")),
-        paced.case(_SOCKET, BUS_SOCKET, work),
-        paced.case(TWO_HOPS.name, TWO_HOPS, work),
-        paced.case(PYZMQ.name, PYZMQ, work),
-        paced.case(PIPE.name, PIPE, work),
-        paced.case(_EVENT, ICEORYX, replace(work, take_by="event")),
-        paced.case(_POLLING, BUS, replace(work, busy_poll_s=_BUSY_POLL_S)),
-        paced.case(_ICEORYX_POLLING, ICEORYX, replace(work, take_by="polling")),
-    ]
+    """Measure all systems at the sizes of the plan."""
+    cases = [case for size in plan.sizes for case in _cases(plan, size)]
     outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
-    comparisons = []
-    for ours, theirs, key, goal in _GOALS:
-        values = ratios(outcomes[ours].repetitions, outcomes[theirs].repetitions, key)
-        comparisons += compare(f"{ours} / {theirs}, {key}", values, at_most=goal)
-    floor = outcomes[FLOOR.name].repetitions
-    for name in (PYZMQ.name, _EVENT, PIPE.name, _SOCKET):
-        values = ratios(outcomes[name].repetitions, floor, "p50")
-        comparisons += compare(f"{name} / {FLOOR.name}, p50", values)
+    comparisons = [one for size in plan.sizes for one in _compare(outcomes, size)]
     rows = [Row.of(outcomes[case.name]) for case in cases]
-    title = f"Latency: String of 64 B at {_RATE:,.0f}/s"
-    return Section(NAME, title, paced.LATENCY_COLUMNS, rows, comparisons, _NOTES)
+    rates = ", ".join(f"{bytes_text(size)} at {_STREAMS[size].rate:,.0f}/s" for size in plan.sizes)
+    title = f"Latency: String of {rates}"
+    return Section(NAME, title, paced.LATENCY_COLUMNS, rows, comparisons, _NOTES, "size in B")
+
+
+def _cases(plan: Plan, size: int) -> list[Case]:
+    stream = _STREAMS[size]
+    work = Work(size=size, count=plan.choose(*stream.counts), warm_up=stream.warm_up, rate=stream.rate)
+    case = partial(_case, work)
+    cases = [
+        case(system.name, system) for system in (BUS, BUS_SOCKET, *FLOORS, *RIVALS) if size <= system.largest
+    ]
+    if size in _POLLED:
+        cases.append(case(_POLLING, BUS, busy_poll_s=_BUSY_POLL_S))
+        cases.append(case(_RIVAL_POLLING, ICEORYX, take_by="polling"))
+    if size in _LARGE:
+        cases.append(case(_LOANED, BUS_BYTES, publish_by="loan", take_by="views"))
+        cases.append(case(_IN_PLACE, ICEORYX, publish_by="loan"))
+    return cases if plan.quick else [*cases, *_more(work)]
+
+
+def _more(work: Work) -> list[Case]:
+    """For who has the time."""
+    case = partial(_case, work)
+    cases = []
+    if work.size in _BY_FACADE:
+        cases.append(case(RCLPY.name, RCLPY))
+    if work.size == _AS_BYTES:
+        cases.append(case(_COPIED, BUS_BYTES))
+        cases.append(case(f"{BUS_SOCKET.name}, bytes", BUS_SOCKET_BYTES))
+    if work.size == _SMALL:
+        cases.append(case(f"{BUS.name}, async for", BUS, take_by="async for"))
+        cases += [_placed(work, system, where) for where in (_ON_ONE, _ON_TWO) for system in _PLACED]
+    return cases
+
+
+def _placed(work: Work, system: System, where: str) -> Case:
+    cpus = sorted(os.sched_getaffinity(0))[: 1 if where == _ON_ONE else 2]
+    placed = paced.case(f"{system.name}, {where}", system, replace(work, take_by=system.takes_by), cpus)
+    return placed._replace(missing="there is one CPU only") if where == _ON_TWO and len(cpus) < 2 else placed
+
+
+def _case(work: Work, series: str, system: System, **ways: object) -> Case:
+    return paced.case(series, system, replace(work, **{"take_by": system.takes_by, **ways}))
+
+
+def _compare(outcomes: Mapping[str, Outcome], size: int) -> list[Comparison]:
+    text = bytes_text(size)
+    rivals = [f"{text}, {rival.name}" for rival in RIVALS]
+    brokered = [f"{text}, {rival.name}" for rival in RIVALS if rival.kind == "brokered"]
+    found: list[Comparison] = []
+    for key in ("p50", "p99"):
+        found += against_best(outcomes, f"{text}, {BUS.name}", rivals, key, at_most=1.0)
+        found += against_best(outcomes, f"{text}, {BUS_SOCKET.name}", brokered, key, at_most=1.0)
+    for where in (_ON_ONE, _ON_TWO):
+        placed = [f"{text}, {rival.name}, {where}" for rival in _PLACED if rival.kind == "direct"]
+        found += against_best(outcomes, f"{text}, {BUS.name}, {where}", placed, "p50", at_most=1.0)
+    for ours, theirs, key, goal in (*(_GOALS if size == _SMALL else ()), *_GOALS_AT_ALL_SIZES):
+        found += against(outcomes, f"{text}, {ours}", f"{text}, {theirs}", key, at_most=goal)
+    return found

@@ -2,6 +2,8 @@
 
 import os
 import platform
+import re
+import shutil
 import subprocess
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -10,12 +12,32 @@ import msgspec
 
 ROOT = Path(__file__).resolve().parent.parent
 
-_PACKAGES = ("busd", "msgspec", "uvloop", "pyzmq", "iceoryx2")
-_GIT_S = 5.0
+_PACKAGES = (
+    "busd",
+    "msgspec",
+    "uvloop",
+    "pyzmq",
+    "iceoryx2",
+    "eclipse-zenoh",
+    "eclipse-ecal",
+    "cyclonedds",
+    "nats-py",
+    "redis",
+    "hiredis",
+)
+_SERVERS = ("nats-server", "redis-server")
+_SERVER_PATH = os.pathsep.join([os.environ.get("PATH", os.defpath), "/usr/sbin", "/usr/local/sbin"])
+_COMMAND_S = 5.0
+_GOVERNOR = "/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor"
+_CLOCK = "/sys/devices/system/clocksource/clocksource0/current_clocksource"
 
 
 class Machine(msgspec.Struct, frozen=True):
-    """Where and with what a run was made. `load` is the machine's load average when it began."""
+    """Where and with what a run was made. `load` is the machine's load average when it began.
+
+    `servers` are those of rivals that are no Python packages; `governor` (of the CPU's frequency) and `clock`
+    (the kernel's source of time) are empty where the kernel does not say.
+    """
 
     processor: str
     cpus: int
@@ -26,15 +48,26 @@ class Machine(msgspec.Struct, frozen=True):
     packages: dict[str, str]
     commit: str
     load: float
+    servers: dict[str, str] = {}
+    governor: str = ""
+    clock: str = ""
 
     def describe(self) -> str:
-        """Two lines for people."""
-        kind = "virtual machine" if self.is_virtual else "machine"
-        packages = ", ".join(f"{name} {number}" for name, number in self.packages.items())
+        """Lines for people: the machine, and what runs on it."""
+        programs = (self.packages | self.servers).items()
         return (
-            f"{self.processor}, {self.cpus} CPUs, {self.memory_gib:g} GiB, {kind}, {self.kernel}, "
-            f"load {self.load:.2f} at the start\n{self.python}, {packages}, commit {self.commit or 'unknown'}"
+            f"{self.hardware()}, load {self.load:.2f} at the start\n"
+            f"{self.python}, commit {self.commit or 'unknown'}\n"
+            + ", ".join(f"{name} {number}" for name, number in programs)
         )
+
+    def hardware(self) -> str:
+        """Processor, memory, kernel, and what they say of their clocks."""
+        kind = "virtual machine" if self.is_virtual else "machine"
+        clocks = [f"governor {self.governor}"] if self.governor else []
+        clocks += [f"clock {self.clock}"] if self.clock else []
+        facts = [self.processor, f"{self.cpus} CPUs", f"{self.memory_gib:g} GiB", kind, self.kernel, *clocks]
+        return ", ".join(facts)
 
 
 def look_at_machine() -> Machine:
@@ -51,6 +84,9 @@ def look_at_machine() -> Machine:
         packages={name: _version(name) for name in _PACKAGES},
         commit=_commit(),
         load=os.getloadavg()[0],
+        servers={name: _server_version(name) for name in _SERVERS},
+        governor=_read(_GOVERNOR).strip(),
+        clock=_read(_CLOCK).strip(),
     )
 
 
@@ -76,6 +112,12 @@ def _version(package: str) -> str:
         return "from source" if package == "busd" else "missing"
 
 
+def _server_version(program: str) -> str:
+    path = shutil.which(program, path=_SERVER_PATH)
+    found = re.search(r"\d+(?:\.\d+)+", _output(path, "--version")) if path else None
+    return found.group() if found else "missing"
+
+
 def _commit() -> str:
     """The short commit, with a + where files differ from it; empty where there is no git to ask."""
     commit = _git("rev-parse", "--short=12", "HEAD")
@@ -83,10 +125,13 @@ def _commit() -> str:
 
 
 def _git(*arguments: str) -> str:
+    return _output("git", "-C", str(ROOT), *arguments)
+
+
+def _output(*command: str) -> str:
+    """What a command prints; empty where there is none, or it fails."""
     try:
-        done = subprocess.run(
-            ["git", "-C", str(ROOT), *arguments], capture_output=True, text=True, timeout=_GIT_S, check=False
-        )
+        done = subprocess.run(command, capture_output=True, text=True, timeout=_COMMAND_S, check=False)
     except (OSError, subprocess.TimeoutExpired):
         return ""
     return done.stdout.strip() if done.returncode == 0 else ""

@@ -14,9 +14,9 @@ _NUMBER = 100
 _ADAPTER = "benchmarks.adapters.holding"
 _STEPS = ("publisher", "subscription, matched", "match, at the publisher")
 _COLUMNS = [
-    Column("process", "KiB: its process"),
-    Column("shared", "shared memory"),
-    Column("busd", "busd"),
+    Column("process", "KiB: its process", "lower"),
+    Column("shared", "shared memory", "lower"),
+    Column("busd", "busd", "lower"),
 ]
 _NOTES = [
     f"growth by {_NUMBER} of the default QoS on as many topics, nothing published, divided by {_NUMBER}; of "
@@ -40,7 +40,8 @@ def run(plan: Plan) -> Section:
                 {key.removeprefix(f"{step}: "): value for key, value in one.items() if key.startswith(step)}
                 for one in outcome.repetitions
             ]
-            part = type(outcome)(f"{step}, {case.name}", found, outcome.failure, outcome.missing)
+            name = f"{step}, {case.name}"
+            part = type(outcome)(name, found, outcome.failure, outcome.missing, case.name)
             rows.append(Row.of(part))
     return Section(NAME, "Memory: what an endpoint costs", _COLUMNS, rows, [], _NOTES)
 

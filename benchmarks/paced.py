@@ -1,60 +1,94 @@
-"""One paced stream from process to process: how long each message took, and what CPU time.
+"""One paced stream from process to process: how long each message took, what CPU time, what memory.
 
 Shared by the benchmarks of latency and of cost.
 """
 
+import os
+from collections.abc import Sequence
+from functools import partial
+from itertools import cycle
+from pathlib import Path
+
 import msgspec
 
 from benchmarks.cases import Case, Figures
-from benchmarks.figures import per_100k, percentiles
-from benchmarks.harness import START_S, Group
+from benchmarks.figures import bytes_text, per_100k, percentiles
+from benchmarks.harness import START_S, Child, Failure, Group
 from benchmarks.report import Column
 from benchmarks.systems import System
 from benchmarks.work import Arrivals, Work
 
 LATENCY_COLUMNS = [
-    Column("p50", "µs: p50"),
-    Column("p90", "p90"),
-    Column("p99", "p99"),
-    Column("p99.9", "p99.9"),
-    Column("max", "max"),
-    Column("due_p99", "since due: p99"),
-    Column("late_p50", "sender late: p50"),
-    Column("cpu", "CPU s per 100k"),
+    Column("p50", "µs: p50", "lower"),
+    Column("p90", "p90", "lower"),
+    Column("p99", "p99", "lower"),
+    Column("p99.9", "p99.9", "lower"),
+    Column("max", "max", "lower"),
+    Column("due_p99", "since due: p99", "lower"),
+    Column("late_p50", "sender late: p50", "lower"),
+    Column("cpu", "CPU s per 100k", "lower"),
 ]
 LATENCY_NOTES = [
-    "one way, by CLOCK_MONOTONIC in the message; warm-up left out; percentiles are of each repetition; the "
-    "scheduler chooses the CPUs",
+    "one way, by CLOCK_MONOTONIC in the message; warm-up left out; percentiles are of each repetition",
     "the schedule is fixed: a message that could not be sent when it was due is sent late, and its delay "
     "counts in `since due`, which is the age from when it should have been sent",
 ]
+PARTS = ("publisher", "broker", "subscriber")
+"""Whose CPU time and memory is told: `cpu_publisher`, `mib_publisher`, ..."""
 
 
-def case(name: str, system: System, work: Work) -> Case:
-    """A line of a table: `work` done by `system`."""
-    return Case(name, lambda: measure(system, work), system.missing())
+def case(series: str, system: System, work: Work, on_cpus: Sequence[int] = ()) -> Case:
+    """A line of a table: `work` done by `system`, as the point of `series` at its size."""
+    name = f"{bytes_text(work.size)}, {series}"
+    return Case(name, partial(measure, system, work, on_cpus), system.missing(), series, work.size)
 
 
-def measure(system: System, work: Work) -> Figures:
-    """Do it once. Raises Failure where it did not come to its end."""
+def measure(system: System, work: Work, on_cpus: Sequence[int] = ()) -> Figures:
+    """Do it once: on CPUs of the scheduler's choice, or with the publisher on the first of `on_cpus` and the
+    others, in turns, on the next ones. Raises Failure where it did not come to its end.
+    """
     with Group() as group:
         servers = system.start_servers(group)
         publisher, subscriber = system.start_pair(group, work)
         children = (publisher, subscriber, *servers)
+        if on_cpus:
+            for child, place in zip(children, cycle(on_cpus), strict=False):
+                put_on(child, place)
         before_ns = [child.cpu_ns() for child in children]
         publisher.tell("go")
         limit_s = 2 * work.total / work.rate + START_S
         group.expect(subscriber, "complete", within_s=limit_s)
         after_ns = [child.cpu_ns() for child in children]
+        mib = [memory_mib(child) for child in children]
         subscriber.tell("report")
         event = group.expect(subscriber, "received", within_s=START_S)
-    cpu_s = [(after - before) / 1e9 for before, after in zip(before_ns, after_ns, strict=True)]
-    return summary(msgspec.convert(event, Arrivals)) | {
-        "cpu": per_100k(sum(cpu_s), work.total),
-        "cpu_publisher": per_100k(cpu_s[0], work.total),
-        "cpu_subscriber": per_100k(cpu_s[1], work.total),
-        "cpu_broker": per_100k(sum(cpu_s[2:]), work.total),
-    }
+    cpu = [
+        per_100k((after - before) / 1e9, work.total)
+        for before, after in zip(before_ns, after_ns, strict=True)
+    ]
+    figures = summary(msgspec.convert(event, Arrivals)) | {"cpu": sum(cpu), "mib": sum(mib)}
+    for key, found in (("cpu", cpu), ("mib", mib)):
+        values = (found[0], sum(found[2:]), found[1])
+        figures |= {f"{key}_{part}": value for part, value in zip(PARTS, values, strict=True)}
+    return figures
+
+
+def put_on(child: Child, cpu: int) -> None:
+    """Let all threads of a process run there only. Raises Failure where that can't be."""
+    try:
+        for thread in (Path("/proc") / str(child.pid) / "task").iterdir():
+            os.sched_setaffinity(int(thread.name), {cpu})
+    except OSError as error:
+        raise Failure(f"{child.name} can't be put on CPU {cpu}: {error.strerror}") from None
+
+
+def memory_mib(child: Child) -> float:
+    """MiB of a process: its own, and its part of what it shares with others. Raises Failure if it is gone."""
+    try:
+        lines = (Path("/proc") / str(child.pid) / "smaps_rollup").read_text().splitlines()
+    except OSError:
+        raise Failure(child.describe_end()) from None
+    return next((int(line.split()[1]) for line in lines if line.startswith("Pss:")), 0) / 1024
 
 
 def summary(found: Arrivals) -> Figures:

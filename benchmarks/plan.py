@@ -3,12 +3,21 @@
 import sys
 from typing import NamedTuple
 
+SIZES = (64, 1 << 10, 1 << 16, 1 << 20, 4 << 20)
+"""Of messages, in bytes."""
+_QUICK_SIZES = (64, 1 << 20)
+
 
 class Plan(NamedTuple):
     """`quick`: fewer and shorter; `repetitions`: how often each case is measured."""
 
     quick: bool
     repetitions: int
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Of messages, in bytes, from small to large."""
+        return _QUICK_SIZES if self.quick else SIZES
 
     def tell(self, text: str) -> None:
         """Say on a terminal what is being done."""

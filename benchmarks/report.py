@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 
@@ -11,29 +12,42 @@ from benchmarks.cases import Outcome
 from benchmarks.figures import Spread
 from benchmarks.machine import Machine
 
-FORMAT = 1
+FORMAT = 2
 """Version of the JSON; a change that readers must know of counts it up."""
+WIDTH = 120
+"""Columns that a table on a terminal may use; one that needs more is shown in parts."""
 
 
 class Column(msgspec.Struct, frozen=True):
-    """A figure that a table shows: its key, and the heading with the unit."""
+    """A figure that a table shows: its key, the heading with the unit, and which way is `better`."""
 
     key: str
     heading: str
+    better: Literal["", "lower", "higher"] = ""
 
 
 class Row(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One case. `trouble` says why it failed, or that it is missing; figures may stand beside it."""
+    """One case. `trouble` says why it failed, or that it is missing; figures may stand beside it.
+
+    `series` and `at` as in `cases.Case`.
+    """
 
     name: str
     figures: dict[str, Spread] = {}
     trouble: str = ""
+    series: str = ""
+    at: float = 0.0
+
+    @property
+    def has_failed(self) -> bool:
+        return self.trouble.startswith("failed")
 
     @classmethod
     def of(cls, outcome: Outcome) -> "Row":
         trouble = f"failed: {outcome.failure}" if outcome.failure else ""
         trouble = f"missing: {outcome.missing}" if outcome.missing else trouble
-        return cls(name=outcome.name, figures=outcome.spreads(), trouble=trouble)
+        figures = outcome.spreads()
+        return cls(name=outcome.name, figures=figures, trouble=trouble, series=outcome.series, at=outcome.at)
 
 
 class Comparison(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -57,7 +71,7 @@ class Comparison(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Section(msgspec.Struct, frozen=True):
-    """What one benchmark found."""
+    """What one benchmark found. `axis` says what `Row.at` counts, with its unit: "size in B"."""
 
     name: str
     title: str
@@ -65,10 +79,36 @@ class Section(msgspec.Struct, frozen=True):
     rows: list[Row]
     comparisons: list[Comparison] = []
     notes: list[str] = []
+    axis: str = ""
 
     @property
     def has_failures(self) -> bool:
-        return any(row.trouble.startswith("failed") for row in self.rows)
+        return any(row.has_failed for row in self.rows)
+
+    def lines(self, key: str) -> dict[str, dict[float, Spread]]:
+        """The figure `key` of each series, by `Row.at`: for a picture. Rows of no series are left out."""
+        found: dict[str, dict[float, Spread]] = {}
+        for row in self.rows:
+            if row.series and key in row.figures:
+                found.setdefault(row.series, {})[row.at] = row.figures[key]
+        return {series: dict(sorted(points.items())) for series, points in found.items()}
+
+    def headings(self) -> dict[str, str]:
+        """Each column's heading by its key, with the unit that it shares with the columns before it.
+
+        In a table "CPU s: publisher" is followed by "broker", which here is "CPU s: broker".
+        """
+        found: dict[str, str] = {}
+        group = ""
+        for column in self.columns:
+            begin, colon, _ = column.heading.partition(": ")
+            group = begin + colon if colon else "" if _names_unit(column.heading) else group
+            found[column.key] = column.heading if colon else group + column.heading
+        return found
+
+
+class _Head(msgspec.Struct):
+    format: int
 
 
 class Result(msgspec.Struct, frozen=True):
@@ -80,6 +120,10 @@ class Result(msgspec.Struct, frozen=True):
     repetitions: int
     machine: Machine
     sections: list[Section]
+
+    def section(self, name: str) -> Section | None:
+        """The section of the benchmark `name`, if it was run."""
+        return next((one for one in self.sections if one.name == name), None)
 
 
 def compare(
@@ -128,12 +172,7 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def render(section: Section) -> str:
     """A section as text: table, troubles, comparisons with their goals, notes."""
-    headings = ["median (min - max)", *(column.heading for column in section.columns)]
-    rows = []
-    for row in section.rows:
-        found = [row.figures.get(column.key) for column in section.columns]
-        rows.append([row.name, *("-" if one is None else spread(one) for one in found)])
-    lines = [section.title, "=" * len(section.title), table(headings, rows)]
+    lines = [section.title, "=" * len(section.title), "\n\n".join(_tables(section))]
     lines += [f"{row.name}: {row.trouble}" for row in section.rows if row.trouble]
     if section.comparisons:
         lines.append("")
@@ -161,15 +200,60 @@ def save(result: Result, path: Path) -> None:
     path.write_bytes(data + b"\n")
 
 
+class Unreadable(Exception):
+    """Why a file is no result, in words for people."""
+
+
 def load(path: Path) -> Result:
-    """A result that was saved. Raises OSError, msgspec.DecodeError."""
-    return msgspec.json.decode(path.read_bytes(), type=Result)
+    """A result that was saved. Raises Unreadable."""
+    try:
+        data = path.read_bytes()
+        version = msgspec.json.decode(data, type=_Head).format
+        if version != FORMAT:
+            raise Unreadable(f"{path}: is of format {version}, and only {FORMAT} can be read")
+        return msgspec.json.decode(data, type=Result)
+    except OSError as error:
+        raise Unreadable(f"{path}: {error.strerror}") from None
+    except msgspec.DecodeError as error:
+        raise Unreadable(f"{path}: is no result of a benchmark: {error}") from None
+
+
+def goal(one: Comparison) -> str:
+    """Its bounds in words: "at most 1.50"; empty where there is none."""
+    bounds = [f"at most {number(one.at_most)}"] if one.at_most is not None else []
+    bounds += [f"at least {number(one.at_least)}"] if one.at_least is not None else []
+    return " and ".join(bounds)
+
+
+def _tables(section: Section) -> list[str]:
+    """The table, cut into as many as WIDTH asks for, each with the names of its rows."""
+    names = [row.name for row in section.rows]
+    first = ["median (min - max)", *names]
+    in_full = section.headings()
+    parts: list[list[list[str]]] = [[first]]
+    for column in section.columns:
+        figures = [row.figures.get(column.key) for row in section.rows]
+        cells = [column.heading, *("-" if one is None else spread(one) for one in figures)]
+        if len(parts[-1]) > 1 and _width([*parts[-1], cells]) > WIDTH:
+            parts.append([first])
+            cells[0] = in_full[column.key]
+        parts[-1].append(cells)
+    return [
+        table([cells[0] for cells in part], zip(*(cells[1:] for cells in part), strict=True))
+        for part in parts
+    ]
+
+
+def _names_unit(heading: str) -> bool:
+    return any(unit in heading for unit in ("/s", " per ", "%"))
+
+
+def _width(columns: Sequence[Sequence[str]]) -> int:
+    return sum(max(map(len, cells)) + 2 for cells in columns) - 2
 
 
 def _describe(one: Comparison) -> str:
     text = f"{one.name}: {spread(one.value)}"
     if not one.has_goal:
         return text
-    bounds = [f"at most {number(one.at_most)}"] if one.at_most is not None else []
-    bounds += [f"at least {number(one.at_least)}"] if one.at_least is not None else []
-    return f"{text}   goal: {' and '.join(bounds)}, {'met' if one.is_met else 'NOT met'}"
+    return f"{text}   goal: {goal(one)}, {'met' if one.is_met else 'NOT met'}"

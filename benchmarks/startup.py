@@ -1,7 +1,8 @@
-"""How long it takes until something happens: `bus topic list`, `bus run`, imports, a first message.
+"""How long it takes until something happens: `bus topic list`, `bus run`, imports, first messages.
 
-Against `python -c pass`, which nothing written in Python can beat. Times are of the wall, from the moment
-before a process is started; the files are in the page cache and compiled.
+Against `python -c pass`, which nothing written in Python can beat, and first messages against those of the
+rivals. Times are of the wall, from the moment before a process is started; the files are in the page cache
+and compiled.
 """
 
 import os
@@ -17,20 +18,29 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic_ns
 
+import msgspec
+
+from benchmarks.adapters.talkers import TALKERS
 from benchmarks.cases import Case, Figures, interleave
 from benchmarks.figures import ratios
 from benchmarks.harness import START_S, STOP_S, Group
 from benchmarks.plan import Plan
 from benchmarks.report import Column, Row, Section, compare
+from benchmarks.systems import BUS, BUS_SOCKET, NATS, PYZMQ, PYZMQ_PROXY, REDIS, RIVALS, System
+from benchmarks.versus import against_best
+from benchmarks.work import AT_ONCE, Work
 
 NAME = "startup"
 _LIMIT_S = 20.0
 _PROGRAM = "benchmarks.adapters.first_message"
+_TALKERS = "benchmarks.adapters.talkers"
 _CREDENTIALS = struct.Struct("3i")
+FIRST = Work(size=64, count=1, warm_up=0, rate=1.0, publish_by=AT_ONCE)
 _PASS = "python -c pass"
 _LIBRARIES = "import of the libraries"
 _LISTINGS = ("bus topic list", "bus topic list, installed")
-_FIRST = "first message, busd running"
+_ZMQ_ASYNCIO = "first message, pyzmq, zmq.asyncio"
+_ALONE = "first message, no busd yet"
 _IMPORTS = {
     _PASS: "pass",
     "import asyncio": "import asyncio",
@@ -70,10 +80,13 @@ rclpy.spin(MinimalPublisher())
 _RUN = [sys.executable, "-m", "bus.cli", "run"]
 _PYTHON_SCRIPT, _RUN_SCRIPT = f"python: {_EMPTY}", f"bus run: {_EMPTY}"
 _RCLPY_FIRST = "first message, the lesson's talker by bus run"
-_COLUMNS = [Column("ms", "ms")]
+_COLUMNS = [Column("ms", "ms", "lower")]
+_QUICK_RIVALS = (PYZMQ, PYZMQ_PROXY, NATS)
 _NOTES = [
-    "first message, busd running: from the start of the talker's process to the message in another process's "
-    "hands; no busd: one process with both ends, which starts busd in the background",
+    "first message: from the start of the talker's process to the message in the hands of another process, "
+    "which was there before, as was the broker if there is one; each talker is the least program that its "
+    "user would write, and imports nothing of the harness",
+    "no busd yet: one process with both ends, which starts busd in the background",
     "libraries: what asyncio and the packages that busd is built on cost by themselves",
     "the lesson's talker: as printed there, but with a period of 1 ms and not 500, and one message",
 ]
@@ -93,10 +106,16 @@ def run(plan: Plan) -> Section:
     for name, code in _SCRIPTS.items():
         measure = partial(measure_program, _RUN, script=code, on_bus=name == _MAKING)
         cases.append(Case(f"bus run: {name}", measure))
-    cases.append(Case(_FIRST, measure_first_message))
+    rivals = _QUICK_RIVALS if plan.quick else RIVALS
+    systems = [BUS, BUS_SOCKET, *(system for system in rivals if system.fans_out)]
+    for system in systems:
+        measure = partial(measure_first_message, system)
+        cases.append(Case(_first(system), measure, system.missing(), system.name))
+    measure = partial(measure_first_message, PYZMQ, "zeromq_asyncio")
+    cases.append(Case(_ZMQ_ASYNCIO, measure, PYZMQ.missing(), "pyzmq, zmq.asyncio"))
     cases.append(Case(_RCLPY_FIRST, measure_first_by_rclpy))
-    cases.append(Case("first message, no busd yet", measure_with_autostart))
-    repetitions = plan.repetitions * plan.choose(2, 3)
+    cases.append(Case(_ALONE, measure_with_autostart))
+    repetitions = plan.repetitions + plan.choose(0, 1)
     with _compiling():
         interleave(cases, 1)  # so that all is compiled
         outcomes = interleave(cases, repetitions, lambda text: plan.tell(f"startup {text}"))
@@ -104,13 +123,21 @@ def run(plan: Plan) -> Section:
     for name, floor in [
         *((name, _PASS) for name in (*_LISTINGS, _RUN_SCRIPT)),
         (_RUN_SCRIPT, _PYTHON_SCRIPT),
-        (_FIRST, _PASS),
-        (_FIRST, _LIBRARIES),
+        (_first(BUS), _PASS),
+        (_first(BUS), _LIBRARIES),
         (_RCLPY_FIRST, _PASS),
-        (_RCLPY_FIRST, _FIRST),
+        (_RCLPY_FIRST, _first(BUS)),
     ]:
         values = ratios(outcomes[name].repetitions, outcomes[floor].repetitions, "ms")
         comparisons += compare(f"{name} / {floor}", values)
+    for what, theirs, goal in (
+        ("that import asyncio", [_first(NATS), _first(REDIS), _ZMQ_ASYNCIO], 1.0),
+        ("with a broker", [_first(system) for system in systems if system.kind == "brokered"], 1.0),
+        # Some of these need less time than the import of asyncio.
+        ("without a broker", [_first(system) for system in systems if system.kind == "direct"], None),
+    ):
+        what = f"of those {what}"
+        comparisons += against_best(outcomes, _first(BUS), theirs, "ms", at_most=goal, what=what)
     rows = [Row.of(outcomes[case.name]) for case in cases]
     return Section(NAME, "Start: from nothing to something", _COLUMNS, rows, comparisons, _NOTES)
 
@@ -144,20 +171,26 @@ def measure_program(command: list[str], *, on_bus: bool = False, script: str | N
         return {"ms": (monotonic_ns() - begin_ns) / 1e6}
 
 
-def measure_first_message() -> Figures:
-    """From the start of a talker to the message in the hands of a listener that was there."""
+def measure_first_message(system: System, talker: str = "") -> Figures:
+    """From the start of a talker (another than its own) to the message in a subscriber's hands."""
+    work = msgspec.structs.replace(FIRST, take_by=system.takes_by)
+    name = talker or system.module.rpartition(".")[2]
     with Group() as group:
-        group.start_busd()
-        listener = group.start_python("listener", "-m", _PROGRAM, "listener")
-        group.expect(listener, "ready", within_s=START_S)
+        system.start_servers(group)
+        listener = system.start_role(group, "subscriber", work)
         begin_ns = monotonic_ns()
-        group.start("talker", sys.executable, "-m", _PROGRAM, "talker", ends=True)
+        if talker or name in TALKERS:
+            group.start("talker", sys.executable, "-m", _TALKERS, name, ends=True)
+        else:
+            system.launch(group, "publisher", work)
+        group.expect(listener, "complete", within_s=_LIMIT_S)
+        listener.tell("report")
         at_ns = int(group.expect(listener, "received", within_s=_LIMIT_S)["at_ns"])
     return {"ms": (at_ns - begin_ns) / 1e6}
 
 
 def measure_first_by_rclpy() -> Figures:
-    """As `measure_first_message`, with the talker of a ROS 2 lesson."""
+    """As `measure_first_message` of busd, with the talker of a ROS 2 lesson."""
     with Group() as group:
         group.start_busd()
         listener = group.start_python("listener", "-m", _PROGRAM, "listener")
@@ -167,6 +200,10 @@ def measure_first_by_rclpy() -> Figures:
         group.start("talker", *_RUN, script, ends=True)
         at_ns = int(group.expect(listener, "received", within_s=_LIMIT_S)["at_ns"])
     return {"ms": (at_ns - begin_ns) / 1e6}
+
+
+def _first(system: System) -> str:
+    return f"first message, {system.name}"
 
 
 def _write(group: Group, code: str) -> str:

@@ -3,15 +3,30 @@
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import msgspec
 
+from benchmarks.adapters.floor_c import PROGRAM, WAY
 from benchmarks.harness import START_S, Child, Failure, Group
+from benchmarks.servers import path_of, serve_nats, serve_redis
 from benchmarks.work import Work
 from bus import shm
 
+Kind = Literal["ours", "floor", "direct", "brokered"]
 _NOTHING: Mapping[str, str] = MappingProxyType({})
+
+
+class Speed(NamedTuple):
+    """About what a system can do. A guess, which only chooses how many messages a flood has."""
+
+    per_s: float = 100_000
+    bytes_per_s: float = 500e6
+
+    def messages_in(self, seconds: float, size: int) -> int:
+        """So many messages of `size` bytes take about so long; a round number, and never just a few."""
+        count = seconds / (1 / self.per_s + size / self.bytes_per_s)
+        return max(20, int(float(f"{count:.2g}")))
 
 
 def _serve_nothing(group: Group, module: str) -> list[Child]:
@@ -24,6 +39,11 @@ class System(NamedTuple):
     `serve` starts the processes between the two, whose CPU time is the broker's; `missing` says why the
     system can't be measured here, or nothing. `environ` is added to that of its processes. Where `route` is
     set, a publisher that is matched by another one is a Failure.
+
+    `kind`: ours, a limit to compare with, or a rival without or with a process in the middle. `may_lose`: in
+    a flood it can't be lossless. `fans_out`: to many subscribers, not one to one only. `takes_by`: the
+    `Work.take_by` by which it waits for events. `floods`: it can do more than paced messages. `largest`: no
+    larger messages, in bytes. `gives_turns`: its publisher needs an event loop, that wants its turns.
     """
 
     name: str
@@ -32,6 +52,14 @@ class System(NamedTuple):
     missing: Callable[[], str] = str
     environ: Mapping[str, str] = _NOTHING
     route: str = ""
+    kind: Kind = "direct"
+    may_lose: bool = False
+    fans_out: bool = True
+    takes_by: str = "callback"
+    floods: bool = True
+    largest: int = 4 << 20
+    gives_turns: bool = True
+    guess: Speed = Speed()
 
     def start_servers(self, group: Group) -> list[Child]:
         """Start what stands between the publisher and the subscriber."""
@@ -41,17 +69,31 @@ class System(NamedTuple):
 
     def start_role(self, group: Group, role: str, work: msgspec.Struct, *, name: str = "") -> Child:
         """Start the publisher or a subscriber; returns when it is ready."""
-        child = group.start_python(name or role, "-m", self.module, role, msgspec.json.encode(work).decode())
-        ready = group.expect(child, "ready", within_s=START_S)
-        route = ready.get("route", self.route)
-        if self.route and route != self.route:
-            raise Failure(f"matched by the route {route!r}, not {self.route!r}")
-        return child
+        return self._expect_ready(group, self.launch(group, role, work, name=name))
+
+    def launch(self, group: Group, role: str, work: msgspec.Struct, *, name: str = "") -> Child:
+        """Start one and don't wait for it."""
+        return group.start_python(name or role, "-m", self.module, role, msgspec.json.encode(work).decode())
+
+    def start_fan(self, group: Group, work: msgspec.Struct, number: int) -> tuple[Child, list[Child]]:
+        """Start so many subscribers side by side, and then the publisher, which comes first."""
+        names = [f"subscriber_{index}" for index in range(number)]
+        subscribers = [self.launch(group, "subscriber", work, name=name) for name in names]
+        for child in subscribers:
+            self._expect_ready(group, child)
+        return self.start_role(group, "publisher", work), subscribers
 
     def start_pair(self, group: Group, work: Work) -> tuple[Child, Child]:
         """Start the subscriber and then the publisher, which are returned the other way round."""
         subscriber = self.start_role(group, "subscriber", work)
         return self.start_role(group, "publisher", work), subscriber
+
+    def _expect_ready(self, group: Group, child: Child) -> Child:
+        ready = group.expect(child, "ready", within_s=START_S)
+        route = ready.get("route", self.route)
+        if self.route and route != self.route:
+            raise Failure(f"matched by the route {route!r}, not {self.route!r}")
+        return child
 
 
 def _serve_bus(group: Group, module: str) -> list[Child]:
@@ -64,8 +106,13 @@ def _serve_relay(group: Group, module: str) -> list[Child]:
     return [relay]
 
 
-def _needs(package: str) -> Callable[[], str]:
-    return lambda: "" if find_spec(package) else f"{package} is not installed"
+def _needs(package: str, *, server: str = "") -> Callable[[], str]:
+    def missing() -> str:
+        if not find_spec(package):
+            return f"{package} is not installed"
+        return f"{server} is not on PATH" if server and not path_of(server) else ""
+
+    return missing
 
 
 def no_shared_memory() -> str:
@@ -73,18 +120,140 @@ def no_shared_memory() -> str:
     return shm.why_not()
 
 
+def no_c_program() -> str:
+    """Why the floors in C can't be measured here; empty where they can."""
+    return "" if PROGRAM.exists() else "it has not been built: make -C benchmarks/floors"
+
+
 _BY_SOCKET = MappingProxyType({"BUS_ROUTE": "socket"})
 _STRING, _BYTES, _FAN = (f"benchmarks.adapters.bus_{name}" for name in ("string", "bytes", "fanout"))
 
-BUS = System("busd, shared memory", _STRING, _serve_bus, no_shared_memory, route="shm")
-BUS_SOCKET = System("busd, socket", _STRING, _serve_bus, environ=_BY_SOCKET, route="socket")
-BUS_BYTES = BUS._replace(module=_BYTES)
+_C = "benchmarks.adapters.floor_c"
+
+BUS = System(
+    "busd, shared memory",
+    _STRING,
+    _serve_bus,
+    no_shared_memory,
+    route="shm",
+    kind="ours",
+    guess=Speed(2_500_000, 2e9),
+)
+BUS_SOCKET = BUS._replace(
+    name="busd, socket", missing=str, environ=_BY_SOCKET, route="socket", guess=Speed(700_000, 700e6)
+)
+BUS_BYTES = BUS._replace(module=_BYTES, guess=Speed(1_000_000, 5e9))
 BUS_SOCKET_BYTES = BUS_SOCKET._replace(module=_BYTES)
 BUS_FAN_OUT = BUS._replace(module=_FAN)
 BUS_SOCKET_FAN_OUT = BUS_SOCKET._replace(module=_FAN)
-RCLPY = System("rclpy", "benchmarks.adapters.rclpy_string", _serve_bus, no_shared_memory, route="shm")
-TWO_HOPS = System("two bare hops", "benchmarks.adapters.floor_two_hops", _serve_relay)
-FLOOR = System("barest Python program", "benchmarks.adapters.floor_eventfd")
-PIPE = System("multiprocessing.Pipe", "benchmarks.adapters.pipe")
-PYZMQ = System("pyzmq", "benchmarks.adapters.zeromq", missing=_needs("zmq"))
-ICEORYX = System("iceoryx2", "benchmarks.adapters.iceoryx", missing=_needs("iceoryx2"))
+RCLPY = BUS._replace(name="rclpy", module="benchmarks.adapters.rclpy_string", guess=Speed(700_000, 1e9))
+
+FLOOR = System(
+    "barest Python program",
+    "benchmarks.adapters.floor_eventfd",
+    kind="floor",
+    fans_out=False,
+    floods=False,
+    largest=1 << 10,
+    gives_turns=False,
+)
+TWO_HOPS = System(
+    "two bare hops",
+    "benchmarks.adapters.floor_two_hops",
+    _serve_relay,
+    kind="floor",
+    fans_out=False,
+    floods=False,
+    largest=1 << 16,
+)
+C_FLOOR = System(
+    "C, shared memory + eventfd",
+    _C,
+    missing=no_c_program,
+    environ=MappingProxyType({WAY: "shm"}),
+    kind="floor",
+    fans_out=False,
+    guess=Speed(500_000, 4e9),
+)
+C_SOCKET = C_FLOOR._replace(
+    name="C, UNIX socket", environ=MappingProxyType({WAY: "socket"}), guess=Speed(400_000, 1.5e9)
+)
+
+PIPE = System(
+    "multiprocessing.Pipe",
+    "benchmarks.adapters.pipe",
+    fans_out=False,
+    takes_by="blocking",
+    gives_turns=False,
+)
+PYZMQ = System(
+    "pyzmq",
+    "benchmarks.adapters.zeromq",
+    missing=_needs("zmq"),
+    gives_turns=False,
+    guess=Speed(300_000, 500e6),
+)
+PYZMQ_PROXY = PYZMQ._replace(
+    name="pyzmq, XSUB/XPUB proxy",
+    module="benchmarks.adapters.zeromq_proxy",
+    serve=_serve_relay,
+    kind="brokered",
+)
+QUEUE = PIPE._replace(
+    name="multiprocessing.Queue", module="benchmarks.adapters.mp_queue", guess=Speed(100_000, 300e6)
+)
+NATS = System(
+    "nats-py",
+    "benchmarks.adapters.nats_core",
+    serve_nats,
+    _needs("nats", server="nats-server"),
+    kind="brokered",
+    guess=Speed(60_000, 150e6),
+)
+REDIS = System(
+    "redis-py",
+    "benchmarks.adapters.redis_pubsub",
+    serve_redis,
+    _needs("redis", server="redis-server"),
+    kind="brokered",
+    gives_turns=False,
+    guess=Speed(40_000, 200e6),
+)
+ICEORYX = System(
+    "iceoryx2",
+    "benchmarks.adapters.iceoryx",
+    missing=_needs("iceoryx2"),
+    takes_by="event",
+    gives_turns=False,
+)
+
+ZENOH = System(
+    "eclipse-zenoh",
+    "benchmarks.adapters.zenoh_peer",
+    missing=_needs("zenoh"),
+    gives_turns=False,
+    guess=Speed(300_000, 2e9),
+)
+ECAL = System(
+    "eclipse-ecal",
+    "benchmarks.adapters.ecal_shm",
+    missing=_needs("ecal"),
+    gives_turns=False,
+    guess=Speed(25_000, 2e9),
+)
+CYCLONE = System(
+    "cyclonedds",
+    "benchmarks.adapters.cyclone",
+    missing=_needs("cyclonedds"),
+    gives_turns=False,
+    guess=Speed(25_000, 400e6),
+)
+
+FLOORS = (FLOOR, TWO_HOPS, C_FLOOR, C_SOCKET)
+RIVALS = (PIPE, QUEUE, PYZMQ, PYZMQ_PROXY, NATS, REDIS, ICEORYX, ZENOH, ECAL, CYCLONE)
+SYSTEMS = (BUS, BUS_SOCKET, *FLOORS, *RIVALS)
+
+
+def of_kind(*kinds: Kind) -> list[System]:
+    """Those of `SYSTEMS`, in their order."""
+    return [system for system in SYSTEMS if system.kind in kinds]

@@ -5,6 +5,7 @@ Owns the payload's text and the pace. Must not know any system.
 
 import asyncio
 from collections.abc import Callable, Iterable
+from inspect import iscoroutine
 from time import monotonic_ns, sleep
 
 import msgspec
@@ -12,6 +13,8 @@ import msgspec
 TOPIC = "bench"
 HEAD = 64
 """Characters at the beginning of a paced message, in which its stamps stand."""
+AT_ONCE = "at once"
+"""The way (`Work.publish_by`) to send one stamped message once it reaches somebody, without any word."""
 _LOOP_NS = 2_000_000
 _FILLING = "The quick brown fox jumps over the lazy dog. "
 
@@ -23,6 +26,7 @@ class Work(msgspec.Struct, frozen=True, kw_only=True):
     that count. `publish_by` and `take_by` choose between the ways in which a system can be used. For
     `busy_poll_s` after each message the subscriber looks for the next one without sleeping, where it can.
     `gives_turns`: the publisher is a program of asyncio, whose loop gets a turn after each paced message.
+    `subscribers`: so many processes get every message.
     """
 
     size: int
@@ -33,6 +37,7 @@ class Work(msgspec.Struct, frozen=True, kw_only=True):
     take_by: str = ""
     busy_poll_s: float = 0.0
     gives_turns: bool = True
+    subscribers: int = 1
 
     @property
     def total(self) -> int:
@@ -70,7 +75,9 @@ async def pace(send: Callable[[str], object], work: Work) -> None:
         rest_ns = due_ns - monotonic_ns()
         if rest_ns > 0:
             sleep(rest_ns / 1e9)  # noqa: ASYNC251
-        send(f"{due_ns} {monotonic_ns()} ".ljust(work.size))
+        sent = send(f"{due_ns} {monotonic_ns()} ".ljust(work.size))
+        if iscoroutine(sent):
+            await sent
         if work.gives_turns:
             await asyncio.sleep(0)
 

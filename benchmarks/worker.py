@@ -9,8 +9,7 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 import msgspec
-
-import bus
+import uvloop
 
 LIFE_S = 300
 """No worker lives longer, whatever happened to the rest."""
@@ -53,7 +52,7 @@ def tell(event: str, **values: Any) -> None:
 def run(main: Callable[[Parent], Awaitable[None]]) -> None:
     """Run `main` on the loop that the bus uses, until the parent has no more words."""
     signal.alarm(LIFE_S)
-    bus.run(_serve(main))
+    uvloop.run(_serve(main))
 
 
 def options(kind: type[Any]) -> Any:

@@ -6,6 +6,7 @@ it there. Of what comes only the head is looked at, as a program would that hand
 
 import asyncio
 import sys
+from collections.abc import Awaitable
 from time import monotonic_ns
 
 import msgspec
@@ -17,7 +18,6 @@ from benchmarks.work import HEAD, TOPIC, Work, pace, text_of
 from benchmarks.worker import Parent, options, run
 
 _LOSSLESS = bus.QoSProfile(history="keep_all")
-_PACED = bus.QoSProfile(depth=16)
 
 
 class Frame(msgspec.Struct):
@@ -47,6 +47,11 @@ class Feeder:
         buffer[: len(head)] = head
         return loan.publish()
 
+    def feed_or_wait(self, head: str) -> Awaitable[None] | None:
+        """A frame that begins with `head`; where there is no room, what waits until there is."""
+        data = head.encode()
+        return None if self.feed(data) else self._pub.send(Frame(data=data + self._body[len(data) :]))
+
     async def flood(self, count: int) -> None:
         """So many frames. Where there is no room, one more is sent by copy, which waits until there is."""
         feed = self.feed
@@ -58,14 +63,14 @@ class Feeder:
 async def publisher(parent: Parent) -> None:
     work: Work = options(Work)
     async with bus.Node("bench_publisher") as node:
-        pub = await node.create_publisher(Frame, TOPIC, _PACED if work.rate else _LOSSLESS)
+        pub = await node.create_publisher(Frame, TOPIC, _LOSSLESS)
         feeder = Feeder(pub, work)
         await pub.wait_for_subscriptions()
         parent.tell("ready", route=pub.matches[0].route)
         if work.rate:
             await parent.wait_for("go")
             heads = msgspec.structs.replace(work, size=HEAD)
-            await pace(lambda head: feeder.feed(head.encode()), heads)
+            await pace(feeder.feed_or_wait, heads)
             await pub.flush()
         else:
             await parent.wait_for("warm_up")
@@ -96,7 +101,7 @@ async def subscriber(parent: Parent) -> None:
         sub = await node.create_subscription(
             Frame,
             TOPIC,
-            _PACED if work.rate else _LOSSLESS,
+            _LOSSLESS,
             note if work.rate else count,
             events=bus.SubscriptionEvents(message_lost=fail),
             views=work.take_by == "views",

@@ -2,15 +2,20 @@
 
 import asyncio
 import sys
+from collections.abc import Awaitable
+from functools import partial
 from time import monotonic_ns
 from typing import Any
 
 import bus
 from benchmarks.adapters.roles import LAST, Stamps, stamped
-from benchmarks.work import TOPIC, Work, pace, text_of
+from benchmarks.work import AT_ONCE, TOPIC, Work, pace, text_of
 from benchmarks.worker import Parent, options, run
 from bus.msg.std_msgs import String
 
+LARGE = 1 << 16
+"""Bytes from which on a publisher waits for who is behind, and does not keep many messages for it."""
+_DEPTH = 1000
 _TURN = 64
 """Messages that may be lost are published so many at a time, and then the event loop gets a turn."""
 
@@ -18,24 +23,28 @@ _TURN = 64
 def _qos(work: Work) -> bus.QoSProfile:
     if work.publish_by == LAST:
         return bus.QoSProfile(depth=10)
-    if not work.rate:
+    if not work.rate or work.size >= LARGE:
         return bus.QoSProfile(history="keep_all")
     # So many that a process which the scheduler forgets for a while loses none.
-    return bus.QoSProfile(depth=1000 if work.size < 1 << 16 else 16)
+    return bus.QoSProfile(depth=_DEPTH)
 
 
 async def publisher(parent: Parent) -> None:
     work: Work = options(Work)
     async with bus.Node("bench_publisher") as node:
         pub = await node.create_publisher(String, TOPIC, _qos(work))
-        await pub.wait_for_subscriptions()
+        await pub.wait_for_subscriptions(work.subscribers)
+        if work.publish_by == AT_ONCE:
+            pub.publish(String(data=stamped(work)))
+            parent.tell("ready")
+            await asyncio.Event().wait()
         parent.tell("ready", route=pub.matches[0].route)
         if work.rate and work.publish_by == "timer":
             await parent.wait_for("go")
             await _publish_by_timer(node, pub, work)
         elif work.rate:
             await parent.wait_for("go")
-            await pace(lambda text: pub.publish(String(data=text)), work)
+            await pace(partial(_publish_or_wait, pub), work)
             await pub.flush()
         elif work.publish_by == LAST:
             await parent.wait_for("go")
@@ -50,6 +59,11 @@ async def publisher(parent: Parent) -> None:
             await flood(pub, text, work.count)
             parent.tell("sent", begin_ns=begin_ns)
         await asyncio.Event().wait()
+
+
+def _publish_or_wait(pub: bus.Publisher[String], text: str) -> Awaitable[None] | None:
+    message = String(data=text)
+    return None if pub.publish(message) else pub.send(message)
 
 
 async def _publish_by_timer(node: bus.Node, pub: bus.Publisher[String], work: Work) -> None:

@@ -1,4 +1,4 @@
-"""The programs of startup.py: a listener that is there already, and a talker that has just been started."""
+"""Programs of startup.py: a listener for a talker that knows nothing of stamps, and one with both ends."""
 
 import asyncio
 import sys
@@ -21,14 +21,6 @@ async def listener(parent: Parent) -> None:
         await asyncio.Event().wait()
 
 
-async def talker() -> None:
-    """As a user would write it: ends once it has published."""
-    async with bus.Node("bench_talker") as node:
-        pub = await node.create_publisher(String, TOPIC)
-        await pub.wait_for_subscriptions()
-        pub.publish(String(data="Hello World: 0"))
-
-
 async def alone() -> None:
     """Talker and listener in one program; says when the message came."""
     async with bus.Node("bench_alone") as node:
@@ -44,7 +36,5 @@ if __name__ == "__main__":
     match sys.argv[1]:
         case "listener":
             run(listener)
-        case "talker":
-            bus.run(talker())
         case "alone":
             bus.run(alone())

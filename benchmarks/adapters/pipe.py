@@ -1,4 +1,4 @@
-"""multiprocessing.Pipe: its two ends in two processes that are not each other's children. Only paced.
+"""multiprocessing.Pipe: its two ends in two processes that are not each other's children.
 
 The subscriber calls `recv` and blocks in it, as a plain program does (`take_by` "blocking"), or calls it
 where its event loop sees something to read.
@@ -31,13 +31,11 @@ async def subscriber(parent: Parent) -> None:
         parent.tell("ready")
         connection = listener.accept()
     take, receive = taker.take, connection.recv
-    with connection:
-        if work.take_by == "blocking":
-            while not taker.is_done:
-                take(receive())
-        else:
-            asyncio.get_running_loop().add_reader(connection.fileno(), lambda: take(receive()))
-        await taker.finish()
+    if work.take_by == "blocking":
+        roles.take_in_thread(taker, receive)
+    else:
+        asyncio.get_running_loop().add_reader(connection.fileno(), lambda: take(receive()))
+    await taker.finish()
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
-"""The program of check_cost.py: times the parts of `publish` for some messages, round by round."""
+"""The program of check_cost.py: times the parts of `publish` and `take` for some messages, round by round."""
 
 import asyncio
 from collections.abc import Callable
 from time import monotonic_ns
 from timeit import Timer
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -44,7 +44,7 @@ def messages() -> dict[str, msgspec.Struct]:
     }
 
 
-def per_call_ns(call: Callable[[Any], object], message: msgspec.Struct, limit_s: float) -> float:
+def per_call_ns(call: Callable[[Any], object], message: object, limit_s: float) -> float:
     """Mean time of a call over about `limit_s`."""
     timer = Timer("call(message)", globals={"call": call, "message": message})
     once_s = min(timer.repeat(3, 1))
@@ -66,27 +66,64 @@ async def publish_ns(pub: bus.Publisher[Any], message: msgspec.Struct, number: i
     return spent_ns / (max(1, number // burst) * burst)
 
 
+async def take_ns(
+    pub: bus.Publisher[Any], sub: bus.Subscription[Any], message: msgspec.Struct, number: int, burst: int
+) -> float:
+    """Mean time of `take`, called until nothing is left of each `burst`, for about `number` messages."""
+    spent_ns = taken = 0
+    take = sub.take
+    while taken < number:
+        for _ in range(burst):
+            pub.publish(message)
+        await pub.flush()
+        await sub.receive()  # by then they are all there
+        begin_ns = monotonic_ns()
+        while take():
+            taken += 1
+        spent_ns += monotonic_ns() - begin_ns
+    return spent_ns / taken
+
+
+class Held(NamedTuple):
+    """A message, a publisher that nobody hears, and one with a subscription in this process."""
+
+    name: str
+    message: msgspec.Struct
+    alone: bus.Publisher[Any]
+    heard: bus.Publisher[Any]
+    sub: bus.Subscription[Any]
+
+
+async def hold(node: bus.Node, index: int, name: str, message: msgspec.Struct) -> Held:
+    kind: Any = type(message)
+    alone = await node.create_publisher(kind, f"alone_{index}", _DEPTH)
+    sub = await node.create_subscription(kind, f"heard_{index}", _DEPTH)
+    heard = await node.create_publisher(kind, f"heard_{index}", _DEPTH)
+    await heard.wait_for_subscriptions()
+    return Held(name, message, alone, heard, sub)
+
+
 async def main(parent: Parent) -> None:
     part_s = options(Rounds).part_s
     async with bus.Node("bench_costs") as node:
-        held = []
-        for index, (name, message) in enumerate(messages().items()):
-            pub: bus.Publisher[Any] = await node.create_publisher(type(message), f"costs_{index}", _DEPTH)
-            held.append((name, message, pub))
+        held = [await hold(node, index, *one) for index, one in enumerate(messages().items())]
         parent.tell("ready")
         while True:
             await parent.wait_for("round")
             figures = {}
-            for name, message, pub in held:
+            for name, message, alone, heard, sub in held:
                 support = type_support(type(message))
                 check = per_call_ns(support.is_valid, message, part_s)
                 encode = per_call_ns(support.encode, message, part_s)
                 number = max(20, min(20_000, int(part_s * 1e9 / (check + encode) / 10)))
+                burst = 8 if encode > 10_000 else 200
                 figures[name] = {
                     "check_ns": check,
                     "encode_ns": encode,
-                    "flood_ns": await publish_ns(pub, message, number, 8 if encode > 10_000 else 200),
-                    "single_ns": await publish_ns(pub, message, max(20, number // 10), 1),
+                    "flood_ns": await publish_ns(alone, message, number, burst),
+                    "single_ns": await publish_ns(alone, message, max(20, number // 10), 1),
+                    "decode_ns": per_call_ns(support.decode, support.encode(message), part_s),
+                    "take_ns": await take_ns(heard, sub, message, number, burst),
                 }
             parent.tell("measured", figures=figures)
 

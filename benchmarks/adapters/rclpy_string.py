@@ -25,6 +25,7 @@ from bus.rosidl import message_class
 
 String: Any = message_class("std_msgs/msg/String")
 _MATCH_S = 0.01
+_LARGE = 1 << 16
 
 
 class _Done(Exception):
@@ -57,7 +58,9 @@ class _Parent:
 def _qos(work: Work) -> QoSProfile:
     if work.publish_by == LAST:
         return QoSProfile(depth=10)
-    return QoSProfile(depth=1000) if work.rate else QoSProfile(history=HistoryPolicy.KEEP_ALL)
+    if not work.rate or work.size >= _LARGE:
+        return QoSProfile(history=HistoryPolicy.KEEP_ALL)
+    return QoSProfile(depth=1000)
 
 
 def _spin(node: Node) -> None:

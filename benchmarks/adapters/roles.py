@@ -4,17 +4,24 @@ Must not know how a message is sent or how it comes.
 """
 
 import asyncio
+import os
+import traceback
 from collections.abc import Callable
+from inspect import iscoroutine, iscoroutinefunction
+from threading import Thread
 from time import monotonic_ns
 from typing import Any
 
 import msgspec
 
-from benchmarks.work import HEAD, Arrivals, Work, arrivals, pace, text_of
+from benchmarks.work import AT_ONCE, HEAD, Arrivals, Work, arrivals, pace, text_of
 from benchmarks.worker import Parent
 
 LAST = "the last"
 """The text of the last message, where some may be lost; also the way `Work.publish_by` asks for that."""
+
+_STEP, _STEP_BYTES = 1_000, 4 << 20
+_STEPS = 4
 
 
 def stamped(work: Work) -> str:
@@ -23,8 +30,20 @@ def stamped(work: Work) -> str:
     return f"{now_ns} {now_ns} ".ljust(work.size)
 
 
-async def publish(parent: Parent, work: Work, send: Callable[[str], object]) -> None:
-    """The publisher of a system whose `send` blocks until there is room, and reaches the subscriber."""
+async def publish(
+    parent: Parent, work: Work, send: Callable[[str], object], flush: Callable[[], object] = lambda: None
+) -> None:
+    """The publisher of a system whose `send` blocks until there is room, and reaches all subscribers.
+
+    `send` may be a coroutine function. Of a flood it may keep some back until `flush`.
+    """
+    if work.publish_by == AT_ONCE:
+        sent = send(stamped(work))
+        if iscoroutine(sent):
+            await sent
+        parent.tell("ready")
+        await parent.wait_for("end")
+        return
     parent.tell("ready")
     if work.rate:
         await parent.wait_for("go")
@@ -32,14 +51,47 @@ async def publish(parent: Parent, work: Work, send: Callable[[str], object]) -> 
     else:
         text = text_of(work.size)
         await parent.wait_for("warm_up")
-        for _ in range(work.warm_up):
-            send(text)
+        await _flood(send, text, work.warm_up)
+        flush()
         await parent.wait_for("go")
         begin_ns = monotonic_ns()
-        for _ in range(work.count):
-            send(text)
+        await _flood(send, text, work.count)
+        flush()
         parent.tell("sent", begin_ns=begin_ns)
     await asyncio.Event().wait()
+
+
+async def _flood(send: Callable[[str], Any], text: str, count: int) -> None:
+    if iscoroutinefunction(send):
+        for _ in range(count):
+            await send(text)
+    else:
+        for _ in range(count):
+            send(text)
+
+
+class Window:
+    """How far a flood may be ahead of its subscribers, where the system itself would let it run away.
+
+    Each subscriber says after every `step` messages that it has them. The publisher waits once `sent` says
+    so, until `taken` does.
+    """
+
+    def __init__(self, work: Work) -> None:
+        self.step = max(1, min(_STEP, _STEP_BYTES // work.size))
+        self._subscribers = work.subscribers
+        self._ahead = 0
+        self._limit = _STEPS * self.step * work.subscribers
+
+    def sent(self) -> bool:
+        """One more was sent to all; returns whether that was enough for now."""
+        self._ahead += self._subscribers
+        return self._ahead >= self._limit
+
+    def taken(self) -> bool:
+        """A subscriber has `step` more; returns whether there is room again."""
+        self._ahead -= self.step
+        return self._ahead < self._limit
 
 
 class Stamps:
@@ -60,7 +112,7 @@ class Stamps:
         """Say that all came, and on request when. Between the two the parent reads clocks."""
         parent.tell("complete")
         await parent.wait_for("report")
-        parent.tell("received", **msgspec.to_builtins(self.arrivals()))
+        parent.tell("received", at_ns=self._arrived_ns[-1], **msgspec.to_builtins(self.arrivals()))
 
     def arrivals(self) -> Arrivals:
         """What the stamps say of the way."""
@@ -68,23 +120,35 @@ class Stamps:
 
 
 class Taker:
-    """The subscriber of a system: call `take` with each text or bytes, until `is_done`."""
+    """The subscriber of a system: call `take` with each text or bytes, from any thread, until `is_done`.
 
-    def __init__(self, parent: Parent, work: Work) -> None:
+    `may_lose`: of a flood the end may never come, so the parent asks with the word `look` what has come yet.
+    """
+
+    def __init__(self, parent: Parent, work: Work, *, may_lose: bool = False) -> None:
         self.is_done = False
-        self.take: Callable[[Any], None] = self._paced if work.rate else self._flood
+        flood = self._lossy_flood if may_lose else self._flood
+        self.take: Callable[[Any], None] = self._paced if work.rate else flood
         self._parent = parent
         self._work = work
         self._stamps = Stamps(work)
         self._count = 0
-        self._done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._last_ns = 0
+        self._loop = asyncio.get_running_loop()
+        self._done: asyncio.Future[None] = self._loop.create_future()
 
     async def finish(self) -> None:
         """Wait until all have come, and report."""
+        if not self._work.rate:
+            await self._answer()
         await self._done
-        if self._work.rate:
-            await self._stamps.report(self._parent)
+        await self._stamps.report(self._parent)
         await asyncio.Event().wait()
+
+    async def _answer(self) -> None:
+        while True:
+            await self._parent.wait_for("look")
+            self._parent.tell("seen", end_ns=self._last_ns, count=self._count)
 
     def _paced(self, payload: str | bytes) -> None:
         if self._stamps.note(payload):
@@ -95,10 +159,32 @@ class Taker:
         if count == self._work.warm_up:
             self._parent.tell("warm")
         elif count == self._work.total:
-            end_ns = monotonic_ns()
-            self._parent.tell("received", end_ns=end_ns, count=count, dropped={})
+            self._last_ns = monotonic_ns()
+            self._parent.tell("received", end_ns=self._last_ns, count=count, dropped={})
             self._end()
+
+    def _lossy_flood(self, payload: object) -> None:
+        self._last_ns = monotonic_ns()
+        self._flood(payload)
 
     def _end(self) -> None:
         self.is_done = True
-        self._done.set_result(None)
+        self._loop.call_soon_threadsafe(self._done.set_result, None)
+
+
+def take_in_thread(taker: Taker, receive: Callable[[], Any]) -> None:
+    """Give `taker` what `receive` returns, which blocks until there is something.
+
+    Only that thread runs then, but the loop still hears when the parent has no more words.
+    """
+
+    def take_all() -> None:
+        take = taker.take
+        try:
+            while not taker.is_done:
+                take(receive())
+        except BaseException:
+            traceback.print_exc()
+            os._exit(1)
+
+    Thread(target=take_all, daemon=True).start()

@@ -1,0 +1,103 @@
+"""cyclonedds: DDS over UDP by loopback, reliable and keep all at both ends, so that a flood loses nothing.
+
+Datagrams are as long as they may be, and socket buffers too: with the defaults 1 MiB is several times
+slower. The subscriber waits in a WaitSet in a thread of its own, since the library's documentation advises
+against Python in listeners, and takes up to a hundred messages at once. No multicast: participants find each
+other by their ports on loopback, and those of other runs have another tag. The wheel has no shared memory.
+"""
+
+import asyncio
+import os
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from zlib import crc32
+
+from cyclonedds.core import (
+    InstanceState,
+    Listener,
+    Policy,
+    Qos,
+    ReadCondition,
+    SampleState,
+    ViewState,
+    WaitSet,
+)
+from cyclonedds.domain import Domain, DomainParticipant
+from cyclonedds.idl import IdlStruct
+from cyclonedds.pub import DataWriter
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+from cyclonedds.util import duration
+
+from benchmarks.adapters import roles
+from benchmarks.work import TOPIC, Work
+from benchmarks.worker import Parent, options, run
+
+_FOREVER = duration(weeks=1000)
+_QOS = Qos(Policy.Reliability.Reliable(_FOREVER), Policy.History.KeepAll)
+_BATCH = 100
+_DOMAINS = 100
+"""So few that their ports are below those which the kernel gives out."""
+_CONFIG = """<CycloneDDS><Domain><General>
+    <Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces><AllowMulticast>false</AllowMulticast>
+    <MaxMessageSize>65500 B</MaxMessageSize><FragmentSize>65000 B</FragmentSize>
+</General><Internal><SocketReceiveBufferSize min="4 MB"/></Internal><Discovery>
+    <ParticipantIndex>auto</ParticipantIndex><Peers><Peer Address="127.0.0.1"/></Peers><Tag>{tag}</Tag>
+</Discovery></Domain></CycloneDDS>"""
+
+
+@dataclass
+class Text(IdlStruct, typename="bench.Text"):
+    """What is sent."""
+
+    data: str
+
+
+def _join() -> tuple[DomainParticipant, Topic[Text]]:
+    tag = Path(os.environ["BENCH_FOLDER"]).name
+    number = 1 + crc32(tag.encode()) % _DOMAINS
+    Domain(number, _CONFIG.format(tag=tag))
+    participant = DomainParticipant(number)
+    return participant, Topic(participant, TOPIC, Text)
+
+
+async def publisher(parent: Parent) -> None:
+    work: Work = options(Work)
+    loop, reached = asyncio.get_running_loop(), asyncio.Event()
+
+    def count(_: object, status: Any) -> None:
+        if status.current_count == work.subscribers:
+            loop.call_soon_threadsafe(reached.set)
+
+    participant, topic = _join()
+    listener = Listener(on_publication_matched=count)  # type: ignore[no-untyped-call]
+    writer = DataWriter(participant, topic, _QOS, listener)
+    await reached.wait()
+    write = writer.write
+    await roles.publish(parent, work, lambda text: write(Text(data=text)))
+
+
+async def subscriber(parent: Parent) -> None:
+    taker = roles.Taker(parent, options(Work))
+    participant, topic = _join()
+    reader = DataReader(participant, topic, _QOS)
+    roles.take_in_thread(taker, _texts(participant, reader).__next__)
+    parent.tell("ready")
+    await taker.finish()
+
+
+def _texts(participant: DomainParticipant, reader: DataReader[Text]) -> Iterator[str]:
+    condition = ReadCondition(reader, ViewState.Any | SampleState.NotRead | InstanceState.Alive)
+    waitset = WaitSet(participant)
+    waitset.attach(condition)
+    while True:
+        for sample in reader.take(_BATCH, condition=condition):
+            yield sample.data
+        waitset.wait(_FOREVER)
+
+
+if __name__ == "__main__":
+    run({"publisher": publisher, "subscriber": subscriber}[sys.argv[1]])

@@ -1,0 +1,106 @@
+"""eclipse-zenoh, peer to peer over UNIX sockets, with shared memory for what is long. No router, no scouting.
+
+Each subscriber listens on a socket in the run's folder, and the publisher connects to all of them. It is
+reliable and blocks where there is no room, so that a flood loses nothing; paced messages are express (not
+gathered into batches). From zenoh's own limit of 3 KiB on, the text is written into its shared memory: at
+1 MiB that takes a fraction of the time. TCP by loopback is no faster than the sockets. The callback runs in
+the thread that zenoh starts for it by default; in its network thread (`indirect=False`) paced messages are
+as fast and floods are several times slower.
+
+With shared memory, zenoh leaves one or two small files in /dev/shm, which the next such process removes.
+"""
+
+import asyncio
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import zenoh
+from zenoh.shm import BlockOn, GarbageCollect, ShmProvider
+
+from benchmarks.adapters import roles
+from benchmarks.work import TOPIC, Work
+from benchmarks.worker import Parent, options, run
+
+_SHARED_SIZE = 3072
+_POOL = 64 << 20
+_SOCKETS = "zenoh-*.sock"
+_TOKENS = f"{TOPIC}/*"
+
+
+def _folder() -> Path:
+    return Path(os.environ["BENCH_FOLDER"])
+
+
+def _open(work: Work, where: str, paths: list[Path]) -> zenoh.Session:
+    config = zenoh.Config()
+    settings: dict[str, object] = {
+        "mode": "peer",
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "listen/endpoints": [],
+        "transport/shared_memory/enabled": work.size >= _SHARED_SIZE,
+        where: [f"unixsock-stream/{path}" for path in paths],
+    }
+    for name, value in settings.items():
+        config.insert_json5(name, json.dumps(value))
+    return zenoh.open(config)
+
+
+async def _wait_for_subscribers(session: zenoh.Session, number: int) -> None:
+    """Until that many have declared their token, which each does after its subscription."""
+    loop = asyncio.get_running_loop()
+    came: asyncio.Queue[object] = asyncio.Queue()
+    with session.liveliness().declare_subscriber(
+        _TOKENS, lambda token: loop.call_soon_threadsafe(came.put_nowait, token), history=True
+    ):
+        for _ in range(number):
+            await came.get()
+
+
+async def publisher(parent: Parent) -> None:
+    work: Work = options(Work)
+    with _open(work, "connect/endpoints", list(_folder().glob(_SOCKETS))) as session:
+        port = session.declare_publisher(
+            TOPIC,
+            reliability=zenoh.Reliability.RELIABLE,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            express=bool(work.rate),
+        )
+        await _wait_for_subscribers(session, work.subscribers)
+        put = port.put
+
+        def send(text: str) -> None:
+            put(text.encode())
+
+        if work.size >= _SHARED_SIZE:
+            allocate, policy = ShmProvider.default_backend(_POOL).alloc, BlockOn(GarbageCollect())
+
+            def send(text: str) -> None:
+                place = allocate(len(text), policy)
+                place[:] = text.encode()
+                put(place)
+
+        await roles.publish(parent, work, send)
+
+
+async def subscriber(parent: Parent) -> None:
+    work: Work = options(Work)
+    taker = roles.Taker(parent, work)
+    take = taker.take
+
+    def receive(sample: Any) -> None:
+        take(sample.payload.to_string())
+
+    path = _folder() / _SOCKETS.replace("*", str(os.getpid()))
+    with _open(work, "listen/endpoints", [path]) as session:
+        session.declare_subscriber(TOPIC, receive)
+        with session.liveliness().declare_token(_TOKENS.replace("*", str(os.getpid()))):
+            parent.tell("ready")
+            await taker.finish()
+
+
+if __name__ == "__main__":
+    run({"publisher": publisher, "subscriber": subscriber}[sys.argv[1]])

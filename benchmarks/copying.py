@@ -1,0 +1,15 @@
+"""How fast this machine copies memory: the limit of whatever hands on bytes by a copy."""
+
+from benchmarks.adapters.floor_c import PROGRAM
+from benchmarks.cases import Figures
+from benchmarks.harness import START_S, Group
+
+NAME = "C, memcpy"
+
+
+def measure_copying(size: int, count: int) -> Figures:
+    """`count` copies of `size` bytes by memcpy, in one process. Raises Failure where it does not end."""
+    with Group() as group:
+        program = group.start(NAME, str(PROGRAM), "memcpy", str(size), str(count))
+        seconds = group.expect(program, "copied", within_s=START_S)["ns"] / 1e9
+    return {"per_s": count / seconds, "bytes_per_s": count * size / seconds}

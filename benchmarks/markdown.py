@@ -1,0 +1,284 @@
+"""A result as Markdown: the report, and the short table of the README. Pure: text out of a result.
+
+Knows which figures matter most; draws no pictures, it only names their files.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from benchmarks.figures import Spread, bytes_text
+from benchmarks.looks import is_main, system_of
+from benchmarks.pictures import Picture, available
+from benchmarks.report import Comparison, Result, Row, Section, goal, number, spread
+from benchmarks.systems import BUS, BUS_SOCKET, C_FLOOR, FLOOR, RIVALS, System
+
+FOLDER = "pictures"
+"""Where the pictures are, beside the report."""
+SPEED = ("<!-- speed -->", "<!-- /speed -->")
+"""What stands before and after the table in the README."""
+
+_MATRICES = {
+    "latency": ("p50", "p99"),
+    "throughput": ("per_s", "bytes_per_s", "lost"),
+    "fanout": ("deliveries_per_s", "last_p50"),
+}
+_SHORT_ROWS = 24
+
+
+class _Essential(NamedTuple):
+    """A column of the README's table; `at` is None where the section has one row of each system."""
+
+    heading: str
+    section: str
+    key: str
+    at: float | None
+    higher_is_better: bool = False
+
+
+_ESSENTIALS = (
+    _Essential("latency 64 B: p50 µs", "latency", "p50", 64),
+    _Essential("p99 µs", "latency", "p99", 64),
+    _Essential("1 MiB: p50 µs", "latency", "p50", 1 << 20),
+    _Essential("messages/s of 64 B", "throughput", "per_s", 64, True),
+    _Essential("bytes/s by 64 KiB", "throughput", "bytes_per_s", 1 << 16, True),
+    _Essential("deliveries/s to 8", "fanout", "deliveries_per_s", 8, True),
+    _Essential("CPU s per 100k", "cost", "cpu", None),
+    _Essential("first message ms", "startup", "ms", None),
+)
+
+
+def report_of(result: Result, source: str) -> str:
+    """The report. `source` is the path of the result's file from the report's folder."""
+    parts = [
+        "# Benchmark report",
+        f"Made by `make bench-report RESULT=benchmarks/{source}` from [{source}]({source}); edit neither. "
+        "How it is measured is in [README.md](README.md). Figures are `median (min - max)` over the "
+        f"repetitions ({result.repetitions} of latency and throughput); compare those of one run only.",
+        _facts(result),
+        *_goals(result),
+        *_troubles(result),
+    ]
+    pictures = available(result)
+    for section in result.sections:
+        parts += _section(section, [one for one in pictures if one.section == section.name])
+    return "\n\n".join(parts) + "\n"
+
+
+def speed_of(result: Result, source: str) -> str:
+    """What stands between the marks in the README: systems by essential figures, with ratios."""
+    columns = [one for one in _ESSENTIALS if _essential(result, one, BUS) is not None]
+    if not columns:
+        return "No result yet."
+    rows = []
+    for system in (BUS, BUS_SOCKET, *RIVALS, FLOOR, C_FLOOR):
+        found = [_essential(result, one, system) for one in columns]
+        if any(found):
+            name = f"**{system.name}**" if system.kind == "ours" else _named(system)
+            cells = [_cell(result, one, system) for one in columns]
+            rows.append([name, *cells])
+    machine = result.machine
+    kind = "quick" if result.is_quick else "full"
+    return "\n\n".join(
+        [
+            _table(["", *(one.heading for one in columns)], rows),
+            "In brackets: how many times better busd by shared memory is; **bold** where it is behind. "
+            f"Medians of the {kind} run of {result.began[:10]} at commit {machine.commit or 'unknown'}: "
+            f"{machine.processor}, {machine.cpus} CPUs, {'virtual, ' if machine.is_virtual else ''}"
+            f"{machine.kernel}, {machine.python}. All figures, what was missed and why, and the pictures: "
+            "[benchmarks/REPORT.md](benchmarks/REPORT.md). Again: `make bench`, then "
+            f"`make bench-report RESULT=...` (this one: `benchmarks/{source}`).",
+        ]
+    )
+
+
+def between_marks(text: str) -> str | None:
+    """What stands between the marks in `text`; None where they are not there."""
+    _, begin, rest = text.partition(SPEED[0])
+    inside, end, _ = rest.partition(SPEED[1])
+    return inside.strip() if begin and end else None
+
+
+def with_speed(text: str, speed: str) -> str:
+    """`text` with `speed` between its marks. Raises ValueError where it has none."""
+    if between_marks(text) is None:
+        raise ValueError(f"no {SPEED[0]} ... {SPEED[1]}")
+    before, _, rest = text.partition(SPEED[0])
+    return f"{before}{SPEED[0]}\n{speed}\n{SPEED[1]}{rest.partition(SPEED[1])[2]}"
+
+
+# --- the report
+
+
+def _facts(result: Result) -> str:
+    machine = result.machine
+    programs = ", ".join(
+        f"{name} {version}" for name, version in (machine.packages | machine.servers).items()
+    )
+    kind = "a quick one, which is no measurement" if result.is_quick else "a full one"
+    rows = [
+        ["run", f"{result.began}, {kind}"],
+        ["commit", machine.commit or "unknown"],
+        ["machine", f"{machine.hardware()}; load {machine.load:.2f} at the start"],
+        ["Python", machine.python],
+        ["versions", programs],
+        ["again", "`make bench`, and `make bench-compare A=... B=...` to see what changed"],
+    ]
+    return _table(["", ""], rows)
+
+
+def _goals(result: Result) -> Iterator[str]:
+    asked = [(part.name, one) for part in result.sections for one in part.comparisons if one.has_goal]
+    missed = [(name, one) for name, one in asked if not one.is_met]
+    yield "## Where it loses"
+    if not asked:
+        yield "Nothing was asked for in this run."
+        return
+    count = f"{len(asked) - len(missed)} of {len(asked)} goals are met."
+    if not missed:
+        yield f"{count} None is missed."
+        return
+    yield f"{count} These are not:"
+    yield "\n".join(
+        f"- {name}: {_text(one.name)}: **{spread(one.value)}**, goal {goal(one)}" for name, one in missed
+    )
+
+
+def _troubles(result: Result) -> Iterator[str]:
+    """What could not be measured, said once for a system and a reason."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for section in result.sections:
+        for row in section.rows:
+            if row.trouble:
+                found.setdefault((row.series or row.name, row.trouble), []).append(
+                    f"{section.name}{_at(row)}"
+                )
+    yield "## What is missing"
+    if not found:
+        yield "Nothing: every case was measured."
+        return
+    yield "\n".join(
+        f"- {_text(name)}: {_text(trouble)} (in {', '.join(dict.fromkeys(places))})"
+        for (name, trouble), places in found.items()
+    )
+
+
+def _at(row: Row) -> str:
+    return f" at {number(row.at)}" if row.at else ""
+
+
+def _section(section: Section, pictures: Sequence[Picture]) -> Iterator[str]:
+    yield f"## {_text(section.title)}"
+    yield from (_picture(one) for one in pictures)
+    headings = section.headings()
+    matrices = [key for key in _MATRICES.get(section.name, ()) if _has_matrix(section, key)]
+    for key in matrices:
+        yield f"**{_text(headings[key])}**"
+        yield _matrix(section, key)
+    keys = [key for key in headings if any(key in row.figures for row in section.rows)]
+    rows = [
+        [_text(row.name), *(_figure(row.figures, key) for key in keys)] for row in section.rows if row.figures
+    ]
+    everything = _table(["median (min - max)", *(headings[key] for key in keys)], rows)
+    if matrices or len(rows) > _SHORT_ROWS:
+        everything = f"<details><summary>all figures</summary>\n\n{everything}\n\n</details>"
+    yield everything
+    if section.comparisons:
+        yield _comparisons(section.comparisons)
+    if section.notes:
+        yield "\n".join(f"- {_text(note)}" for note in section.notes)
+
+
+def _picture(picture: Picture) -> str:
+    files = picture.files()
+    return (
+        f'<picture><source media="(prefers-color-scheme: dark)" srcset="{FOLDER}/{files["dark"]}">'
+        f'<img alt="{picture.alt}" src="{FOLDER}/{files["light"]}"></picture>'
+    )
+
+
+def _has_matrix(section: Section, key: str) -> bool:
+    return any(len(points) > 1 for points in section.lines(key).values())
+
+
+def _matrix(section: Section, key: str) -> str:
+    """The medians of each series by its places on the axis; ours in bold."""
+    lines = section.lines(key)
+    places = sorted({at for points in lines.values() for at in points})
+    text = bytes_text if section.axis.endswith(" B") else str
+    rows = []
+    for series, points in lines.items():
+        name = f"**{_text(series)}**" if _is_ours(series) else _text(series)
+        rows.append([name, *(number(points[at].median) if at in points else "-" for at in places)])
+    return _table([section.axis, *(text(int(at)) for at in places)], rows)
+
+
+def _is_ours(series: str) -> bool:
+    system = system_of(series)
+    return system is not None and system.kind == "ours"
+
+
+def _comparisons(comparisons: Iterable[Comparison]) -> str:
+    rows = []
+    for one in comparisons:
+        verdict = ("met" if one.is_met else "**NOT met**") if one.has_goal else ""
+        rows.append([_text(one.name), spread(one.value), goal(one), verdict])
+    return _table(["", "median (min - max)", "goal", ""], rows)
+
+
+def _figure(figures: Mapping[str, Spread], key: str) -> str:
+    return spread(figures[key]) if key in figures else "-"
+
+
+# --- the README's table
+
+
+def _essential(result: Result, one: _Essential, system: System) -> float | None:
+    row = _row(result, one, system)
+    return row.figures[one.key].median if row is not None else None
+
+
+def _row(result: Result, one: _Essential, system: System) -> Row | None:
+    section = result.section(one.section)
+    rows = section.rows if section is not None else []
+    for row in rows:
+        fits = one.at is None or row.at == one.at
+        if fits and one.key in row.figures and is_main(row.series) and system_of(row.series) == system:
+            return row
+    return None
+
+
+def _cell(result: Result, one: _Essential, system: System) -> str:
+    row = _row(result, one, system)
+    ours = _essential(result, one, BUS)
+    if row is None or not ours:
+        return "-"
+    value = row.figures[one.key].median
+    lost = row.figures.get("lost")
+    text = number(value) + (f", {number(lost.median)} % lost" if lost and lost.median else "")
+    if system == BUS or not value:
+        return f"**{text}**"
+    times = ours / value if one.higher_is_better else value / ours
+    ratio = f"{number(times)}x"
+    return f"{text} (**{ratio}**)" if times < 1 else f"{text} ({ratio})"
+
+
+def _named(system: System) -> str:
+    words = {"brokered": " (a broker)", "floor": " (a limit)"}
+    return _text(system.name) + words.get(system.kind, "")
+
+
+# --- Markdown
+
+
+def _table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [headings, ["---", *["---:"] * (len(headings) - 1)], *rows]
+    if all(len(line) == 2 for line in lines):
+        lines[1] = ["---", "---"]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
+
+def _text(text: str) -> str:
+    """With what Markdown would take for its own made harmless."""
+    for mark in "|*<":
+        text = text.replace(mark, f"\\{mark}")
+    return text

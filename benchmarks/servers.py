@@ -1,0 +1,75 @@
+"""The servers of rivals: found, started for one measurement in its folder, and awaited.
+
+Where one listens stands in the environment of the processes started later (BENCH_SERVER). Nothing is kept.
+"""
+
+import json
+import os
+import shutil
+import signal
+import socket
+from collections.abc import Callable
+from time import monotonic, sleep
+
+from benchmarks.harness import START_S, Child, Failure, Group
+
+_PATH = os.pathsep.join([os.environ.get("PATH", os.defpath), "/usr/sbin", "/usr/local/sbin"])
+_NATS = """
+max_payload: 8MB
+max_pending: 1GB
+write_deadline: "60s"
+"""
+_REDIS = (
+    *("--port", "0", "--save", "", "--appendonly", "no", "--loglevel", "warning"),
+    *("--client-output-buffer-limit", "pubsub", "0", "0", "0"),
+)
+_LOOK_S = 0.005
+
+
+def path_of(program: str) -> str:
+    """Where a server is, also where only root looks for it; empty where it is not."""
+    return shutil.which(program, path=_PATH) or ""
+
+
+def serve_nats(group: Group, module: str) -> list[Child]:
+    """A nats-server on a free port of loopback. Raises Failure if it does not come up."""
+    config = group.folder / "nats.conf"
+    config.write_text(_NATS)
+    where = ("--addr", "127.0.0.1", "--port", "-1", "--ports_file_dir", str(group.folder))
+    program = path_of("nats-server")
+    child = group.start("nats-server", program, "--config", str(config), *where, stop_signal=signal.SIGTERM)
+    ports = group.folder / f"nats-server_{child.pid}.ports"
+    group.environ["BENCH_SERVER"] = _await(child, lambda: str(json.loads(ports.read_bytes())["nats"][0]))
+    return [child]
+
+
+def serve_redis(group: Group, module: str) -> list[Child]:
+    """A redis-server on a UNIX socket that keeps nothing on disk. Raises Failure if it does not come up."""
+    path = str(group.folder / "redis.sock")
+    arguments = (*_REDIS, "--unixsocket", path, "--dir", str(group.folder))
+    child = group.start("redis-server", path_of("redis-server"), *arguments, stop_signal=signal.SIGTERM)
+
+    def ask() -> str:
+        with socket.socket(socket.AF_UNIX) as client:
+            client.settimeout(START_S)
+            client.connect(path)
+            client.sendall(b"PING\r\n")
+            if not client.recv(100).startswith(b"+PONG"):
+                raise OSError("not ready")
+        return f"unix://{path}"
+
+    group.environ["BENCH_SERVER"] = _await(child, ask)
+    return [child]
+
+
+def _await(child: Child, look: Callable[[], str]) -> str:
+    """What `look` returns once it raises nothing: these servers tell nobody when they are ready."""
+    deadline = monotonic() + START_S
+    while True:
+        try:
+            return look()
+        except (OSError, ValueError):
+            child.is_running()
+            if monotonic() > deadline:
+                raise Failure(f"{child.name} is not ready after {START_S:g} s") from None
+            sleep(_LOOK_S)

@@ -1,0 +1,259 @@
+"""benchmarks/: systems beside each other at each size, what counts as best, and what may be lost."""
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+
+from benchmarks import bulk, copying, cost, facade, latency, paced, throughput
+from benchmarks.cases import Figures, Outcome
+from benchmarks.figures import best, bytes_text
+from benchmarks.harness import START_S, Failure, Group
+from benchmarks.plan import SIZES, Plan
+from benchmarks.report import Section
+from benchmarks.systems import RIVALS, SYSTEMS, Speed, System, of_kind
+from benchmarks.versus import against_best
+from benchmarks.work import Work
+
+QUICK, THOROUGH = Plan(quick=True, repetitions=1), Plan(quick=False, repetitions=2)
+
+# --- the best of the others
+
+
+def test_best_has_the_least_or_the_greatest_median() -> None:
+    found: dict[str, list[Figures]] = {
+        "steady": [{"p50": 5.0}, {"p50": 5.0}, {"p50": 5.0}],
+        "lucky once": [{"p50": 1.0}, {"p50": 9.0}, {"p50": 9.0}],
+        "without": [{"p99": 1.0}],
+        "never": [],
+    }
+
+    assert best(found, "p50", is_least=True) == "steady"
+    assert best(found, "p50", is_least=False) == "lucky once"
+    assert best(found, "per_s", is_least=True) == ""
+
+
+def _outcomes() -> dict[str, Outcome]:
+    return {
+        "64 B, ours": Outcome("64 B, ours", [{"per_s": 9.0}, {"per_s": 8.0}], series="ours"),
+        "64 B, fast": Outcome("64 B, fast", [{"per_s": 3.0}, {"per_s": 4.0}], series="fast"),
+        "64 B, slow": Outcome("64 B, slow", [{"per_s": 1.0}, {"per_s": 1.0}], series="slow"),
+        "64 B, loses": Outcome("64 B, loses", [{"per_s": 6.0, "lost": 0.1}], series="loses"),
+        "64 B, failed": Outcome("64 B, failed", [{"per_s": 7.0}], failure="it hangs", series="failed"),
+        "64 B, missing": Outcome("64 B, missing", missing="not installed", series="missing"),
+    }
+
+
+def test_ours_is_compared_with_the_best_that_lost_nothing_and_did_not_fail() -> None:
+    outcomes = _outcomes()
+    theirs = [name for name in outcomes if name != "64 B, ours"]
+
+    (fastest,) = against_best(outcomes, "64 B, ours", theirs, "per_s", at_least=3.0, what="messages/s")
+    (slowest,) = against_best(outcomes, "64 B, ours", theirs, "per_s", at_most=1.0)
+
+    assert fastest.name == "64 B, ours / best rival (fast), messages/s"
+    assert (fastest.value.min, fastest.value.max, fastest.at_least) == (2.0, 3.0, 3.0)
+    assert slowest.name == "64 B, ours / best rival (slow), per_s"
+    assert not slowest.is_met
+
+
+def test_where_nobody_is_left_nothing_is_compared() -> None:
+    outcomes = _outcomes()
+
+    assert against_best(outcomes, "64 B, ours", ["64 B, loses", "64 B, missing", "no such"], "per_s") == []
+    assert against_best(outcomes, "64 B, missing", ["64 B, fast"], "per_s") == []
+
+
+# --- every system at every size
+
+
+def test_a_flood_has_as_many_messages_as_take_so_long() -> None:
+    speed = Speed(per_s=100_000, bytes_per_s=1e9)
+
+    assert speed.messages_in(0.5, 1) == pytest.approx(50_000, rel=0.02)
+    assert speed.messages_in(0.5, 1 << 20) == pytest.approx(500e6 / (1 << 20), rel=0.05)
+    assert speed.messages_in(0.001, 4 << 20) == 20
+
+
+def test_systems_have_a_name_each_and_are_of_one_kind() -> None:
+    names = [system.name for system in SYSTEMS]
+
+    assert len(set(names)) == len(names)
+    assert list(RIVALS) == of_kind("direct", "brokered")
+    assert all(rival.largest == max(SIZES) and rival.floods for rival in RIVALS)
+
+
+@pytest.fixture
+def measured(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Work]]:
+    """What was measured, by nobody: each system is there, and has the same figures."""
+    done: list[tuple[str, Work]] = []
+
+    def measure(system: System, work: Work, on_cpus: Sequence[int] = ()) -> Figures:
+        done.append((system.name, work))
+        keys = ("p50", "p99", "cpu", "per_s", "bytes_per_s", "published_per_s", "delivered")
+        return dict.fromkeys(keys, 2.0)
+
+    monkeypatch.setattr(System, "missing", str)
+    for module in (paced, throughput):
+        monkeypatch.setattr(module, "measure", measure)
+    monkeypatch.setattr(facade, "measure_lossy", measure)
+    for name in ("measure_codec", "measure_copying"):
+        module = throughput if name == "measure_codec" else copying
+        monkeypatch.setattr(module, name, lambda *_: {"per_s": 1.0, "bytes_per_s": 1.0})
+    return done
+
+
+@pytest.mark.parametrize("plan", [QUICK, THOROUGH], ids=["quick", "thorough"])
+@pytest.mark.parametrize("run", [latency.run, throughput.run], ids=["latency", "throughput"])
+def test_each_size_has_every_rival_and_is_compared_with_the_best(
+    measured: list[tuple[str, Work]], run: Callable[[Plan], Section], plan: Plan
+) -> None:
+    section = run(plan)
+
+    names = [row.name for row in section.rows]
+    assert len(set(names)) == len(names)
+    assert {row.at for row in section.rows} == set(plan.sizes)
+    for size in plan.sizes:
+        text = bytes_text(size)
+        assert {f"{text}, {rival.name}" for rival in RIVALS} <= set(names)
+        best_of = [
+            one.name
+            for one in section.comparisons
+            if one.name.startswith(f"{text}, busd") and "best rival" in one.name
+        ]
+        assert any("shared memory" in name for name in best_of)
+        assert any("socket" in name for name in best_of) == bool(of_kind("brokered"))
+    assert all(row.name == f"{bytes_text(int(row.at))}, {row.series}" for row in section.rows)
+    assert section.axis == "size in B" and all(column.better for column in section.columns)
+
+
+@pytest.mark.parametrize("run", [bulk.run, cost.run, facade.run], ids=["bulk", "cost", "facade"])
+def test_other_sections_can_be_drawn_and_compared(
+    measured: list[tuple[str, Work]], run: Callable[[Plan], Section]
+) -> None:
+    section = run(THOROUGH)
+
+    assert all(row.series and row.at for row in section.rows)
+    assert section.axis and section.comparisons
+    assert all(column.better for column in section.columns)
+
+
+def test_who_waits_for_events_is_asked_to_in_its_own_way(measured: list[tuple[str, Work]]) -> None:
+    latency.run(QUICK)
+
+    ways = {(name, work.take_by) for name, work in measured if not work.busy_poll_s and not work.publish_by}
+    assert {(rival.name, rival.takes_by) for rival in RIVALS} <= ways
+
+
+def test_plain_programs_give_no_turns_where_cpu_time_is_counted(measured: list[tuple[str, Work]]) -> None:
+    cost.run(QUICK)
+
+    assert dict(measured)["busd, shared memory"].gives_turns
+    assert all(work.gives_turns == by_name(name).gives_turns for name, work in measured)
+
+
+def by_name(name: str) -> System:
+    return next(system for system in SYSTEMS if system.name == name)
+
+
+# --- what may be lost, with a system that says what the test wants
+
+LOSER = """
+import json, os, sys
+def tell(**event): print(json.dumps(event), flush=True)
+tell(event="ready")
+seen = json.loads(os.environ["SEEN"])
+for word in map(str.strip, sys.stdin):
+    if word == "look":
+        tell(event="seen", end_ns=1500000000, count=seen.pop(0) if len(seen) > 1 else seen[0])
+    elif word == "go":
+        tell(event="sent", begin_ns=1000000000)
+"""
+FLOOD = Work(size=100, count=1000, warm_up=10)
+
+
+@pytest.fixture
+def loser(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> System:
+    (tmp_path / "losing_system.py").write_text(LOSER)
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+    monkeypatch.setattr(throughput, "_QUIET_S", 0.01)
+    return System("loser", "losing_system", may_lose=True)
+
+
+@pytest.mark.parametrize(
+    ("seen", "arrived"),
+    [
+        ("[10, 1010]", 1000),  # nothing lost
+        ("[0, 4, 10, 10, 0, 300, 910, 910]", 900),  # not before two answers agree
+        ("[8, 8, 508]", 500),  # some of the warm-up lost too
+    ],
+)
+def test_of_a_system_that_may_lose_what_arrived_counts(
+    loser: System, monkeypatch: pytest.MonkeyPatch, seen: str, arrived: int
+) -> None:
+    monkeypatch.setenv("SEEN", seen)
+
+    found = throughput.measure(loser, FLOOD)
+
+    assert found["per_s"] == pytest.approx(2 * arrived)
+    assert found["bytes_per_s"] == pytest.approx(200 * arrived)
+    assert found["lost"] == pytest.approx(100 - arrived / 10)
+
+
+@pytest.mark.parametrize(
+    ("seen", "text"),
+    [("[10]", "0 of 1000 arrived"), ("[0]", "0 of 10 arrived within"), ("[10, 2000]", "1990 of")],
+)
+def test_a_flood_of_which_nothing_or_too_much_arrives_is_a_failure(
+    loser: System, monkeypatch: pytest.MonkeyPatch, seen: str, text: str
+) -> None:
+    monkeypatch.setenv("SEEN", seen)
+    monkeypatch.setattr(throughput, "_LIMIT_S", 0.1)
+
+    with pytest.raises(Failure, match=text):
+        throughput.measure(loser, FLOOD)
+
+
+# --- where it runs, and memory
+
+
+def test_processes_are_put_where_they_shall_be_and_who_is_gone_is_not() -> None:
+    cpus = sorted(os.sched_getaffinity(0))[-2:]
+    with Group() as group:
+        children = [group.start_python(f"child_{cpu}", "-c", "input()") for cpu in cpus]
+        for child, cpu in zip(children, cpus, strict=True):
+            paced.put_on(child, cpu)
+            assert os.sched_getaffinity(child.pid) == {cpu}
+        with pytest.raises(Failure, match=r"child_.* can't be put on CPU 100000"):
+            paced.put_on(children[0], 100_000)
+        for child in children:
+            child.tell("enough")
+
+    with pytest.raises(Failure, match="can't be put on CPU"):
+        paced.put_on(children[0], cpus[0])
+
+
+@pytest.mark.parametrize(("cpus", "missing"), [({0}, "there is one CPU only"), ({0, 1}, "")])
+def test_two_cpus_are_measured_where_there_are_two(
+    measured: list[tuple[str, Work]], monkeypatch: pytest.MonkeyPatch, cpus: set[int], missing: str
+) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: cpus)
+
+    rows = {row.series: row for row in latency.run(THOROUGH).rows if row.at == min(SIZES)}
+
+    assert missing in rows["busd, shared memory, on two CPUs"].trouble
+    assert bool(rows["busd, shared memory, on two CPUs"].figures) == (not missing)
+    assert rows["busd, shared memory, on one CPU"].figures
+
+
+def test_memory_of_a_process_is_told_and_one_that_is_gone_is_a_failure() -> None:
+    with Group() as group:
+        child = group.start_python("child", "-c", """print('{"event": "up"}', flush=True); input()""")
+        group.expect(child, "up", within_s=START_S)
+        assert 1 < paced.memory_mib(child) < 1000
+        gone = group.start_python("gone", "-c", "raise SystemExit('no memory')")
+        os.waitid(os.P_PIDFD, gone.exit_fd, os.WEXITED | os.WNOWAIT)
+        with pytest.raises(Failure, match="gone exited with 1: no memory"):
+            paced.memory_mib(gone)
+        child.tell("enough")
