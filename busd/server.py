@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from time import monotonic_ns
 from typing import Any
 
@@ -243,5 +243,9 @@ class Server:
             self._idle_timer.cancel()
             self._idle_timer = None
         if not self._connections:
-            stop: Callable[[str], None] = self.stop
-            self._idle_timer = self._loop.call_later(self._idle_s, stop, f"idle for {self._idle_s:g} s")
+            self._idle_timer = self._loop.call_later(self._idle_s, self._end_idleness)
+
+    def _end_idleness(self) -> None:
+        self._accept()  # who came while this process was held up: libuv looks at timers first
+        if not self._connections:
+            self.stop(f"idle for {self._idle_s:g} s")

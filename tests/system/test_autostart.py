@@ -68,7 +68,8 @@ def path(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.setattr(bus.autostart.start, "__defaults__", (("--idle-exit", str(IDLE_S)),))
     yield socket_path
     for pid in daemons(socket_path):
-        os.kill(pid, signal.SIGKILL)
+        with suppress(ProcessLookupError):  # it was about to end
+            os.kill(pid, signal.SIGKILL)
     with suppress(ChildProcessError):
         while os.waitpid(-1, os.WNOHANG)[0]:
             pass

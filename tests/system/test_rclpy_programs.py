@@ -255,6 +255,7 @@ while rclpy.ok():
             await program.line("matched")
             for _ in range(2):
                 daemon.kill()
+                await until(lambda: not subscription.get_publisher_count())
                 daemon.restart()
                 await until(subscription.get_publisher_count)
                 await subscription.receive()

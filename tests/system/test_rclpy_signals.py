@@ -30,11 +30,13 @@ from std_srvs.srv import Empty
 rclpy.init()
 node = rclpy.create_node('tester')
 publisher = node.create_publisher(String, 'talk', 10)
-print('up', flush=True)
 """
+UP = "print('up', flush=True)\n"
+"""Stands where the program is ready for a signal: behind the `try` that catches what comes of it."""
 
 CAUGHT = """\
 try:
+    print('up', flush=True)
 {what}
     print('went on', flush=True)
 except KeyboardInterrupt:
@@ -145,7 +147,7 @@ async def test_ctrl_c_that_is_caught(tmp_path: Path, where: str) -> None:
 @pytest.mark.parametrize("where", WAITS)
 @on_one_loop
 async def test_ctrl_c_that_nobody_catches(tmp_path: Path, where: str) -> None:
-    text = f"{BEGIN}{WAITS[where]}\nprint('went on')\n"
+    text = f"{BEGIN}{UP}{WAITS[where]}\nprint('went on')\n"
     async with running(tmp_path, *program(tmp_path, text)) as one:
         await rest(one)
         one.process.send_signal(signal.SIGINT)
@@ -158,7 +160,7 @@ async def test_ctrl_c_that_nobody_catches(tmp_path: Path, where: str) -> None:
 @on_one_loop
 async def test_ctrl_c_without_bus_run(tmp_path: Path, where: str) -> None:
     """Quiet, and ended by the signal, for a shell to see."""
-    text = f"import bus.rclpy_compat\n{BEGIN}{WAITS[where]}\nprint('went on')\n"
+    text = f"import bus.rclpy_compat\n{BEGIN}{UP}{WAITS[where]}\nprint('went on')\n"
     async with running(tmp_path, program(tmp_path, text)[-1]) as one:
         await rest(one)
         one.process.send_signal(signal.SIGINT)
@@ -173,24 +175,24 @@ async def test_a_thread_that_spins_says_nothing(tmp_path: Path) -> None:
 thread = threading.Thread(target=rclpy.spin, args=(node,))
 thread.start()
 try:
-    print('waits', flush=True)
+    {UP}
     time.sleep(1000)
 except KeyboardInterrupt:
     thread.join()
     print('joined')
 """
     async with running(tmp_path, *program(tmp_path, text)) as one:
-        await one.line("waits")  # before, it may be at rest where it starts the thread
         await rest(one)
         one.process.send_signal(signal.SIGINT)
         assert await one.end() == 0
-    assert one.lines == ["up", "waits", "joined"]
+    assert one.lines == ["up", "joined"]
 
 
 @on_one_loop
 async def test_a_program_may_go_on_after_ctrl_c(tmp_path: Path) -> None:
     text = f"""{BEGIN}
 try:
+    {UP}
     rclpy.spin(node)
 except KeyboardInterrupt:
     pass
@@ -214,22 +216,26 @@ async def test_handlers_of_the_programs_own(tmp_path: Path) -> None:
     """One from before `init` is called too; with SignalHandlerOptions.NO nothing else is."""
     text = f"""
 import signal
-signal.signal(signal.SIGINT, lambda *_: print('mine', flush=True))
-{BEGIN}
+told = []
+def tell(*_):
+    told.append('mine')
+    print('mine', flush=True)
+signal.signal(signal.SIGINT, tell)
+{BEGIN}{UP}
 while rclpy.ok():
     time.sleep(0.01)
 rclpy.try_shutdown()
 from rclpy.signals import SignalHandlerOptions
 rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
 print('again', flush=True)
-signal.pause()
+while len(told) < 2:
+    time.sleep(0.01)
 print(rclpy.ok())
 """
     async with running(tmp_path, *program(tmp_path, text)) as one:
         await rest(one)
         one.process.send_signal(signal.SIGINT)
         await one.line("again")
-        await rest(one)
         one.process.send_signal(signal.SIGINT)
         assert await one.end() == 0
     assert one.lines == ["up", "mine", "again", "mine", "True"]
@@ -257,6 +263,7 @@ print(rclpy.ok())
 async def test_sigterm(tmp_path: Path, where: str, ends: str) -> None:
     text = f"""{BEGIN}
 try:
+    {UP}
 {textwrap.indent(WAITS[where], "    ")}
     print('went on', flush=True)
 except (ExternalShutdownException, ROSInterruptException) as error:
@@ -274,7 +281,7 @@ rclpy.shutdown()
 
 @on_one_loop
 async def test_sigterm_that_nobody_catches(tmp_path: Path) -> None:
-    async with running(tmp_path, *program(tmp_path, f"{BEGIN}rclpy.spin(node)\n")) as one:
+    async with running(tmp_path, *program(tmp_path, f"{BEGIN}{UP}rclpy.spin(node)\n")) as one:
         await settled(one)
         one.process.send_signal(signal.SIGTERM)
         assert await one.end() == 15
@@ -348,7 +355,7 @@ async def test_ctrl_c_at_a_random_moment(tmp_path: Path, busy: str) -> None:
 async def test_ctrl_c_again_and_again(tmp_path: Path, busy: str) -> None:
     """Impatience makes no noise, and no program hang."""
     chance = random.Random(busy)
-    command = program(tmp_path, BEGIN + BUSY[busy])
+    command = program(tmp_path, BEGIN + UP + BUSY[busy])
     for _ in range(STARTS):
         async with running(tmp_path, *command) as one:
             await one.line("^up$")
@@ -364,7 +371,7 @@ async def test_ctrl_c_again_and_again(tmp_path: Path, busy: str) -> None:
 async def test_ctrl_c_while_a_program_starts(tmp_path: Path) -> None:
     chance = random.Random(1)
     begin = BEGIN.replace("rclpy.init()", "print('begun', flush=True)\nrclpy.init()")
-    command = program(tmp_path, f"{begin}rclpy.spin(node)\n")
+    command = program(tmp_path, f"{begin}{UP}rclpy.spin(node)\n")
     for _ in range(2 * STARTS):
         async with running(tmp_path, *command) as one:
             await one.line("^begun$")

@@ -104,8 +104,7 @@ class TestChoice:
         publisher = await node.create_publisher(Int32, "t", 10)
         async with open_node("far") as far:
             subscription = await far.create_subscription(Int32, "t", 10)
-            await publisher.wait_for_subscriptions()
-            assert route_of(publisher) == route_of(subscription) == ["shm"]
+            await until(lambda: route_of(publisher) == route_of(subscription) == ["shm"])
             assert [match.route for match in (await node.graph()).matches] == ["shm"]
 
     @pytest.mark.parametrize("variable", [{"BUS_ROUTE": "socket"}, {"BUS_NATIVE": "no"}], ids=str)

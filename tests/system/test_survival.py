@@ -142,6 +142,7 @@ class TestPublishers:
     ) -> None:
         listeners = [nursery.listener(Ear(), Ear(DEPTH, gaps="any")).ready() for _ in range(2)]
         talker = nursery.talker(**promise).ready()
+        settle(*listeners, talker)  # stopped before, it would not know yet how to wake them
         idle = [daemon.pid, *(listener.pid for listener in listeners)]
         for _ in range(ROUNDS // 4):
             moment()

@@ -5,13 +5,13 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from types import SimpleNamespace
+from types import CodeType, SimpleNamespace
 from typing import Any
 
 import pytest
 
 from bus.rclpy import clock as clocks
-from bus.rclpy.clock import Clock, ClockType, JumpThreshold, ROSClock, TimeJump
+from bus.rclpy.clock import Clock, ClockEvent, ClockType, JumpThreshold, ROSClock, TimeJump
 from bus.rclpy.duration import Duration
 from bus.rclpy.exceptions import NotInitializedException
 from bus.rclpy.time import Time
@@ -61,6 +61,14 @@ class Sleeper:
         self._thread.join(WAIT_S)
         assert not self._thread.is_alive()
         return self.result
+
+
+def is_in(thread: int, code: CodeType) -> bool:
+    """Whether a thread is within that function now."""
+    frame = sys._current_frames().get(thread)
+    while frame is not None and frame.f_code is not code:
+        frame = frame.f_back
+    return frame is not None
 
 
 def ros_clock(seconds: float = 10) -> ROSClock:
@@ -189,7 +197,7 @@ def test_keyboard_interrupt_ends_a_sleep() -> None:
     assert main is not None
 
     def interrupt() -> None:
-        while not clock._jump_handles:
+        while not is_in(main, ClockEvent.wait_until.__code__):
             time.sleep(0.001)
         signal.pthread_kill(main, signal.SIGINT)
 

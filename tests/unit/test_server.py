@@ -38,6 +38,21 @@ async def test_only_one_with_an_idle_exit_is_in_the_background(listener: Listene
     server.stop("a test")
 
 
+async def test_it_is_not_idle_while_somebody_waits_in_its_backlog(listener: Listener) -> None:
+    server = Server(listener, Broker(), idle_s=30)
+    with socket.socket(socket.AF_UNIX) as early:
+        early.connect(str(listener.path))
+        server._end_idleness()  # the timer was due before the loop looked at its sockets
+        assert not server.stopped.done()
+        assert len(server._connections) == 1
+    server.stop("a test")
+
+
+async def test_one_that_nobody_has_come_to_is_idle(listener: Listener) -> None:
+    server = Server(listener, Broker(), idle_s=0.01)
+    assert await server.stopped == "idle for 0.01 s"
+
+
 async def test_grace_is_given_once(listener: Listener, monkeypatch: pytest.MonkeyPatch) -> None:
     """A machine that is always late must still see leases end."""
     now_ns = 100 * SECOND

@@ -80,6 +80,31 @@ def test_news_is_told_once_and_only_while_it_waits(talker: Talker, listener: Lis
     assert listener.readers.sleep() == [listener]
 
 
+def test_a_reader_of_several_rings_is_told_once(listener: Listener) -> None:
+    talkers = [Talker() for _ in range(3)]
+    for source, talker in enumerate(talkers):
+        listener.join(talker, source)
+        talker.write(b"x")
+    assert listener.readers.wake() == [listener]
+    assert listener.readers.wake() == []
+    assert listener.take() == [b"x", b"x", b"x"]
+
+
+def test_of_many_rings_those_with_news_are_found_also_when_others_have_left(listener: Listener) -> None:
+    talkers = [Talker() for _ in range(50)]
+    readers = [core.Reader(listener.readers, number, 0, tells_cursor=False) for number in range(50)]
+    for talker, reader in zip(talkers, readers, strict=True):
+        reader.attach("source", segments.map_ring(talker.ring), next(listener.slots))
+    assert listener.readers.sleep() == []
+    for reader in readers[::3]:
+        reader.detach("source")
+    del reader, readers[1::3]  # a reader that is gone has left, too
+    for talker in talkers:
+        talker.write(b"x")
+    assert sorted(listener.readers.wake()) == list(range(2, 50, 3))
+    assert listener.readers.sleep() == []
+
+
 def test_a_new_gate_rings_a_sleeper_that_it_missed(talker: Talker, listener: Listener) -> None:
     slot = listener.join(talker, gate=False)
     assert listener.readers.sleep() == []

@@ -11,8 +11,8 @@ from std_msgs.msg import String
 rclpy.init()
 node = Node('n')
 calls = []
-timer = node.create_timer(0.05, lambda: calls.append(1))
 begin = time.monotonic()
+timer = node.create_timer(0.05, lambda: calls.append(1))
 rclpy.spin_once(node)
 print(len(calls), time.monotonic() - begin >= 0.049)
 for _ in range(4):

@@ -17,12 +17,13 @@ class Counter(Node):
         self.create_timer(1, lambda: None)
         self.create_timer(0.01, self.tick)
     def tick(self):
-        self.pub.publish(String(data=str(self.left)))
+        self.pub.publish(String())
     def heard(self, message):
-        self.left -= 1
-        print(message.data, end=' ')
-        if not self.left:
-            self.create_timer(0.001, self.end)
+        if self.left:
+            print(self.left, end=' ')
+            self.left -= 1
+            if not self.left:
+                self.create_timer(0.001, self.end)
     def end(self):
         print('end')
         sys.exit()

@@ -1,0 +1,135 @@
+"""bus.reports: who is told of when, some at a time, with a loop whose time the test makes pass."""
+
+from typing import Any
+
+import pytest
+
+from bus.reports import Reports
+from bus.wire import messages as m
+from bus.wire.framing import FrameReader
+from bus.wire.layout import MAX_CONTROL_BYTES
+
+
+class _Timer:
+    def __init__(self, action: Any) -> None:
+        self.action = action
+
+    def cancel(self) -> None:
+        self.action = None
+
+
+class _Loop:
+    """`fire` is the only thing that makes time pass."""
+
+    def __init__(self) -> None:
+        self.timers: list[_Timer] = []
+
+    def call_later(self, delay_s: float, action: Any) -> _Timer:
+        self.timers.append(_Timer(action))
+        return self.timers[-1]
+
+    def fire(self) -> None:
+        (timer,) = self.timers
+        self.timers.clear()
+        timer.action()
+
+
+class _Endpoint:
+    refusal = None
+
+    def __init__(self, number: int, queued: int = 0) -> None:
+        self.id = number
+        self.queued = queued
+
+    def totals(self) -> m.Report:
+        return m.Report(endpoint=self.id, samples=1, bytes=2, queued=self.queued)
+
+
+class _World:
+    def __init__(self) -> None:
+        self.loop = _Loop()
+        self.batches: list[list[int]] = []
+        self.reports = Reports(self.loop, self._send)  # type: ignore[arg-type]
+
+    def _send(self, endpoint: Any, frames: bytes) -> None:
+        assert endpoint.id
+        reader = FrameReader(max_control_bytes=MAX_CONTROL_BYTES, max_data_bytes=0)
+        reader.get_buffer()[: len(frames)] = frames
+        bodies: list[Any] = reader.received(len(frames))
+        self.batches.append([m.from_client.decode(body).endpoint for body in bodies])
+
+
+@pytest.fixture
+def world() -> _World:
+    return _World()
+
+
+def _told(world: _World) -> list[int]:
+    return sorted(number for batch in world.batches for number in batch)
+
+
+def test_many_are_told_some_at_a_time_and_each_once(world: _World) -> None:
+    many: list[Any] = [_Endpoint(number) for number in range(1, 201)]
+    world.reports.add_all(many)
+    assert not world.batches
+
+    while world.loop.timers:
+        world.loop.fire()
+
+    assert _told(world) == list(range(1, 201))
+    assert len(world.batches) > 2
+    assert max(map(len, world.batches)) < 100
+
+
+def test_what_changes_while_others_are_told_waits_for_the_next_turn(world: _World) -> None:
+    many: list[Any] = [_Endpoint(number) for number in range(1, 201)]
+    world.reports.add_all(many)
+    world.loop.fire()
+    world.reports.add_all(many[:3])
+    while len(_told(world)) < 200:
+        world.loop.fire()
+    assert _told(world) == list(range(1, 201))
+
+    world.loop.fire()
+
+    assert sorted(world.batches[-1]) == [1, 2, 3]
+    assert not world.loop.timers
+
+
+def test_who_goes_is_told_of_at_once_and_no_more(world: _World) -> None:
+    many: list[Any] = [_Endpoint(number) for number in range(1, 201)]
+    world.reports.add_all(many)
+    world.loop.fire()
+    last = next(one for one in many if one.id not in world.batches[0])
+    world.reports.send_last(last)
+    assert world.batches[-1] == [last.id]
+
+    while world.loop.timers:
+        world.loop.fire()
+
+    assert _told(world) == list(range(1, 201))
+
+
+def test_the_end_tells_the_rest_and_nothing_more(world: _World) -> None:
+    many: list[Any] = [_Endpoint(number) for number in range(1, 201)]
+    world.reports.add_all(many)
+    world.loop.fire()
+
+    world.reports.end()
+    world.reports.add(many[0])
+
+    assert _told(world) == list(range(1, 201))
+    assert all(timer.action is None for timer in world.loop.timers)
+
+
+def test_what_is_queued_is_told_again_and_what_the_broker_does_not_know_is_not(world: _World) -> None:
+    waiting: Any = _Endpoint(1, queued=5)
+    unknown: Any = _Endpoint(0)
+    world.reports.add_all([waiting, unknown])
+
+    world.loop.fire()
+    waiting.queued = 0
+    world.loop.fire()
+
+    assert world.batches == [[1], [1]]
+    assert not world.loop.timers
