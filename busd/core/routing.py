@@ -104,10 +104,10 @@ class Router:
         The longest queues lose their oldest first, each but its newest run; these go last, and never the one
         that has just come for `subscription`, so that a single message of any size gets through.
         """
-        account, subscriptions = subscription.queue.account, subscription.node.peer.subscriptions()
+        account, peer = subscription.queue.account, subscription.node.peer
         if account.used <= account.limit:
             return
-        longest_first = sorted(subscriptions, key=lambda one: one.queue.held_bytes, reverse=True)
+        longest_first = sorted(peer.subscriptions(), key=lambda one: one.queue.held_bytes, reverse=True)
         spared = subscription if subscription.queue.runs else longest_first[0]
         for spare in (1, 0):
             for one in longest_first:

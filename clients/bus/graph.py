@@ -1,6 +1,7 @@
 """The graph as a client sees it: nodes, endpoints, matches, with look-ups by name. Values only."""
 
 from collections.abc import Iterable
+from functools import cached_property
 from typing import Self
 
 import msgspec
@@ -47,7 +48,7 @@ class GraphMatch(msgspec.Struct, frozen=True):
     route: str
 
 
-class Graph(msgspec.Struct, frozen=True):
+class Graph(msgspec.Struct, frozen=True, dict=True):
     """Everything that the broker knew at one moment."""
 
     revision: int
@@ -98,10 +99,10 @@ class Graph(msgspec.Struct, frozen=True):
         return {topic: sorted(found[topic]) for topic in sorted(found)}
 
     def publishers_of(self, topic: str) -> list[GraphEndpoint]:
-        return [endpoint for endpoint in self.publishers if endpoint.topic == topic]
+        return list(self._publishers_by_topic.get(topic, ()))
 
     def subscriptions_of(self, topic: str) -> list[GraphEndpoint]:
-        return [endpoint for endpoint in self.subscriptions if endpoint.topic == topic]
+        return list(self._subscriptions_by_topic.get(topic, ()))
 
     def services(self) -> dict[str, list[str]]:
         """Each service that is served or called, with the names of its types, sorted."""
@@ -116,6 +117,16 @@ class Graph(msgspec.Struct, frozen=True):
         """What sends it requests, one of each client."""
         return self.publishers_of(request_topic(service))
 
+    # Who asks for one topic mostly asks for all of them.
+
+    @cached_property
+    def _publishers_by_topic(self) -> dict[str, list[GraphEndpoint]]:
+        return _by_topic(self.publishers)
+
+    @cached_property
+    def _subscriptions_by_topic(self) -> dict[str, list[GraphEndpoint]]:
+        return _by_topic(self.subscriptions)
+
 
 def services_of(endpoints: Iterable[GraphEndpoint]) -> dict[str, list[str]]:
     """The services whose requests `endpoints` carry, with the names of their types; all sorted."""
@@ -125,3 +136,10 @@ def services_of(endpoints: Iterable[GraphEndpoint]) -> dict[str, list[str]]:
         if service is not None and endpoint.topic == request_topic(service):
             found.setdefault(service, set()).add(endpoint.type_name.removesuffix("_Request"))
     return {service: sorted(found[service]) for service in sorted(found)}
+
+
+def _by_topic(endpoints: Iterable[GraphEndpoint]) -> dict[str, list[GraphEndpoint]]:
+    found: dict[str, list[GraphEndpoint]] = {}
+    for endpoint in endpoints:
+        found.setdefault(endpoint.topic, []).append(endpoint)
+    return found

@@ -225,9 +225,9 @@ class Link:
         if self._drains:
             self.loop.call_soon(self._drains.release)  # they look again after the next choice
 
-    def _report(self, endpoint: Endpoint, totals: m.Report) -> None:
+    def _report(self, endpoint: Endpoint, frames: bytes) -> None:
         self.wall_offset_ns = time_ns() - monotonic_ns()  # the wall clock may have been set
-        self.send_about(endpoint, totals)
+        self.send_about(endpoint, frames)
 
     # --- what comes in
 

@@ -30,11 +30,13 @@ from bus.wire import messages as m
 
 M = TypeVar("M", bound=msgspec.Struct)
 
+_LEAST_SWEPT = 16
+
 _log = get_logger("bus")
 
 
 class NodeStatistics(msgspec.Struct, frozen=True):
-    """Totals of one node."""
+    """Totals of one node's endpoints, without those that are closed."""
 
     published: int
     delivered: int
@@ -78,7 +80,8 @@ class Node(ServiceHost):
         if self._arguments.parameters and not self.has_parameters:
             _log.warning("parameters (-p, --params-file) are for programs of rclpy; ignored here", once=True)
         self._link: Link | None = None
-        self._endpoints: list[Publisher[Any] | Subscription[Any]] = []
+        self._endpoints: list[Publisher[Any] | Subscription[Any]] = []  # some of them may be closed
+        self._sweep_at = _LEAST_SWEPT
         self._timers: weakref.WeakSet[Timer] = weakref.WeakSet()  # one that runs is held by the loop
         self._body: asyncio.Task[Any] | None = None
         self._error: BaseException | None = None
@@ -293,8 +296,9 @@ class Node(ServiceHost):
         return build(schema)
 
     def statistics(self) -> NodeStatistics:
-        publishers = [one.statistics() for one in self._endpoints if isinstance(one, Publisher)]
-        subscriptions = [one.statistics() for one in self._endpoints if isinstance(one, Subscription)]
+        open_ones = [one for one in self._endpoints if one.refusal is None]
+        publishers = [one.statistics() for one in open_ones if isinstance(one, Publisher)]
+        subscriptions = [one.statistics() for one in open_ones if isinstance(one, Subscription)]
         return NodeStatistics(
             published=sum(one.published for one in publishers),
             delivered=sum(one.delivered for one in subscriptions),
@@ -329,8 +333,10 @@ class Node(ServiceHost):
             link.forget(endpoint)
             endpoint.end(ConnectionClosed(f"not created: {error}"))
             raise
-        self._endpoints = [one for one in self._endpoints if one.refusal is None]
         self._endpoints.append(endpoint)
+        if len(self._endpoints) >= self._sweep_at:
+            self._endpoints = [one for one in self._endpoints if one.refusal is None]
+            self._sweep_at = 2 * len(self._endpoints) + _LEAST_SWEPT
 
     async def _close_endpoints(self, link: Link) -> None:
         try:

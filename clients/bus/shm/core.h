@@ -78,6 +78,18 @@ typedef struct {
 
 typedef struct Reader Reader;
 
+/* What a look at one feed needs where nothing has come. Together in an array, and not in the feeds: whoever has a
+ * thousand looks at all of them for each message. */
+struct watch {
+    const _Atomic uint64_t *latest; /* of the newest ring */
+    uint64_t known;                 /* where `latest` is still that, nothing has come; LOOK: look at the feed */
+    struct feed *feed;
+    Reader *reader;
+};
+
+/* No sequence number. */
+#define LOOK UINT64_MAX
+
 typedef struct {
     PyObject_HEAD
     Mapping *memory;
@@ -85,7 +97,10 @@ typedef struct {
     struct reader_slot *slots;
     uint64_t slot_count;
     int doorbell;
-    Reader *first; /* all that live, linked by `after`; not owned */
+    struct watch *watches; /* one for each feed of all Readers that live; not owned */
+    size_t count, room;
+    uint64_t round; /* looks so far */
+    bool had_news;  /* at the last attempt to fall asleep */
 } Readers;
 
 /* A ring in which a publisher goes on after the one before. */
@@ -105,6 +120,7 @@ struct feed {
     Mapping *memory;
     struct next_ring *following;
     const struct ring_header *last; /* of the newest ring, where the writer is */
+    size_t watch;            /* its place among those of Readers */
     uint64_t waiting;        /* samples that were there at the last poll and are not taken */
     uint64_t seen;           /* newest number that the owner was told of */
     uint64_t told;           /* the cursor that the slot shows */
@@ -119,7 +135,7 @@ struct Reader {
     PyObject_HEAD
     Readers *readers;
     PyObject *owner;
-    Reader *before, *after; /* in readers */
+    uint64_t round; /* the look that told the owner of news last */
     struct feed **feeds;
     size_t count, room;
     uint64_t depth, finishings;
@@ -167,6 +183,11 @@ PyObject *writer_seq_since(PyObject *self, PyObject *stamp_ns);
 PyObject *writer_carry_from(PyObject *self, PyObject *count);
 PyObject *writer_move(PyObject *self, PyObject *memory);
 
+/* core_readers.c */
+bool readers_watch(Readers *self, Reader *reader, struct feed *feed);
+void readers_watch_anew(Readers *self, const struct feed *feed);
+void readers_forget(Readers *self, const struct feed *feed);
+
 /* core_feed.c */
 struct feed *feed_new(PyObject *source, Mapping *memory, const struct ring_geometry *geometry, struct reader_slot *slot);
 void feed_free(struct feed *feed);
@@ -192,7 +213,6 @@ static inline void feed_step(struct feed *feed)
 
 /* core_reader.c */
 int reader_leave(Reader *self, struct feed *feed, const char *reason);
-bool reader_has_news(Reader *self);
 
 /* core_take.c */
 PyObject *reader_take(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObject *kwnames);

@@ -23,27 +23,12 @@ static PyObject *reader_new(PyTypeObject *type, PyObject *args, PyObject *kwargs
     self->owner = owner;
     self->depth = self->bound = depth;
     self->tells_cursor = tells_cursor;
-    self->after = readers->first;
-    if (self->after != NULL)
-        self->after->before = self;
-    readers->first = self;
     self->rejected = PyList_New(0);
     self->left = PyList_New(0);
     if (self->rejected != NULL && self->left != NULL)
         return (PyObject *)self;
     DROP(self);
     return NULL;
-}
-
-static void unlink_reader(Reader *self)
-{
-    if (self->before != NULL)
-        self->before->after = self->after;
-    else if (self->readers->first == self)
-        self->readers->first = self->after;
-    if (self->after != NULL)
-        self->after->before = self->before;
-    self->before = self->after = NULL;
 }
 
 /* Takes the feed out of the list and counts what it lost; frees nothing. */
@@ -53,6 +38,7 @@ static void remove_feed(Reader *self, const struct feed *feed)
     while (self->feeds[at] != feed)
         at++;
     self->feeds[at] = self->feeds[--self->count];
+    readers_forget(self->readers, feed);
     self->replaced += feed->ring.replaced;
     self->overrun += feed->ring.overrun;
 }
@@ -60,7 +46,6 @@ static void remove_feed(Reader *self, const struct feed *feed)
 static int reader_clear(PyObject *object)
 {
     Reader *self = (Reader *)object;
-    unlink_reader(self);
     while (self->count != 0) {
         struct feed *feed = self->feeds[self->count - 1];
         remove_feed(self, feed);
@@ -103,14 +88,6 @@ int reader_leave(Reader *self, struct feed *feed, const char *reason)
     const int status = item == NULL ? -1 : PyList_Append(self->left, item);
     Py_XDECREF(item);
     return status;
-}
-
-bool reader_has_news(Reader *self)
-{
-    bool has_news = false;
-    for (size_t i = 0; i < self->count; i++)
-        has_news |= feed_has_news(self->feeds[i]);
-    return has_news;
 }
 
 /* The feed of `source`; NULL where there is none, or with the error of a comparison, which may run anything. */
@@ -204,6 +181,10 @@ static PyObject *reader_attach(PyObject *object, PyObject *args, PyObject *kwarg
         feed_free(feed);
         return value_error("ring's sequence numbers are out of bounds");
     }
+    if (!readers_watch(self->readers, self, feed)) {
+        feed_free(feed);
+        return PyErr_NoMemory();
+    }
     feed->lifespan_ns = lifespan_ns;
     feed->doorbell = doorbell;
     feed->told = feed->ring.next;
@@ -243,6 +224,7 @@ static PyObject *reader_extend(PyObject *object, PyObject *args, PyObject *kwarg
     HOLD(mapping);
     *next = (struct next_ring){NULL, mapping, geometry};
     feed_extend(feed, next);
+    readers_watch_anew(self->readers, feed);
     if (self->tells_cursor)
         feed_room(feed); /* what was told since it grew, it was not rung for */
     Py_RETURN_NONE;
@@ -276,6 +258,7 @@ static PyObject *reader_finish(PyObject *object, PyObject *source)
     if (feed != NULL && feed->finishing == 0) {
         feed->finishing = ++self->finishings;
         feed->end = feed_newest(feed);
+        readers_watch_anew(self->readers, feed);
         const bool is_empty = feed->end < feed->ring.next;
         if ((is_empty ? reader_leave(self, feed, "") : bound_finishing(self)) < 0)
             return NULL;

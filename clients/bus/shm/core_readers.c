@@ -46,16 +46,60 @@ static PyObject *readers_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
 
 static void readers_dealloc(PyObject *object)
 {
+    PyMem_Free(((Readers *)object)->watches);
     DROP(((Readers *)object)->memory);
     core_free(object);
+}
+
+/* A feed of `reader` is to be looked at from now on. False: no memory. */
+bool readers_watch(Readers *self, Reader *reader, struct feed *feed)
+{
+    if (self->count == self->room) {
+        const size_t room = self->room == 0 ? 16 : 2 * self->room;
+        struct watch *watches = PyMem_Realloc(self->watches, room * sizeof *watches);
+        if (watches == NULL)
+            return false;
+        self->watches = watches;
+        self->room = room;
+    }
+    feed->watch = self->count++;
+    self->watches[feed->watch].feed = feed;
+    self->watches[feed->watch].reader = reader;
+    readers_watch_anew(self, feed);
+    return true;
+}
+
+/* The feed was used, or goes on in another ring: what is known of it does not hold any more. */
+void readers_watch_anew(Readers *self, const struct feed *feed)
+{
+    self->watches[feed->watch].latest = &feed->last->latest;
+    self->watches[feed->watch].known = LOOK;
+}
+
+void readers_forget(Readers *self, const struct feed *feed)
+{
+    self->watches[feed->watch] = self->watches[--self->count];
+    self->watches[feed->watch].feed->watch = feed->watch;
 }
 
 /* Adds the owners of readers with news. Each is told once, so what can't be added is an error for all. */
 static int collect(Readers *self, PyObject *owners)
 {
-    for (Reader *reader = self->first; reader != NULL; reader = reader->after)
-        if (reader_has_news(reader) && PyList_Append(owners, reader->owner) < 0)
+    self->round++;
+    for (size_t i = 0; i < self->count; i++) {
+        struct watch *watch = &self->watches[i];
+        /* PAIR(latest): acquire, as in ring_poll(). PAIR(sleep): what bell_arm() orders before this look. */
+        const uint64_t latest = atomic_load_explicit(watch->latest, memory_order_acquire);
+        if (latest == watch->known && latest != LOOK)
+            continue;
+        const bool has_news = feed_has_news(watch->feed);
+        watch->known = watch->feed->ticket == 0 ? latest : LOOK; /* a ticket is shown for a while only */
+        if (!has_news || watch->reader->round == self->round)
+            continue;
+        watch->reader->round = self->round;
+        if (PyList_Append(owners, watch->reader->owner) < 0)
             return -1;
+    }
     return 0;
 }
 
@@ -116,14 +160,18 @@ static PyObject *readers_sleep(PyObject *object, PyObject *const *args, Py_ssize
     PyObject *owners = PyList_New(0);
     if (owners == NULL)
         return NULL;
-    int status = collect(self, owners);
+    int status = 0;
+    /* Under load it spares the writers a bell that would be disarmed at once; else it would be one look too many. */
+    if (self->had_news || spin_ns != 0)
+        status = collect(self, owners);
     if (status == 0 && spin_ns != 0 && PyList_Size(owners) == 0)
         status = spin(self, owners, spin_ns);
     if (status == 0 && PyList_Size(owners) == 0) {
         bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring(). */
         status = collect(self, owners);
     }
-    if (status < 0 || PyList_Size(owners) != 0)
+    self->had_news = PyList_Size(owners) != 0;
+    if (status < 0 || self->had_news)
         bell_disarm(&self->header->arrival);
     if (status < 0)
         Py_CLEAR(owners);

@@ -196,8 +196,11 @@ static PyObject *take(Reader *self, PyObject *const *args, Py_ssize_t count, PyO
         status = take_one(self, feed, values[1], now_ns, has_origin, list);
         left -= status;
     }
-    for (size_t i = 0; self->tells_cursor && i < self->count; i++)
-        feed_tell(self->feeds[i]);
+    for (size_t i = 0; i < self->count; i++) {
+        readers_watch_anew(self->readers, self->feeds[i]);
+        if (self->tells_cursor)
+            feed_tell(self->feeds[i]);
+    }
     if (status < 0)
         Py_CLEAR(list);
     return list;
