@@ -7,6 +7,7 @@ BIN    := $(VENV)/bin
 BUS_NATIVE ?= auto
 export BUS_NATIVE
 STAMP  := $(VENV)/.installed-$(BUS_NATIVE)
+BENCH_STAMP := $(VENV)/.installed-bench-$(BUS_NATIVE)
 CORE   := setup.py $(wildcard clients/bus/shm/*.c clients/bus/shm/*.h)
 SECONDS ?=
 PYTEST_ARGS ?=
@@ -15,7 +16,7 @@ NATIVE_LOG := tests/native/build/short.log
 .DEFAULT_GOAL := help
 
 help: ## list the targets
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 12
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 15
 
 setup: $(STAMP) ## make .venv and install busd into it, with the development tools (BUS_NATIVE=yes|no)
 $(STAMP): pyproject.toml $(CORE)
@@ -55,14 +56,30 @@ fmt: $(STAMP) ## format the sources
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-bench-quick: $(STAMP) ## throughput, latency, start, idle and checking, about two minutes
+bench-quick: $(BENCH_STAMP) ## latency, throughput, fan-out, cost, start ... beside rivals, about two minutes
 	$(BIN)/python -m benchmarks --quick
 
-bench: $(STAMP) ## the same, longer
+bench: $(BENCH_STAMP) ## the same, longer: about a quarter of an hour
 	$(BIN)/python -m benchmarks
+
+bench-compare: $(STAMP) ## what changed from one result to another (A=one.json B=other.json)
+	$(if $(and $(A),$(B)),,$(error say which: make bench-compare A=one.json B=other.json))
+	@$(BIN)/python -m benchmarks.compare $(A) $(B)
+
+bench-report: $(BENCH_STAMP) ## the report, its pictures and the README's table (RESULT=benchmarks/results/....json)
+	$(if $(RESULT),,$(error say of which: make bench-report RESULT=benchmarks/results/....json))
+	$(BIN)/python -m benchmarks.write $(RESULT)
+
+# What is measured beside busd. Where it can't be had, its rows say so, and the rest is measured.
+$(BENCH_STAMP): $(STAMP) $(wildcard benchmarks/floors/*.c benchmarks/floors/Makefile)
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[bench]' \
+		|| echo "the rivals can't be installed: the rows of those that are not there say so"
+	@$(MAKE) --no-print-directory -C benchmarks/floors \
+		|| echo "the limits in C can't be built: their rows say so"
+	@touch $@
 
 clean: ## remove what the other targets made
 	rm -rf $(VENV) build tests/native/build clients/bus/shm/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test native lint sanitize fmt bench-quick bench clean
+.PHONY: help setup demo robot test native lint sanitize fmt bench-quick bench bench-compare bench-report clean

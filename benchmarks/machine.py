@@ -5,6 +5,7 @@ import platform
 import re
 import shutil
 import subprocess
+import textwrap
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -58,7 +59,7 @@ class Machine(msgspec.Struct, frozen=True):
         return (
             f"{self.hardware()}, load {self.load:.2f} at the start\n"
             f"{self.python}, commit {self.commit or 'unknown'}\n"
-            + ", ".join(f"{name} {number}" for name, number in programs)
+            + textwrap.fill(", ".join(f"{name} {number}" for name, number in programs), 120)
         )
 
     def hardware(self) -> str:

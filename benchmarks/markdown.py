@@ -81,7 +81,7 @@ def speed_of(result: Result, source: str) -> str:
     return "\n\n".join(
         [
             _table(["", *(one.heading for one in columns)], rows),
-            "In brackets: how many times better busd by shared memory is; **bold** where it is behind. "
+            "In brackets: how many times better busd by shared memory is; **bold** where a rival is ahead. "
             f"Medians of the {kind} run of {result.began[:10]} at commit {machine.commit or 'unknown'}: "
             f"{machine.processor}, {machine.cpus} CPUs, {'virtual, ' if machine.is_virtual else ''}"
             f"{machine.kernel}, {machine.python}. All figures, what was missed and why, and the pictures: "
@@ -149,9 +149,7 @@ def _troubles(result: Result) -> Iterator[str]:
     for section in result.sections:
         for row in section.rows:
             if row.trouble:
-                found.setdefault((row.series or row.name, row.trouble), []).append(
-                    f"{section.name}{_at(row)}"
-                )
+                found.setdefault((row.series or row.name, row.trouble), []).append(_where(section, row))
     yield "## What is missing"
     if not found:
         yield "Nothing: every case was measured."
@@ -162,8 +160,12 @@ def _troubles(result: Result) -> Iterator[str]:
     )
 
 
-def _at(row: Row) -> str:
-    return f" at {number(row.at)}" if row.at else ""
+def _where(section: Section, row: Row) -> str:
+    return f"{section.name} at {_place(section, row.at)}" if row.at else section.name
+
+
+def _place(section: Section, at: float) -> str:
+    return bytes_text(int(at)) if section.axis.endswith(" B") else f"{at:g}"
 
 
 def _section(section: Section, pictures: Sequence[Picture]) -> Iterator[str]:
@@ -204,12 +206,11 @@ def _matrix(section: Section, key: str) -> str:
     """The medians of each series by its places on the axis; ours in bold."""
     lines = section.lines(key)
     places = sorted({at for points in lines.values() for at in points})
-    text = bytes_text if section.axis.endswith(" B") else str
     rows = []
     for series, points in lines.items():
         name = f"**{_text(series)}**" if _is_ours(series) else _text(series)
         rows.append([name, *(number(points[at].median) if at in points else "-" for at in places)])
-    return _table([section.axis, *(text(int(at)) for at in places)], rows)
+    return _table([section.axis, *(_place(section, at) for at in places)], rows)
 
 
 def _is_ours(series: str) -> bool:
@@ -259,7 +260,8 @@ def _cell(result: Result, one: _Essential, system: System) -> str:
         return f"**{text}**"
     times = ours / value if one.higher_is_better else value / ours
     ratio = f"{number(times)}x"
-    return f"{text} (**{ratio}**)" if times < 1 else f"{text} ({ratio})"
+    is_rival = system.kind in ("direct", "brokered")
+    return f"{text} (**{ratio}**)" if is_rival and times < 1 else f"{text} ({ratio})"
 
 
 def _named(system: System) -> str:

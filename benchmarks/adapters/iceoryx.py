@@ -6,7 +6,8 @@ where it is used in place (`publish_by` "loan"), only the head of what is long i
 publisher waits where a subscriber's buffer is full, and the subscriber looks again after 10 ms, because
 version 0.10 loses a notification that comes while others are collected.
 
-It keeps a file of its own in /dev/shm and a folder in /tmp, also after the run.
+Its files are in the run's folder: runs side by side that share them were seen to lose messages. A small one
+of the library's own stays in /dev/shm.
 """
 
 import ctypes
@@ -34,12 +35,16 @@ class _Services:
 
     def __init__(self, work: Work) -> None:
         iceoryx2.set_log_level(iceoryx2.LogLevel.Error)
+        folder = Path(os.environ["BENCH_FOLDER"])
+        config = iceoryx2.config.default()
+        config.global_cfg.root_path = iceoryx2.Path.new(str(folder / "iceoryx2"))
         self.node: Any = (
             iceoryx2.NodeBuilder.new()
+            .config(config)
             .signal_handling_mode(iceoryx2.SignalHandlingMode.Disabled)
             .create(iceoryx2.ServiceType.Ipc)
         )
-        name = iceoryx2.ServiceName.new(Path(os.environ["BENCH_FOLDER"]).name)
+        name = iceoryx2.ServiceName.new(folder.name)
         ends = work.subscribers + 1
         self.samples: Any = (
             self.node.service_builder(name)

@@ -203,8 +203,8 @@ class TestTimers:
 
 class TestRates:
     def test_nobody_need_spin(self, node: Node) -> None:
-        rate = node.create_rate(200)
         begin = time.monotonic_ns()
+        rate = node.create_rate(200)
         for _ in range(5):
             rate.sleep()
         assert time.monotonic_ns() - begin >= 4 * 5_000_000

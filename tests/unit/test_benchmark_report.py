@@ -1,0 +1,176 @@
+"""The report, its pictures and the README's table: what they say, and of which result they are."""
+
+import re
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from benchmarks import markdown, pictures, report, write
+from benchmarks.figures import Spread
+from benchmarks.looks import is_main, look_of, system_of
+from benchmarks.machine import Machine
+from benchmarks.report import Column, Comparison, Result, Row, Section
+from benchmarks.systems import BUS, BUS_SOCKET, C_FLOOR, ICEORYX, NATS, PYZMQ, PYZMQ_PROXY, SYSTEMS
+
+MACHINE = Machine("Some CPU", 2, True, 8.0, "Linux 6", "CPython 3.11", {"msgspec": "0.19"}, "abc", 0.5)
+MIB = 1 << 20
+
+
+def one(value: float) -> Spread:
+    return Spread(value, value * 0.9, value * 1.1)
+
+
+def latency() -> Section:
+    rows = []
+    series = {BUS.name: 10, PYZMQ.name: 40, NATS.name: 5, f"{BUS.name}, busy polling": 2}
+    for size, text in ((64, "64 B"), (MIB, "1 MiB")):
+        for name, value in series.items():
+            figures = {"p50": one(value), "p99": one(value * 2), "p99.9": one(value * 3)}
+            rows.append(Row(f"{text}, {name}", figures, "", name, size))
+    rows.append(Row("1 MiB, iceoryx2", {}, "missing: iceoryx2 is not installed", ICEORYX.name, MIB))
+    comparisons = [
+        Comparison("64 B, ours / best rival, p50", Spread(2.0, 1.9, 2.1), at_most=1.0),
+        Comparison("1 MiB, ours / best rival, p50", Spread(0.5, 0.4, 0.6), at_most=1.0),
+    ]
+    columns = [
+        Column("p50", "µs: p50", "lower"),
+        Column("p99", "p99", "lower"),
+        Column("p99.9", "p99.9", "lower"),
+    ]
+    return Section("latency", "Latency", columns, rows, comparisons, ["a | note"], "size in B")
+
+
+def cost() -> Section:
+    figures = {key: one(2.0) for key in ("cpu", *pictures.PROCESSES)}
+    columns = [Column("cpu", "CPU s per 100k: all", "lower"), Column("cpu_publisher", "publisher", "lower")]
+    return Section("cost", "CPU time", columns, [Row(BUS.name, figures, "", BUS.name)])
+
+
+def growth() -> Section:
+    rows = [Row(f"{at} topics", {"p50": one(at)}, "", f"topics: {BUS.name}", at) for at in (1, 100)]
+    return Section("growth", "Growth", [Column("p50", "µs: p50", "lower")], rows, axis="how many")
+
+
+def result(*sections: Section) -> Result:
+    return Result(report.FORMAT, "2025-01-02T03:04:05Z", False, 3, MACHINE, list(sections))
+
+
+RESULT = result(latency(), cost(), growth())
+
+
+def test_a_series_is_known_by_its_system() -> None:
+    assert system_of(PYZMQ_PROXY.name) == PYZMQ_PROXY and system_of(PYZMQ.name) == PYZMQ
+    assert system_of(f"{ICEORYX.name}, event-driven") == ICEORYX and system_of("codec alone") is None
+    assert [is_main(name) for name in (BUS.name, f"{BUS.name}, async for", "codec alone")] == [
+        True,
+        False,
+        False,
+    ]
+    assert (
+        look_of(BUS.name).is_ours and look_of(BUS_SOCKET.name).is_ours and not look_of(C_FLOOR.name).is_ours
+    )
+
+
+def test_no_two_rivals_look_alike() -> None:
+    looks = [look_of(system.name) for system in SYSTEMS if system.kind in ("direct", "brokered")]
+    assert len(set(looks)) == len({look.marker for look in looks}) == len(looks)
+
+
+def test_the_report_says_where_it_loses_and_what_is_missing() -> None:
+    text = markdown.report_of(RESULT, "results/x.json")
+
+    assert "1 of 2 goals are met. These are not:" in text
+    assert "- latency: 64 B, ours / best rival, p50: **2.00 (1.90 - 2.10)**, goal at most 1.00" in text
+    assert "- iceoryx2: missing: iceoryx2 is not installed (in latency at 1 MiB)" in text
+    assert "| **busd, shared memory** | 10.0 | 10.0 |" in text
+    assert "| 1 MiB, ours / best rival, p50 | 0.500 (0.400 - 0.600) | at most 1.00 | met |" in text
+    assert "- a \\| note" in text
+    assert "**NOT met**" in text and "load 0.50 at the start" in text
+    for picture in pictures.available(RESULT):
+        assert all(f"pictures/{file}" in text for file in picture.files().values())
+
+
+def test_the_readmes_table_has_ratios_and_tells_where_a_rival_is_ahead() -> None:
+    lines = markdown.speed_of(RESULT, "results/x.json").splitlines()
+
+    assert lines[0] == "|  | latency 64 B: p50 µs | p99 µs | 1 MiB: p50 µs | CPU s per 100k |"
+    assert lines[2] == "| **busd, shared memory** | **10.0** | **20.0** | **10.0** | **2.00** |"
+    assert "| pyzmq | 40.0 (4.00x) | 80.0 (4.00x) | 40.0 (4.00x) | - |" in lines
+    assert "| nats-py (a broker) | 5.00 (**0.500x**) | 10.0 (**0.500x**) | 5.00 (**0.500x**) | - |" in lines
+    assert "full run of 2025-01-02 at commit abc" in lines[-1]
+
+
+def test_what_stands_between_the_marks_is_replaced_and_nothing_else() -> None:
+    begin, end = markdown.SPEED
+    text = f"before\n{begin}\nold\n{end}\nafter\n"
+
+    assert markdown.with_speed(text, "new") == f"before\n{begin}\nnew\n{end}\nafter\n"
+    assert markdown.between_marks(text) == "old"
+    assert markdown.between_marks("no marks") is None
+    with pytest.raises(ValueError, match="no <!-- speed -->"):
+        markdown.with_speed("no marks", "new")
+
+
+def test_a_result_without_figures_has_a_report() -> None:
+    text = markdown.report_of(result(), "results/x.json")
+
+    assert "Nothing was asked for" in text and "Nothing: every case was measured." in text
+    assert markdown.speed_of(result(), "results/x.json") == "No result yet."
+    assert pictures.available(result()) == []
+
+
+def test_the_pictures_of_a_result_are_always_the_same(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    few = result(cost())
+
+    first, second = (pictures.draw(few, tmp_path / name) for name in "ab")
+
+    assert [path.name for path in first] == ["cost-light.svg", "cost-dark.svg"]
+    assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
+    assert first[0].read_text() != first[1].read_text()
+    assert "CPU s per 100,000 messages" in first[0].read_text()
+
+
+def test_pictures_of_every_kind_are_drawn(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+
+    drawn = pictures.draw(RESULT, tmp_path)
+
+    assert {path.name.rpartition("-")[0] for path in drawn} == {"latency", "latency-sizes", "cost", "growth"}
+    assert all("busd, shared memory" in path.read_text() for path in drawn)
+
+
+def test_a_quick_run_makes_a_preview_and_no_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "x.json"
+    report.save(msgspec.structs.replace(result(), is_quick=True), path)
+    monkeypatch.setattr(sys, "argv", ["write", str(path)])
+
+    assert write.main() == 2
+    assert "is of a quick run" in capsys.readouterr().err
+    monkeypatch.setattr(pictures, "draw", lambda result, folder: [])
+    monkeypatch.setattr(sys, "argv", ["write", str(path), "--preview", str(tmp_path / "p")])
+    assert write.main() == 0
+    assert (tmp_path / "p" / "speed.md").read_text() == "No result yet.\n"
+
+
+def test_report_and_readme_are_of_the_result_that_they_name() -> None:
+    """Where no report is committed the README may have no table of anything."""
+    speed = markdown.between_marks(write.README.read_text())
+    assert speed is not None
+    if not write.REPORT.exists():
+        assert speed == ""
+        return
+    text = write.REPORT.read_text()
+    source = re.search(r"\[(results/[^\]]+\.json)\]", text)
+    assert source is not None
+    found = report.load(write.REPORT.parent / source[1])
+
+    assert not found.is_quick
+    assert text == markdown.report_of(found, source[1])
+    assert speed == markdown.speed_of(found, source[1])
+    drawn = {file for picture in pictures.available(found) for file in picture.files().values()}
+    assert {path.name for path in (write.REPORT.parent / markdown.FOLDER).glob("*.svg")} == drawn
