@@ -318,7 +318,8 @@ def test_make_robot(tmp_path: Path) -> None:
     for line in shown.output:  # who lost what, at its end, is the machine's affair
         pattern = shape(line.removesuffix("-"))
         assert any(re.match(pattern, one) for one in printed), (line, printed)
-    assert done.returncode == 0 or "too slow a machine, or too busy" in done.stdout + done.stderr
+    slow = r"The robot failed: /\S+ (had \S+ of \S+ Hz|lost messages)"  # its queues are short
+    assert done.returncode == 0 or re.search(slow, done.stdout + done.stderr), printed
 
 
 def test_what_is_typed_exists(tmp_path: Path) -> None:
