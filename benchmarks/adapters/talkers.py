@@ -183,9 +183,7 @@ def iceoryx() -> None:
 
     import iceoryx2  # type: ignore[import-untyped]
 
-    config = iceoryx2.config.default()
-    config.global_cfg.root_path = iceoryx2.Path.new(_path("iceoryx2"))
-    node = iceoryx2.NodeBuilder.new().config(config).create(iceoryx2.ServiceType.Ipc)
+    node = iceoryx2.NodeBuilder.new().create(iceoryx2.ServiceType.Ipc)
     name = iceoryx2.ServiceName.new(os.environ["BENCH_FOLDER"].rpartition("/")[2])
     service = node.service_builder(name).publish_subscribe(ctypes.c_uint8 * SIZE).open()
     notifier = node.service_builder(name).event().open().notifier_builder().create()
