@@ -243,9 +243,9 @@ class Server:
             self._idle_timer.cancel()
             self._idle_timer = None
         if not self._connections:
-            self._idle_timer = self._loop.call_later(self._idle_s, self._end_idleness)
+            self._idle_timer = self._loop.call_later(self._idle_s, self._end_idleness, self._idle_s)
 
-    def _end_idleness(self) -> None:
+    def _end_idleness(self, idle_s: float) -> None:
         self._accept()  # who came while this process was held up: libuv looks at timers first
         if not self._connections:
-            self.stop(f"idle for {self._idle_s:g} s")
+            self.stop(f"idle for {idle_s:g} s")

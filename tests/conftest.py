@@ -19,7 +19,13 @@ import pytest
 
 from bus import shm
 
-hypothesis.settings.register_profile("busd", deadline=None, derandomize=True)
+# What is slow here is the machine.
+hypothesis.settings.register_profile(
+    "busd",
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[hypothesis.HealthCheck.too_slow],
+)
 hypothesis.settings.load_profile("busd")
 
 # For the tests themselves; what they start shall be as users see it.

@@ -1,11 +1,11 @@
-"""Messages with a long field of bytes: encoded around it, decoded without copying it.
+"""Messages with a long field of bytes or text: encoded around it, decoded without copying it.
 
 An image is copied once into the ring, and not at all where its reader wants a view. Owns how such a field is
 found in an encoding; knows neither topics nor routes.
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import copy
 from functools import cache
 from struct import pack
@@ -15,11 +15,17 @@ import msgspec
 from msgspec import inspect
 
 from bus.errors import MessageTypeError
+from bus.wire.runs import Buffer
 
 M = TypeVar("M", bound=msgspec.Struct)
 
 LONG_BYTES = 64 << 10
-"""From this length on, a field is worth being left where it is."""
+"""From this length on, a field of bytes is worth being left where it is."""
+
+LONG_TEXT = 256 << 10
+"""From this length on, one of text is, where it is ASCII: then its UTF-8 is what Python holds."""
+
+_BIN_32, _STR_32, _ARRAY_16 = 0xC6, 0xDB, 0xDC  # of MessagePack
 
 # Stands for the field while the rest is encoded. Random, so that no message contains it.
 _MARK = os.urandom(24)
@@ -28,26 +34,36 @@ _RAW_MARK = msgspec.Raw(_MARK)
 
 def bytes_fields(cls: type[msgspec.Struct]) -> tuple[str, ...]:
     """Names of the fields of `cls` that are bytes."""
-    names: tuple[str, ...] = _bytes_fields(cast(Any, cls))
+    names: tuple[str, ...] = _fields(cast(Any, cls), inspect.BytesType)
+    return names
+
+
+def text_fields(cls: type[msgspec.Struct]) -> tuple[str, ...]:
+    """Names of the fields of `cls` that are text."""
+    names: tuple[str, ...] = _fields(cast(Any, cls), inspect.StrType)
     return names
 
 
 @cache
-def _bytes_fields(cls: Any) -> tuple[str, ...]:
+def _fields(cls: Any, kind: type[inspect.Type]) -> tuple[str, ...]:
     if not issubclass(cls, msgspec.Struct):
         return ()  # it encodes in its own way
     info = inspect.type_info(cls)
     assert isinstance(info, inspect.StructType)
-    return tuple(field.name for field in info.fields if isinstance(_bare(field.type), inspect.BytesType))
+    return tuple(field.name for field in info.fields if isinstance(_bare(field.type), kind))
 
 
-def long_field(message: msgspec.Struct, names: tuple[str, ...]) -> tuple[str, memoryview] | None:
-    """The first of these fields that is long, as bytes; None where none is.
+def long_field(message: msgspec.Struct, names: tuple[str, ...]) -> tuple[str, memoryview | str] | None:
+    """The first of these fields that is long, as bytes or as text that is ASCII; None where none is.
 
     Whatever has a contiguous buffer of bytes counts, as an array of numpy has.
     """
     for name in names:
         value = getattr(message, name, None)
+        if value.__class__ is str:
+            if len(value) >= LONG_TEXT and value.isascii():
+                return name, value
+            continue
         if value.__class__ is bytes:
             if len(value) >= LONG_BYTES:
                 return name, memoryview(value)
@@ -69,14 +85,25 @@ def with_field(message: M, name: str, value: Any) -> M:
     return changed
 
 
-def encode_around(message: M, name: str, size: int, encode: Callable[[M], bytes]) -> tuple[bytes, bytes]:
+def encode_around(
+    message: M, name: str, size: int, encode: Callable[[M], bytes], *, is_text: bool = False
+) -> tuple[bytes, bytes]:
     """The encoding of `message` with `size` bytes as field `name`: what comes before these, and after.
 
     The field of `message`, which is a copy made by `with_field`, is lost.
     """
     msgspec.structs.force_setattr(message, name, _RAW_MARK)
     before, _, after = encode(message).partition(_MARK)
-    return before + pack(">BI", 0xC6, size), after  # MessagePack's bin 32
+    if len(before) % 8 == 1 and before[0] >> 4 == 9:
+        # A longer head of the same array: in a String what is long then begins at a multiple of 8, and its
+        # reader checks and copies it in one go.
+        before = bytes((_ARRAY_16, 0, before[0] & 15)) + before[1:]
+    return before + pack(">BI", _STR_32 if is_text else _BIN_32, size), after
+
+
+def joined(parts: Sequence[Buffer | str]) -> bytes:
+    """The bytes of a sample that is given in parts."""
+    return b"".join(part.encode() if isinstance(part, str) else part for part in parts)
 
 
 def check_field(cls: type[msgspec.Struct], name: str) -> None:

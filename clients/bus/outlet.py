@@ -10,6 +10,7 @@ from threading import get_ident
 from time import monotonic_ns
 from typing import Any, Literal
 
+from bus.bulk import joined
 from bus.declarations import Endpoint
 from bus.descriptor import Descriptor
 from bus.errors import (
@@ -97,14 +98,19 @@ class Outlet:
 
     # --- samples
 
-    def put(self, *parts: Buffer) -> bool:
+    def expect_short(self) -> None:
+        """The message at hand has no long field: the quick way may be tried again."""
+        if self._ring is not None:
+            self._ring.writer.is_long = False
+
+    def put(self, *parts: Buffer | str) -> bool:
         """Take a sample, in parts, after all that can stand against it was looked at; from any thread.
 
         False: there is no room until lossless subscriptions have taken more.
         """
         stamp_ns = monotonic_ns()
         if get_ident() != self._link.thread:
-            return self._put_from_thread(b"".join(parts), stamp_ns)
+            return self._put_from_thread(joined(parts), stamp_ns)
         self._check_loan()
         return not self._from_threads.late and self._put_now(parts, stamp_ns)
 
@@ -314,14 +320,14 @@ class Outlet:
                 self._put_in_socket(payload, stamp_ns)
         self._choose_routes()
 
-    def _put_now(self, parts: Sequence[Buffer], stamp_ns: int) -> bool:
+    def _put_now(self, parts: Sequence[Buffer | str], stamp_ns: int) -> bool:
         socket = self._socket
         if socket.is_active and not socket.can_take(sum(map(len, parts))):
             return False
         if self._ring is not None and not self._ring.put(parts, stamp_ns):
             return False
         if socket.is_active:
-            self._put_in_socket(parts[0] if len(parts) == 1 else b"".join(parts), stamp_ns)
+            self._put_in_socket(joined(parts), stamp_ns)
         self.last_ns = stamp_ns
         return True
 

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from bus.bulk import bytes_fields, check_field, encode_around, long_field, with_field
+from bus.bulk import bytes_fields, check_field, encode_around, long_field, text_fields, with_field
 from bus.descriptor import Descriptor
 from bus.endpoint import Endpoint
 from bus.errors import BusError, ConnectionClosed, PayloadTooLarge, again
@@ -68,11 +68,13 @@ class Publisher(Endpoint[M]):
         super().__init__(link, node, topic, support, qos, events, logger, on_error)
         self._encode = support.encode
         self._is_valid = support.is_valid
-        self._bytes_fields = bytes_fields(support.cls)
         self._max_bytes = MAX_MESSAGE_BYTES
         self._refused = 0
         self._lost_liveliness = 0
         self._outlet = Outlet(link, self, logger)
+        self._long_fields = bytes_fields(support.cls)
+        if link.sharing is not None:  # by socket, text had to be copied once more to be joined with the rest
+            self._long_fields += text_fields(support.cls)
         self._watch_deadline()
 
     def publish(self, message: M) -> bool:
@@ -97,8 +99,10 @@ class Publisher(Endpoint[M]):
         """Step by step, where `Outlet.publish` did nothing."""
         if message.__class__ is not self.type:
             raise wrong_class(self.type, message)
-        if self._bytes_fields and (found := long_field(message, self._bytes_fields)):
-            return self._publish_around(message, *found)
+        if self._long_fields:
+            if found := long_field(message, self._long_fields):
+                return self._publish_around(message, *found)
+            self._outlet.expect_short()
         if not self._is_valid(message):
             error = self.support.explain(message)
             if error is not None:
@@ -259,12 +263,12 @@ class Publisher(Endpoint[M]):
 
     # --- inside
 
-    def _publish_around(self, message: M, field: str, value: memoryview) -> bool:
-        """Publish a message with a long field of bytes, which is copied only to where it will be read."""
-        before, after = self._encode_around(message, field, value, value.nbytes)
+    def _publish_around(self, message: M, field: str, value: memoryview | str) -> bool:
+        """Publish a message with a long field, which is copied only to where it will be read."""
+        before, after = self._encode_around(message, field, value, len(value))
         return self._put(before, value, after)
 
-    def _encode_around(self, message: M, field: str, value: Buffer, size: int) -> tuple[bytes, bytes]:
+    def _encode_around(self, message: M, field: str, value: Buffer | str, size: int) -> tuple[bytes, bytes]:
         """What comes before and after `size` bytes as `field`; the check of types sees `value` there."""
         if message.__class__ is not self.type:
             raise wrong_class(self.type, message)
@@ -274,11 +278,11 @@ class Publisher(Endpoint[M]):
             if error is not None:
                 raise error
         try:
-            return encode_around(message, field, size, self._encode)
+            return encode_around(message, field, size, self._encode, is_text=isinstance(value, str))
         except ENCODE_ERRORS as error:
             raise self.support.explain(with_field(message, field, value)) or error from None
 
-    def _put(self, *parts: Buffer) -> bool:
+    def _put(self, *parts: Buffer | str) -> bool:
         """Publish a sample, after all that can stand against it was looked at."""
         size = sum(map(len, parts))
         self._check_size(size)

@@ -14,11 +14,14 @@ from bus.link import RETURN_S, Link
 from bus.qos import Durability, History, QoSProfile
 from bus.sharing import Sharing
 from bus.shm import core, segments
+from bus.transport.memory import keep_freed_memory
 from bus.wire import messages as m
 from bus.wire.session import MISSING
 
 _ALL = 1 << 60
 _MOST_REMEMBERED = 1024
+_LARGE_RING_BYTES = 2 << 20
+"""A ring that is larger has grown, by large messages as a rule."""
 
 
 class _Ring:
@@ -173,6 +176,7 @@ class RingInput:
                 self._replace(matched.gid, ring)
             return before.slot
         memory = segments.map_ring(ring)
+        _make_ready_for(memory.size)
         slot = self._sharing.allot_slot()
         if slot is None:
             raise OSError("all slots of this process's readers' segment are in use")
@@ -211,7 +215,9 @@ class RingInput:
     def _replace(self, gid: bytes, descriptor: Descriptor) -> None:
         ring = self._rings.get(gid)
         if ring is not None:
-            self.reader.extend(ring.source, segments.map_ring(descriptor))
+            memory = segments.map_ring(descriptor)
+            _make_ready_for(memory.size)
+            self.reader.extend(ring.source, memory)
             ring.descriptor = descriptor
             self._sharing.look_soon()
 
@@ -222,3 +228,8 @@ class RingInput:
 
 def _depth(qos: QoSProfile) -> int:
     return 0 if qos.history is History.KEEP_ALL else qos.depth
+
+
+def _make_ready_for(ring_bytes: int) -> None:
+    if ring_bytes > _LARGE_RING_BYTES:
+        keep_freed_memory()  # for what messages are decoded into

@@ -9,7 +9,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from itertools import count
 
-from bus.bulk import bytes_fields
+from bus.bulk import LONG_TEXT, bytes_fields, text_fields
 from bus.declarations import Endpoint
 from bus.descriptor import Descriptor
 from bus.errors import PayloadTooLarge, SharedMemoryError
@@ -76,6 +76,8 @@ class RingRoute:
         self.writer.is_guarded = link.guard is not None
         support = owner.support
         self.writer.prepare(support.cls, support.is_valid, support.encode)
+        if text_fields(support.cls):
+            self.writer.longest = LONG_TEXT
         # A long field of bytes shall not be encoded with the rest.
         self.can_publish = not bytes_fields(support.cls)
         if keeps_all and qos.durability is Durability.TRANSIENT_LOCAL:
@@ -107,7 +109,7 @@ class RingRoute:
 
     # --- samples
 
-    def put(self, parts: Sequence[Buffer], stamp_ns: int) -> bool:
+    def put(self, parts: Sequence[Buffer | str], stamp_ns: int) -> bool:
         """Write a sample, given in parts, whatever that takes; False where lossless readers come first.
 
         Raises SharedMemoryError where the ring can't be made large enough.

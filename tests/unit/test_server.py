@@ -42,7 +42,7 @@ async def test_it_is_not_idle_while_somebody_waits_in_its_backlog(listener: List
     server = Server(listener, Broker(), idle_s=30)
     with socket.socket(socket.AF_UNIX) as early:
         early.connect(str(listener.path))
-        server._end_idleness()  # the timer was due before the loop looked at its sockets
+        server._end_idleness(30)  # the timer was due before the loop looked at its sockets
         assert not server.stopped.done()
         assert len(server._connections) == 1
     server.stop("a test")

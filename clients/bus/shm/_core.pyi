@@ -70,6 +70,9 @@ class Writer:
     """May be set to True: the callers hold a lock of their own, and any thread may call."""
     is_noted: bool
     """May be set to False: then the next write returns NOTED once."""
+    is_long: bool
+    """`publish` took a message that was longer than `longest`: it takes no more until this is False."""
+    longest: int
 
     def __init__(self, memory: Mapping, keep: int) -> None: ...
     def write(self, payload: Buffer, /) -> Literal[True] | int:
@@ -79,12 +82,15 @@ class Writer:
     ) -> None:
         """What `publish` is to publish. Raises ValueError the second time."""
     def publish(self, message: Any, /) -> bool | int:
-        """Check, encode and `write` a message. False: it is none of that kind, not surely valid, or can't be
-        encoded. Else as `write`."""
+        """Check, encode and `write` a message. False: it is none of that kind, not surely valid, can't be
+        encoded, or `is_long` is set. Else as `write`."""
     def write_parts(
-        self, parts: Sequence[Buffer], /, *, force: bool = False, stamp_ns: int = 0
+        self, parts: Sequence[Buffer | str], /, *, force: bool = False, stamp_ns: int = 0
     ) -> Literal[True] | int:
-        """As `write`, one record of the parts back to back. `force` gives up depth instead of SHORT."""
+        """As `write`, one record of the parts back to back, text as UTF-8.
+
+        `force` gives up depth instead of SHORT.
+        """
     def lend(self, size: int, *, force: bool = False) -> memoryview | int:
         """A place for a payload of `size` bytes, to be filled and published; or why there is none.
 

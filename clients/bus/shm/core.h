@@ -65,12 +65,14 @@ typedef struct {
     bool is_closed;
     char is_guarded; /* whoever calls holds a lock of its own: any thread may */
     char is_noted;
+    char is_long;
     struct gate_owner *owners; /* beside ring.gates */
     Bell **bells;              /* each bell of the gates once, borrowed */
     size_t room;               /* allocated, of all three arrays */
     size_t bell_count;
     uint32_t lent;             /* bytes asked for by the last lend */
     uint64_t most;             /* payload bytes, by the user's wish */
+    uint64_t longest;          /* that writer_publish() encodes; when one is longer, `is_long` ends its work */
     uint64_t samples, bytes, rung;
     uint64_t stamp_ns; /* of the newest record: stamps don't go back, so that a time finds a place among them */
     PyObject *kind, *is_valid, *encode; /* of the messages to publish; NULL: not prepared */

@@ -30,7 +30,7 @@ static PyObject *writer_new(PyTypeObject *type, PyObject *args, PyObject *kwargs
     self->thread = PyThread_get_thread_ident();
     self->forks = core_forks;
     self->is_noted = 1;
-    self->most = UINT64_C(1) << 62;
+    self->most = self->longest = UINT64_C(1) << 62;
     return (PyObject *)self;
 }
 
@@ -138,7 +138,7 @@ static PyObject *writer_prepare(PyObject *object, PyObject *args)
 static PyObject *writer_publish(PyObject *object, PyObject *message)
 {
     Writer *self = (Writer *)object;
-    if ((PyObject *)Py_TYPE(message) != self->kind)
+    if ((PyObject *)Py_TYPE(message) != self->kind || self->is_long)
         Py_RETURN_FALSE;
     PyObject *answer = PyObject_CallFunctionObjArgs(self->is_valid, message, NULL);
     const bool is_valid = answer == Py_True;
@@ -150,6 +150,8 @@ static PyObject *writer_publish(PyObject *object, PyObject *message)
         PyErr_Clear();
         Py_RETURN_FALSE;
     }
+    /* Long ones come in a row, and are worth being copied once less than this way does. */
+    self->is_long = PyBytes_Check(payload) && (uint64_t)PyBytes_Size(payload) > self->longest;
     PyObject *outcome = writer_write(object, payload);
     Py_DECREF(payload);
     return outcome;
@@ -174,6 +176,16 @@ static PyObject *put_parts(Writer *self, const Py_buffer *parts, Py_ssize_t coun
     }
     ring_publish(&self->ring, (uint32_t)size, next_stamp(self, stamp_ns != 0 ? stamp_ns : core_now_ns()), 0);
     return published(self, size);
+}
+
+/* The bytes of a buffer, or the UTF-8 of text, which is held by the text itself. False: an error is set. */
+static bool get_part(PyObject *part, Py_buffer *buffer)
+{
+    if (!PyUnicode_Check(part))
+        return PyObject_GetBuffer(part, buffer, PyBUF_SIMPLE) == 0;
+    *buffer = (Py_buffer){0};
+    buffer->buf = (void *)PyUnicode_AsUTF8AndSize(part, &buffer->len);
+    return buffer->buf != NULL;
 }
 
 static PyObject *writer_write_parts(PyObject *object, PyObject *const *args, Py_ssize_t count, PyObject *kwnames)
@@ -203,7 +215,7 @@ static PyObject *writer_write_parts(PyObject *object, PyObject *const *args, Py_
         Py_DECREF(parts);
         return PyErr_NoMemory();
     }
-    while (held < length && PyObject_GetBuffer(PyTuple_GetItem(parts, held), &buffers[held], PyBUF_SIMPLE) == 0)
+    while (held < length && get_part(PyTuple_GetItem(parts, held), &buffers[held]))
         held++;
     if (held == length)
         outcome = is_at_home(self) ? put_parts(self, buffers, length, force, stamp_ns) : turned_away(self);
@@ -366,6 +378,8 @@ static PyMemberDef members[] = {
     {"rung", T_ULONGLONG, offsetof(Writer, rung), READONLY, NULL},
     {"is_guarded", T_BOOL, offsetof(Writer, is_guarded), 0, NULL},
     {"is_noted", T_BOOL, offsetof(Writer, is_noted), 0, NULL},
+    {"is_long", T_BOOL, offsetof(Writer, is_long), 0, NULL},
+    {"longest", T_ULONGLONG, offsetof(Writer, longest), 0, NULL},
     {0},
 };
 
