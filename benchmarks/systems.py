@@ -246,7 +246,7 @@ CYCLONE = System(
     "benchmarks.adapters.cyclone",
     missing=_needs("cyclonedds"),
     gives_turns=False,
-    guess=Speed(25_000, 400e6),
+    guess=Speed(25_000, 100e6),
 )
 
 FLOORS = (FLOOR, TWO_HOPS, C_FLOOR, C_SOCKET)

@@ -1,6 +1,7 @@
 """The child's half of the harness: words come on stdin, events go to stdout, the end of stdin is the end."""
 
 import asyncio
+import gc
 import json
 import os
 import signal
@@ -52,6 +53,7 @@ def tell(event: str, **values: Any) -> None:
 def run(main: Callable[[Parent], Awaitable[None]]) -> None:
     """Run `main` on the loop that the bus uses, until the parent has no more words."""
     signal.alarm(LIFE_S)
+    gc.freeze()  # for all systems, because `bus.run` does it
     uvloop.run(_serve(main))
 
 
