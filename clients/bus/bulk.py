@@ -101,8 +101,10 @@ def encode_around(
     return before + pack(">BI", _STR_32 if is_text else _BIN_32, size), after
 
 
-def joined(parts: Sequence[Buffer | str]) -> bytes:
+def joined(parts: Sequence[Buffer | str]) -> Buffer:
     """The bytes of a sample that is given in parts."""
+    if len(parts) == 1 and not isinstance(parts[0], str):
+        return parts[0]
     return b"".join(part.encode() if isinstance(part, str) else part for part in parts)
 
 

@@ -159,7 +159,7 @@ class Link:
         self, what: Declared, message: m.Message | bytes, descriptors: tuple[Descriptor, ...] = ()
     ) -> None:
         """Send a message (or frame) about `what`; nothing where the broker does not know it at the moment."""
-        if what.id and self._connection is not None:
+        if what.id and message and self._connection is not None:
             self._connection.send(message, descriptors)
 
     def is_quiet(self) -> bool:

@@ -100,8 +100,8 @@ class Outlet:
 
     def expect_short(self) -> None:
         """The message at hand has no long field: the quick way may be tried again."""
-        if self._ring is not None:
-            self._ring.writer.is_long = False
+        if (ring := self._ring) is not None:  # once: the loop's thread may end it meanwhile
+            ring.writer.is_long = False
 
     def put(self, *parts: Buffer | str) -> bool:
         """Take a sample, in parts, after all that can stand against it was looked at; from any thread.
@@ -110,7 +110,7 @@ class Outlet:
         """
         stamp_ns = monotonic_ns()
         if get_ident() != self._link.thread:
-            return self._put_from_thread(joined(parts), stamp_ns)
+            return self._put_from_thread(bytes(joined(parts)), stamp_ns)
         self._check_loan()
         return not self._from_threads.late and self._put_now(parts, stamp_ns)
 

@@ -115,6 +115,8 @@ class Publisher(Endpoint[M]):
 
     def publish_encoded(self, payload: Buffer) -> bool:
         """Publish a message that is encoded already; as `publish`, but nothing checks its type here."""
+        if isinstance(payload, str):
+            raise TypeError(f"an encoded message on '{self.topic_name}' must be bytes, not text")
         return self._put(payload)
 
     def loan(self, message: M, field: str, size: int) -> Loan | None:

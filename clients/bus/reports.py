@@ -1,7 +1,7 @@
 """Tells the broker the counters of endpoints, when they have changed, twice a second at most.
 
 Some at a time: those of a thousand at once would hold up messages for milliseconds, here and at the broker,
-and twice a second each would cost more than their messages.
+and twice a second each would cost more than their messages. So a thousand are told of every two seconds.
 """
 
 import asyncio
@@ -16,7 +16,10 @@ _SOME = 64
 
 
 class Reports:
-    """`send(endpoint, frames)` sends the reports of some endpoints, one of which is `endpoint`."""
+    """`send(endpoint, frames)` sends the reports of some endpoints, one of which is `endpoint`.
+
+    There are no frames where the broker knows none of them at the moment.
+    """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, send: Callable[[Endpoint, bytes], None]) -> None:
         self._loop = loop
@@ -50,6 +53,8 @@ class Reports:
         if self._timer is not None:
             self._timer.cancel()
             self._tell([*(self._due | self._going)])
+        self._due.clear()
+        self._going.clear()
 
     def _arm(self) -> None:
         if not self._has_ended:
@@ -60,8 +65,12 @@ class Reports:
         self._go_on()
 
     def _go_on(self) -> None:
+        some = [self._going.pop() for _ in range(min(_SOME, len(self._going)))]
         try:
-            self._tell([self._going.pop() for _ in range(min(_SOME, len(self._going)))])
+            self._tell(some)
+        except BaseException:
+            self._due.update(some)  # who was told already is told the same once more
+            raise
         finally:
             self._timer = None
             if self._going:
@@ -70,13 +79,15 @@ class Reports:
                 self._arm()
 
     def _tell(self, endpoints: list[Endpoint]) -> None:
-        frames = []
-        for endpoint in endpoints:
-            totals = endpoint.totals()
-            if endpoint.id:  # else the broker does not know it at the moment
-                known = endpoint
-                frames.append(m.encode_frame(totals))
+        if not endpoints:
+            return
+        told = [(endpoint, endpoint.totals()) for endpoint in endpoints]
+        for endpoint, totals in told:
             if totals.queued and endpoint.refusal is None:
                 self._due.add(endpoint)  # nobody says so when they are taken
-        if frames:
-            self._send(known, b"".join(frames))
+        # Some are not known at the moment; and to count may call a user's function, which may close others.
+        known = [
+            (endpoint, totals) for endpoint, totals in told if endpoint.id and endpoint.id == totals.endpoint
+        ]
+        frames = b"".join(m.encode_frame(totals) for _, totals in known)
+        self._send(known[0][0] if known else endpoints[0], frames)

@@ -334,8 +334,10 @@ class RingRoute:
         writer = self.writer
         need = _power_of_two(4 * (size + RECORD_HEAD_BYTES))
         capacity = max(2 * writer.capacity, need)
-        if capacity > self._largest_bytes and not must:
-            return False
+        if not must:
+            if capacity > self._largest_bytes:
+                return False
+            capacity = max(capacity, self._capacity_for_depth())
         self._forget_left()
         index = max(capacity >> 7, writer.index_length)
         if writer.keep != FOR_EVER:
@@ -354,6 +356,20 @@ class RingRoute:
         if self._owner.id:
             self._link.send_about(self._owner, m.ReplaceRing(publisher=self._owner.id), (self.announce(),))
         return True
+
+    def _capacity_for_depth(self) -> int:
+        """What a ring that is full needs for all its depth, if it goes on like that.
+
+        So it grows once, and not at each doubling, of which each holds messages up; 0: not known.
+        """
+        writer = self.writer
+        held = writer.latest - writer.oldest + 1
+        if writer.keep == FOR_EVER or held < 1:
+            return 0
+        capacity = _power_of_two(writer.capacity * writer.keep // held)
+        while capacity > self._largest_bytes:
+            capacity >>= 1
+        return capacity
 
 
 def _power_of_two(number: int) -> int:

@@ -42,6 +42,23 @@ class TestGrowth:
             assert (await subscription.receive())[0] == numbered(number, 400)
         assert subscription.statistics().dropped == {}
 
+    @by_shared_memory
+    async def test_for_depth_it_grows_once(self, node: bus.Node, monkeypatch: pytest.MonkeyPatch) -> None:
+        """To what the depth will need, because messages are held up meanwhile."""
+        made: list[int] = []
+        make_ring = segments.make_ring
+
+        def note(capacity: int, index_length: int, first_seq: int) -> Any:
+            made.append(capacity)
+            return make_ring(capacity, index_length, first_seq)
+
+        monkeypatch.setattr(segments, "make_ring", note)
+        publisher = await node.create_publisher(Numbered, "t", 1000)
+        for number in range(3000):
+            publisher.publish(numbered(number, 1000))
+        assert len(made) == 2
+        assert 1000 * 1000 < made[1] <= 4000 * 1000
+
     async def test_for_the_size_of_messages(self, node: bus.Node) -> None:
         subscription = await node.create_subscription(Numbered, "t", 10)
         publisher = await node.create_publisher(Numbered, "t", 10)

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import paced, servers, throughput
+from benchmarks import paced, servers, systems, throughput
 from benchmarks.adapters import roles
 from benchmarks.harness import START_S, Child, Failure, Group
-from benchmarks.systems import NATS, PIPE, PYZMQ, PYZMQ_PROXY, QUEUE, REDIS, System
+from benchmarks.systems import NATS, PIPE, PYZMQ, PYZMQ_PROXY, QUEUE, REDIS, RIVALS, System
 from benchmarks.work import AT_ONCE, Work
 
 LARGEST = 4 << 20
@@ -156,3 +156,12 @@ def test_servers_leave_nothing_behind() -> None:
             started: list[Child] = _or_skip(system).start_servers(group)
         assert not any(Path(f"/proc/{child.pid}").exists() for child in started)
         assert not group.folder.exists()
+
+
+@pytest.mark.parametrize("system", [system for system in RIVALS if system not in (PIPE, QUEUE)], ids=_name)
+def test_a_rival_whose_package_is_not_there_is_missing(
+    system: System, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(systems, "find_spec", lambda name: None)
+
+    assert system.missing().endswith(" is not installed")

@@ -52,6 +52,8 @@ class _World:
         self.reports = Reports(self.loop, self._send)  # type: ignore[arg-type]
 
     def _send(self, endpoint: Any, frames: bytes) -> None:
+        if not frames:
+            return
         assert endpoint.id
         reader = FrameReader(max_control_bytes=MAX_CONTROL_BYTES, max_data_bytes=0)
         reader.get_buffer()[: len(frames)] = frames
@@ -133,3 +135,41 @@ def test_what_is_queued_is_told_again_and_what_the_broker_does_not_know_is_not(w
 
     assert world.batches == [[1], [1]]
     assert not world.loop.timers
+
+
+def test_one_that_goes_while_the_others_are_counted_is_not_told(world: _World) -> None:
+    """busd would not know it any more, and takes that for a fault."""
+    leaving = _Endpoint(1)
+
+    class Closing(_Endpoint):
+        def totals(self) -> m.Report:
+            found = super().totals()
+            leaving.id = 0
+            return found
+
+    both: list[Any] = [leaving, Closing(2)]
+    world.reports.add_all(both)
+    world.loop.fire()
+
+    assert _told(world) == [2]
+
+
+def test_what_can_not_be_counted_keeps_nobody_from_being_told(world: _World) -> None:
+    class Broken(_Endpoint):
+        fails = True
+
+        def totals(self) -> m.Report:
+            if self.fails:
+                raise MemoryError
+            return super().totals()
+
+    broken = Broken(1)
+    some: list[Any] = [broken, _Endpoint(2), _Endpoint(3)]
+    world.reports.add_all(some)
+    with pytest.raises(MemoryError):
+        world.loop.fire()
+    broken.fails = False
+    while world.loop.timers:
+        world.loop.fire()
+
+    assert set(_told(world)) == {1, 2, 3}
