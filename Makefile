@@ -59,7 +59,7 @@ fmt: $(STAMP) ## format the sources
 bench-quick: $(BENCH_STAMP) ## latency, throughput, fan-out, cost, start ... beside rivals, about two minutes
 	$(BIN)/python -m benchmarks --quick
 
-bench: $(BENCH_STAMP) ## the same, longer: about a quarter of an hour
+bench: $(BENCH_STAMP) ## the same, longer: about 17 minutes
 	$(BIN)/python -m benchmarks
 
 bench-compare: $(STAMP) ## what changed from one result to another (A=one.json B=other.json)
@@ -72,14 +72,14 @@ bench-report: $(BENCH_STAMP) ## the report, its pictures and the README's table 
 
 # What is measured beside busd. Where it can't be had, its rows say so, and the rest is measured.
 $(BENCH_STAMP): $(STAMP) $(wildcard benchmarks/floors/*.c benchmarks/floors/Makefile)
-	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[bench]' \
+	@rm -f $@
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[bench]' && touch $@ \
 		|| echo "the rivals can't be installed: the rows of those that are not there say so"
 	@$(MAKE) --no-print-directory -C benchmarks/floors \
-		|| echo "the limits in C can't be built: their rows say so"
-	@touch $@
+		|| { rm -f $@; echo "the limits in C can't be built: their rows say so"; }
 
 clean: ## remove what the other targets made
-	rm -rf $(VENV) build tests/native/build clients/bus/shm/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) build tests/native/build benchmarks/floors/build clients/bus/shm/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 .PHONY: help setup demo robot test native lint sanitize fmt bench-quick bench bench-compare bench-report clean

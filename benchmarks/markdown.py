@@ -84,7 +84,7 @@ def speed_of(result: Result, source: str) -> str:
             "In brackets: how many times better busd by shared memory is; **bold** where a rival is ahead. "
             f"Medians of the {kind} run of {result.began[:10]} at commit {machine.commit or 'unknown'}: "
             f"{machine.processor}, {machine.cpus} CPUs, {'virtual, ' if machine.is_virtual else ''}"
-            f"{machine.kernel}, {machine.python}. All figures, what was missed and why, and the pictures: "
+            f"{machine.kernel}, {machine.python}. All figures, what was missed, and the pictures: "
             "[benchmarks/REPORT.md](benchmarks/REPORT.md). Again: `make bench`, then "
             f"`make bench-report RESULT=...` (this one: `benchmarks/{source}`).",
         ]
