@@ -1,12 +1,11 @@
 """Numbers out of samples: percentiles, spreads over repetitions, ratios. Pure; knows no processes."""
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 
 import msgspec
 
-PERCENTILES = (50.0, 90.0, 99.0, 99.9, 100.0)
+from bus.cli.bench.figures import PERCENTILES, percentile
 
 
 class Spread(msgspec.Struct, frozen=True):
@@ -23,19 +22,6 @@ class Spread(msgspec.Struct, frozen=True):
         if not held:
             raise ValueError("no values to make a spread of")
         return cls(median=median(held), min=min(held), max=max(held))
-
-
-def percentile(ordered: Sequence[float], percent: float) -> float:
-    """The smallest of the `ordered` samples that at least `percent` % of them don't exceed (nearest rank).
-
-    It is always one that was measured: nothing is interpolated, and 100 gives the largest.
-    Raises ValueError where there are no samples or `percent` is not in 0..100.
-    """
-    if not ordered or not 0 <= percent <= 100:
-        raise ValueError(f"no {percent:g}th percentile of {len(ordered)} samples")
-    # 99.9 % of 1,000 is 999, and 999.0000000000001 in floating point.
-    rank = math.ceil(round(percent * len(ordered) / 100, 9))
-    return ordered[max(rank, 1) - 1]
 
 
 def percentiles(samples: Iterable[float], *, prefix: str = "", scale: float = 1.0) -> dict[str, float]:

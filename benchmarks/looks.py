@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from benchmarks.systems import SYSTEMS, System
+from benchmarks.systems import SYSTEMS, System, of_kind
 
 POLLING = "polling"
 """The word in a series' name that says that it does not wait for events."""
@@ -54,7 +54,6 @@ def look_of(series: str) -> Look:
     if system.kind == "ours":
         is_socket = system.route == "socket"
         return Look(SOCKET if is_socket else OURS, "s" if is_socket else "o", "-", is_ours=True)
-    rivals = [one.name for one in SYSTEMS if one.kind in ("direct", "brokered")]
-    at = rivals.index(system.name)
+    at = of_kind("direct", "brokered").index(system)
     dashes = "--" if system.kind == "brokered" else "-"
     return Look(_RIVALS[at % len(_RIVALS)], _MARKERS[at % len(_MARKERS)], dashes)

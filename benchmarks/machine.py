@@ -27,7 +27,7 @@ _PACKAGES = (
     "hiredis",
 )
 _SERVERS = ("nats-server", "redis-server")
-_SERVER_PATH = os.pathsep.join([os.environ.get("PATH", os.defpath), "/usr/sbin", "/usr/local/sbin"])
+_PATH = os.pathsep.join([os.environ.get("PATH", os.defpath), "/usr/sbin", "/usr/local/sbin"])
 _COMMAND_S = 5.0
 _GOVERNOR = "/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor"
 _CLOCK = "/sys/devices/system/clocksource/clocksource0/current_clocksource"
@@ -113,8 +113,13 @@ def _version(package: str) -> str:
         return "from source" if package == "busd" else "missing"
 
 
+def path_of(program: str) -> str:
+    """Where a server is, also where only root looks for it; empty where it is not."""
+    return shutil.which(program, path=_PATH) or ""
+
+
 def _server_version(program: str) -> str:
-    path = shutil.which(program, path=_SERVER_PATH)
+    path = path_of(program)
     found = re.search(r"\d+(?:\.\d+)+", _output(path, "--version")) if path else None
     return found.group() if found else "missing"
 

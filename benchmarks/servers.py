@@ -4,16 +4,14 @@ Where one listens stands in the environment of the processes started later (BENC
 """
 
 import json
-import os
-import shutil
 import signal
 import socket
 from collections.abc import Callable
 from time import monotonic, sleep
 
 from benchmarks.harness import START_S, Child, Failure, Group
+from benchmarks.machine import path_of
 
-_PATH = os.pathsep.join([os.environ.get("PATH", os.defpath), "/usr/sbin", "/usr/local/sbin"])
 _NATS = """
 max_payload: 8MB
 max_pending: 1GB
@@ -24,11 +22,6 @@ _REDIS = (
     *("--client-output-buffer-limit", "pubsub", "0", "0", "0"),
 )
 _LOOK_S = 0.005
-
-
-def path_of(program: str) -> str:
-    """Where a server is, also where only root looks for it; empty where it is not."""
-    return shutil.which(program, path=_PATH) or ""
 
 
 def serve_nats(group: Group, module: str) -> list[Child]:

@@ -9,7 +9,8 @@ import msgspec
 
 from benchmarks.adapters.floor_c import PROGRAM, WAY
 from benchmarks.harness import START_S, Child, Failure, Group
-from benchmarks.servers import path_of, serve_nats, serve_redis
+from benchmarks.machine import path_of
+from benchmarks.servers import serve_nats, serve_redis
 from benchmarks.work import Work
 from bus import shm
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import paced, servers, systems, throughput
+from benchmarks import machine, paced, servers, systems, throughput
 from benchmarks.adapters import roles
 from benchmarks.harness import START_S, Child, Failure, Group
 from benchmarks.systems import NATS, PIPE, PYZMQ, PYZMQ_PROXY, QUEUE, REDIS, RIVALS, System
@@ -125,7 +125,7 @@ run(main)
 @pytest.mark.parametrize("system", [NATS, REDIS], ids=_name)
 def test_a_server_that_is_nowhere_is_missing(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
     _or_skip(system)
-    monkeypatch.setattr(servers, "_PATH", os.devnull)
+    monkeypatch.setattr(machine, "_PATH", os.devnull)
 
     assert system.missing().endswith("-server is not on PATH")
 
@@ -141,7 +141,7 @@ def test_a_server_that_does_not_come_up_is_a_failure(
         path = tmp_path / name
         path.write_text(f"#!/bin/sh\nexec sh -c '{program}'\n")
         path.chmod(0o755)
-    monkeypatch.setattr(servers, "_PATH", str(tmp_path))
+    monkeypatch.setattr(machine, "_PATH", str(tmp_path))
     if "ready" in complaint:
         monkeypatch.setattr(servers, "START_S", 0.3)
 

@@ -8,7 +8,7 @@ import msgspec
 from bus.cli.bench.task import Sent, Settled
 from bus.cli.output import size_text, table
 
-__all__ = ["Ages", "Run", "ages", "percentile", "tables"]
+__all__ = ["PERCENTILES", "Ages", "Run", "ages", "percentile", "tables"]
 
 PERCENTILES = (50.0, 90.0, 99.0, 99.9, 100.0)
 _COLUMNS = ("p50", "p90", "p99", "p99.9", "max")
@@ -28,6 +28,7 @@ class Ages(msgspec.Struct, frozen=True, rename={"p99_9": "p99.9"}):
 def percentile(ordered: Sequence[float], percent: float) -> float:
     """The smallest of the `ordered` samples that at least `percent` % of them don't exceed (nearest rank).
 
+    It is always one that was measured: nothing is interpolated, and 100 gives the largest.
     Raises ValueError where there are none, or `percent` is not in 0..100.
     """
     if not ordered or not 0 <= percent <= 100:
