@@ -34,7 +34,7 @@ robot: $(STAMP) ## the lesson's robot: perception, cognition, actuation, monitor
 
 test: $(STAMP) ## the whole test suite (BUS_NATIVE=no: as without the native core)
 	$(if $(PYTEST_ARGS)$(filter no,$(BUS_NATIVE)),,@$(MAKE) --no-print-directory native)
-	PYTHONASYNCIODEBUG=1 $(BIN)/python -m pytest $(PYTEST_ARGS)
+	PYTHONASYNCIODEBUG=1 $(BIN)/python -m pytest -n logical --dist worksteal $(PYTEST_ARGS)
 
 lint: $(STAMP) ## style, types and layers
 	$(BIN)/ruff format --check .

@@ -141,8 +141,9 @@ def test_a_passed_file(tmp_path: Path) -> None:
     assert said == "descriptor 3 of LISTEN_FDS: Socket operation on non-socket"
 
 
-@pytest.mark.parametrize(("pid", "count"), [("", "1"), ("1", "1"), ("x", "1"), (str(os.getpid()), "0")])
+@pytest.mark.parametrize(("pid", "count"), [("", "1"), ("1", "1"), ("x", "1"), ("ours", "0")])
 def test_no_socket_is_passed_to_us(tmp_path: Path, pid: str, count: str) -> None:
+    pid = str(os.getpid()) if pid == "ours" else pid
     environ = {"LISTEN_PID": pid, "LISTEN_FDS": count, "OTHER": "stays"}
     with open_listener(tmp_path / "0.sock", environ=environ) as listener:
         assert not listener.activated
