@@ -8,8 +8,11 @@ BUS_NATIVE ?= auto
 export BUS_NATIVE
 STAMP  := $(VENV)/.installed-$(BUS_NATIVE)
 BENCH_STAMP := $(VENV)/.installed-bench-$(BUS_NATIVE)
+FUZZ_STAMP := $(VENV)/.installed-fuzz-$(BUS_NATIVE)
+SOAK_STAMP := $(VENV)/.installed-soak-$(BUS_NATIVE)
 CORE   := setup.py $(wildcard clients/bus/shm/*.c clients/bus/shm/*.h)
 SECONDS ?=
+SEED ?=
 PYTEST_ARGS ?=
 NATIVE_LOG := tests/native/build/short.log
 
@@ -52,6 +55,15 @@ native: ## the ring's C tests in half a minute, a part of `test`; nothing where 
 sanitize: ## the ring as C programs under the sanitizers, and broken on purpose (needs gcc)
 	$(MAKE) -C tests/native test sanitize
 
+fuzz: $(FUZZ_STAMP) ## fuzz all that takes input, guided by coverage (SECONDS=60; atheris, and clang for the C parts)
+	PYTHONPATH=tests $(BIN)/python -m fuzz --seconds $(or $(SECONDS),60)
+
+# Where atheris can't be had, the fuzzers in Python are left out, and the run says so.
+$(FUZZ_STAMP): $(STAMP)
+	@rm -f $@
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[fuzz]' && touch $@ \
+		|| echo "atheris can't be installed"
+
 fmt: $(STAMP) ## format the sources
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
@@ -59,8 +71,20 @@ fmt: $(STAMP) ## format the sources
 bench-quick: $(BENCH_STAMP) ## latency, throughput, fan-out, cost, start ... beside rivals, about two minutes
 	$(BIN)/python -m benchmarks --quick
 
-bench: $(BENCH_STAMP) ## the same, longer: about 17 minutes
+bench: $(BENCH_STAMP) ## the same, longer: about 20 minutes
 	$(BIN)/python -m benchmarks
+
+chaos: $(STAMP) ## kill, stop, cut off and starve the processes of a bus, and see what holds (SECONDS=60 SEED=7)
+	@PYTHONPATH=tests $(BIN)/python -m chaos --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED))
+
+soak: $(SOAK_STAMP) ## a steady load: memory and descriptors flat, latency over time (MINUTES=30)
+	$(BIN)/python -m benchmarks.soak --minutes $(or $(MINUTES),30)
+
+# Where matplotlib can't be had, there is no picture, and the run says so.
+$(SOAK_STAMP): $(STAMP)
+	@rm -f $@
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[soak]' && touch $@ \
+		|| echo "matplotlib can't be installed"
 
 bench-compare: $(STAMP) ## what changed from one result to another (A=one.json B=other.json)
 	$(if $(and $(A),$(B)),,$(error say which: make bench-compare A=one.json B=other.json))
@@ -79,7 +103,7 @@ $(BENCH_STAMP): $(STAMP) $(wildcard benchmarks/floors/*.c benchmarks/floors/Make
 		|| { rm -f $@; echo "the limits in C can't be built: their rows say so"; }
 
 clean: ## remove what the other targets made
-	rm -rf $(VENV) build tests/native/build benchmarks/floors/build clients/bus/shm/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) build tests/native/build benchmarks/floors/build clients/bus/shm/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test native lint sanitize fmt bench-quick bench bench-compare bench-report clean
+.PHONY: help setup demo robot test native lint sanitize fuzz fmt bench-quick bench chaos soak bench-compare bench-report clean

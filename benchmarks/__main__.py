@@ -9,6 +9,7 @@ from pathlib import Path
 from types import FrameType
 
 from benchmarks import report
+from benchmarks.interrupts import deferred
 from benchmarks.machine import ROOT, look_at_machine
 from benchmarks.plan import Plan
 
@@ -25,6 +26,7 @@ BENCHMARKS = (
     "growth",
     "discovery",
     "check_cost",
+    "fairness",
 )
 RESULTS = ROOT / "benchmarks" / "results"
 _QUICK_REPETITIONS, _REPETITIONS = 1, 3
@@ -40,7 +42,8 @@ def main() -> int:
         began, machine = report.began_now(), look_at_machine()
         print(machine.describe(), end="\n\n", flush=True)
         for name in options.only or BENCHMARKS:
-            measure: Callable[[Plan], report.Section] = import_module(f"benchmarks.{name}").run
+            with deferred():
+                measure: Callable[[Plan], report.Section] = import_module(f"benchmarks.{name}").run
             section = measure(plan)
             plan.tell("")
             print(report.render(section), flush=True)

@@ -20,6 +20,7 @@ from time import clock_gettime_ns, monotonic
 from types import TracebackType
 from typing import Any, Self
 
+from benchmarks.interrupts import deferred
 from benchmarks.machine import ROOT
 
 START_S = 20.0
@@ -176,8 +177,9 @@ class Group:
         ends: bool = False,
     ) -> Child:
         """Start `command`, which `ends` by itself, or which `stop_signal` ends, or the end of its stdin."""
-        child = Child(name, command, {**self.environ, **(environ or {})}, self.folder, stop_signal, ends)
-        self._children.append(child)
+        with deferred():
+            child = Child(name, command, {**self.environ, **(environ or {})}, self.folder, stop_signal, ends)
+            self._children.append(child)
         return child
 
     def start_python(self, name: str, *arguments: str) -> Child:
@@ -198,6 +200,11 @@ class Group:
         deadline = monotonic() + within_s
         while child.is_running():
             self._wait(deadline, f"{child.name} did not end within {within_s:g} s", child.exit_fd)
+
+    def let_go(self, child: Child) -> None:
+        """Reap a child that has ended, long before the others do."""
+        self._children.remove(child)
+        child.end(monotonic())
 
     def start_busd(self) -> Child:
         """A busd of our own, which the children started later find; returns when it listens."""

@@ -62,17 +62,22 @@ def draw(result: Result, folder: Path) -> list[Path]:
         section = result.section(picture.section)
         assert section is not None
         for theme, file in picture.files().items():
-            with rc_context(_style(theme)):
+            with rc_context(style(theme)):
                 figure = picture.draw(section)
-                path = folder / file
-                figure.savefig(path, format="svg", metadata={"Date": None, "Creator": None})
+                written.append(save(figure, folder / file))
                 pyplot.close(figure)
-            path.write_text("".join(line.strip() + "\n" for line in path.read_text().splitlines()))
-            written.append(path)
     return written
 
 
-def _style(theme: str) -> dict[str, Any]:
+def save(figure: Any, path: Path) -> Path:
+    """Write it as SVG, the same for the same figure; returns `path`. Raises OSError."""
+    figure.savefig(path, format="svg", metadata={"Date": None, "Creator": None})
+    path.write_text("".join(line.strip() + "\n" for line in path.read_text().splitlines()))
+    return path
+
+
+def style(theme: str) -> dict[str, Any]:
+    """matplotlib's settings for a page of that theme."""
     text, grid = THEMES[theme]
     return {
         "svg.hashsalt": "busd",
@@ -130,7 +135,7 @@ def _latency_bars(section: Section) -> Any:
         axes.set_title(bytes_text(int(size)), loc="left")
         axes.grid(visible=False, axis="y")
         _name_rows(axes, [series for series, _ in part])
-        _plain_ticks(axes.xaxis)
+        plain_ticks(axes.xaxis)
     axes.set_xlabel(
         "one-way latency in µs: dot = p50 (hollow: busy polling), bar to p99, line to p99.9\n"
         "blue: busd, grey: limits, orange: rivals, pink: rivals with a broker"
@@ -263,7 +268,7 @@ def _draw_lines(axes: "Axes", lines: Mapping[str, Points], tick: Callable[[int],
     low, high = min(values), max(values)
     room = max(1.3, (10 * low / high) ** 0.5)
     axes.set_ylim(low / room, high * room)
-    _plain_ticks(axes.yaxis)
+    plain_ticks(axes.yaxis)
 
 
 # --- CPU time, by process
@@ -322,7 +327,7 @@ def _beside(axes: "Axes", x: float, y: float, text: str, *, to_the_right: bool =
     )
 
 
-def _plain_ticks(axis: Any) -> None:
+def plain_ticks(axis: Any) -> None:
     """10, 20, 50, 100, ... 10k, as many as there is room for, and not powers of ten."""
     from matplotlib.ticker import LogLocator
 

@@ -13,7 +13,7 @@ import msgspec
 import uvloop
 
 LIFE_S = 300
-"""No worker lives longer, whatever happened to the rest."""
+"""No worker lives longer, whatever happened to the rest, unless it says for how long."""
 
 
 class Parent:
@@ -28,9 +28,13 @@ class Parent:
 
     async def wait_for(self, word: str) -> None:
         """Wait until it said `word`, and nothing else."""
-        came = await self._words.get()
+        came = await self.next_word()
         if came != word:
             raise ValueError(f"expected the word {word!r}, got {came!r}")
+
+    async def next_word(self) -> str:
+        """What it says next."""
+        return await self._words.get()
 
     async def listen(self) -> None:
         """Read its words until there are no more."""
@@ -50,9 +54,9 @@ def tell(event: str, **values: Any) -> None:
     print(json.dumps({"event": event, **values}), flush=True)
 
 
-def run(main: Callable[[Parent], Awaitable[None]]) -> None:
+def run(main: Callable[[Parent], Awaitable[None]], *, life_s: int = LIFE_S) -> None:
     """Run `main` on the loop that the bus uses, until the parent has no more words."""
-    signal.alarm(LIFE_S)
+    signal.alarm(life_s)
     gc.freeze()  # for all systems, because `bus.run` does it
     uvloop.run(_serve(main))
 

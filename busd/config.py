@@ -1,11 +1,11 @@
 """The daemon's configuration file: TOML in, one frozen Config out.
 
 Owns reading and the texts that say what is wrong where. Must not know what the values do: limits and topic
-rules belong to busd.core.limits.
+rules belong to busd.core.limits, users and groups to busd.access.
 """
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,34 +13,40 @@ import msgspec
 from msgspec import structs
 
 from bus.errors import ConfigurationError
+from busd.access import AccessTable, SocketTable
+from busd.core.access import AccessRule
 from busd.core.limits import Limits, TopicRule, checked
+from busd.logs import LOG_FORMATS, LOG_LEVELS
 
-__all__ = ["LOG_LEVELS", "Config", "load"]
+__all__ = ["Config", "load"]
 
-LOG_LEVELS = ("debug", "info", "warn", "error", "fatal")
-"""ROS 2's severities; in upper case each is also a name that `logging` knows."""
-
-_Table = TypeVar("_Table", Limits, TopicRule)
+_Table = TypeVar("_Table", Limits, TopicRule, SocketTable, AccessTable)
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Everything that busd.toml can say.
 
-    Raises ConfigurationError for a log level that does not exist, and for a cap above the limit that it caps.
+    Raises ConfigurationError for a log level or format that does not exist, and for a cap above the limit
+    that it caps.
     """
 
     log_level: str = "info"
     """Least severe level that the daemon logs, one of LOG_LEVELS."""
+    log_format: str = "text"
+    """How a line of the log looks, one of LOG_FORMATS."""
     limits: Limits = Limits()
     """What each process may make busd hold."""
     topics: tuple[TopicRule, ...] = ()
     """Caps by topic name."""
+    socket: SocketTable = SocketTable()
+    """Who can reach the socket at all."""
+    access: tuple[AccessRule, ...] = ()
+    """What users other than the daemon's own and root may do; the first that matches decides."""
 
     def __post_init__(self) -> None:
-        if self.log_level not in LOG_LEVELS:
-            raise ConfigurationError(
-                f"log_level = {self.log_level!r}: expected one of {', '.join(LOG_LEVELS)}"
-            )
+        for key, known in (("log_level", LOG_LEVELS), ("log_format", LOG_FORMATS)):
+            if (value := getattr(self, key)) not in known:
+                raise ConfigurationError(f"{key} = {value!r}: expected one of {', '.join(known)}")
         for at, rule in enumerate(self.topics):
             for cap, limit in (("max_depth", "depth"), ("max_message_bytes", "message_bytes")):
                 value, most = getattr(rule, cap), getattr(self.limits, limit)
@@ -67,14 +73,23 @@ def load(path: Path) -> Config:
 def _config(content: Mapping[str, object]) -> Config:
     places = {name: f"limits.{name}" for name in Limits.__struct_fields__}
     _check_keys("", content, {name: name for name in Config.__struct_fields__}, elsewhere=places)
-    rules = content.get("topics", [])
-    if not isinstance(rules, list):
-        raise ConfigurationError("topics: expected an array of tables, each under [[topics]]")
     return Config(
         log_level=checked("log_level", content.get("log_level", "info"), str),
+        log_format=checked("log_format", content.get("log_format", "text"), str),
         limits=_table("limits", content.get("limits", {}), Limits),
-        topics=tuple(_table(f"topics[{at}]", rule, TopicRule) for at, rule in enumerate(rules)),
+        topics=tuple(_table(key, rule, TopicRule) for key, rule in _rules("topics", content)),
+        socket=_table("socket", content.get("socket", {}), SocketTable),
+        access=tuple(_table(key, rule, AccessTable).rule(key) for key, rule in _rules("access", content)),
     )
+
+
+def _rules(name: str, content: Mapping[str, object]) -> Iterator[tuple[str, object]]:
+    """Each of an array of tables, with what it is called in an error's text."""
+    rules = content.get(name, [])
+    if not isinstance(rules, list):
+        raise ConfigurationError(f"{name}: expected an array of tables, each under [[{name}]]")
+    for at, rule in enumerate(rules):
+        yield f"{name}[{at}]", rule
 
 
 def _table(name: str, table: object, kind: type[_Table]) -> _Table:

@@ -1,8 +1,10 @@
 """Who is at the other end of a UNIX socket, as the kernel says.
 
-Owns SO_PEERCRED and the name that a log gives a process. Must not know what anybody is allowed to do.
+Owns SO_PEERCRED, SO_PEERGROUPS and the name that a log gives a process. Must not know what anybody is allowed
+to do.
 """
 
+import array
 import socket
 import struct
 from pathlib import Path
@@ -14,6 +16,8 @@ __all__ = ["Credentials", "peer_credentials", "process_name", "program_name"]
 
 _UCRED = struct.Struct("=iII")
 _LONGEST_NAME = 64
+_SO_PEERGROUPS = 59  # Linux's number (4.13 and later); the module socket doesn't have it
+_GROUPS_BYTES = 1024  # as much as getsockopt() of Python gives: 256 groups
 
 
 class _Socket(Protocol):
@@ -32,6 +36,8 @@ class Credentials(msgspec.Struct, frozen=True):
     pid: int
     uid: int
     gid: int
+    groups: frozenset[int] | None = frozenset()
+    """All groups, `gid` included; None where they can't be told, because there are too many."""
 
 
 def peer_credentials(peer: _Socket) -> Credentials:
@@ -42,7 +48,16 @@ def peer_credentials(peer: _Socket) -> Credentials:
     if not hasattr(socket, "SO_PEERCRED"):
         return Credentials(pid=0, uid=-1, gid=-1)
     pid, uid, gid = _UCRED.unpack(peer.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size))
-    return Credentials(pid=pid, uid=uid, gid=gid)
+    return Credentials(pid=pid, uid=uid, gid=gid, groups=_peer_groups(peer, gid))
+
+
+def _peer_groups(peer: _Socket, gid: int) -> frozenset[int] | None:
+    groups = array.array("I")  # gid_t
+    try:
+        groups.frombytes(peer.getsockopt(socket.SOL_SOCKET, _SO_PEERGROUPS, _GROUPS_BYTES))
+    except OSError:
+        return None
+    return frozenset([gid, *groups])
 
 
 def process_name(pid: int) -> str:

@@ -16,13 +16,14 @@ import fcntl
 import os
 import socket
 import stat
-from collections.abc import Mapping, MutableMapping
+from collections.abc import MutableMapping
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from bus.address import socket_path
+from bus.address import is_default_folder, socket_path
 from bus.errors import ConfigurationError
+from busd.access import SocketTable
 from busd.credentials import peer_credentials, process_name
 
 __all__ = ["BACKLOG", "AlreadyRunning", "Listener", "open_listener"]
@@ -33,6 +34,8 @@ BACKLOG = 512
 _LOCK_ATTEMPTS = 100
 _ACTIVATED_FD = 3  # SD_LISTEN_FDS_START, sd_listen_fds(3)
 _ACTIVATION = ("LISTEN_PID", "LISTEN_FDS", "LISTEN_FDNAMES", "LISTEN_PIDFDID")
+_HANDOVER = "BUSD_HANDOVER"
+"""To the program that this process runs next: its pid, the socket and the lock, "4711 5 6"."""
 
 
 class AlreadyRunning(ConfigurationError):
@@ -69,6 +72,29 @@ class Listener:
             self._lock.release()
             self._lock = None
 
+    def let_in(self, table: SocketTable) -> None:
+        """Set the socket's mode and group, where it is ours to set; those who are connected stay.
+
+        Raises ConfigurationError where that is not permitted.
+        """
+        if self._lock is not None:
+            try:
+                _let_in(self.path, table)
+            except OSError as error:
+                raise ConfigurationError(f"can't set the mode of '{self.path}': {error.strerror}") from None
+
+    def bequeath(self) -> dict[str, str]:
+        """Let the program that this process runs next have the socket and the lock.
+
+        Returns what its environment must say, so that its `open_listener` finds them.
+        """
+        kept = [self.socket.fileno()] if self._lock is None else [self.socket.fileno(), self._lock.fileno()]
+        for descriptor in kept:
+            os.set_inheritable(descriptor, True)
+        if self._lock is None:
+            return {"LISTEN_PID": str(os.getpid()), "LISTEN_FDS": "1"}
+        return {_HANDOVER: " ".join(map(str, [os.getpid(), *kept]))}
+
     def __enter__(self) -> Self:
         return self
 
@@ -78,11 +104,18 @@ class Listener:
         self.close()
 
 
-def open_listener(path: Path | None = None, *, environ: MutableMapping[str, str] = os.environ) -> Listener:
+def open_listener(
+    path: Path | None = None,
+    *,
+    table: SocketTable | None = None,
+    environ: MutableMapping[str, str] = os.environ,
+) -> Listener:
     """Listen on the socket that a service manager passed, else at `path`, else at bus.address's choice.
 
-    The variables of socket activation are removed from `environ`, so that no child takes them for its own.
-    A missing folder is made where it is the default one; any other must exist.
+    Before all of these goes what the program left that this process ran before (`Listener.bequeath`). The
+    variables that say so are removed from `environ`, so that no child takes them for its own.
+    A missing folder is made where it is the default one; any other must exist. `table` says who is let in, by
+    default only this user; a socket that a service manager passed stays as it is.
 
     Raises AlreadyRunning if another process serves the path, and ConfigurationError, which says why, if the
     socket or its folder can't be used or can't be trusted.
@@ -91,10 +124,15 @@ def open_listener(path: Path | None = None, *, environ: MutableMapping[str, str]
     if activated is not None:
         return activated
     path = socket_path(environ=environ) if path is None else path
-    _prepare_folder(path.parent, is_default=_is_default(path.parent, environ))
+    inherited = _inherited(path, environ)
+    table = table or SocketTable()
+    if inherited is not None:
+        inherited.let_in(table)
+        return inherited
+    _prepare_folder(path.parent, table, is_default=is_default_folder(path.parent, environ))
     lock = _Lock(path)
     try:
-        return Listener(_bind(path), path, lock)
+        return Listener(_bind(path, table), path, lock)
     except BaseException:
         lock.release()
         raise
@@ -120,19 +158,29 @@ def _activated(environ: MutableMapping[str, str]) -> Listener | None:
     return Listener(listening, Path(name.replace("\0", "@", 1)))
 
 
-def _is_default(folder: Path, environ: Mapping[str, str]) -> bool:
-    rest = {name: value for name, value in environ.items() if name != "BUSD_SOCKET"}
-    try:
-        return folder == socket_path(domain=0, environ=rest).parent
-    except ConfigurationError:  # too long for a socket, so no default
-        return False
+def _inherited(path: Path, environ: MutableMapping[str, str]) -> Listener | None:
+    """What was bequeathed to us, if it is for `path` and still in place; else the socket is made anew."""
+    pid, *numbers = environ.pop(_HANDOVER, "").split() or [""]
+    if pid != str(os.getpid()):
+        return None
+    listening_fd, lock_fd = map(int, numbers)
+    listening = socket.socket(fileno=listening_fd)
+    lock = _Lock(path, inherited=lock_fd)
+    for descriptor in (listening_fd, lock_fd):
+        os.set_inheritable(descriptor, False)
+    if lock.is_held and listening.getsockname() == os.fspath(path) and path.is_socket():
+        return Listener(listening, path, lock)
+    listening.close()
+    lock.release()
+    return None
 
 
-def _prepare_folder(folder: Path, *, is_default: bool) -> None:
+def _prepare_folder(folder: Path, table: SocketTable, *, is_default: bool) -> None:
     """Make the default folder where it is missing; refuse one in which a stranger could replace our files.
 
-    The default one must be a real folder, ours and closed to others. A folder that the user named may be
-    shared as its owner wants, as long as that is this user or root; a symbolic link to it is followed.
+    The default one must be a real folder, ours, and open to nobody whom `table` does not let in. A folder
+    that the user named may be shared as its owner wants, as long as that is this user or root; a symbolic
+    link to it is followed.
     """
     try:
         if is_default:
@@ -144,7 +192,7 @@ def _prepare_folder(folder: Path, *, is_default: bool) -> None:
     except OSError as error:
         raise ConfigurationError(f"no socket can be made in '{folder}': {error.strerror}") from None
     # From here on nobody can exchange the folder: it is ours, and so is the entry in the folder above.
-    reason = _distrust(found, is_default=is_default)
+    reason = _distrust(found, table, is_default=is_default)
     if reason is None and is_default and _is_open_to_all(above):
         reason = "anybody can exchange it: the folder above is world-writable without the sticky bit"
     if reason is not None:
@@ -152,7 +200,7 @@ def _prepare_folder(folder: Path, *, is_default: bool) -> None:
         raise ConfigurationError(f"busd refuses to open its socket in '{folder}' (owner {owner}): {reason}")
 
 
-def _distrust(folder: os.stat_result, *, is_default: bool) -> str | None:
+def _distrust(folder: os.stat_result, table: SocketTable, *, is_default: bool) -> str | None:
     us = os.geteuid()
     if stat.S_ISLNK(folder.st_mode):
         return "it is a symbolic link"
@@ -160,23 +208,32 @@ def _distrust(folder: os.stat_result, *, is_default: bool) -> str | None:
         return "it is not a folder"
     if folder.st_uid != us and (is_default or folder.st_uid != 0):
         return f"it belongs to another user than uid {us}"
-    if is_default and folder.st_mode & 0o077:
+    if is_default and folder.st_mode & 0o077 & ~_may_enter(table):
         return "others may enter it; if you trust what is in it, chmod 700 it"
     if _is_open_to_all(folder):
         return "anybody can replace files in it: it is world-writable without the sticky bit"
     return None
 
 
+def _may_enter(table: SocketTable) -> int:
+    """What the default folder's mode may have beyond 0700: who is let in must get there."""
+    return (0o050 if table.mode & stat.S_IWGRP else 0) | (0o055 if table.mode & stat.S_IWOTH else 0)
+
+
 def _is_open_to_all(folder: os.stat_result) -> bool:
     return bool(folder.st_mode & stat.S_IWOTH) and not folder.st_mode & stat.S_ISVTX
 
 
-def _bind(path: Path) -> socket.socket:
+def _bind(path: Path, table: SocketTable) -> socket.socket:
     listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         _remove_stale(path)
         listening.bind(os.fspath(path))
-        path.chmod(0o600)  # before listen(), so that nobody could connect in between
+        try:
+            _let_in(path, table)  # before listen(), so that nobody could connect in between
+        except BaseException:
+            path.unlink()
+            raise
         listening.listen(BACKLOG)
         listening.setblocking(False)
     except OSError as error:
@@ -186,6 +243,21 @@ def _bind(path: Path) -> socket.socket:
         listening.close()
         raise
     return listening
+
+
+def _let_in(path: Path, table: SocketTable) -> None:
+    """Raises ConfigurationError where this process may not give the socket to that group."""
+    path.chmod(0o600)  # the group comes first: never another one, not for a moment
+    gid = table.gid
+    if gid is not None:
+        try:
+            os.chown(path, -1, gid, follow_symlinks=False)
+        except PermissionError:
+            raise ConfigurationError(
+                f"socket.group = {table.group!r}: this user is not in that group, so busd can't give it "
+                f"'{path}'; add the user to the group, or leave it out"
+            ) from None
+    path.chmod(table.mode)
 
 
 def _remove_stale(path: Path) -> None:
@@ -215,9 +287,15 @@ def _remove_stale(path: Path) -> None:
 class _Lock:
     """The right to serve one path."""
 
-    def __init__(self, path: Path) -> None:
-        """Raises AlreadyRunning if another process has it, ConfigurationError if its file is not ours."""
+    def __init__(self, path: Path, *, inherited: int | None = None) -> None:
+        """Raises AlreadyRunning if another process has it, ConfigurationError if its file is not ours.
+
+        `inherited`: its descriptor, from the program that this process ran before; then look if it `is_held`.
+        """
         self._path = path.with_name(f"{path.name}.lock")
+        if inherited is not None:
+            self._fd = inherited
+            return
         try:
             # Each attempt that fails means that a holder left between our open and our flock.
             taken = next((fd for _ in range(_LOCK_ATTEMPTS) if (fd := self._try(path)) is not None), None)
@@ -227,6 +305,14 @@ class _Lock:
         if taken is None:
             raise ConfigurationError(f"can't lock '{self._path}': it is replaced again and again")
         self._fd = taken
+
+    def fileno(self) -> int:
+        return self._fd
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the file is still in place."""
+        return self._is_in_place(self._fd)
 
     def release(self) -> None:
         """Remove the file, then let go: who waits on the removed one will notice."""

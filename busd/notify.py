@@ -8,10 +8,11 @@ import os
 import socket
 from collections.abc import Mapping
 
-__all__ = ["READY", "STOPPING", "notify", "status"]
+__all__ = ["ALIVE", "READY", "STOPPING", "notify", "reloading", "status", "watchdog_s"]
 
 READY = "READY=1"
 STOPPING = "STOPPING=1"
+ALIVE = "WATCHDOG=1"
 
 # READY must get through a queue that is full for a moment; the daemon must not hang on one that stays full.
 _SEND_TIMEOUT_S = 1.0
@@ -34,6 +35,22 @@ def notify(state: str, environ: Mapping[str, str] = os.environ) -> bool:
     except OSError:
         return False
     return True
+
+
+def reloading(now_ns: int) -> str:
+    """The state of one that reads its configuration again, or restarts, since `now_ns`. READY ends it.
+
+    `now_ns` is of CLOCK_MONOTONIC.
+    """
+    return f"RELOADING=1\nMONOTONIC_USEC={now_ns // 1000}"
+
+
+def watchdog_s(environ: Mapping[str, str] = os.environ) -> float | None:
+    """Within how many seconds the manager wants ALIVE from this process; None: it does not watch."""
+    microseconds, pid = environ.get("WATCHDOG_USEC", ""), environ.get("WATCHDOG_PID", "")
+    if not (microseconds.isascii() and microseconds.isdigit()) or pid not in ("", str(os.getpid())):
+        return None
+    return int(microseconds) / 1e6 or None
 
 
 def status(text: str) -> str:

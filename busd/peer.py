@@ -17,19 +17,22 @@ from typing import Any, Protocol
 from bus.descriptor import Descriptor
 from bus.errors import RemoteProtocolError
 from bus.ids import PeerId
+from bus.release import RELEASE
 from bus.shm.descriptors import doorbell_fault, readers_fault, ring_fault
 from bus.transport.stream import Stream
-from bus.wire.layout import VERSION
+from bus.wire.layout import LEAVING, VERSION
 from bus.wire.messages import (
     CreatePublisher,
     Fault,
     Hello,
+    Leaving,
     Message,
     ReplaceRing,
     Share,
     encode_frame,
 )
 from bus.wire.outbox import Outbox
+from bus.wire.runs import Account
 from bus.wire.session import Carried, Role, Session
 from busd.core.limits import Limits
 from busd.credentials import Credentials
@@ -51,6 +54,11 @@ class PeerHost(Protocol):
 
     limits: Limits
     is_background: bool
+    began_ns: int
+    unknown: Account
+
+    @property
+    def capabilities(self) -> tuple[str, ...]: ...
 
     def greet(self, connection: "PeerConnection", hello: Hello) -> PeerId: ...
 
@@ -74,13 +82,14 @@ class PeerConnection:
             on_lost=self._lost,
             takes_descriptors=True,
         )
+        self.stream.session.reader.charge_to(host.unknown)
         self._handshake = asyncio.get_running_loop().call_later(
             host.limits.handshake_s, self.refuse, f"no Hello within {host.limits.handshake_s:g} s"
         )
 
-    def send(self, message: Message, descriptors: tuple[Descriptor, ...] = ()) -> None:
+    def send(self, message: Message) -> None:
         """Queue a control message."""
-        self.stream.outbox.put(encode_frame(message), descriptors)
+        self.stream.outbox.put(encode_frame(message))
 
     def accept(self, carried: Carried) -> tuple[Descriptor, ...]:
         """The descriptors that came with a message; none where busd has too many.
@@ -100,10 +109,22 @@ class PeerConnection:
         room = resource.getrlimit(resource.RLIMIT_NOFILE)[0] - self._host.limits.connections - _SPARE
         return carried.descriptors if all(one.fileno() < room for one in carried.descriptors) else ()
 
+    def charge_to(self, control: Account, unfinished: Account) -> None:
+        """Who this is was said: charge what waits for it, and what has not come whole, to these."""
+        self.stream.outbox.account = control
+        self.stream.session.reader.charge_to(unfinished)
+
     @property
     def is_choked(self) -> bool:
-        """Whether more control frames wait than the peer may let wait."""
-        return self.stream.outbox.control_bytes > self._host.limits.control_bytes_per_peer
+        """Whether more control frames wait than the peer, or all of its user, may let wait."""
+        account = self.stream.outbox.account
+        if account is None:
+            return False
+        return account.is_over or (account.parent is not None and account.parent.is_over)
+
+    def pause(self, seconds: float) -> None:
+        """Don't listen to the peer for so long."""
+        self.stream.pause(seconds)
 
     def relieve(self) -> None:
         """Send what waits; a peer that does not take it is cut off."""
@@ -113,13 +134,23 @@ class PeerConnection:
                 f"{self.stream.outbox.control_bytes} bytes of control frames wait for it; it does not read"
             )
 
-    def refuse(self, reason: str) -> None:
-        """Tell the peer why, and cut the connection."""
+    def refuse(self, reason: str, *, is_known: bool = False) -> None:
+        """Tell the peer why, and cut the connection. `is_known`: it is no news for the log."""
         if not self.stream.is_closed:
             if self.id is None:
                 self._greet()  # the first frame is a Hello, also for one that goes again
             self.stream.outbox.put(encode_frame(Fault(text=reason)))
-            self._end(reason)
+            self._end(reason, is_known=is_known)
+
+    def leave(self, text: str) -> None:
+        """busd ends: have the peer end what it sends, and see to it that all that it has sent is heard."""
+        hello = self.stream.session.peer
+        self.stream.linger()
+        if hello is not None and LEAVING in hello.capabilities:
+            self.send(Leaving(text=text))
+            self.stream.flush()
+        else:
+            self.stream.hear_out()
 
     def close(self) -> None:
         """Send what can be sent at once, and close."""
@@ -149,6 +180,9 @@ class PeerConnection:
             program="busd",
             lease_s=self._host.limits.lease_s,
             background=self._host.is_background,
+            capabilities=self._host.capabilities,
+            release=RELEASE,
+            began_ns=self._host.began_ns,
         )
         self.stream.outbox.put(encode_frame(hello))
 
@@ -156,7 +190,7 @@ class PeerConnection:
         self._handshake.cancel()
         self._host.lose(self, str(error) if error else "closed its connection", is_cut=False)
 
-    def _end(self, reason: str) -> None:
+    def _end(self, reason: str, *, is_known: bool = False) -> None:
         if not self.stream.is_closed:
-            self._host.lose(self, reason, is_cut=True)
+            self._host.lose(self, reason, is_cut=not is_known)
             self.close()

@@ -10,23 +10,31 @@ import signal
 import sys
 from collections.abc import Callable, Coroutine, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
+from time import monotonic_ns
 from typing import Any
 
 from bus.address import socket_path
 from bus.errors import ConfigurationError
-from busd.config import LOG_LEVELS, Config, load
+from busd.access import find_doubts
+from busd.config import Config, load
+from busd.core.access import Access
 from busd.core.broker import Broker
+from busd.handover import CHECK, command_line, find_fault, hand_over
 from busd.listener import AlreadyRunning, Listener, open_listener
-from busd.notify import READY, STOPPING, notify, status
+from busd.logs import LOG_FORMATS, LOG_LEVELS, set_up
+from busd.notify import ALIVE, READY, STOPPING, notify, reloading, status, watchdog_s
+from busd.reload import Reloader, ends_with_terminal, has_terminal
 from busd.server import Server
 
 EXIT_FAULT = 1
 EXIT_ALREADY_RUNNING = 3
 
 _ENDING = (signal.SIGINT, signal.SIGTERM)
-_LONGEST_LINE = 1000
-_MOST_LINES = 100
+_HANDLED = (*_ENDING, signal.SIGHUP)
+_TURNS = 4
+"""Turns of the event loop in which it hears of each signal that came before it was blocked."""
 
 _DESCRIPTION = """\
 The message bus for the processes of one machine: routes messages between the publishers and
@@ -40,8 +48,9 @@ where it listens, first that is set:
 You need not start busd: the first program that opens a node does, in the background, and that busd leaves
 when it has been idle for a while. Start it yourself to see its log or to give it a configuration.
 
+signals: SIGTERM or Ctrl-C ends it in order (a second one at once), SIGHUP reads FILE again
 exit status: 0 stopped, 1 could not start, 3 another busd is running there
-see also: bus daemon status, bus doctor, docs/configuration.md
+see also: bus daemon status, bus doctor, docs/configuration.md, docs/operation.md
 """
 
 
@@ -49,14 +58,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the daemon; returns its exit status."""
     options = _parser().parse_args(arguments)
     # They wait while no event loop listens to them, so that the socket is removed whenever they come.
-    signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
+    signal.pthread_sigmask(signal.SIG_BLOCK, _HANDLED)
     try:
         path = socket_path(options.socket, options.domain)
-        _allow_descriptors()
         config = load(options.config) if options.config else Config()
-        _set_up_log(options.log_level or config.log_level)
-        with open_listener(path) as listener:
-            return _loop_runner()(_serve(listener, config, options.idle_exit))
+        run = _loop_runner()
+        if options.check:
+            for doubt in find_doubts(config.access, path):
+                print(f"busd: {doubt}", file=sys.stderr)
+            return 0
+        _allow_descriptors()
+        _set_up_log(options, config)
+        with open_listener(path, table=config.socket) as listener:
+            _warn_of_doubts(config, listener)
+            command = command_line(arguments)
+            if run(_serve(listener, config, options, partial(find_fault, command))):
+                hand_over(listener, command)
+        return 0
     except AlreadyRunning as error:
         print(f"busd: {error}", file=sys.stderr)
         return EXIT_ALREADY_RUNNING
@@ -80,11 +98,17 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help="a bus of its own on this machine (default: $BUSD_DOMAIN, else 0)",
     )
-    parser.add_argument("--config", type=Path, metavar="FILE", help="limits and topic rules (busd.toml)")
+    parser.add_argument(
+        "--config", type=Path, metavar="FILE", help="limits, topic and access rules (busd.toml)"
+    )
     parser.add_argument("--log-level", choices=LOG_LEVELS, help="how much to say on stderr (default: info)")
+    parser.add_argument(
+        "--log-format", choices=LOG_FORMATS, help="a text or a JSON object a line (default: text)"
+    )
     parser.add_argument(
         "--idle-exit", type=_seconds, metavar="S", help="stop after S seconds without a connection"
     )
+    parser.add_argument(CHECK, action="store_true", help="only look whether FILE is right, and end")
     return parser
 
 
@@ -98,44 +122,8 @@ def _seconds(text: str) -> float:
     return value
 
 
-def _set_up_log(level: str) -> None:
-    logging.addLevelName(logging.WARNING, "WARN")
-    logging.addLevelName(logging.CRITICAL, "FATAL")
-    handler = logging.StreamHandler(sys.stderr)
-    handler.addFilter(_Bounds())
-    logging.basicConfig(
-        level=level.upper(),
-        handlers=[handler],
-        format="[%(levelname)s] [%(created).9f] [%(name)s]: %(message)s",
-    )
-
-
-class _Bounds(logging.Filter):
-    """Bounds what peers can make of the log: short printable lines, and not too many in a second.
-
-    Errors always come through, and debug lines are for somebody who wants all of them.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._second = 0
-        self._lines = 0
-
-    def filter(self, record: logging.LogRecord) -> bool:
-        left_out = 0
-        if logging.DEBUG < record.levelno < logging.ERROR:
-            if int(record.created) != self._second:
-                left_out = self._lines - _MOST_LINES
-                self._second, self._lines = int(record.created), 0
-            self._lines += 1
-            if self._lines > _MOST_LINES:
-                return False
-        text = record.getMessage()[:_LONGEST_LINE]
-        if not text.isprintable():
-            text = "".join(c if c.isprintable() else "?" for c in text)
-        record.msg = f"{text} ({left_out} lines were left out)" if left_out > 0 else text
-        record.args = ()
-        return True
+def _set_up_log(options: argparse.Namespace, config: Config) -> None:
+    set_up(options.log_level or config.log_level, options.log_format or config.log_format)
 
 
 def _allow_descriptors() -> None:
@@ -153,19 +141,63 @@ def _loop_runner() -> Callable[[Coroutine[Any, Any, int]], int]:
     return uvloop.run
 
 
-async def _serve(listener: Listener, config: Config, idle_s: float | None) -> int:
+async def _serve(
+    listener: Listener,
+    config: Config,
+    options: argparse.Namespace,
+    find_fault: Callable[[], Coroutine[Any, Any, str]],
+) -> bool:
+    """Serve until the end; returns whether another busd is to take over."""
     gc.freeze()  # what was imported stays: no collection need look at it
-    broker = Broker(config.limits, config.topics, uid=os.getuid(), pid=os.getpid())
-    server = Server(listener, broker, idle_s=idle_s)
+    own = os.getuid()
+    broker = Broker(config.limits, config.topics, Access(own, config.access), uid=own, pid=os.getpid())
+    server = Server(
+        listener,
+        broker,
+        idle_s=options.idle_exit,
+        find_fault=find_fault,
+        reload=lambda: reloader.reload(),
+    )
     loop = asyncio.get_running_loop()
     for number in _ENDING:
-        loop.add_signal_handler(number, server.stop, number.name)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDING)
+        loop.add_signal_handler(number, server.stop_now, number.name)
+
+    def apply(config: Config) -> None:
+        _set_up_log(options, config)
+        listener.let_in(config.socket)
+        server.reconfigure(config.limits, config.topics, Access(own, config.access))
+        _warn_of_doubts(config, listener)
+
+    reloader = Reloader(options.config, config, apply)
+    loop.add_signal_handler(signal.SIGHUP, _on_hangup, server, reloader, ends_with_terminal())
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _HANDLED)
     log = logging.getLogger("busd")
     if not notify(f"{READY}\n{status(f'listening on {listener.path}')}"):
         log.info("listening on %s (pid %d)", listener.path, os.getpid())
+    if interval_s := watchdog_s():
+        _show_life(loop, interval_s / 2)
     reason = await server.stopped
-    signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
-    notify(STOPPING)
-    log.info("stopped: %s", reason)
-    return 0
+    signal.pthread_sigmask(signal.SIG_BLOCK, _HANDLED)
+    for _ in range(_TURNS):
+        await asyncio.sleep(0)
+    notify(reloading(monotonic_ns()) if server.is_restarting else STOPPING)
+    log.info("%s: %s", "restarting" if server.is_restarting else "stopped", reason)
+    return server.is_restarting
+
+
+def _warn_of_doubts(config: Config, listener: Listener) -> None:
+    for doubt in find_doubts(config.access, listener.path):
+        logging.getLogger("busd").warning("%s", doubt)
+
+
+def _on_hangup(server: Server, reloader: Reloader, does_end: bool) -> None:
+    if does_end and not has_terminal():
+        server.stop_now("its terminal was closed")
+    else:
+        with suppress(ConfigurationError):  # which is logged
+            reloader.reload()
+
+
+def _show_life(loop: asyncio.AbstractEventLoop, interval_s: float) -> None:
+    notify(ALIVE)
+    loop.call_later(interval_s, _show_life, loop, interval_s)

@@ -2,20 +2,24 @@
 
 import asyncio
 import logging
-from collections.abc import Iterable
+import os
+from collections.abc import Awaitable, Callable, Iterable
 from time import monotonic_ns
 from typing import Any
 
-from bus.errors import RemoteProtocolError
+from bus.errors import ConfigurationError, RemoteProtocolError
 from bus.ids import PeerId
-from bus.wire.messages import Hello
-from bus.wire.runs import Run
+from bus.wire.layout import GUESTS
+from bus.wire.messages import Done, Hello, Message, Refused, encode_frame
+from bus.wire.runs import Account, Run
 from bus.wire.session import Carried
+from busd.core.access import Access
 from busd.core.broker import Broker
-from busd.core.effects import Disconnect, Effect, Flush, Note, Send, Stop
-from busd.core.limits import Limits
+from busd.core.effects import Disconnect, Effect, Flush, Note, Pause, Reload, Restart, Send, Stop
+from busd.core.limits import Limits, TopicRule
 from busd.core.timers import NEVER_NS
 from busd.credentials import peer_credentials
+from busd.drain import Drain
 from busd.listener import Listener
 from busd.peer import PeerConnection
 
@@ -25,17 +29,34 @@ _LATE_NS = 250_000_000
 """A timer that comes so late says that this process was stopped or starved."""
 _GRACE_NS = 50_000_000
 
+_UNKNOWN_BYTES = 64 << 20
+"""What may be kept, of all together, of messages that begin before it was said whose they are."""
+_MOST_TURNED_AWAY = 1024
+"""Users of whom the log tells once that they were turned away."""
+
 
 class Server:
     """Serves `listener` until `stop`, which closes it.
 
     `idle_s`: stop by itself after so many seconds without a connection (None: never). One that does so was
-    started in the background by a client.
+    started in the background by a client. The rest is for who asks over the wire: `find_fault` says what
+    speaks against a restart, "" for nothing; `reload` what has changed, or raises ConfigurationError. Of a
+    restart `is_restarting` tells who waits for `stopped`.
     """
 
-    def __init__(self, listener: Listener, broker: Broker, *, idle_s: float | None = None) -> None:
+    def __init__(
+        self,
+        listener: Listener,
+        broker: Broker,
+        *,
+        idle_s: float | None = None,
+        find_fault: Callable[[], Awaitable[str]] | None = None,
+        reload: Callable[[], str] | None = None,
+    ) -> None:
         self.limits: Limits = broker.limits
         self.is_background = idle_s is not None
+        self.began_ns = monotonic_ns()
+        self.unknown = Account(_UNKNOWN_BYTES)
         self.stopped: asyncio.Future[str] = asyncio.get_running_loop().create_future()
         self._loop = asyncio.get_running_loop()
         self._listener = listener
@@ -47,47 +68,89 @@ class Server:
         self._timer_ns = NEVER_NS
         self._wake_ns = 0
         self._is_grace_over = False
+        self._turned_away: set[int] = set()
         self._idle_s = idle_s
         self._idle_timer: asyncio.TimerHandle | None = None
+        self.is_restarting = False
+        self._find_fault = find_fault
+        self._reload = reload
+        self._restart: asyncio.Task[None] | None = None
+        self._is_ending = False
+        self._drain: Drain | None = None
         self._loop.add_reader(listener.socket.fileno(), self._accept)
         self._watch_idle()
 
-    def stop(self, reason: str) -> None:
-        """Stop listening, tell nobody, close every connection after sending what it takes."""
-        if self.stopped.done():
+    def stop(self, reason: str, *, restart: bool = False) -> None:
+        """Stop listening, and close the connections when what was sent has come; see busd.drain.
+
+        On a `restart` who connects meanwhile waits for the next busd, which gets the listening socket. One
+        that has begun can still be made an end.
+        """
+        if self._is_ending:
+            if self.is_restarting and not restart:
+                self.is_restarting = False
+                self._listener.close()
             return
+        self._is_ending, self.is_restarting = True, restart
         self._loop.remove_reader(self._listener.socket.fileno())
-        self._listener.close()  # first of all: whoever connects from now on finds no busd, and starts one
+        if not restart:
+            self._listener.close()  # first of all: who connects from now on finds no busd, and starts one
         for timer in (self._timer, self._idle_timer):
             if timer is not None:
                 timer.cancel()
-        for connection in tuple(self._connections):
-            connection.close()
-        self.stopped.set_result(reason)
+        self._drain = Drain(
+            self._connections,
+            f"busd {'restarts' if restart else 'stops'}: {reason}",
+            longest_s=self.limits.drain_s,
+            on_heard=self._say_farewell,
+            on_end=lambda: self.stopped.set_result(reason),
+        )
+
+    def stop_now(self, reason: str) -> None:
+        """As `stop`, and the second time without waiting for anybody."""
+        if self._drain is not None and not self.is_restarting:
+            self._drain.end()
+        self.stop(reason)
+
+    def reconfigure(self, limits: Limits, rules: tuple[TopicRule, ...], access: Access) -> None:
+        """Go by these from now on."""
+        self.limits = limits
+        for connection in self._connections:
+            connection.stream.session.allow(limits.message_bytes)
+        self._carry_out(self._broker.reconfigure(monotonic_ns(), limits, rules, access))
+        self._flush()
+        self._arm_timer()
 
     # --- PeerHost
 
+    @property
+    def capabilities(self) -> tuple[str, ...]:
+        return (GUESTS,) if self._broker.has_guests else ()
+
     def greet(self, connection: PeerConnection, hello: Hello) -> PeerId:
         who = connection.credentials
-        peer = self._broker.attach(monotonic_ns(), hello, pid=who.pid, uid=who.uid)
+        peer = self._broker.attach(monotonic_ns(), hello, pid=who.pid, uid=who.uid, gids=who.groups)
         self._peers[peer] = connection
-        _log.debug("%s (pid %d) connected", hello.program, who.pid)
+        connection.charge_to(*self._broker.accounts(peer))
+        _log.debug("%s (pid %d) connected", hello.program, who.pid, extra={"peer": who.pid})
         self._arm_timer()
         return peer
 
     def receive(self, connection: PeerConnection, items: Iterable[Any]) -> None:
         broker, peer = self._broker, connection.id
         assert peer is not None
-        now_ns = monotonic_ns()
+        now_ns, runs, is_swamped = monotonic_ns(), 0, False
         try:
             for item in items:
                 if item.__class__ is Run:
+                    runs += 1
                     effects = broker.route(now_ns, peer, item)
                     if effects and not (items.__class__ is list and self._pass_on(effects)):
                         self._carry_out(effects)
                     if broker.is_overfull:
                         self._flush(connection)
                         self._carry_out(broker.trim(now_ns))
+                        is_swamped = True
                 elif item.__class__ is Carried:
                     descriptors = connection.accept(item)
                     self._carry_out(broker.handle(now_ns, peer, item.message, descriptors))
@@ -100,15 +163,22 @@ class Server:
         finally:
             if self._dirty:
                 self._flush(connection)
+            if runs:
+                broker.routing_times.add(runs, monotonic_ns() - now_ns)
             if broker.timers.earliest_ns < self._timer_ns:
                 self._arm_timer()
+            if is_swamped:
+                os.sched_yield()  # more comes than is taken: who wakes up beside us shall not wait
 
     def lose(self, connection: PeerConnection, reason: str, *, is_cut: bool) -> None:
         if connection not in self._connections:
             return
         self._connections.discard(connection)
         level, what = (logging.WARNING, "cut off") if is_cut else (logging.DEBUG, "lost")
-        _log.log(level, "%s pid %d: %s", what, connection.credentials.pid, reason)
+        pid = connection.credentials.pid
+        _log.log(level, "%s pid %d: %s", what, pid, reason, extra={"peer": pid})
+        if self._is_ending:
+            return  # what it has sent still goes to the others, as if it were there
         if connection.id is not None and self._peers.pop(connection.id, None) is not None:
             self._carry_out(self._broker.detach(monotonic_ns(), connection.id))
             self._flush()
@@ -134,6 +204,7 @@ class Server:
 
     def _carry_out(self, effects: list[Effect]) -> None:
         choked: list[PeerConnection] = []
+        encoded, frame = None, b""  # what changes in the graph is the same for all that observe it
         for effect in effects:
             if effect.__class__ is Flush:  # the hot one: cheaper to ask for than to match
                 if connection := self._peers.get(effect.peer):
@@ -144,21 +215,38 @@ class Server:
                 case Send(peer, message, descriptors):
                     if connection := self._peers.get(peer):
                         if connection.is_choked:  # before this one: a single message may be longer
-                            choked.append(connection)
-                        connection.send(message, descriptors)
+                            choked.append(self._most_choked(connection))
+                        if message is not encoded:
+                            encoded, frame = message, encode_frame(message)
+                        connection.stream.outbox.put(frame, descriptors)
                         self._dirty.add(connection)
                 case Disconnect(peer, _):
                     if connection := self._peers.pop(peer, None):
                         self._connections.discard(connection)
                         connection.close()
                         self._watch_idle()
+                case Pause(peer, pause_ns):
+                    if connection := self._peers.get(peer):
+                        connection.pause(pause_ns / 1e9)
                 case Note(level, text):
                     _log.log(level, "%s", text)
                 case Stop(reason):
                     self._flush()
                     self.stop(reason)
+                case Restart():
+                    self._restart = self._loop.create_task(self._try_restart(effect, self._restart))
+                case Reload(peer, request):
+                    self._loop.call_soon(self._try_reload, peer, request)  # it has effects of its own
         for connection in choked:  # only now: its end has effects, which come after these
             connection.relieve()
+
+    def _most_choked(self, connection: PeerConnection) -> PeerConnection:
+        """Who is to be relieved: `connection`, or where it is its user's frames, whom most wait for."""
+        account = connection.stream.outbox.account
+        if account is None or account.is_over:
+            return connection
+        same_user = (one for one in self._peers.values() if _user_account(one) is account.parent)
+        return max(same_user, key=lambda one: one.stream.outbox.control_bytes)
 
     def _flush(self, last: PeerConnection | None = None) -> None:
         """Send to all that something waits for; to `last`, whose message this is about, after the others.
@@ -176,7 +264,7 @@ class Server:
 
     def _arm_timer(self) -> None:
         due_ns = self._broker.timers.earliest_ns
-        if due_ns >= self._timer_ns or self.stopped.done():
+        if due_ns >= self._timer_ns or self._is_ending:
             return
         if self._timer is not None:
             self._timer.cancel()
@@ -201,6 +289,38 @@ class Server:
         self._flush()
         self._arm_timer()
 
+    # --- the end
+
+    async def _try_restart(self, asked: Restart, before: asyncio.Task[None] | None) -> None:
+        if self._find_fault is None:
+            fault = "this busd can't restart"
+        elif self._is_ending or (before is not None and not before.done()):
+            fault = "busd is about to end"
+        else:
+            fault = await self._find_fault()
+        if fault:
+            _log.error("no restart: %s", fault)
+            self._answer(asked.peer, Refused(request=asked.request, text=fault))
+        else:
+            self._answer(asked.peer, Done(request=asked.request))
+            self.stop(asked.reason, restart=True)
+
+    def _try_reload(self, peer: PeerId, request: int) -> None:
+        try:
+            text = self._reload() if self._reload is not None else ""
+            self._answer(peer, Done(request=request, text=text))
+        except ConfigurationError as error:
+            self._answer(peer, Refused(request=request, text=str(error)))
+
+    def _answer(self, peer: PeerId, answer: Message) -> None:
+        if connection := self._peers.get(peer):
+            connection.send(answer)
+            connection.stream.flush()
+
+    def _say_farewell(self) -> None:
+        self._carry_out(self._broker.farewell())
+        self._flush()
+
     # --- connections
 
     def _accept(self) -> None:
@@ -218,16 +338,23 @@ class Server:
         connection = PeerConnection(self, sock, peer_credentials(sock))
         self._connections.add(connection)
         self._watch_idle()
-        if len(self._connections) > self.limits.connections:
-            connection.refuse(
-                f"connections: {self.limits.connections} of {self.limits.connections} in use; "
-                "busd's limit can be raised in busd.toml"
-            )
+        who = connection.credentials
+        if reason := self._broker.why_turned_away(who.uid, who.groups):
+            connection.refuse(reason, is_known=who.uid in self._turned_away)
+            if len(self._turned_away) < _MOST_TURNED_AWAY:
+                self._turned_away.add(who.uid)
+            return
+        of_user = sum(one.credentials.uid == who.uid for one in self._connections)
+        reason, is_known = self._broker.turn_away(
+            monotonic_ns(), who.uid, connections=len(self._connections), of_user=of_user
+        )
+        if reason:
+            connection.refuse(reason, is_known=is_known)
             return
         connection.stream.before_write(lambda: self._before_write(connection))
 
     def _resume_accepting(self) -> None:
-        if not self.stopped.done():
+        if not self._is_ending:
             self._loop.add_reader(self._listener.socket.fileno(), self._accept)
 
     def _before_write(self, connection: PeerConnection) -> None:
@@ -237,7 +364,7 @@ class Server:
             self._arm_timer()
 
     def _watch_idle(self) -> None:
-        if self._idle_s is None or self.stopped.done():
+        if self._idle_s is None or self._is_ending:
             return
         if self._idle_timer is not None:
             self._idle_timer.cancel()
@@ -249,3 +376,8 @@ class Server:
         self._accept()  # who came while this process was held up: libuv looks at timers first
         if not self._connections:
             self.stop(f"idle for {idle_s:g} s")
+
+
+def _user_account(connection: PeerConnection) -> object:
+    account = connection.stream.outbox.account
+    return account.parent if account is not None else None

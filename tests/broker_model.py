@@ -28,6 +28,8 @@ class ModelPublisher:
     gid: bytes
     next_seq: int
     has_ring: bool
+    elsewhere: int = 0
+    """Samples that only one subscription got, since the last that went to all."""
     history: list[ModelSample] = field(default_factory=list)
 
     @property
@@ -47,6 +49,8 @@ class ModelSubscription:
     received: list[ModelSample] = field(default_factory=list)
     dropped: Counter[str] = field(default_factory=Counter)
     looks_at_age: bool = False
+    returned: set[int] = field(default_factory=set)
+    """Publishers that it had heard before: what has gone to others meanwhile, it has lost."""
 
     @property
     def depth(self) -> int:
@@ -129,6 +133,8 @@ class Model:
         for publisher in self.publishers.values():
             if self.do_match(publisher, subscription) and not self._share(publisher, subscription):
                 subscription.looks_at_age |= publisher.lifespan_ns > 0
+                if publisher.gid in last_seqs:
+                    subscription.returned.add(publisher.id)
                 if subscription.qos.durability == Durability.TRANSIENT_LOCAL:
                     self._replay(publisher, subscription, last_seqs.get(publisher.gid, 0), now_ns)
         self.deliver(subscription)
@@ -157,20 +163,28 @@ class Model:
 
     def publish(
         self, publisher: ModelPublisher, lost: int, gone: int, payloads: list[str], now_ns: int
-    ) -> None:
-        """`lost`: samples that the publisher's own queue replaced before these; `gone`: by another route."""
+    ) -> int:
+        """`lost`: samples that the publisher's own queue replaced before these; `gone`: by another route.
+
+        Returns how many went by another route since the last that came here.
+        """
         publisher.next_seq += lost + gone
+        elsewhere, publisher.elsewhere = publisher.elsewhere + gone, 0
         samples = self._make(publisher, payloads, now_ns)
         if publisher.qos.durability == Durability.TRANSIENT_LOCAL:
             publisher.history = (publisher.history + samples)[-_depth(publisher.qos) or None :]
         for subscription in self.subscribers_of(publisher):
             subscription.dropped["publisher_queue"] += lost
+            if publisher.id in subscription.returned:
+                subscription.dropped["disconnected"] += elsewhere
             self._queue(subscription, samples, now_ns)
+        return elsewhere
 
     def catch_up(
         self, publisher: ModelPublisher, subscription: ModelSubscription, payloads: list[str], now_ns: int
     ) -> None:
         """Samples for a late one, which all others had by another route."""
+        publisher.elsewhere += len(payloads)
         self._queue(subscription, self._make(publisher, payloads, now_ns), now_ns)
         self.late.discard((publisher.id, subscription.id))
 

@@ -15,22 +15,25 @@ be sent fails here too.
 A process that `shares` can use the route shm; then publishers have rings. Descriptors are names here.
 """
 
+from collections.abc import Callable
 from itertools import count
 from typing import Any
 
 import msgspec
+import pytest
 
 from broker_endpoints import Answer, Publisher, Sample, Subscription, ring_name
 from bus.errors import RemoteProtocolError
 from bus.ids import PeerId
 from bus.qos import QoSProfile
 from bus.wire import messages as m
-from bus.wire.layout import VERSION
+from bus.wire.layout import GUESTS, VERSION
 from bus.wire.outbox import Outbox
 from bus.wire.runs import Run
 from bus.wire.session import Carried, Role, Session
+from busd.core.access import Access, AccessRule
 from busd.core.broker import Broker
-from busd.core.effects import Disconnect, Effect, Flush, Note, Send, Stop
+from busd.core.effects import Disconnect, Effect, Flush, Note, Pause, Send, Stop
 from busd.core.limits import Limits, TopicRule
 from feeding import feed
 
@@ -38,6 +41,8 @@ SECOND = 1_000_000_000
 UID = 1000
 TEXT = ("test_msgs/msg/Text", "hash-1")
 NUMBER = ("test_msgs/msg/Number", "hash-2")
+ALL_MAY = AccessRule(topics=("**",), actions=frozenset({"publish", "subscribe", "observe"}), is_for_all=True)
+"""A rule for those tests whose strangers are not the matter of access."""
 
 
 class Refusal(Exception):
@@ -46,6 +51,13 @@ class Refusal(Exception):
     def __init__(self, answer: m.Refused) -> None:
         super().__init__(answer.text)
         self.answer = answer
+
+
+def refused(action: Callable[..., object], *arguments: Any, **more: Any) -> m.Refused:
+    """What the broker says to something that it must refuse."""
+    with pytest.raises(Refusal) as caught:
+        action(*arguments, **more)
+    return caught.value.answer
 
 
 class Handle:
@@ -61,11 +73,17 @@ class Handle:
 class World:
     """One broker with a clock that stands still until `advance`."""
 
-    def __init__(self, limits: Limits | None = None, rules: tuple[TopicRule, ...] = ()) -> None:
-        self.broker = Broker(limits, rules, uid=UID, pid=1)
+    def __init__(
+        self,
+        limits: Limits | None = None,
+        rules: tuple[TopicRule, ...] = (),
+        access: tuple[AccessRule, ...] = (),
+    ) -> None:
+        self.broker = Broker(limits, rules, Access(UID, access), uid=UID, pid=1)
         self.now_ns = 1_000 * SECOND
         self.processes: dict[PeerId, Process] = {}
         self.notes: list[str] = []
+        self.pauses: list[tuple[PeerId, int]] = []  # who is not to be listened to, and for how long
         self.stop_reason: str | None = None
         self.gids = count(1)
 
@@ -101,6 +119,8 @@ class World:
                     self.processes.pop(peer).cut(reason)
                 case Note(_, text):
                     self.notes.append(text)
+                case Pause(peer, pause_ns):
+                    self.pauses.append((peer, pause_ns))
                 case Stop(reason):
                     self.stop_reason = reason
         for process in self.processes.values():
@@ -130,7 +150,8 @@ class Process:
         self._node: Node | None = None
         self._to_broker = Session(Role.BROKER, max_message_bytes=world.broker.limits.message_bytes)
         self._from_broker = Session(Role.CLIENT)
-        (hello,) = feed(self._to_broker, m.encode_frame(m.Hello(version=VERSION, program=program)))
+        greeting = m.Hello(version=VERSION, capabilities=(GUESTS,), program=program)
+        (hello,) = feed(self._to_broker, m.encode_frame(greeting))
         self.id = world.broker.attach(world.now_ns, hello, pid=100 + len(world.processes), uid=uid)
         world.processes[self.id] = self
         self.outbox.put(m.encode_frame(m.Hello(version=VERSION)))

@@ -42,6 +42,11 @@ class FakeBroker:
             await connection.close()
         self._path.unlink(missing_ok=True)
 
+    @property
+    def connections(self) -> int:
+        """How many have come."""
+        return len(self._connections)
+
     async def meet(self) -> "FakeConnection":
         """The next connection; nothing was said on it."""
         return await self._accepted.get()

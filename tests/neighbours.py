@@ -10,6 +10,7 @@ lost, repeated or reordered, and that the broker never cut them off.
 
 import asyncio
 import contextlib
+import socket
 import threading
 import time
 from collections.abc import Callable
@@ -115,6 +116,14 @@ def with_limits(**limits: float) -> pytest.MarkDecorator:
     """Mark: the test's daemon runs with these limits (the fixture `settings`)."""
     lines = ["[limits]", *(f"{name} = {value}" for name, value in limits.items())]
     return pytest.mark.parametrize("settings", ["\n".join(lines)], ids=["limits"])
+
+
+def answers(path: Path) -> bool:
+    """Whether somebody listens; the file is there a moment earlier."""
+    with socket.socket(socket.AF_UNIX) as probe, contextlib.suppress(OSError):
+        probe.connect(str(path))
+        return True
+    return False
 
 
 def descriptors_of(pid: int) -> int:

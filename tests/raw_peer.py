@@ -202,13 +202,14 @@ class RawPeer:
 
     def publisher(self, node: int, topic: str, **changes: Any) -> Any:
         """The answer to the declaration of a publisher; `changes` are other fields."""
-        return self.ask(m.CreatePublisher(**self._endpoint(node, topic, changes)))
+        return self.ask(m.CreatePublisher(**self.endpoint_fields(node, topic, changes)))
 
     def subscription(self, node: int, topic: str, **changes: Any) -> Any:
         """The answer to the declaration of a subscription; `changes` are other fields."""
-        return self.ask(m.CreateSubscription(**self._endpoint(node, topic, changes)))
+        return self.ask(m.CreateSubscription(**self.endpoint_fields(node, topic, changes)))
 
-    def _endpoint(self, node: int, topic: str, changes: dict[str, Any]) -> dict[str, Any]:
+    def endpoint_fields(self, node: int, topic: str, changes: dict[str, Any]) -> dict[str, Any]:
+        """Of a declaration."""
         return {
             "request": self.request(),
             "node": node,

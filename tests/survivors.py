@@ -12,19 +12,19 @@ import fcntl
 import mmap
 import os
 import random
-import signal
 import socket
 import sys
 import zlib
 from collections import deque
 from collections.abc import Callable, Coroutine
-from typing import Any, Literal
+from typing import Any, Literal, NoReturn
 
 import msgspec
 
 import bus
 from bus.runner import loop_factory
 from bus.typesupport import type_support
+from zygote import serve
 
 TOPIC = "/parcels"
 WORD_BYTES = 8
@@ -102,6 +102,9 @@ class Ledger:
 
     def note(self, place: int, number: int) -> None:
         os.pwrite(self._file, number.to_bytes(WORD_BYTES, "little"), place * WORD_BYTES)
+
+    def close(self) -> None:
+        os.close(self._file)
 
 
 def qos(depth: int) -> bus.QoSProfile:
@@ -352,7 +355,7 @@ async def _graph(node: bus.Node) -> dict[str, list[str]]:
     }
 
 
-def _be(role: Role, channel: socket.socket) -> None:
+def _be(role: Role, channel: socket.socket) -> NoReturn:
     status = 1
     try:
         factory = asyncio.new_event_loop if role.loop == "asyncio" else loop_factory()
@@ -367,31 +370,6 @@ def _be(role: Role, channel: socket.socket) -> None:
         os._exit(status)
 
 
-def _main() -> None:
-    """Fork a process for each role that is asked for; the answer is its pid. Or reap one: its status."""
-    type_support(Parcel)
-    children: set[int] = set()
-    decode = msgspec.json.Decoder(Role | int).decode
-    with socket.socket(fileno=int(sys.argv[1])) as line:
-        while True:
-            data, descriptors, _, _ = socket.recv_fds(line, 1 << 16, 1)
-            if not data:
-                break
-            order = decode(data)
-            if isinstance(order, int):
-                children.discard(order)
-                answer = os.waitstatus_to_exitcode(os.waitpid(order, 0)[1])
-            else:
-                answer = os.fork()
-                if not answer:
-                    line.close()
-                    _be(order, socket.socket(fileno=descriptors[0]))
-                os.close(descriptors[0])
-                children.add(answer)
-            line.send(b"%d" % answer)
-    for child in children:
-        os.kill(child, signal.SIGKILL)
-
-
 if __name__ == "__main__":
-    _main()
+    type_support(Parcel)
+    serve(int(sys.argv[1]), Role, _be)

@@ -14,44 +14,59 @@ from collections.abc import Callable
 from itertools import count
 from typing import Any
 
-from bus.errors import ConfigurationError, QuotaExceeded, RemoteProtocolError
+from bus.errors import AccessDenied, ConfigurationError, QuotaExceeded, RemoteProtocolError
 from bus.ids import EndpointId, PeerId
 from bus.wire import messages as m
+from bus.wire.layout import GUESTS
 from bus.wire.runs import Account, Run
+from busd.core.access import Access, Subject
+from busd.core.asking import Questions
+from busd.core.bucket import Bucket
 from busd.core.declaring import Registrar
-from busd.core.effects import Disconnect, Effect, Note, Send, Stop
+from busd.core.effects import Disconnect, Effect, Note, Reload, Restart, Send, Stop
 from busd.core.entities import Peer, Publisher
 from busd.core.graph import Graph
+from busd.core.guard import Guard
+from busd.core.latency import RoutingTimes
 from busd.core.limits import Limits, TopicRule
 from busd.core.liveliness import Leases
 from busd.core.matching import give_credit
+from busd.core.quotas import Quotas
 from busd.core.routes import Routes
 from busd.core.routing import Router
 from busd.core.timers import NEVER_NS, Timers
 
-_LONGEST_PROGRAM = 64
-"""Characters of a program's name that are kept, for the log."""
+_LONGEST_NAME = 64
+"""Characters that are kept of what a process calls itself, for the log and for who asks."""
 
 
 class Broker:
     """`uid` is the daemon's user, who may stop it; `pid` is told to those who ask for the graph."""
 
     def __init__(
-        self, limits: Limits | None = None, rules: tuple[TopicRule, ...] = (), *, uid: int = 0, pid: int = 0
+        self,
+        limits: Limits | None = None,
+        rules: tuple[TopicRule, ...] = (),
+        access: Access | None = None,
+        *,
+        uid: int = 0,
+        pid: int = 0,
     ) -> None:
         self.limits = limits or Limits()
         self.graph = Graph()
+        self.routing_times = RoutingTimes()
         self.is_overfull = False
         self._uid = uid
-        self._pid = pid
         self._peers: dict[PeerId, Peer] = {}
         self._peer_ids = count(1)
         self.timers = Timers()
         self._out: list[Effect] = []
         emit = self._emit
+        quotas = self._quotas = Quotas(self.limits)
         self._router = Router(
             self.timers,
             emit,
+            quotas,
             window_bytes=self.limits.keep_all_window_bytes,
             window_samples=self.limits.keep_all_window_messages,
         )
@@ -62,8 +77,10 @@ class Broker:
             is_attached=lambda peer: peer.id in self._peers,
             evict=self._cut,
         )
-        self._registrar = Registrar(self.graph, self.limits, rules, self._leases, self._router)
-        routes = Routes(self.graph, self._registrar, self._router)
+        self._guard = Guard(self.graph, access or Access(uid))
+        self._registrar = Registrar(self.graph, quotas, rules, self._leases, self._router, self._guard)
+        routes = self._routes = Routes(self.graph, quotas, self._registrar, self._router)
+        questions = self._questions = Questions(self.graph, quotas, self._guard, self.routing_times, pid=pid)
         self._handlers: dict[type[m.Message], Callable[..., None]] = {
             m.Ping: self._on_ping,
             m.Pong: self._on_nothing,
@@ -81,26 +98,80 @@ class Broker:
             m.CaughtUp: routes.caught_up,
             m.ReplaceRing: routes.replace_ring,
             m.Report: self._on_report,
-            m.GetGraph: self._on_get_graph,
-            m.GetType: self._on_get_type,
-            m.Observe: self._on_observe,
+            m.GetGraph: questions.get_graph,
+            m.GetType: questions.get_type,
+            m.GetPeers: questions.get_peers,
+            m.Observe: questions.observe,
             m.StopBroker: self._on_stop,
+            m.Reload: self._on_reload,
         }
 
-    def attach(self, now_ns: int, hello: m.Hello, *, pid: int, uid: int) -> PeerId:
-        """A connection said Hello; `pid` and `uid` are the kernel's word."""
+    def reconfigure(
+        self, now_ns: int, limits: Limits, rules: tuple[TopicRule, ...], access: Access
+    ) -> list[Effect]:
+        """Go by these from now on.
+
+        What is over a limit stays, but for the samples and the history that are too many bytes. Topic rules
+        and limits of single messages hold for endpoints that come, a lease for processes that come.
+        """
+        self.limits = limits
+        self._quotas.reconfigure(limits)
+        self._registrar.rules = rules
+        self._leases.lease_ns = int(limits.lease_s * 1e9)
+        self._router.reconfigure(
+            now_ns,
+            self._peers.values(),
+            window_bytes=limits.keep_all_window_bytes,
+            window_samples=limits.keep_all_window_messages,
+        )
+        self._renew_access(now_ns, access)
+        return self._take_effects()
+
+    def attach(
+        self, now_ns: int, hello: m.Hello, *, pid: int, uid: int, gids: frozenset[int] | None = frozenset()
+    ) -> PeerId:
+        """A connection said Hello; `pid`, `uid` and `gids` (None: can't be told) are the kernel's word."""
+        user = self._quotas.user(now_ns, uid)
         peer = Peer(
             id=PeerId(next(self._peer_ids)),
             pid=pid,
             uid=uid,
-            program=hello.program[:_LONGEST_PROGRAM],
+            gids=gids,
+            is_guest=not self._guard.access.is_free(uid),
+            may_share=self.has_guests and GUESTS in hello.capabilities,
+            user=user,
+            program=_printable(hello.program),
+            version=_printable(hello.release),
             last_heard_ns=now_ns,
-            queued=Account(self.limits.queued_bytes_per_peer),
-            history=Account(self.limits.history_bytes_per_peer),
+            lease_ns=self._leases.lease_ns,
+            queued=Account(0, user.queued),
+            history=Account(0, user.history),
+            control=Account(0, user.control),
+            declarations=Bucket(1, 1),
         )
+        self._quotas.enter(peer)
         self._peers[peer.id] = peer
         self._leases.watch_peer(now_ns, peer)
         return peer.id
+
+    @property
+    def has_guests(self) -> bool:
+        """Whether processes that connect now may share memory with those of other users."""
+        return self._guard.access.shares_memory
+
+    def why_turned_away(self, uid: int, gids: frozenset[int] | None) -> str:
+        """Why a process of that user may not connect; "" where it may."""
+        access, who = self._guard.access, Subject(uid, gids)
+        return "" if access.may_connect(who) else access.why_turned_away(who)
+
+    def turn_away(self, now_ns: int, uid: int, *, connections: int, of_user: int) -> tuple[str, bool]:
+        """Why there is no room for one more process of a user, and whether it was told before."""
+        return self._quotas.turn_away(now_ns, uid, connections=connections, of_user=of_user)
+
+    def accounts(self, peer_id: PeerId) -> tuple[Account, Account]:
+        """What is to be charged for a peer: control frames that wait for it, messages that are not whole."""
+        peer = self._peers[peer_id]
+        return peer.control, peer.user.unfinished
 
     def detach(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
         """The connection is gone: so is all that the peer had."""
@@ -122,11 +193,14 @@ class Broker:
         self._leases.hear_peer(now_ns, peer)
         handler = self._handlers[type(message)]
         try:
+            self._quotas.spend(now_ns, peer, message, self.graph, self._out)
             handler(now_ns, peer, message, self._out, *descriptors)
         except QuotaExceeded as error:
-            self._refuse(
-                peer, message, str(error), resource=error.resource, used=error.used, limit=error.limit
-            )
+            self._quotas.refused(now_ns, peer, error, self._out)
+            quota = {"resource": error.resource, "used": error.used, "limit": error.limit}
+            self._refuse(peer, message, str(error), **quota)
+        except AccessDenied as error:
+            self._refuse(peer, message, str(error), denied=True)
         except ConfigurationError as error:
             self._refuse(peer, message, str(error))
         except RemoteProtocolError as error:
@@ -168,6 +242,14 @@ class Broker:
             self._router.expire(now_ns, subscription)
         return self._take_effects()
 
+    def farewell(self) -> list[Effect]:
+        """The daemon ends: tell each subscription what was dropped for it and not said yet."""
+        for peer in self._peers.values():
+            for subscription in peer.subscriptions():
+                if subscription.is_drop_report_due:
+                    self._router.report_drops(subscription)
+        return self._take_effects()
+
     def next_deadline_ns(self) -> int | None:
         """When `tick` must be called next; None: not before something else happens."""
         due_ns = self.timers.earliest_ns
@@ -185,17 +267,16 @@ class Broker:
     def _take_effects(self) -> list[Effect]:
         change = self.graph.take_change()
         if change is not None:
-            self._out += [Send(peer.id, change) for peer in self._peers.values() if peer.is_observer]
+            self._questions.tell(change, self._out)
         out, self._out = self._out, []
         # The handlers hold no reference to the list: each is handed the current one.
         return out
 
-    def _refuse(self, peer: Peer, message: Any, text: str, **quota: Any) -> None:
+    def _refuse(self, peer: Peer, message: Any, text: str, **reason: Any) -> None:
+        """Answer that it was not done. Of a message that asks nothing (DeclareType) the log has heard."""
         request = getattr(message, "request", None)
-        if request is None:
-            self._emit(Note(logging.WARNING, f"{peer.describe()}: {text}"))
-        else:
-            self._emit(Send(peer.id, m.Refused(request=request, text=text, **quota)))
+        if request is not None:
+            self._emit(Send(peer.id, m.Refused(request=request, text=text, **reason)))
 
     def _cut(self, now_ns: int, peer: Peer, reason: str) -> None:
         self._emit(Send(peer.id, m.Fault(text=reason)))
@@ -205,9 +286,11 @@ class Broker:
 
     def _forget(self, now_ns: int, peer: Peer) -> None:
         del self._peers[peer.id]
+        self._questions.forget(peer)
         for node in tuple(peer.nodes.values()):
             self._registrar.remove_node(now_ns, node, self._out, is_lost=True)
         self.graph.forget_types(peer, list(self._peers.values()))
+        self._quotas.leave(peer)
         peer.doorbell = peer.readers = None  # a timer may still know the peer
 
     def _on_ping(self, now_ns: int, peer: Peer, message: m.Ping, out: list[Effect]) -> None:
@@ -225,7 +308,8 @@ class Broker:
         publisher = subscription.matches.get(EndpointId(message.source))
         # A publisher that has just gone may still be acknowledged.
         if publisher is not None and subscription.id in publisher.acked:
-            if message.seq >= publisher.next_seq and not publisher.has_shared:
+            known_seq = max(publisher.next_seq - 1, subscription.last_seqs.get(publisher.gid, 0))
+            if message.seq > known_seq and not publisher.has_shared:
                 raise RemoteProtocolError(
                     f"sample {message.seq} of publisher {publisher.id} acknowledged, "
                     f"the last one is {publisher.next_seq - 1}"
@@ -238,26 +322,36 @@ class Broker:
     def _on_report(self, now_ns: int, peer: Peer, message: m.Report, out: list[Effect]) -> None:
         self._registrar.own_endpoint(peer, message.endpoint).report = message
 
-    def _on_get_graph(self, now_ns: int, peer: Peer, message: m.GetGraph, out: list[Effect]) -> None:
-        out.append(
-            Send(peer.id, self.graph.snapshot(message.request, statistics=message.statistics, pid=self._pid))
-        )
-
-    def _on_get_type(self, now_ns: int, peer: Peer, message: m.GetType, out: list[Effect]) -> None:
-        schema = self.graph.types.get((message.type_name, message.type_hash))
-        if schema is None:
-            raise ConfigurationError(f"no endpoint has the type {message.type_name} ({message.type_hash})")
-        out.append(Send(peer.id, m.TypeDescription(request=message.request, schema=schema)))
-
-    def _on_observe(self, now_ns: int, peer: Peer, message: m.Observe, out: list[Effect]) -> None:
-        peer.is_observer = message.on
-        if message.on:
-            out.append(Send(peer.id, self.graph.snapshot(message.request, statistics=False, pid=self._pid)))
-        else:
-            out.append(Send(peer.id, m.Done(request=message.request)))
+    def _renew_access(self, now_ns: int, access: Access) -> None:
+        """Other rules hold. Who has what they deny is cut off, and refused it if he comes back."""
+        self._guard.renew(access)
+        for peer in tuple(self._peers.values()):
+            if access.is_free(peer.uid):
+                continue
+            if fault := self._guard.find_fault(peer):
+                self._cut(now_ns, peer, fault)
+            else:
+                self._routes.renew_sharing(now_ns, peer, access, self._out)
+        self._out = self._take_effects()  # what went with those, before what is seen of the rest changes
+        self._questions.renew(self._out)
 
     def _on_stop(self, now_ns: int, peer: Peer, message: m.StopBroker, out: list[Effect]) -> None:
-        if peer.uid not in (0, self._uid):
-            raise ConfigurationError(f"user {peer.uid} may not stop the busd of user {self._uid}")
-        out.append(Send(peer.id, m.Done(request=message.request)))
-        out.append(Stop(f"asked by {peer.describe()}"))
+        self._check_operator(peer, "restart" if message.restart else "stop")
+        reason = f"asked by {peer.describe()}"
+        if message.restart:
+            out.append(Restart(peer.id, message.request, reason))
+        else:
+            out += [Send(peer.id, m.Done(request=message.request)), Stop(reason)]
+
+    def _on_reload(self, now_ns: int, peer: Peer, message: m.Reload, out: list[Effect]) -> None:
+        self._check_operator(peer, "reload")
+        out.append(Reload(peer.id, message.request))
+
+    def _check_operator(self, peer: Peer, what: str) -> None:
+        if not self._guard.access.is_free(peer.uid):
+            raise ConfigurationError(f"user {peer.uid} may not {what} the busd of user {self._uid}")
+
+
+def _printable(name: str) -> str:
+    """What a process says of itself, as it may stand on somebody else's terminal."""
+    return "".join(c if c.isprintable() else "?" for c in name[:_LONGEST_NAME])

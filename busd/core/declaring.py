@@ -1,19 +1,25 @@
 """Nodes, endpoints and types come and go: who may make what, under which limits and rules.
 
-Handlers of the broker's control messages. A request that can't be carried out raises ConfigurationError or
-QuotaExceeded (the broker answers Refused); an id that is not the peer's own raises RemoteProtocolError.
+Handlers of the broker's control messages. A request that can't be carried out raises ConfigurationError,
+QuotaExceeded or AccessDenied (the broker answers Refused); an id that is not the peer's own raises
+RemoteProtocolError.
 """
 
 import logging
+from collections.abc import Iterable
+
+from msgspec import structs
 
 from bus import names
-from bus.errors import ConfigurationError, QuotaExceeded, RemoteProtocolError
+from bus.errors import ConfigurationError, RemoteProtocolError
 from bus.ids import EndpointId, NodeId
 from bus.qos import History, QoSProfile
 from bus.wire import messages as m
 from bus.wire.runs import RunQueue
+from busd.core.access import Verdict
 from busd.core.effects import Effect, Note, Send
 from busd.core.entities import (
+    Endpoint,
     MessageType,
     Node,
     Peer,
@@ -23,13 +29,18 @@ from busd.core.entities import (
     keeps_history,
 )
 from busd.core.graph import Graph
+from busd.core.guard import Guard
 from busd.core.limits import Limits, TopicCaps, TopicRule, rules_for
 from busd.core.liveliness import Leases
 from busd.core.matching import connect, disconnect
+from busd.core.quotas import Quotas
 from busd.core.routing import Router
 
 _GID_BYTES = 16
 _MAX_TYPE_NAME = 255
+_OF_EVERY_NODE = frozenset({"/rosout", "/parameter_events"})
+"""Like the services of its parameters, they have a depth that no program chose: a lower limit must not keep
+its nodes from opening."""
 
 
 class Registrar:
@@ -38,16 +49,22 @@ class Registrar:
     def __init__(
         self,
         graph: Graph,
-        limits: Limits,
+        quotas: Quotas,
         rules: tuple[TopicRule, ...],
         leases: Leases,
         router: Router,
+        guard: Guard,
     ) -> None:
         self._graph = graph
-        self._limits = limits
-        self._rules = rules
+        self._quotas = quotas
+        self.rules = rules
         self._leases = leases
         self._router = router
+        self._guard = guard
+
+    @property
+    def _limits(self) -> Limits:
+        return self._quotas.limits
 
     def declare_type(self, now_ns: int, peer: Peer, message: m.DeclareType, out: list[Effect]) -> None:
         size = len(message.schema)
@@ -58,16 +75,23 @@ class Registrar:
                 raise RemoteProtocolError(
                     f"type name or hash of {len(text)} characters, the limit is {_MAX_TYPE_NAME}"
                 )
+            if not text.isprintable():  # it is shown on terminals, and stands in logs
+                raise RemoteProtocolError(f"type name or hash {text!r}, which can't be printed")
         kind = (message.type_name, message.type_hash)
-        if kind not in peer.types:
-            self._check_types(peer)
+        if kind in peer.types:
+            return
+        self._quotas.check_type(peer)
+        # The first that was declared stays, as long as anybody has the type: it is that which is held.
+        graph, is_free = self._graph, self._guard.access.is_free(peer.uid)
+        size = len((graph.types if is_free else graph.guest_types).setdefault(kind, message.schema))
         peer.types[kind] = size
-        self._graph.types.setdefault(kind, message.schema)
+        for holder in (peer, peer.user):
+            holder.schema_bytes += size
 
     def create_node(self, now_ns: int, peer: Peer, message: m.CreateNode, out: list[Effect]) -> None:
         names.validate_node_name(message.name)
         names.validate_namespace(message.namespace)
-        _check_quota("nodes of a process", len(peer.nodes), self._limits.nodes_per_peer)
+        self._quotas.check_node(peer)
         node = Node(NodeId(self._graph.next_id()), peer, message.name, message.namespace)
         if self._graph.has_node_named(node.full_name):
             out.append(Note(logging.WARNING, f"there is more than one node named {node.full_name}"))
@@ -91,14 +115,16 @@ class Registrar:
         out: list[Effect],
         ring: object | None = None,
     ) -> None:
-        node, kind, rule = self._check_endpoint(peer, message)
-        qos = self._check_depth(rule.cap(message.qos))
+        node, kind, rule, verdict = self._check_endpoint(now_ns, peer, message, out)
+        qos = self._check_depth(message.topic, rule.cap(message.qos))
+        if ring is not None:
+            self._quotas.take_descriptors(peer, (ring,))
         publisher = Publisher(
             id=EndpointId(self._graph.next_id()),
             node=node,
             topic=self._graph.topic(message.topic),
             type=kind,
-            gid=message.gid,
+            gid=self._guard.gid(peer, message.gid),
             qos=qos,
             max_message_bytes=rule.max_message_bytes or self._limits.message_bytes,
             next_seq=message.next_seq,
@@ -110,6 +136,7 @@ class Registrar:
             credited=message.next_seq - 1,
             ring=ring,
         )
+        publisher.may_share = verdict.shares_memory
         if message.descriptors and ring is None:
             lost = f"{node.full_name} shares no memory on '{message.topic}': its ring was lost"
             out.append(Note(logging.WARNING, lost))
@@ -122,20 +149,21 @@ class Registrar:
     def create_subscription(
         self, now_ns: int, peer: Peer, message: m.CreateSubscription, out: list[Effect]
     ) -> None:
-        node, kind, rule = self._check_endpoint(peer, message)
-        qos = self._check_depth(rule.cap(message.qos))
+        node, kind, rule, verdict = self._check_endpoint(now_ns, peer, message, out)
+        qos = self._check_depth(message.topic, rule.cap(message.qos))
         number = EndpointId(self._graph.next_id())
         subscription = Subscription(
             id=number,
             node=node,
             topic=self._graph.topic(message.topic),
             type=kind,
-            gid=message.gid,
+            gid=self._guard.gid(peer, message.gid),
             qos=qos,
             max_message_bytes=rule.max_message_bytes or self._limits.message_bytes,
             queue=RunQueue(_depth(qos), peer.queued, number),
             last_seqs=message.last_seqs,
         )
+        subscription.may_share = verdict.shares_memory
         self._graph.add_endpoint(subscription)
         out.append(Send(peer.id, self._created(message.request, subscription)))
         for publisher in subscription.topic.publishers.values():
@@ -191,33 +219,34 @@ class Registrar:
         self._graph.remove_endpoint(endpoint)
 
     def _check_endpoint(
-        self, peer: Peer, message: m.CreatePublisher | m.CreateSubscription
-    ) -> tuple[Node, MessageType, TopicCaps]:
+        self,
+        now_ns: int,
+        peer: Peer,
+        message: m.CreatePublisher | m.CreateSubscription,
+        out: list[Effect],
+    ) -> tuple[Node, MessageType, TopicCaps, Verdict]:
         node = self._own_node(peer, message.node)
         names.validate_full_topic_name(message.topic)
         if len(message.gid) != _GID_BYTES:
             raise RemoteProtocolError(f"gid of {len(message.gid)} bytes, a gid has {_GID_BYTES}")
-        _check_quota("endpoints of a process", len(peer.endpoints), self._limits.endpoints_per_peer)
+        does_publish = isinstance(message, m.CreatePublisher)
+        # First of all: what a limit says depends on what there is, also on a topic that is hidden.
+        verdict = self._guard.admit(node, "publish" if does_publish else "subscribe", message.topic, out)
+        topic = self._graph.topic(message.topic)
+        others: Iterable[Endpoint]
+        others = (topic.subscriptions if does_publish else topic.publishers).values()
+        matches = sum(peer.is_guest or not one.node.peer.is_guest for one in others)
+        self._quotas.check_endpoint(now_ns, peer, topic.name, self._graph.topics, matches)
         kind = (message.type_name, message.type_hash)
         if kind not in peer.types:
-            self._check_types(peer)  # then it was declared, and there was no room for it
+            self._quotas.check_type(peer)  # then it was declared, and there was no room for it
             raise RemoteProtocolError(f"type {message.type_name} was not declared on this connection")
-        if message.topic not in self._graph.topics:
-            _check_quota("topics", len(self._graph.topics), self._limits.topics)
-        topic = self._graph.topic(message.topic)
-        others = topic.subscriptions if isinstance(message, m.CreatePublisher) else topic.publishers
-        matches = peer.matches + len(others)
-        if matches > self._limits.matches_per_peer:
-            raise QuotaExceeded("matches of a process", used=matches, limit=self._limits.matches_per_peer)
-        return node, kind, rules_for(message.topic, self._rules)
+        return node, kind, rules_for(message.topic, self.rules), verdict
 
-    def _check_types(self, peer: Peer) -> None:
-        _check_quota("types of a process", len(peer.types), self._limits.endpoints_per_peer)
-        held = sum(peer.types.values())
-        _check_quota("bytes of a process's types", held, self._limits.control_bytes_per_peer)
-
-    def _check_depth(self, qos: QoSProfile) -> QoSProfile:
+    def _check_depth(self, topic: str, qos: QoSProfile) -> QoSProfile:
         if qos.history is History.KEEP_LAST and qos.depth > self._limits.depth:
+            if topic in _OF_EVERY_NODE or names.service_of_topic(topic) is not None:
+                return structs.replace(qos, depth=self._limits.depth)
             raise ConfigurationError(f"depth {qos.depth} is more than busd's limit of {self._limits.depth}")
         return qos
 
@@ -235,8 +264,3 @@ class Registrar:
 
 def _depth(qos: QoSProfile) -> int:
     return qos.depth if qos.history is History.KEEP_LAST else 0
-
-
-def _check_quota(resource: str, used: int, limit: int) -> None:
-    if used >= limit:
-        raise QuotaExceeded(resource, used=used, limit=limit)

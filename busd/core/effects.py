@@ -34,6 +34,13 @@ class Disconnect(NamedTuple):
     reason: str
 
 
+class Pause(NamedTuple):
+    """Don't listen to a peer for so long: it asks for more than it may."""
+
+    peer: PeerId
+    pause_ns: int
+
+
 class Note(NamedTuple):
     """Something for the log; `level` is one of logging's numbers."""
 
@@ -47,4 +54,19 @@ class Stop(NamedTuple):
     reason: str
 
 
-Effect: TypeAlias = Send | Flush | Disconnect | Note | Stop
+class Restart(NamedTuple):
+    """End the daemon in order and begin anew, if that can be done; answer `request` of `peer` whether."""
+
+    peer: PeerId
+    request: int
+    reason: str
+
+
+class Reload(NamedTuple):
+    """Read the configuration again; answer `request` of `peer` what has changed, or what is wrong."""
+
+    peer: PeerId
+    request: int
+
+
+Effect: TypeAlias = Send | Flush | Disconnect | Pause | Note | Stop | Restart | Reload

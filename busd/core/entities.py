@@ -1,37 +1,88 @@
 """What the broker knows of: peers, nodes, publishers, subscriptions, topics. Plain state, no rules."""
 
+from collections import Counter
 from dataclasses import dataclass, field
+from typing import Any
+from weakref import WeakSet
 
 from bus.ids import EndpointId, NodeId, PeerId
 from bus.qos import Durability, Liveliness, QoSProfile
+from bus.wire.layout import MAX_COUNT
 from bus.wire.messages import EndpointRecord, EndpointStatistics, NodeRecord, Report
 from bus.wire.runs import Account, RunQueue
+from busd.core.access import Subject
+from busd.core.bucket import Bucket
 from busd.core.effects import Flush
 
 MessageType = tuple[str, str]
 """A type's name and hash."""
 
+_MOST_REMEMBERED = 1024
+
 SOCKET, SHM = "socket", "shm"
 """The routes of a match."""
 
 
-@dataclass(slots=True, eq=False)
-class Peer:
+@dataclass(slots=True, eq=False, kw_only=True)
+class Holder:
+    """What one process, or all processes of one user, make the broker hold."""
+
+    uid: int
+    queued: Account
+    """Bytes of samples that wait for it."""
+    history: Account
+    """Bytes kept for its publishers."""
+    control: Account
+    """Bytes of control frames that wait for it; the shell charges them."""
+    declarations: Bucket
+    topics: Counter[str] = field(default_factory=Counter)
+    """Endpoints by topic."""
+    matches: int = 0
+    schema_bytes: int = 0
+    descriptors: "WeakSet[Any]" = field(default_factory=WeakSet)
+    """Those that it sent and that are held still, by whatever; opaque here."""
+    refused: int = 0
+    """How often a limit stood in its way."""
+    told_ns: dict[str, int] = field(default_factory=dict)
+    """When one last did, by resource."""
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class User(Holder):
+    """What all processes of one user make the broker hold."""
+
+    peers: "dict[PeerId, Peer]" = field(default_factory=dict)
+    nodes: int = 0
+    endpoints: int = 0
+    unfinished: Account
+    """Bytes of messages that have not come whole; the shell charges them."""
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class Peer(Holder):
     """One connected process and all that it makes the broker hold."""
 
     id: PeerId
     pid: int
-    uid: int
+    user: User
     program: str
     last_heard_ns: int
-    queued: Account
-    history: Account
-    is_observer: bool = False
+    lease_ns: int = 0
+    """Of silence after which it counts as hung: what it was told when it came."""
+    version: str = ""
+    """The release of busd that the process has."""
+    paused_ns: int = 0
+    """Until when it is not listened to."""
+    gids: frozenset[int] | None = frozenset()
+    """All groups of the process; None where they can't be told."""
+    is_guest: bool = False
+    """Of another user than the daemon's own and root."""
+    may_share: bool = False
+    """With processes of other users: it was told so in the Hello, and knows how to take care."""
     nodes: dict[NodeId, "Node"] = field(default_factory=dict)
     endpoints: "dict[EndpointId, Publisher | Subscription]" = field(default_factory=dict)
     types: dict[MessageType, int] = field(default_factory=dict)
     """Declared types with the size of their schemas."""
-    matches: int = 0
     silent: "set[Publisher]" = field(default_factory=set)
     """Publishers with automatic liveliness whose lease ended."""
     perishable: "set[Subscription]" = field(default_factory=set)
@@ -41,8 +92,16 @@ class Peer:
     """What the process shares, for the route shm: descriptors, opaque here. Both, or none."""
     has_shared: bool = False
 
+    @property
+    def subject(self) -> Subject:
+        """The process, as rules of access look at it."""
+        return Subject(self.uid, self.gids)
+
     def subscriptions(self) -> "list[Subscription]":
         return [one for one in self.endpoints.values() if isinstance(one, Subscription)]
+
+    def publishers(self) -> "list[Publisher]":
+        return [one for one in self.endpoints.values() if isinstance(one, Publisher)]
 
     def describe(self) -> str:
         return f"{self.program or 'process'} (pid {self.pid})"
@@ -96,6 +155,8 @@ class Endpoint:
     max_message_bytes: int
     report: Report | None = field(default=None, init=False)
     is_lossless: bool = field(init=False)
+    may_share: bool = field(default=True, init=False)
+    """The rules let it share memory with processes of other users."""
 
     kind = ""
 
@@ -123,7 +184,9 @@ class Endpoint:
 class Publisher(Endpoint):
     """`matches` are all; of these `routed` are on the route socket, `shared` on the route shm.
 
-    Those in neither were rerouted, and the publisher has yet to send them what they have missed.
+    Of those in neither, some were rerouted, and the publisher has yet to send them what they have missed.
+    Others have had all up to a number (`behind`), from the publisher as it was before, which is yet to come
+    a second time: they get nothing before that.
 
     `acked` holds, for each routed lossless subscription, the last number that it has taken.
     """
@@ -140,6 +203,7 @@ class Publisher(Endpoint):
     matches: "dict[EndpointId, Subscription]" = field(default_factory=dict)
     routed: "dict[EndpointId, Subscription]" = field(default_factory=dict)
     shared: dict[EndpointId, Sharing] = field(default_factory=dict)
+    behind: dict[EndpointId, int] = field(default_factory=dict)
     ring: object | None = None
     """A descriptor, opaque here; None where all goes by socket."""
     has_shared: bool = False
@@ -167,12 +231,20 @@ class Publisher(Endpoint):
 
 @dataclass(slots=True, eq=False)
 class Subscription(Endpoint):
-    """`queue` holds what waits for the process; `dropped` counts what the broker dropped, by reason."""
+    """`queue` holds what waits for the process; `dropped` counts what the broker dropped, by reason.
+
+    `began` holds, for each match on the route socket, the number of the first sample that was routed for it;
+    `returned` those of them that were there before: what was published meanwhile, it has lost.
+    """
 
     queue: RunQueue
     last_seqs: dict[bytes, int]
     matches: dict[EndpointId, Publisher] = field(default_factory=dict)
     dropped: dict[str, int] = field(default_factory=dict)
+    began: dict[EndpointId, int] = field(default_factory=dict)
+    returned: set[EndpointId] = field(default_factory=set)
+    expected_besides: int = 0
+    """Samples of matches that have ended, and those that were sent to this subscription alone."""
     is_drop_report_due: bool = False
     flush: Flush = field(init=False)
     """The effect that says that the queue is no longer empty; made once, because each run needs it."""
@@ -182,6 +254,25 @@ class Subscription(Endpoint):
     def __post_init__(self) -> None:
         Endpoint.__post_init__(self)
         self.flush = Flush(self.node.peer.id, self.queue)
+
+    def begin(self, publisher: Publisher) -> None:
+        """From now on what `publisher` sends to all is for this subscription, too."""
+        self.began.setdefault(publisher.id, publisher.next_seq)
+
+    def end(self, publisher: Publisher) -> None:
+        self.returned.discard(publisher.id)
+        began = self.began.pop(publisher.id, None)
+        if began is not None:
+            self.expected_besides += publisher.next_seq - began
+            self.last_seqs[publisher.gid] = publisher.next_seq - 1  # for when it comes back
+            if len(self.last_seqs) > _MOST_REMEMBERED:
+                del self.last_seqs[next(iter(self.last_seqs))]
+
+    @property
+    def expected(self) -> int:
+        """Samples that were to be routed to it, by the publishers' numbers; whatever became of them."""
+        routed = sum(self.matches[publisher].next_seq - began for publisher, began in self.began.items())
+        return min(self.expected_besides + routed, MAX_COUNT)
 
     def statistics(self) -> EndpointStatistics:
         mine = self.report
@@ -193,6 +284,7 @@ class Subscription(Endpoint):
             bytes=mine.bytes if mine else 0,
             queued=self.queue.count + (mine.queued if mine else 0),
             dropped=dropped,
+            expected=min(max(self.expected + (mine.expected - mine.repeated if mine else 0), 0), MAX_COUNT),
         )
 
 

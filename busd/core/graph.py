@@ -4,12 +4,13 @@ Owns the tables and the revision. Knows no rule of matching and sends nothing.
 """
 
 from collections import Counter
+from collections.abc import Callable, Iterator
 from itertools import count
 
 from bus.ids import EndpointId, NodeId
 from bus.wire.messages import EndpointRecord, GraphChanged, MatchRecord, NodeRecord
 from bus.wire.messages import Graph as Snapshot
-from busd.core.entities import MessageType, Node, Peer, Publisher, Sharing, Subscription, Topic
+from busd.core.entities import Holder, MessageType, Node, Peer, Publisher, Sharing, Subscription, Topic
 
 
 class Graph:
@@ -21,7 +22,10 @@ class Graph:
         self.subscriptions: dict[EndpointId, Subscription] = {}
         self.topics: dict[str, Topic] = {}
         self.types: dict[MessageType, bytes] = {}
+        self.guest_types: dict[MessageType, bytes] = {}  # of users who might be lying
         self.revision = 0
+        self._matches = 0
+        self._left_samples = self._left_bytes = 0  # of publishers that are gone
         self._names: Counter[str] = Counter()
         self._ids = count(1)
         self._nodes_added: list[NodeRecord] = []
@@ -31,6 +35,10 @@ class Graph:
         self._matches_added: list[MatchRecord] = []
         self._matches_removed: list[MatchRecord] = []
 
+    def __len__(self) -> int:
+        """Records in a snapshot."""
+        return len(self.nodes) + len(self.publishers) + len(self.subscriptions) + self._matches
+
     def next_id(self) -> int:
         """A number that no node or endpoint ever had."""
         return next(self._ids)
@@ -39,11 +47,13 @@ class Graph:
         self.nodes[node.id] = node
         self._names[node.full_name] += 1
         node.peer.nodes[node.id] = node
+        node.peer.user.nodes += 1
         self._nodes_added.append(node.record())
 
     def remove_node(self, node: Node) -> None:
         """The node's endpoints must have been removed."""
         del self.nodes[node.id], node.peer.nodes[node.id]
+        node.peer.user.nodes -= 1
         self._names[node.full_name] -= 1
         if not self._names[node.full_name]:
             del self._names[node.full_name]
@@ -62,7 +72,11 @@ class Graph:
             topic.publishers[endpoint.id] = self.publishers[endpoint.id] = endpoint
         else:
             topic.subscriptions[endpoint.id] = self.subscriptions[endpoint.id] = endpoint
-        endpoint.node.endpoints[endpoint.id] = endpoint.node.peer.endpoints[endpoint.id] = endpoint
+        peer = endpoint.node.peer
+        endpoint.node.endpoints[endpoint.id] = peer.endpoints[endpoint.id] = endpoint
+        peer.user.endpoints += 1
+        for holder in (peer, peer.user):
+            holder.topics[topic.name] += 1
         self._endpoints_added.append(endpoint.record())
 
     def remove_endpoint(self, endpoint: Publisher | Subscription) -> None:
@@ -70,11 +84,19 @@ class Graph:
         topic = endpoint.topic
         if isinstance(endpoint, Publisher):
             del topic.publishers[endpoint.id], self.publishers[endpoint.id]
+            self._left_samples += endpoint.samples
+            self._left_bytes += endpoint.bytes
         else:
             del topic.subscriptions[endpoint.id], self.subscriptions[endpoint.id]
         if not topic.publishers and not topic.subscriptions:
             del self.topics[topic.name]
-        del endpoint.node.endpoints[endpoint.id], endpoint.node.peer.endpoints[endpoint.id]
+        peer = endpoint.node.peer
+        del endpoint.node.endpoints[endpoint.id], peer.endpoints[endpoint.id]
+        peer.user.endpoints -= 1
+        for holder in (peer, peer.user):
+            holder.topics[topic.name] -= 1
+            if not holder.topics[topic.name]:
+                del holder.topics[topic.name]
         self._endpoints_removed.append(endpoint.id)
 
     def add_match(
@@ -83,12 +105,19 @@ class Graph:
         """A match on the route shm with `sharing`, else on the route socket."""
         publisher.matches[subscription.id] = subscription
         subscription.matches[publisher.id] = publisher
-        if sharing is None:
+        known_seq = subscription.last_seqs.get(publisher.gid, 0)
+        if sharing is None and known_seq < publisher.next_seq:
             publisher.routed[subscription.id] = subscription
+            subscription.begin(publisher)
+            if publisher.gid in subscription.last_seqs:
+                subscription.returned.add(publisher.id)
+        elif sharing is None:
+            publisher.behind[subscription.id] = known_seq
         else:
             publisher.shared[subscription.id] = sharing
-        for peer in {publisher.node.peer, subscription.node.peer}:
-            peer.matches += 1
+        self._matches += 1
+        for holder in _holders(publisher, subscription):
+            holder.matches += 1
         self._matches_added.append(_match_record(publisher, subscription.id))
 
     def reroute(self, publisher: Publisher, subscription: Subscription) -> None:
@@ -101,15 +130,32 @@ class Graph:
         self._matches_removed.append(_match_record(publisher, subscription.id))
         publisher.routed.pop(subscription.id, None)
         publisher.shared.pop(subscription.id, None)
+        publisher.behind.pop(subscription.id, None)
+        subscription.end(publisher)
         del publisher.matches[subscription.id], subscription.matches[publisher.id]
-        for peer in {publisher.node.peer, subscription.node.peer}:
-            peer.matches -= 1
+        self._matches -= 1
+        for holder in _holders(publisher, subscription):
+            holder.matches -= 1
 
     def forget_types(self, peer: Peer, others: list[Peer]) -> None:
         """Forget the schemas that only `peer` had declared."""
+        peer.user.schema_bytes -= peer.schema_bytes
         for kind in peer.types:
             if not any(kind in other.types for other in others):
                 self.types.pop(kind, None)
+                self.guest_types.pop(kind, None)
+
+    def schema(self, kind: MessageType) -> bytes | None:
+        """How a type was described: the word of a guest counts where there is no other."""
+        return self.types.get(kind) or self.guest_types.get(kind)
+
+    def routed(self) -> tuple[int, int]:
+        """Samples and bytes that have come through the broker, of all publishers that ever were."""
+        present = self.publishers.values()
+        return (
+            self._left_samples + sum(publisher.samples for publisher in present),
+            self._left_bytes + sum(publisher.bytes for publisher in present),
+        )
 
     def take_change(self) -> GraphChanged | None:
         """What changed since the last call, as the next revision."""
@@ -143,21 +189,54 @@ class Graph:
             pending.clear()
         return change
 
-    def snapshot(self, request: int, *, statistics: bool, pid: int) -> Snapshot:
-        """Everything, as the answer to `request`."""
-        endpoints = [*self.publishers.values(), *self.subscriptions.values()]
+    def skip_revision(self) -> int:
+        """A revision in which nothing changes but what somebody may see; returns it."""
+        self.revision += 1
+        return self.revision
+
+    def snapshot(
+        self,
+        request: int,
+        *,
+        statistics: bool,
+        pid: int,
+        shows_node: Callable[[int], bool] | None = None,
+        shows_endpoint: Callable[[int], bool] | None = None,
+    ) -> Snapshot:
+        """Everything, or what `shows_node` and `shows_endpoint` let through, as the answer to `request`."""
+        nodes = [*filter(shows_node, self.nodes)] if shows_node else self.nodes
+        numbers = [*self.publishers, *self.subscriptions]
+        endpoints = [*filter(shows_endpoint, numbers)] if shows_endpoint else numbers
+        matches = self.match_records()
+        if shows_endpoint:
+            matches = (
+                one for one in matches if shows_endpoint(one.publisher) and shows_endpoint(one.subscription)
+            )
         return Snapshot(
             request=request,
             revision=self.revision,
-            nodes=tuple(node.record() for node in self.nodes.values()),
-            endpoints=tuple(endpoint.record(statistics=statistics) for endpoint in endpoints),
-            matches=tuple(
-                _match_record(publisher, subscription)
-                for publisher in self.publishers.values()
-                for subscription in publisher.matches
-            ),
+            nodes=tuple(self.nodes[number].record() for number in nodes),
+            endpoints=tuple(self.endpoint(number).record(statistics=statistics) for number in endpoints),
+            matches=tuple(matches),
             pid=pid,
         )
+
+    def endpoint(self, number: EndpointId) -> Publisher | Subscription:
+        """The endpoint of that number, which must exist."""
+        return self.publishers.get(number) or self.subscriptions[number]
+
+    def match_records(self) -> Iterator[MatchRecord]:
+        """Every match."""
+        for publisher in self.publishers.values():
+            for subscription in publisher.matches:
+                yield _match_record(publisher, subscription)
+
+
+def _holders(publisher: Publisher, subscription: Subscription) -> set[Holder]:
+    """Whom a match is counted for, each once: guests must not use up what others may have."""
+    ends = publisher.node.peer, subscription.node.peer
+    charged = [peer for peer in ends if peer.is_guest] or ends
+    return {*charged, *(peer.user for peer in charged)}
 
 
 def _match_record(publisher: Publisher, subscription: EndpointId) -> MatchRecord:

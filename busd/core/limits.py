@@ -1,15 +1,13 @@
-"""How much each process may make busd hold, and the rules for single topics.
+"""How much each process and each user may make busd hold, and the rules for single topics.
 
-Owns the numbers, their ranges and the matching of topic patterns. Must not know where the numbers come from
+Owns the numbers and their ranges. Must not know where the numbers come from
 (busd.config reads them) nor how they are enforced.
 
 Both structs are frozen and always valid. A limit "per peer" is for one process: everything that goes over
-its one connection, however many nodes it has.
+its one connection, however many nodes it has. A limit "per user" is for all processes of one user together.
 """
 
-import re
 from collections.abc import Iterable
-from functools import lru_cache
 from typing import Annotated, Any, TypeVar
 
 import msgspec
@@ -18,6 +16,7 @@ from msgspec import Meta, structs
 from bus.errors import ConfigurationError
 from bus.qos import MAX_DEPTH, History, QoSProfile
 from bus.wire.layout import MAX_MESSAGE_BYTES
+from busd.core.patterns import compiled, shown
 
 __all__ = ["Limits", "TopicCaps", "TopicRule", "checked", "rules_for"]
 
@@ -43,24 +42,50 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
     connections: _Count = 256
     """Processes connected at the same time."""
+    connections_per_user: _Count = 224
+    """Processes of one user connected at the same time."""
     nodes_per_peer: _Count = 1024
     """Nodes of one process."""
+    nodes_per_user: _Count = 8192
+    """Nodes of one user's processes."""
     endpoints_per_peer: _Count = 4096
     """Publishers and subscriptions of one process, over all its nodes."""
+    endpoints_per_user: _Count = 16_384
+    """Publishers and subscriptions of one user's processes."""
     matches_per_peer: _Count = 65_536
     """Matches that the endpoints of one process take part in."""
+    matches_per_user: _Count = 262_144
+    """Matches that the endpoints of one user's processes take part in."""
     topics: _Count = 16_384
     """Topics that exist at the same time, over all processes."""
+    topics_per_peer: _Count = 4096
+    """Topics that the endpoints of one process are on."""
+    topics_per_user: _Count = 8192
+    """Topics that the endpoints of one user's processes are on."""
+    descriptors_per_peer: _Count = 5000
+    """Descriptors that busd holds of one process: its connection, its doorbell, its publishers' rings."""
+    descriptors_per_user: _Count = 20_000
+    """Descriptors that busd holds of one user's processes."""
+    declarations_per_s_per_peer: _Count = 1000
+    """Declarations and questions of one process in a second, for long; all that it may have at once."""
+    declarations_per_s_per_user: _Count = 4000
+    """Declarations and questions of one user's processes in a second, as those of one process."""
     schema_bytes: _Bytes = 256 * _KiB
     """Size in bytes of one message type's schema."""
     message_bytes: _MessageBytes = 64 * _MiB
     """Size in bytes of one encoded message."""
     queued_bytes_per_peer: _Bytes = 128 * _MiB
     """Bytes of messages that wait for one process; over it, its oldest messages are dropped and counted."""
+    queued_bytes_per_user: _Bytes = 512 * _MiB
+    """Bytes of messages that wait for one user's processes; over it, the one with most loses its oldest."""
     control_bytes_per_peer: _Bytes = 8 * _MiB
     """Bytes of control frames that wait for one process; over it, the process is cut off."""
+    control_bytes_per_user: _Bytes = 128 * _MiB
+    """Bytes of control frames that wait for one user's processes; over it, the one with most is cut off."""
     history_bytes_per_peer: _Bytes = 64 * _MiB
     """Bytes of transient local history kept for the publishers of one process."""
+    history_bytes_per_user: _Bytes = 256 * _MiB
+    """Bytes of transient local history kept for the publishers of one user's processes."""
     depth: _Depth = 100_000
     """Largest depth, in messages, of a keep-last publisher or subscription."""
     keep_all_window_bytes: _Bytes = 4 * _MiB
@@ -73,12 +98,17 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Seconds in which a new connection must have said Hello."""
     lease_s: _Seconds = 10.0
     """Seconds of silence after which a process counts as hung and leaves the graph."""
+    drain_s: _Seconds = 1.0
+    """Seconds that busd, when it ends, gives processes to take what waits for them."""
 
     def __post_init__(self) -> None:
         _settle("limits", self)
         self._check_room("message_bytes", "queued_bytes_per_peer")
         self._check_room("keep_all_window_bytes", "queued_bytes_per_peer")
         self._check_room("schema_bytes", "control_bytes_per_peer")
+        for name in self.__struct_fields__:
+            if name.endswith("_per_peer"):
+                self._check_room(name, f"{name.removesuffix('_per_peer')}_per_user")
 
     def _check_room(self, part: str, whole: str) -> None:
         if getattr(self, part) > getattr(self, whole):
@@ -111,8 +141,7 @@ class TopicCaps(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 class TopicRule(TopicCaps, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Caps for every topic whose full name matches `pattern`.
 
-    In a pattern `*` stands for any characters but "/", `**` for any characters, `?` for one character but
-    "/", `[abc]`, `[a-z]` and `[!abc]` for one character in or outside a set. The whole name has to match.
+    What stands for what in a pattern is in busd.core.patterns.
 
     Raises ConfigurationError for a pattern that no topic's name can match and for a value out of range.
     """
@@ -121,11 +150,11 @@ class TopicRule(TopicCaps, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     def __post_init__(self) -> None:
         _settle("topics", self)
-        _compile(self.pattern)
+        compiled(self.pattern, "topics.pattern")
 
     def matches(self, topic: str) -> bool:
         """Whether this rule is for `topic`, a full name."""
-        return _compile(self.pattern).fullmatch(topic) is not None
+        return compiled(self.pattern, "topics.pattern").fullmatch(topic) is not None
 
 
 def rules_for(topic: str, rules: Iterable[TopicRule]) -> TopicCaps:
@@ -147,7 +176,7 @@ def checked(key: str, value: object, kind: Any) -> Any:
         return msgspec.convert(value, kind)
     except msgspec.ValidationError as error:
         text = str(error).replace(" | null", "")
-        raise ConfigurationError(f"{key} = {_shown(value)}: {text[0].lower()}{text[1:]}") from None
+        raise ConfigurationError(f"{key} = {shown(value)}: {text[0].lower()}{text[1:]}") from None
 
 
 def _settle(table: str, struct: msgspec.Struct) -> None:
@@ -157,57 +186,5 @@ def _settle(table: str, struct: msgspec.Struct) -> None:
         structs.force_setattr(struct, field.name, value)
 
 
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
-
-
 def _tightest(caps: Iterable[_Cap | None]) -> _Cap | None:
     return min((cap for cap in caps if cap is not None), default=None)
-
-
-_TOKEN = re.compile(
-    r"""(?P<any>\*\*+) | (?P<part>\*) | (?P<one>\?)
-      | \[ (?P<not>!?) (?P<set>(?:[A-Za-z0-9_](?:-[A-Za-z0-9_])?)+) \]
-      | (?P<plain>[A-Za-z0-9_/]+)""",
-    re.VERBOSE,
-)
-
-
-@lru_cache(maxsize=1024)
-def _compile(pattern: str) -> re.Pattern[str]:
-    if not pattern.startswith(("/", "**")):
-        raise _hopeless(pattern, "a topic's full name begins with '/' (or begin with '**')")
-    if pattern.endswith("/") or "//" in pattern:
-        raise _hopeless(pattern, "a topic's name has no empty part")
-    regex, at = "", 0
-    while at < len(pattern):
-        token = _TOKEN.match(pattern, at)
-        if token is None:
-            raise _hopeless(
-                pattern, f"{pattern[at]!r} at position {at} is neither part of a name nor of a pattern"
-            )
-        at = token.end()
-        regex += _translate(token)
-    try:
-        return re.compile(regex)
-    except re.error as error:
-        raise _hopeless(pattern, error.msg) from None
-
-
-def _translate(token: re.Match[str]) -> str:
-    match token.lastgroup:
-        case "any":
-            return ".*"
-        case "part":
-            return "[^/]*"
-        case "one":
-            return "[^/]"
-        case "set":
-            return f"[^/{token['set']}]" if token["not"] else f"[{token['set']}]"
-        case _:
-            return token[0]
-
-
-def _hopeless(pattern: str, why: str) -> ConfigurationError:
-    return ConfigurationError(f"topics.pattern = {_shown(pattern)} can never match: {why}")

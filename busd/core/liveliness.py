@@ -14,7 +14,10 @@ from busd.core.timers import Timers
 
 
 class Leases:
-    """Watches leases by timers that re-arm themselves, so that a sign of life costs one assignment."""
+    """Watches leases by timers that re-arm themselves, so that a sign of life costs one assignment.
+
+    `lease_ns` is that of processes that come; each keeps the one that it was told.
+    """
 
     def __init__(
         self,
@@ -27,13 +30,13 @@ class Leases:
     ) -> None:
         self._timers = timers
         self._emit = emit
-        self._lease_ns = lease_ns
+        self.lease_ns = lease_ns
         self._is_attached = is_attached
         self._evict = evict
 
     def watch_peer(self, now_ns: int, peer: Peer) -> None:
-        """Evict `peer` once it has been silent for the broker's lease."""
-        self._timers.add(now_ns + self._lease_ns, lambda now: self._check_peer(now, peer))
+        """Evict `peer` once it has been silent for its lease."""
+        self._timers.add(now_ns + peer.lease_ns, lambda now: self._check_peer(now, peer))
 
     def watch_publisher(self, now_ns: int, publisher: Publisher) -> None:
         """Watch the lease of `publisher`, where it has one."""
@@ -57,14 +60,14 @@ class Leases:
         if not self._is_attached(peer):
             return
         silence_ns = now_ns - peer.last_heard_ns
-        if silence_ns < self._lease_ns:
+        if silence_ns < peer.lease_ns:
             self.watch_peer(peer.last_heard_ns, peer)
         else:
             self._evict(now_ns, peer, f"no sign of life for {silence_ns / 1e9:.1f} s")
 
     def _look_at(self, now_ns: int, due_ns: int, publisher: Publisher) -> None:
         # A timer keeps its publisher in memory: not for the rest of a long lease after it has gone.
-        due_ns = min(due_ns, now_ns + self._lease_ns)
+        due_ns = min(due_ns, now_ns + self.lease_ns)
         self._timers.add(due_ns, lambda now: self._check_publisher(now, publisher))
 
     def _check_publisher(self, now_ns: int, publisher: Publisher) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from bus.qos import check_compatible, describe_incompatibilities
+from bus.wire.layout import SAME_USER
 from bus.wire.messages import Credit, Incompatible, LivelinessChanged, Matched, Rerouted, Unmatched
 from bus.wire.runs import RunQueue
 from busd.core.effects import Effect, Note, Send
@@ -55,6 +56,7 @@ def connect(
             next_seq=publisher.next_seq,
             at_ns=now_ns,
             descriptors=len(brings),
+            uid=foreign_uid(mine, other) if is_shared else SAME_USER,
         )
         out.append(Send(mine.node.peer.id, message, brings))
     if not publisher.is_alive:
@@ -65,14 +67,23 @@ def connect(
         _begin_routing(now_ns, publisher, subscription, last_seq, out)
 
 
+def foreign_uid(mine: Publisher | Subscription, other: Publisher | Subscription) -> int:
+    """The user of `other`, where it is another one than that of `mine`; else SAME_USER."""
+    uid = other.node.peer.uid
+    return SAME_USER if uid == mine.node.peer.uid else uid
+
+
 def can_share(publisher: Publisher, subscription: Subscription) -> bool:
-    """Whether the match goes by shared memory: both processes can, and belong to one user."""
+    """Whether the match goes by shared memory: both processes can, and belong to one user or may anyway."""
     talker, listener = publisher.node.peer, subscription.node.peer
     return (
         publisher.ring is not None
         and talker.doorbell is not None
         and listener.readers is not None
-        and talker.uid == listener.uid
+        and (
+            talker.uid == listener.uid
+            or all(one.may_share for one in (talker, listener, publisher, subscription))
+        )
     )
 
 
@@ -147,7 +158,9 @@ def _begin_routing(
 ) -> None:
     """From now on runs are queued for the match; first comes the history after `last_seq` (None: nothing)."""
     if publisher.is_lossless and subscription.is_lossless:
-        publisher.acked[subscription.id] = publisher.next_seq - 1
+        publisher.acked[subscription.id] = max(
+            publisher.next_seq - 1, publisher.behind.get(subscription.id, 0)
+        )
     if publisher.lifespan_ns:
         subscription.node.peer.perishable.add(subscription)
     if publisher.history is not None and last_seq is not None:
@@ -159,5 +172,6 @@ def _replay(history: RunQueue, subscription: Subscription, last_seq: int, out: l
     queue = subscription.queue
     for run in history.newest(queue.depth, last_seq):
         queue.append(run)
+        subscription.expected_besides += run.count
     if queue.runs:
         out.append(subscription.flush)

@@ -6,14 +6,17 @@ has looked at them. Where some did not arrive (a process was out of descriptors)
 
 import logging
 
-from bus.errors import RemoteProtocolError
+from bus.errors import QuotaExceeded, RemoteProtocolError
 from bus.ids import EndpointId
 from bus.wire import messages as m
+from busd.core.access import Access
 from busd.core.declaring import Registrar
 from busd.core.effects import Effect, Note, Send
 from busd.core.entities import Peer, Publisher, Subscription
 from busd.core.graph import Graph
-from busd.core.matching import reroute
+from busd.core.guard import action_of
+from busd.core.matching import foreign_uid, reroute
+from busd.core.quotas import Quotas
 from busd.core.routing import Router
 
 
@@ -23,8 +26,9 @@ class Routes:
     What is said about a match that is gone, or that the other end has refused, is too late and no mistake.
     """
 
-    def __init__(self, graph: Graph, registrar: Registrar, router: Router) -> None:
+    def __init__(self, graph: Graph, quotas: Quotas, registrar: Registrar, router: Router) -> None:
         self._graph = graph
+        self._quotas = quotas
         self._registrar = registrar
         self._router = router
 
@@ -40,11 +44,12 @@ class Routes:
         if peer.has_shared:
             raise RemoteProtocolError("a Share came a second time")
         peer.has_shared = True
-        peer.doorbell, peer.readers = doorbell, readers
         if doorbell is None:
             out.append(
                 Note(logging.WARNING, f"{peer.describe()} shares no memory: its descriptors were lost")
             )
+        elif self._may_hold(now_ns, peer, (doorbell, readers), out):
+            peer.doorbell, peer.readers = doorbell, readers
 
     def attach(self, now_ns: int, peer: Peer, message: m.Attach, out: list[Effect]) -> None:
         subscription = self._registrar.own_subscription(peer, message.subscription)
@@ -63,22 +68,22 @@ class Routes:
             slot=message.slot,
             process=peer.id,
             pid=peer.pid,
+            uid=foreign_uid(publisher, subscription),
         )
         out.append(Send(publisher.node.peer.id, attached, (peer.readers, peer.doorbell)))
 
     def refuse(self, now_ns: int, peer: Peer, message: m.RefuseRoute, out: list[Effect]) -> None:
         endpoint = self._registrar.own_endpoint(peer, message.endpoint)
         other = endpoint.matches.get(EndpointId(message.other))
-        if isinstance(endpoint, Publisher) and isinstance(other, Subscription):
-            self._reroute(now_ns, endpoint, other, f"{peer.describe()}: {message.text}", out)
-        elif isinstance(endpoint, Subscription) and isinstance(other, Publisher):
-            self._reroute(now_ns, other, endpoint, f"{peer.describe()}: {message.text}", out)
+        self._reroute_either(now_ns, endpoint, other, f"{peer.describe()}: {message.text}", out)
 
     def caught_up(self, now_ns: int, peer: Peer, message: m.CaughtUp, out: list[Effect]) -> None:
         publisher = self._registrar.own_publisher(peer, message.publisher)
         subscription = publisher.matches.get(EndpointId(message.subscription))
         if subscription is not None and subscription.id not in publisher.shared:
             publisher.routed[subscription.id] = subscription
+            publisher.behind.pop(subscription.id, None)
+            subscription.begin(publisher)
 
     def replace_ring(
         self,
@@ -89,13 +94,47 @@ class Routes:
         ring: object | None = None,
     ) -> None:
         publisher = self._registrar.own_publisher(peer, message.publisher)
-        publisher.ring = ring
+        publisher.ring = None  # first of all: the new one takes its place
+        if ring is not None and self._may_hold(now_ns, peer, (ring,), out):
+            publisher.ring = ring
         for subscription in [publisher.matches[one] for one in publisher.shared]:
-            if ring is None:
+            if publisher.ring is None:
                 self._reroute(now_ns, publisher, subscription, "its new ring was lost", out)
             else:
                 replaced = m.RingReplaced(subscription=subscription.id, source=publisher.id)
                 out.append(Send(subscription.node.peer.id, replaced, (ring,)))
+
+    def renew_sharing(self, now_ns: int, peer: Peer, access: Access, out: list[Effect]) -> None:
+        """Other rules hold: what `peer` may not share with other users any more goes by socket."""
+        for endpoint in peer.endpoints.values():
+            verdict = access.decide(peer.subject, action_of(endpoint), endpoint.topic.name)
+            had, endpoint.may_share = endpoint.may_share, verdict.shares_memory
+            if had and not endpoint.may_share:
+                for other in list[Publisher | Subscription](endpoint.matches.values()):
+                    if other.node.peer.uid != peer.uid:
+                        self._reroute_either(now_ns, endpoint, other, "the access rules have changed", out)
+
+    def _may_hold(self, now_ns: int, peer: Peer, descriptors: tuple[object, ...], out: list[Effect]) -> bool:
+        """Whether there is room for them; without room all goes by socket."""
+        try:
+            self._quotas.take_descriptors(peer, descriptors)
+        except QuotaExceeded as error:
+            self._quotas.refused(now_ns, peer, error, out)
+            return False
+        return True
+
+    def _reroute_either(
+        self,
+        now_ns: int,
+        endpoint: Publisher | Subscription,
+        other: Publisher | Subscription | None,
+        why: str,
+        out: list[Effect],
+    ) -> None:
+        if isinstance(endpoint, Publisher) and isinstance(other, Subscription):
+            self._reroute(now_ns, endpoint, other, why, out)
+        elif isinstance(endpoint, Subscription) and isinstance(other, Publisher):
+            self._reroute(now_ns, other, endpoint, why, out)
 
     def _reroute(
         self, now_ns: int, publisher: Publisher, subscription: Subscription, why: str, out: list[Effect]

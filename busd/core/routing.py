@@ -5,34 +5,57 @@ A queue that a run overfills is not trimmed at once: the shell first sends what 
 then calls `trim`, so that a subscriber that keeps up loses nothing to batching.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 
 from bus.errors import RemoteProtocolError
 from bus.ids import EndpointId
 from bus.wire.layout import MAX_COUNT, MAX_RUN_SAMPLES, RECORD_HEAD_BYTES
 from bus.wire.messages import Dropped
-from bus.wire.runs import Run
+from bus.wire.runs import Account, Run
 from busd.core.effects import Effect, Send
-from busd.core.entities import Publisher, Subscription
+from busd.core.entities import Peer, Publisher, Subscription
 from busd.core.matching import give_credit
+from busd.core.quotas import Quotas
 from busd.core.timers import Timers
 
 DROP_REPORT_NS = 100_000_000
 """Drops are told to a subscription this long after the first one, all at once."""
+
+_MANY_QUEUES = 64
 
 
 class Router:
     """Routes runs; owns the queues that are over their bound at the moment."""
 
     def __init__(
-        self, timers: Timers, emit: Callable[[Effect], None], *, window_bytes: int, window_samples: int
+        self,
+        timers: Timers,
+        emit: Callable[[Effect], None],
+        quotas: Quotas,
+        *,
+        window_bytes: int,
+        window_samples: int,
     ) -> None:
         self._timers = timers
         self._emit = emit
+        self._quotas = quotas
         self._credit_bytes = window_bytes // 8
         self._credit_samples = window_samples // 8
         self._overfull: list[Subscription] = []
+
+    def reconfigure(
+        self, now_ns: int, peers: Iterable[Peer], *, window_bytes: int, window_samples: int
+    ) -> None:
+        """Go by other limits, of the accounts too, and drop what is too much by them."""
+        # Publishers that are there keep their window, so that they must not hear less often than it needs.
+        self._credit_bytes = min(self._credit_bytes, window_bytes // 8)
+        self._credit_samples = min(self._credit_samples, window_samples // 8)
+        for peer in peers:
+            for subscription in peer.subscriptions()[:1]:
+                self.bound(now_ns, subscription)
+            for publisher in peer.publishers()[:1]:
+                self._bound_history(now_ns, publisher)
 
     def route(self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect]) -> bool:
         """Queue `run` for every matched subscription; returns whether `trim` is to be called.
@@ -64,17 +87,19 @@ class Router:
             return False
         run.source = publisher.id
         run.lifespan_ns = publisher.lifespan_ns
-        run.is_resumed = False  # of no concern to subscriptions
+        is_resumed, run.is_resumed = run.is_resumed, False  # of no concern to subscriptions
         history = publisher.history
-        if history is not None:
-            history.push(run)
-            history.drop_over_quota()
+        if history is not None and history.append(run):
+            history.trim()
+            self._bound_history(now_ns, publisher)
         for subscription in publisher.routed.values():
             queue = subscription.queue
             if queue.append(run):
                 self._overfull.append(subscription)
             if not queue.is_ready:
                 out.append(subscription.flush)
+        if publisher.behind:
+            self._admit(now_ns, publisher, run, out, is_loss=not is_resumed)
         if publisher.is_credit_ahead:
             give_credit(publisher, out.append)
         elif publisher.is_lossless and not publisher.acked:
@@ -99,20 +124,58 @@ class Router:
         self._overfull.clear()
 
     def bound(self, now_ns: int, subscription: Subscription) -> None:
-        """Drop what waits for the subscription's process while that is over its quota.
+        """Drop what waits for the subscription's process while that, or its user, is over its quota.
 
-        The longest queues lose their oldest first, each but its newest run; these go last, and never the one
-        that has just come for `subscription`, so that a single message of any size gets through.
+        Of a user's processes the one with most loses. The longest queues lose their oldest first, each but
+        its newest run; these go last, and never the one that has just come for `subscription`, so that a
+        single message of any size gets through.
         """
-        account, peer = subscription.queue.account, subscription.node.peer
-        if account.used <= account.limit:
-            return
+        peer = subscription.node.peer
+        if peer.queued.is_over:
+            self._relieve(now_ns, peer, peer.queued, subscription)
+        whole = peer.user.queued
+        if whole.is_over:
+            for one in sorted(peer.user.peers.values(), key=lambda one: one.queued.used, reverse=True):
+                self._relieve(now_ns, one, whole, subscription)
+                if not whole.is_over:
+                    break
+
+    def _relieve(self, now_ns: int, peer: Peer, account: Account, latest: Subscription) -> None:
+        self._quotas.tell_bytes(now_ns, peer, "bytes queued for", account, self._emit)
         longest_first = sorted(peer.subscriptions(), key=lambda one: one.queue.held_bytes, reverse=True)
-        spared = subscription if subscription.queue.runs else longest_first[0]
+        spared = latest if latest.queue.runs or not longest_first else longest_first[0]
+        slack = _slack(account, len(longest_first))
         for spare in (1, 0):
             for one in longest_first:
+                if not account.is_over:
+                    return
                 if spare or one is not spared:
-                    self._shed(now_ns, one, "memory_limit", partial(one.queue.drop_over_quota, spare=spare))
+                    drop = partial(one.queue.drop_over_quota, spare=spare, account=account, slack=slack)
+                    self._shed(now_ns, one, "memory_limit", drop)
+
+    def _bound_history(self, now_ns: int, publisher: Publisher) -> None:
+        """The same for the histories of the publisher's process. Nobody loses a sample for now by that."""
+        peer = publisher.node.peer
+        if peer.history.is_over:
+            self._shorten(now_ns, peer, peer.history, publisher)
+        whole = peer.user.history
+        if whole.is_over:
+            for one in sorted(peer.user.peers.values(), key=lambda one: one.history.used, reverse=True):
+                self._shorten(now_ns, one, whole, publisher)
+                if not whole.is_over:
+                    break
+
+    def _shorten(self, now_ns: int, peer: Peer, account: Account, latest: Publisher) -> None:
+        self._quotas.tell_bytes(now_ns, peer, "bytes of history of", account, self._emit)
+        histories = [one.history for one in peer.publishers() if one.history is not None]
+        histories.sort(key=lambda one: one.held_bytes, reverse=True)
+        slack = _slack(account, len(histories))
+        for spare in (1, 0):
+            for one in histories:
+                if not account.is_over:
+                    return
+                if spare or one is not latest.history:
+                    one.drop_over_quota(spare=spare, account=account, slack=slack)
 
     def expire(self, now_ns: int, subscription: Subscription) -> None:
         """Drop what has outlived its lifespan at the head of the subscription's queue."""
@@ -140,6 +203,13 @@ class Router:
         subscription = publisher.matches.get(EndpointId(run.source))
         if subscription is None or subscription.id in publisher.shared:
             return False  # it has left, or was never rerouted
+        if run.first_seq + run.count > publisher.next_seq and not publisher.has_shared:
+            # Who takes it would acknowledge what was never published, and be cut off for that.
+            raise RemoteProtocolError(
+                f"publisher {publisher.id} sent sample {run.first_seq + run.count - 1} once more, "
+                f"the last one is {publisher.next_seq - 1}"
+            )
+        subscription.expected_besides += run.count
         if self._is_too_large(run, publisher.max_message_bytes):
             self.drop(now_ns, subscription, "too_large", run.count)
             return False
@@ -150,6 +220,23 @@ class Router:
             self._overfull.append(subscription)
         out.append(subscription.flush)
         return bool(self._overfull)
+
+    def _admit(
+        self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect], *, is_loss: bool
+    ) -> None:
+        """Begin to route to those for whom something in `run` is new, as for all others from now on."""
+        for number, known_seq in tuple(publisher.behind.items()):
+            if publisher.next_seq <= known_seq + 1:
+                continue
+            subscription = publisher.routed[number] = publisher.matches[number]
+            del publisher.behind[number]
+            subscription.began[publisher.id] = known_seq + 1
+            if lost := max(0, run.first_seq - known_seq - 1):
+                self.drop(now_ns, subscription, "publisher_queue" if is_loss else "disconnected", lost)
+            fresh = run if run.first_seq > known_seq else run.after(known_seq)
+            if subscription.queue.append(fresh):
+                self._overfull.append(subscription)
+            out.append(subscription.flush)
 
     def _shed(
         self, now_ns: int, subscription: Subscription, reason: str, drop: Callable[[list[Run] | None], int]
@@ -176,14 +263,22 @@ class Router:
             raise RemoteProtocolError(
                 f"publisher {publisher.id} sent sample {last_seq + 1 + gap} after {last_seq}"
             )
-        if is_loss:
-            # The publisher's own queue replaced them before they could be handed over.
-            for subscription in publisher.routed.values():
+        for subscription in publisher.routed.values():
+            if is_loss:  # the publisher's own queue replaced them before they could be handed over
                 self.drop(now_ns, subscription, "publisher_queue", gap)
+            elif publisher.id in subscription.returned:  # it would have got them, but was away
+                self.drop(now_ns, subscription, "disconnected", gap)
+            else:
+                subscription.expected_besides -= gap  # which went to others, by another route
 
     @staticmethod
     def _is_too_large(run: Run, limit: int) -> bool:
         return any(len(payload) > limit for payload, _ in run.records())
+
+
+def _slack(account: Account, queues: int) -> int:
+    """How much more than it must a process with many `queues` loses: to look for the longest costs."""
+    return account.limit // 16 if queues > _MANY_QUEUES else 0
 
 
 def _sources(subscription: Subscription) -> set[int]:

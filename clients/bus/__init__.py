@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from bus.client import ServiceClient, ServiceClientStatistics
     from bus.endpoint import Match
     from bus.errors import (
+        AccessDenied,
         BrokerUnavailable,
         BusError,
         ConfigurationError,
@@ -63,6 +64,7 @@ _HOMES = {
     "bus.client": ("ServiceClient", "ServiceClientStatistics"),
     "bus.endpoint": ("Match",),
     "bus.errors": (
+        "AccessDenied",
         "BrokerUnavailable",
         "BusError",
         "ConfigurationError",
@@ -104,6 +106,7 @@ _HOMES = {
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
+    "AccessDenied",
     "BrokerUnavailable",
     "BusError",
     "ConfigurationError",

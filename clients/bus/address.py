@@ -10,7 +10,7 @@ from pathlib import Path
 
 from bus.errors import ConfigurationError
 
-__all__ = ["MAX_DOMAIN", "MAX_PATH_BYTES", "domain_id", "socket_path"]
+__all__ = ["MAX_DOMAIN", "MAX_PATH_BYTES", "domain_id", "is_default_folder", "socket_path"]
 
 MAX_DOMAIN = 65535
 MAX_PATH_BYTES = 107
@@ -41,6 +41,15 @@ def socket_path(
     else:
         folder = Path(f"/tmp/busd-{os.getuid() if uid is None else uid}")
     return _checked(folder / f"{domain_id(domain, environ=environ)}.sock")
+
+
+def is_default_folder(folder: Path, environ: Mapping[str, str] = os.environ, uid: int | None = None) -> bool:
+    """Whether sockets are in `folder` by themselves, and not because the user named it."""
+    rest = {name: value for name, value in environ.items() if name != "BUSD_SOCKET"}
+    try:
+        return folder == socket_path(domain=0, environ=rest, uid=uid).parent
+    except ConfigurationError:  # too long for a socket, so no default
+        return False
 
 
 def domain_id(domain: int | None = None, *, environ: Mapping[str, str] = os.environ) -> int:

@@ -8,19 +8,18 @@ import asyncio
 import contextlib
 import os
 import socket
-import struct
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from bus.errors import BrokerUnavailable
+from bus.trust import check_folder, check_server
 
 IDLE_EXIT_S = 30
 """A busd that was started in the background leaves after so long without a connection."""
 
 _START_S = 10.0
 _RETRY_S = 0.01
-_UCRED = struct.Struct("=iII")
 _ALREADY_RUNNING = 3  # busd.run.EXIT_ALREADY_RUNNING
 
 _started: set[int] = set()
@@ -109,6 +108,7 @@ def reap() -> None:
 
 def _spawn(path: Path, log: Path, notify: str, options: Sequence[str]) -> int:
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    check_folder(path.parent)
     environ = {**os.environ, "NOTIFY_SOCKET": notify}
     arguments = [sys.executable, "-m", "busd", "--socket", str(path), *options]
     # Appended to: those who come second say so in the log of the one that serves.
@@ -167,20 +167,11 @@ async def _connect(path: Path) -> socket.socket:
     sock.setblocking(False)
     try:
         await asyncio.get_running_loop().sock_connect(sock, str(path))
-        _check_owner(sock, path)
+        check_server(sock, path)
     except BaseException:
         sock.close()
         raise
     return sock
-
-
-def _check_owner(sock: socket.socket, path: Path) -> None:
-    """Under /tmp anybody may have made the default folder before us."""
-    if not hasattr(socket, "SO_PEERCRED"):
-        return
-    _, uid, _ = _UCRED.unpack(sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size))
-    if uid not in (0, os.geteuid()) and path.parent == Path(f"/tmp/busd-{os.geteuid()}"):
-        raise BrokerUnavailable(f"{path} is served by user {uid}, who should not be there; nothing was sent")
 
 
 async def _connect_when_ready(path: Path) -> socket.socket:

@@ -16,6 +16,7 @@ import msgspec
 from bus.autostart import open_socket
 from bus.descriptor import Descriptor
 from bus.errors import (
+    AccessDenied,
     BrokerUnavailable,
     BusError,
     ConfigurationError,
@@ -23,11 +24,12 @@ from bus.errors import (
     QuotaExceeded,
     RemoteProtocolError,
 )
+from bus.release import RELEASE
 from bus.sharing import Sharing
 from bus.transport.stream import Stream
 from bus.typesupport import TypeSupport
 from bus.wire import messages as m
-from bus.wire.layout import VERSION
+from bus.wire.layout import GUESTS, LEAVING, VERSION
 from bus.wire.outbox import Outbox
 from bus.wire.session import Role, Session
 
@@ -57,9 +59,8 @@ class Connection:
         self.outbox = Outbox()
         self._sharing = sharing
         self._has_shared = False
-        self.pid = 0
-        self.lease_s = 0.0
-        self.is_background = False
+        self.hello = m.Hello(version=VERSION)
+        """The broker's, once the connection is open."""
         self._on_received = on_received
         self._on_lost = on_lost
         self._on_wrote = on_wrote
@@ -67,6 +68,7 @@ class Connection:
         self._stream: Stream | None = None
         self._loss: ConnectionClosed | None = None
         self._was_silent = False
+        self._farewell = ""
         self._requests: dict[int, asyncio.Future[Any]] = {}
         self._numbers = count(1)
         self._types: set[tuple[str, str]] = set()
@@ -88,7 +90,15 @@ class Connection:
             takes_descriptors=self._sharing is not None,
         )
         self._stream.before_write(self._on_wrote)
-        self.send(m.Hello(version=VERSION, pid=os.getpid(), program=_program()))
+        self.send(
+            m.Hello(
+                version=VERSION,
+                capabilities=(LEAVING, GUESTS),
+                pid=os.getpid(),
+                program=_program(),
+                release=RELEASE,
+            )
+        )
         try:
             async with asyncio.timeout(ANSWER_S):
                 hello = await self._greeted
@@ -103,7 +113,9 @@ class Connection:
                 self.close()
         if self._stream is None:  # its last word came right behind its Hello
             raise BrokerUnavailable(f"busd at {path} refused this process: {self._loss}")
-        self.pid, self.lease_s, self.is_background = hello.pid, hello.lease_s, hello.background
+        self.hello = hello
+        if self._sharing is not None and GUESTS in hello.capabilities:
+            self._sharing.readers.is_wary = True
 
     def send(self, message: m.Message | bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
         """Send a control message, or a frame in turn with these; nothing happens where this has ended."""
@@ -136,16 +148,15 @@ class Connection:
         """Send a data frame at once, where nothing waits to be sent; returns whether it was taken over."""
         if self._stream is None or not self._stream.is_idle:
             return False
-        self._stream.send_now([frame], len(frame))
-        return True
+        return self._stream.send_now([frame], len(frame))
 
     async def request(
         self, make: Callable[[int], m.Message], descriptors: tuple[Descriptor, ...] = ()
     ) -> Any:
         """Send the message that `make` gives for a request number; returns the answer.
 
-        Raises ConfigurationError or QuotaExceeded where the broker refuses, TimeoutError where it does not
-        answer within ANSWER_S, ConnectionClosed where the connection ends first.
+        Raises ConfigurationError, QuotaExceeded or AccessDenied where the broker refuses, TimeoutError where
+        it does not answer within ANSWER_S, ConnectionClosed where the connection ends first.
         """
         if self._stream is None:
             raise ConnectionClosed("the connection to busd is closed")
@@ -156,7 +167,7 @@ class Connection:
             async with asyncio.timeout(ANSWER_S):
                 return await answer
         except TimeoutError:
-            raise TimeoutError(f"busd (pid {self.pid}) did not answer within {ANSWER_S:g} s") from None
+            raise TimeoutError(f"busd (pid {self.hello.pid}) did not answer within {ANSWER_S:g} s") from None
         finally:
             self._requests.pop(number, None)
 
@@ -182,11 +193,12 @@ class Connection:
                 pass
             case m.Fault(text=text):
                 raise RemoteProtocolError(text)
-            case m.Refused(request=request, text=text, resource=resource, used=used, limit=limit):
-                self._fail(
-                    request,
-                    QuotaExceeded(resource, used=used, limit=limit) if resource else ConfigurationError(text),
-                )
+            case m.Leaving(text=text):
+                self._farewell = text
+                if self._stream is not None:
+                    self._stream.finish()
+            case m.Refused(request=request):
+                self._fail(request, _refusal(message))
             case m.Created() | m.Done() | m.TypeDescription() | m.Graph():
                 waiting = self._requests.get(message.request)
                 if waiting is not None and not waiting.done():
@@ -225,7 +237,8 @@ class Connection:
             waiting.set_exception(error)
 
     def _lost(self, error: Exception | None) -> None:
-        reason = self._loss = ConnectionClosed(str(error) if error else "busd closed the connection")
+        why = str(error) if error else self._farewell or "busd closed the connection"
+        reason = self._loss = ConnectionClosed(why)
         self._was_silent = not isinstance(error, RemoteProtocolError)
         self._stream = None
         self._finish(reason)
@@ -244,5 +257,11 @@ class Connection:
         self._requests.clear()
 
 
+def _refusal(answer: m.Refused) -> BusError:
+    if answer.resource:
+        return QuotaExceeded(answer.resource, used=answer.used, limit=answer.limit)
+    return AccessDenied(answer.text) if answer.denied else ConfigurationError(answer.text)
+
+
 def _program() -> str:
-    return Path(sys.argv[0]).name if sys.argv and sys.argv[0] else "python"
+    return Path(sys.argv[0]).name[:255] if sys.argv and sys.argv[0] else "python"

@@ -9,12 +9,25 @@ from typing import Any, Protocol
 
 from bus.connection import Connection
 from bus.descriptor import Descriptor
-from bus.errors import BusError, ConfigurationError, ConnectionClosed, QuotaExceeded
+from bus.errors import AccessDenied, BusError, ConfigurationError, ConnectionClosed, QuotaExceeded, again
 from bus.logger import get_logger
 from bus.qos import Liveliness, QoSProfile
 from bus.typesupport import TypeSupport
 from bus.wire import messages as m
 from bus.wire.runs import Run
+
+_FINAL = (ConfigurationError, AccessDenied)
+"""Refusals for good. A limit is another thing: others may make room."""
+
+AGAIN_S = 2.0
+"""How long until a broker is asked again for what a limit of it was in the way of."""
+
+_ABOUT: dict[Any, str] = (
+    dict.fromkeys((m.Matched, m.Unmatched, m.Incompatible, m.Rerouted), "endpoint")
+    | dict.fromkeys((m.Dropped, m.LivelinessChanged, m.RingReplaced), "subscription")
+    | dict.fromkeys((m.Credit, m.LivelinessLost, m.Attached), "publisher")
+)
+"""The field that says which endpoint the news is for."""
 
 _log = get_logger("bus")
 
@@ -92,6 +105,8 @@ class Declarations:
         self.by_id: dict[int, Endpoint] = {}
         self._nodes: dict[Node, dict[Endpoint, None]] = {}
         self._admissions: dict[int, _Admission] = {}
+        self._waiting: dict[Declared, QuotaExceeded] = {}
+        self._retry: asyncio.Task[None] | None = None
 
     def __iter__(self) -> Iterator[Endpoint]:
         """Every endpoint, in the order of their making."""
@@ -144,11 +159,23 @@ class Declarations:
         self._check(node)
 
     async def declare_again(self, connection: Connection) -> None:
-        """Tell a new broker everything. What it refuses is ended, and the log says why."""
-        nodes = tuple(self._nodes)
+        """Tell a broker everything that it does not know.
+
+        What it refuses is ended, and the log says why. What a limit is in the way of waits until there is
+        room: it will be asked again.
+        """
+        nodes = [node for node in self._nodes if not node.id]
         await asyncio.gather(*(self._try_node_again(connection, node) for node in nodes))
-        pairs = [(node, endpoint) for node in nodes for endpoint in self._nodes.get(node, ())]
+        pairs = [
+            (node, endpoint)
+            for node, endpoints in self._nodes.items()
+            if node.id
+            for endpoint in endpoints
+            if not endpoint.id
+        ]
         await asyncio.gather(*(self._try_again(connection, node, endpoint) for node, endpoint in pairs))
+        if self._waiting:
+            self._ask_again_later(connection)
 
     def admit(self, answer: m.Created) -> None:
         """The broker made something. To be called before anything that came after is handled."""
@@ -156,20 +183,28 @@ class Declarations:
         if admission is not None:
             admission.act(answer)
 
+    def concerned(self, news: Any) -> Endpoint | None:
+        """The endpoint that a message is about; None where it is about none, or one that is closed."""
+        field = _ABOUT.get(type(news))
+        return None if field is None else self.by_id.get(getattr(news, field))
+
     def remove(self, endpoint: Endpoint) -> None:
         for endpoints in self._nodes.values():
             endpoints.pop(endpoint, None)
         self.by_id.pop(endpoint.id, None)
+        self._waiting.pop(endpoint, None)
         self._revoke(endpoint)
 
     def remove_node(self, node: Node) -> bool:
         """Returns whether it was declared."""
         self._revoke(node)
+        self._waiting.pop(node, None)
         return self._nodes.pop(node, None) is not None
 
     def disconnected(self) -> None:
         """The broker is gone, and with it all ids."""
         self._admissions.clear()
+        self._waiting.clear()
         self.by_id.clear()
         for node in self._nodes:
             node.id = 0
@@ -183,6 +218,35 @@ class Declarations:
     def _check(self, node: Node) -> None:
         if node not in self._nodes:
             raise ConnectionClosed(f"node {node.full_name} was closed, or a new busd refused it")
+        if node in self._waiting:
+            raise again(self._waiting[node])
+
+    def _ask_again_later(self, connection: Connection) -> None:
+        loop = asyncio.get_running_loop()
+
+        def begin() -> None:
+            if self._waiting:
+                self._retry = loop.create_task(self._ask_again(connection), name="ask busd for room again")
+
+        loop.call_later(AGAIN_S, begin)
+
+    async def _ask_again(self, connection: Connection) -> None:
+        try:
+            await self.declare_again(connection)
+            connection.flush()
+        except ConnectionClosed:
+            pass  # then it is the next connection's turn
+        except TimeoutError:
+            self._ask_again_later(connection)
+
+    def _wait(self, what: Declared, name: str, error: QuotaExceeded) -> None:
+        if what not in self._waiting:
+            _log.error(f"busd has no room for the {name}: {error}; asking again every {AGAIN_S:g} s")
+        self._waiting[what] = error
+
+    def _found_room(self, what: Declared, name: str) -> None:
+        if self._waiting.pop(what, None) is not None:
+            _log.info(f"busd has room for the {name} again")
 
     def _revoke(self, what: Declared) -> None:
         """Nobody waits for the answer to its declaration any more: what that makes is not wanted."""
@@ -193,20 +257,31 @@ class Declarations:
     async def _try_node_again(self, connection: Connection, node: Node) -> None:
         if node not in self._nodes:  # closed a moment ago
             return
+        name = f"node {node.full_name}"
         try:
             await self.add_node(connection, node)
-        except (ConfigurationError, QuotaExceeded) as error:
-            _log.error(f"the new busd refuses the node {node.full_name}: {error}")
+            self._found_room(node, name)
+        except QuotaExceeded as error:
+            if node in self._nodes:
+                self._wait(node, name, error)
+        except _FINAL as error:
+            _log.error(f"the new busd refuses the {name}: {error}")
+            self._waiting.pop(node, None)
             for endpoint in self._nodes.pop(node, {}):
                 endpoint.end(error)
 
     async def _try_again(self, connection: Connection, node: Node, endpoint: Endpoint) -> None:
         if endpoint not in self._nodes.get(node, {}):  # closed a moment ago
             return
+        name = f"{endpoint.kind} on '{endpoint.topic_name}'"
         try:
             await self.add(connection, node, endpoint)
-        except (ConfigurationError, QuotaExceeded) as error:
-            _log.error(f"the new busd refuses the {endpoint.kind} on '{endpoint.topic_name}': {error}")
+            self._found_room(endpoint, name)
+        except QuotaExceeded as error:
+            if endpoint in self._nodes.get(node, {}):
+                self._wait(endpoint, name, error)
+        except _FINAL as error:
+            _log.error(f"the new busd refuses the {name}: {error}")
             self.remove(endpoint)
             endpoint.end(error)
         except ConnectionClosed:

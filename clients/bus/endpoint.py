@@ -27,6 +27,7 @@ from bus.logger import Logger
 from bus.qos import QoSProfile
 from bus.typesupport import TypeSupport
 from bus.wire import messages as m
+from bus.wire.layout import ACCESS
 from bus.wire.runs import Run
 
 M = TypeVar("M", bound=msgspec.Struct)
@@ -203,6 +204,10 @@ class Endpoint(Generic[M]):
         self._tell(self._events.matched, event)
 
     def _report_incompatible(self, message: m.Incompatible) -> None:
+        if message.policy == ACCESS:  # no event of ROS 2's: the other is not there
+            text = f"node {message.node} was denied access to '{self.topic_name}': {message.text}"
+            self._logger.warning(text)
+            return
         if message.policy == "TYPE":
             self._incompatible_types += 1
             event: Any = IncompatibleType(self._incompatible_types, 1, message.text, message.node)

@@ -5,6 +5,7 @@
     ├── MessageTypeError (TypeError)      a message of the wrong class, or a field of the wrong type
     ├── PayloadTooLarge (ValueError)      size_bytes, limit_bytes
     ├── QuotaExceeded                     resource, used, limit
+    ├── AccessDenied                      busd's access rules don't let this user do that
     ├── SharedMemoryError (OSError)       the machine has no memory for a publisher's ring
     ├── ProtocolError
     │   ├── LocalProtocolError            this side asked for something that is not allowed now
@@ -22,6 +23,7 @@ queue was full, no room to publish) is a return value or a counter. Timeouts are
 from typing import TypeVar
 
 __all__ = [
+    "AccessDenied",
     "BrokerUnavailable",
     "BusError",
     "ConfigurationError",
@@ -86,6 +88,10 @@ class QuotaExceeded(BusError):
         self.resource = resource
         self.used = used
         self.limit = limit
+
+
+class AccessDenied(BusError):
+    """The broker refused because its access rules (busd.toml) don't let this process's user do that."""
 
 
 class SharedMemoryError(BusError, OSError):

@@ -6,6 +6,7 @@ from typing import Self
 
 import msgspec
 
+from bus.errors import RemoteProtocolError
 from bus.names import join_node_name, reply_topic, request_topic, service_of_topic
 from bus.qos import QoSProfile
 from bus.wire import messages as m
@@ -60,11 +61,15 @@ class Graph(msgspec.Struct, frozen=True, dict=True):
 
     @classmethod
     def from_snapshot(cls, snapshot: m.Graph) -> Self:
-        """From the broker's answer."""
+        """From the broker's answer. Raises RemoteProtocolError where that contradicts itself."""
         nodes = {
             node.id: GraphNode(id=node.id, name=node.name, namespace=node.namespace, pid=node.pid)
             for node in snapshot.nodes
         }
+        if strange := {one.node for one in snapshot.endpoints} - nodes.keys():
+            raise RemoteProtocolError(
+                f"busd's graph has endpoints of node {min(strange)}, which is not in it"
+            )
         endpoints = [
             GraphEndpoint(
                 id=one.id,

@@ -1,8 +1,7 @@
 """What has come for a subscription and was not taken yet: bounded, accounted, decoded when it is taken.
 
-Owns the queue of undecoded runs, the counts of what was delivered and dropped here, and the publishers that
-are heard: up to which number, and what was acknowledged. What waits in rings waits there; it is taken after
-what came by socket. Does no I/O; its owner delivers and acknowledges.
+Owns the queue of undecoded runs, and the counts of what was delivered and dropped here. What waits in rings
+waits there; it is taken after what came by socket. Does no I/O; its owner delivers and acknowledges.
 """
 
 from collections import deque
@@ -10,7 +9,8 @@ from collections.abc import Callable
 from time import monotonic_ns
 from typing import Any, Generic, TypeAlias, TypeVar
 
-from bus.wire.layout import RECORD_HEAD, RECORD_HEAD_BYTES
+from bus.sources import Source, Sources
+from bus.wire.layout import MAX_COUNT, RECORD_HEAD, RECORD_HEAD_BYTES
 from bus.wire.runs import Account, Run, RunQueue
 
 M = TypeVar("M")
@@ -21,43 +21,12 @@ INBOX_BYTES = 256 << 20
 ALL = 1 << 30
 
 _SHORT_BYTES = 4096
-_MOST_GONE = 64
 _unpack_record = RECORD_HEAD.unpack_from
 _MOST_AT_ONCE = 64
 
 
 Taken: TypeAlias = tuple[M, int, int, Any, int]
 """Message, stamp, number, `Source`, time of receipt; times in ns of the monotonic clock."""
-
-
-class Source:
-    """A publisher that is heard: the last number received and taken, and what is not yet acknowledged."""
-
-    __slots__ = (
-        "acked_seq",
-        "gid",
-        "is_alive",
-        "is_rejoined",
-        "known_seq",
-        "last_seq",
-        "lifespan_ns",
-        "needs_ack",
-        "number",
-        "taken_seq",
-        "unacked_bytes",
-    )
-
-    def __init__(self, number: int, gid: bytes, last_seq: int, lifespan_ns: int, *, needs_ack: bool) -> None:
-        self.number = number
-        self.gid = gid
-        self.last_seq = last_seq
-        self.lifespan_ns = lifespan_ns
-        self.needs_ack = needs_ack
-        self.is_alive = True
-        self.known_seq = 0  # read from the ring, before the match went by socket: also no replay of these
-        self.is_rejoined = False  # until its first run after a reconnection, which shows what is missing
-        self.taken_seq = self.acked_seq = last_seq
-        self.unacked_bytes = 0
 
 
 class Inbox(Generic[M]):
@@ -80,8 +49,7 @@ class Inbox(Generic[M]):
         self._samples = 0
         self._bytes = 0
         self._dropped: dict[str, int] = {}
-        self.sources: dict[int, Source] = {}
-        self._gone: deque[int] = deque()
+        self.sources = Sources(self.drop)
         self.is_lossless = is_lossless
         self._decode = decode
         self._queue = RunQueue(depth, Account(INBOX_BYTES))
@@ -116,17 +84,20 @@ class Inbox(Generic[M]):
         """Lost here, by reason."""
         reader, dropped = self.reader, dict(self._dropped)
         if reader is not None:
-            # What was lapped is what the publisher's depth gave up; with a depth here, that would have.
-            lapped = "replaced" if reader.depth else "publisher_queue"
             for reason, count in (
                 ("replaced", reader.replaced),
-                (lapped, reader.overrun),
+                (self.lapped_reason, reader.overrun),
                 ("expired", reader.expired),
                 ("undecodable", reader.undecodable),
             ):
                 if count:
                     dropped[reason] = dropped.get(reason, 0) + count
         return dropped
+
+    @property
+    def lapped_reason(self) -> str:
+        """What a ring gave up unread, the publisher's depth gave up; with a depth here, that would have."""
+        return "replaced" if self._queue.depth else "publisher_queue"
 
     @property
     def has_more(self) -> bool:
@@ -143,7 +114,7 @@ class Inbox(Generic[M]):
             return
         while batch := self.reader.take(_MOST_AT_ONCE, bytes):
             for payload, stamp_ns, seq, source, received_ns in batch:
-                body = RECORD_HEAD.pack(len(payload), stamp_ns) + payload
+                body = RECORD_HEAD.pack(len(payload), min(stamp_ns, MAX_COUNT)) + payload  # a liar's is more
                 run = Run(0, source.number, seq, 1, body, lifespan_ns=source.lifespan_ns)
                 run.received_ns, run.origin = received_ns, source
                 self._queue.append(run)
@@ -156,30 +127,16 @@ class Inbox(Generic[M]):
         if self.reader is not None:
             self.reader.depth = depth
 
-    def forget(self, number: int) -> None:
-        """A publisher has gone; samples of it may still come, so the last ones are remembered for a while."""
-        self._gone.append(number)
-        if len(self._gone) > _MOST_GONE:
-            self.sources.pop(self._gone.popleft(), None)
-
-    def disconnected(self) -> None:
-        """The broker is gone, and with it the numbers of its publishers; what waits keeps its origin."""
-        self.sources.clear()
-        self._gone.clear()
-
     def put(self, run: Run) -> bool:
         """Queue a run; returns whether the inbox now holds too much and is to be trimmed."""
         source = run.origin = self.sources.get(run.source)
         if source is not None:
             run.lifespan_ns = source.lifespan_ns
-            known_seq = source.known_seq if run.is_replay else source.last_seq
-            if run.first_seq <= known_seq and not _skip_known(run, known_seq):
+            is_next = run.first_seq == source.last_seq + 1 and not source.is_new
+            if not is_next and not self.sources.look_at(source, run):
                 return False
-            if source.is_rejoined:
-                source.is_rejoined = False
-                if run.first_seq > source.last_seq + 1:
-                    self.drop("disconnected", run.first_seq - source.last_seq - 1)
             source.last_seq = max(source.last_seq, run.first_seq + run.count - 1)
+        self.sources.received += run.count
         return self._queue.append(run)
 
     def trim(self) -> None:
@@ -321,15 +278,3 @@ class Inbox(Generic[M]):
         for size, error in rejected:
             self._on_reject(size, error)
             self.drop("undecodable", 1)
-
-
-def _skip_known(run: Run, known_seq: int) -> bool:
-    """Cut off what was received before, by another connection or route; returns whether anything is left."""
-    known = known_seq + 1 - run.first_seq
-    if known >= run.count:
-        return False
-    whole = RunQueue(0, Account(INBOX_BYTES))
-    whole.append(run)
-    (rest,) = whole.newest(run.count - known, 0)
-    run.first_seq, run.count, run.body = rest.first_seq, rest.count, rest.body
-    return True

@@ -23,6 +23,7 @@ from bus.reports import Reports
 from bus.sharing import Sharing
 from bus.waiters import Waiters
 from bus.wire import messages as m
+from bus.wire.layout import VERSION
 from bus.wire.runs import Run, RunQueue
 from bus.wire.session import Carried
 
@@ -34,13 +35,6 @@ RETURN_S = 10.0
 _SHORTEST_BEAT_S = 0.01
 _USERS_TURN_NS = 5_000_000_000
 _RETRY_S = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
-
-_ABOUT: dict[Any, str] = (
-    dict.fromkeys((m.Matched, m.Unmatched, m.Incompatible, m.Rerouted), "endpoint")
-    | dict.fromkeys((m.Dropped, m.LivelinessChanged, m.RingReplaced), "subscription")
-    | dict.fromkeys((m.Credit, m.LivelinessLost, m.Attached), "publisher")
-)
-"""The field that says which endpoint the news is for."""
 
 _log = get_logger("bus")
 
@@ -59,7 +53,7 @@ class Link:
         self.last_sent_ns = 0  # when a publisher last sent past the gathering
         self.failure: BusError | None = None
         self._users = 0
-        self._was_background = True
+        self._hello = m.Hello(version=VERSION, background=True)  # the present broker's, or the last one's
         self._connection: Connection | None = None
         self._opening: asyncio.Task[None] | None = None
         self._declarations = Declarations()
@@ -75,6 +69,11 @@ class Link:
     def thread(self) -> int:
         """Who may use what belongs to the link: the event loop's thread, or that with the guard; 0: none."""
         return self._thread if self.guard is None else self.guard.holder
+
+    @property
+    def broker(self) -> tuple[int, int]:
+        """Which broker it is, or was the last: one that restarts has the same process id as before."""
+        return self._hello.pid, self._hello.began_ns
 
     # --- making and ending
 
@@ -134,7 +133,7 @@ class Link:
     async def declare(self, node: Node, endpoint: Endpoint) -> None:
         """Make an endpoint of `node` known to the broker, now and after each reconnection.
 
-        Raises ConfigurationError or QuotaExceeded where the broker refuses it. Cancellation: not declared.
+        Raises what the broker refuses it with (`Connection.request`). Cancellation: not declared.
         """
         await self._when_connected(lambda connection: self._declarations.add(connection, node, endpoint))
         if lease_s(endpoint) is not None:
@@ -221,7 +220,8 @@ class Link:
             publisher.hand_over()
         self.flush()
 
-    def _wrote(self) -> None:
+    def wrote(self) -> None:
+        """What waited was sent, or can be now."""
         if self._drains:
             self.loop.call_soon(self._drains.release)  # they look again after the next choice
 
@@ -280,10 +280,8 @@ class Link:
         if isinstance(message, m.GraphChanged):
             for tell in tuple(self._observers):
                 tell()
-        elif about := _ABOUT.get(type(message)):
-            endpoint = self._declarations.by_id.get(getattr(message, about))
-            if endpoint is not None:
-                endpoint.handle(message, descriptors)
+        elif (endpoint := self._declarations.concerned(message)) is not None:
+            endpoint.handle(message, descriptors)
 
     # --- connecting
 
@@ -307,7 +305,7 @@ class Link:
 
     async def _connect(self, *, may_start: bool = True) -> Connection:
         connection = Connection(
-            self.sharing, on_received=self._received, on_lost=self._lost, on_wrote=self._wrote
+            self.sharing, on_received=self._received, on_lost=self._lost, on_wrote=self.wrote
         )
         self._connection = connection
         try:
@@ -315,7 +313,7 @@ class Link:
         except BaseException:
             self._connection = None
             raise
-        self._was_background = connection.is_background
+        self._hello = connection.hello
         self._set_heartbeat()
         return connection
 
@@ -336,7 +334,7 @@ class Link:
                 pause_s = next(pauses, pause_s)
                 await asyncio.sleep(pause_s)
                 # A daemon that its user started is his to start again, with his options: leave him the time.
-                may_start = self._was_background or monotonic_ns() - lost_ns > _USERS_TURN_NS
+                may_start = self._hello.background or monotonic_ns() - lost_ns > _USERS_TURN_NS
                 try:
                     await self._declare_again(await self._connect(may_start=may_start))
                 except (OSError, BusError) as error:
@@ -349,7 +347,7 @@ class Link:
                         self._declarations.disconnected()
                     continue
                 if self._connection is not None:  # else lost again, a moment ago
-                    _log.info(f"busd is back (pid {self._connection.pid})")
+                    _log.info(f"busd is back (pid {self._hello.pid})")
                     return
         finally:
             self._opening = None
@@ -386,9 +384,9 @@ class Link:
 
     def _set_heartbeat(self) -> None:
         connection = self._connection
-        if connection is not None and connection.lease_s:
-            shortest_s = self._declarations.shortest_lease_s() or connection.lease_s
-            connection.beat(max(min(shortest_s, connection.lease_s) / 3, _SHORTEST_BEAT_S))
+        if connection is not None and (most_s := connection.hello.lease_s):
+            shortest_s = self._declarations.shortest_lease_s() or most_s
+            connection.beat(max(min(shortest_s, most_s) / 3, _SHORTEST_BEAT_S))
 
 
 def _forked() -> None:

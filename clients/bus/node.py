@@ -13,7 +13,7 @@ import msgspec
 from bus import names
 from bus.address import socket_path
 from bus.arguments import Arguments
-from bus.errors import ConfigurationError, ConnectionClosed, ForkError
+from bus.errors import AccessDenied, ConfigurationError, ConnectionClosed, ForkError
 from bus.events import PublisherEvents, SubscriptionEvents
 from bus.graph import Graph
 from bus.link import Link
@@ -143,7 +143,7 @@ class Node(ServiceHost):
         """A publisher of `message_type` on `topic`; an int as `qos` is keep last with that depth.
 
         On return every subscription that existed is matched. Raises ConfigurationError for a bad name, type
-        or QoS, QuotaExceeded above busd's limits. Cancellation: not created.
+        or QoS, QuotaExceeded above busd's limits, AccessDenied. Cancellation: not created.
         """
         link = self._opened()
         publisher: Publisher[M] = Publisher(
@@ -366,5 +366,10 @@ class Node(ServiceHost):
     async def _open_rosout(self) -> None:
         from bus.msg.rcl_interfaces import Log
 
-        self._rosout = Rosout(await self.create_publisher(Log, "/rosout", rosout_default))
+        try:
+            publisher = await self.create_publisher(Log, "/rosout", rosout_default)
+        except AccessDenied as denied:
+            self._logger.warning(f"the log of this node stays here: {denied}")
+            return
+        self._rosout = Rosout(publisher)
         self._logger.add_sink(self._rosout.publish)

@@ -190,17 +190,14 @@ class Outlet:
 
     def drop_queued(self) -> int:
         """Give up what could not be handed over; returns how many samples."""
-        lost = self._socket.queue.clear()
-        self._socket.replaced += lost
-        return lost
+        return self._socket.drop_queued()
 
     def end(self, reason: BusError) -> None:
         """Take nothing more."""
         self._totals = self.published
         self._refusal = reason
         self.write = self.publish = _not_so_quick
-        self._socket.forget_open()
-        self._socket.queue.clear()
+        self._socket.end()
         if self._return is not None:
             self._return.cancel()
         if self._ring is not None:
@@ -253,6 +250,7 @@ class Outlet:
         self.release_waiters()
 
     def matched(self, matched: m.Matched) -> None:
+        self._socket.matched(matched.other, matched.gid, matched.qos, is_here=matched.route == "socket")
         if self._ring is None:
             return
         if matched.route == "shm":
@@ -275,10 +273,12 @@ class Outlet:
             ring.unmatched(gid, is_lost=True)  # it reads until it is told
             missed = ring.missed(qos, since_ns)
             self._socket.catch_up(rerouted.other, missed, since_ns=since_ns)
+            self._socket.matched(rerouted.other, gid, qos, is_here=True)
             self._go_by_socket(rerouted.other, [])
             self.release_waiters()
 
     def unmatched(self, other: int, gid: bytes, *, is_lost: bool) -> None:
+        self._socket.unmatched(other)
         if self._ring is None:
             return
         if other in self._by_socket:

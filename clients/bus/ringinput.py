@@ -5,15 +5,16 @@ counts; `bus.inbox` takes from it.
 """
 
 import asyncio
+from collections.abc import Callable
 from time import monotonic_ns
 
 from bus.declarations import Endpoint
 from bus.descriptor import Descriptor
-from bus.inbox import Source
 from bus.link import RETURN_S, Link
 from bus.qos import Durability, History, QoSProfile
 from bus.sharing import Sharing
 from bus.shm import core, segments
+from bus.sources import Source
 from bus.transport.memory import keep_freed_memory
 from bus.wire import messages as m
 from bus.wire.session import MISSING
@@ -63,10 +64,16 @@ class RingInput:
         if self._lost_ns != _ALL:
             self._return = self._link.loop.call_later(RETURN_S, self._finish_stale)
 
-    def take_up(self, matched: m.Matched) -> Source | None:
-        """What is read from since an earlier broker made the match, if it is."""
+    def take_up(self, matched: m.Matched, drain: Callable[[], None]) -> Source | None:
+        """What is read from since an earlier broker made the match, if it is.
+
+        Where it goes by socket now, `drain` is called for what waits in the rings.
+        """
+        self.sweep()  # what the reader has left by itself must not be taken for what is attached now
         ring = self._rings.get(matched.gid)
         if ring is not None and (ring.is_finishing or matched.route != "shm"):
+            if matched.route != "shm":
+                drain()
             self.leave(matched.gid)  # another ring, or none: goes on where this one was read up to
             ring = None
         if ring is None:
@@ -74,6 +81,11 @@ class RingInput:
         source = ring.source
         source.number, source.is_alive, source.lifespan_ns = matched.other, True, matched.qos.lifespan_ns
         return source
+
+    def known_seq(self, gid: bytes, known_seq: int | None) -> int | None:
+        """Up to where that publisher was heard, if by socket up to `known_seq`."""
+        position = self._positions.get(gid)
+        return known_seq if position is None else max(known_seq or 0, position - 1)
 
     def attach(
         self, source: Source, matched: m.Matched, descriptors: tuple[Descriptor, ...], known_seq: int | None
@@ -108,16 +120,21 @@ class RingInput:
             self.sweep()
             self._sharing.look_soon()  # a last time: perhaps nobody was rung for what is there
 
-    def leave(self, gid: bytes) -> None:
-        """The match goes another way now; what was read is known by `source.last_seq`."""
+    def leave(self, gid: bytes) -> bool:
+        """The match goes another way now; what was read is known by `source.last_seq`.
+
+        Returns whether it was read up to now.
+        """
         ring = self._rings.pop(gid, None)
-        if ring is not None:
-            next_seq = self.reader.next_seq(ring.source)
-            if next_seq:  # else the reader has left it by itself
-                ring.source.last_seq = ring.source.known_seq = next_seq - 1
-                self._remember(gid, next_seq)
-            self.reader.detach(ring.source)
-            self._sharing.give_back(ring.slot)
+        if ring is None:
+            return False
+        next_seq: int = self.reader.next_seq(ring.source)
+        if next_seq:  # else the reader has left it by itself
+            ring.source.last_seq = ring.source.known_seq = next_seq - 1
+            self._remember(gid, next_seq)
+        self.reader.detach(ring.source)
+        self._sharing.give_back(ring.slot)
+        return next_seq != 0
 
     def sweep(self) -> None:
         """Give back what belonged to rings that the reader has left by itself."""
@@ -183,7 +200,7 @@ class RingInput:
         history = 0
         if self._wants_history and matched.qos.durability is Durability.TRANSIENT_LOCAL:
             history = min(self.reader.depth or _ALL, _depth(matched.qos) or _ALL)
-        known = max(known_seq or 0, self._positions.pop(matched.gid, 1) - 1)
+        next_seq = max(known_seq + 1 if known_seq else 0, self._positions.pop(matched.gid, 0))
         # All of a publisher that was made later is for us, also what is lapped by now: that is counted then.
         is_new = matched.next_seq == 1 and matched.at_ns > self._declared_ns
         try:
@@ -192,12 +209,13 @@ class RingInput:
                 source,
                 memory,
                 slot,
-                start=known + 1 if known or is_new else 0,
+                start=next_seq or int(is_new),
                 # What the publisher that is new here wrote while the broker was away is for us, too.
                 since_ns=min(matched.at_ns, self._lost_ns),
                 history=history,
                 lifespan_ns=matched.qos.lifespan_ns,
                 doorbell=-1 if keep is None else keep.number,
+                foreign=self._sharing.beware(matched.uid),
             )
         except BaseException:
             self._sharing.give_back(slot)

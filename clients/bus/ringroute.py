@@ -218,7 +218,7 @@ class RingRoute:
         if len(descriptors) != attached.descriptors:
             raise OSError(MISSING)
         segment, doorbell = descriptors
-        process = self._sharing.reader_process(segment, doorbell, attached.pid)
+        process = self._sharing.reader_process(segment, doorbell, attached.pid, attached.uid)
         if (gate.process, gate.slot) != (process, attached.slot):  # else it has read on, while busd was away
             for before in self._left:
                 if (before.process, before.slot) == (process, attached.slot):
@@ -303,6 +303,7 @@ class RingRoute:
         for gid, gate in tuple(self._gates.items()):
             if gate.is_stale and self._owner.id:
                 self.unmatched(gid, is_lost=True)
+                self._sharing.wake_waiting(self)
 
     def _forget_left(self) -> None:
         """Drop the gates that hold nothing any more; a process that has ended holds nothing."""

@@ -18,12 +18,15 @@ from bus.descriptor import Descriptor
 from bus.guardedloop import GuardedLoop
 from bus.logger import get_logger
 from bus.shm import core, is_available, segments
+from bus.wire.layout import SAME_USER
 
 SLOTS = 1020
 """Matches of one process by shared memory; those beyond go by socket."""
 
 _SPIN_NS = 5_000
 _POLL_NS = 20_000
+_WATCH_S = 1.0
+"""The longest that a message waits in a ring where another user hushes the doorbell."""
 
 _log = get_logger("bus")
 
@@ -33,10 +36,10 @@ class ReaderProcess:
 
     __slots__ = ("__weakref__", "bell", "doorbell", "pid")
 
-    def __init__(self, segment: Descriptor, doorbell: Descriptor, pid: int) -> None:
+    def __init__(self, segment: Descriptor, doorbell: Descriptor, pid: int, *, foreign: bool) -> None:
         self.doorbell = doorbell
         self.pid = pid
-        self.bell = core().Bell(segments.map_readers(segment), doorbell.number)
+        self.bell = core().Bell(segments.map_readers(segment), doorbell.number, foreign=foreign)
 
     def is_alive(self) -> bool:
         """Whether the process still runs; also where that can't be found out."""
@@ -66,12 +69,13 @@ class Sharing:
         self._waiting: dict[Any, Callable[[], None]] = {}
         self._slots = deque(range(SLOTS))  # the longest free first, lest an old gate still knows it
         self._pinned_slots: list[int] = []
-        self._processes: WeakValueDictionary[tuple[int, int], ReaderProcess] = WeakValueDictionary()
+        self._processes: WeakValueDictionary[tuple[int, int, int], ReaderProcess] = WeakValueDictionary()
         self._doorbells: WeakValueDictionary[str, Descriptor] = WeakValueDictionary()
         self._polls: dict[Any, int] = {}
         self._poll_ns = 0
         self._poll_until_ns = 0
         self._is_polling = False
+        self._watch: asyncio.TimerHandle | None = None
         self._is_closed = False
         # On a loop that threads share, whoever waits for the news goes on before the rest is seen to.
         self._deferred = self._loop.deferred if isinstance(self._loop, GuardedLoop) else None
@@ -95,6 +99,8 @@ class Sharing:
             self._is_closed = True
             self._loop.remove_reader(self.doorbell.number)
             self._waiting.clear()
+            if self._watch is not None:
+                self._watch.cancel()
             self.doorbell.close()
             self.segment.close()
 
@@ -105,17 +111,29 @@ class Sharing:
 
     # --- the other side
 
-    def reader_process(self, segment: Descriptor, doorbell: Descriptor, pid: int) -> ReaderProcess:
+    def reader_process(
+        self, segment: Descriptor, doorbell: Descriptor, pid: int, uid: int = SAME_USER
+    ) -> ReaderProcess:
         """What is known of the process that has this readers' segment; one for all its matches.
 
-        Raises OSError or ValueError, saying what is wrong with it.
+        `uid` is its user, if it is another one. Raises OSError or ValueError, saying what is wrong with it.
         """
         status = os.fstat(segment.number)
-        key = (status.st_dev, status.st_ino)
+        key = (uid, status.st_dev, status.st_ino)  # nobody passes a segment off as his that is another's
         process = self._processes.get(key)
         if process is None:
-            process = self._processes[key] = ReaderProcess(segment, doorbell, pid)
+            foreign = self.beware(uid)
+            process = self._processes[key] = ReaderProcess(segment, doorbell, pid, foreign=foreign)
         return process
+
+    def beware(self, uid: int) -> bool:
+        """Whether `uid` is another user. Then he has this process's doorbell, and could hush it.
+
+        So from now on it looks now and then, rung or not.
+        """
+        if uid != SAME_USER and self._watch is None and not self._is_closed:
+            self._watch = self._loop.call_later(_WATCH_S, self._look_unrung)
+        return uid != SAME_USER
 
     def writer_doorbell(self, doorbell: Descriptor) -> Descriptor:
         """One descriptor for all that came of the same doorbell."""
@@ -143,7 +161,7 @@ class Sharing:
         self._waiting[writer] = look
 
     def wake_waiting(self, writer: Any) -> None:
-        """`writer` has gone on to another ring, which rings for room anew."""
+        """`writer` has room that nobody rings for: in another ring, or a reader counts no more."""
         if writer in self._waiting:
             self._loop.call_soon(self._waiting[writer])
 
@@ -173,6 +191,10 @@ class Sharing:
                 self._turn(bool(owners), 0)
             else:
                 self._deferred.append((self._turn, (bool(owners), 0)))
+
+    def _look_unrung(self) -> None:
+        self._watch = self._loop.call_later(_WATCH_S, self._look_unrung)
+        self._rung()
 
     def _turn(self, has_news: bool, spin_ns: int) -> None:
         """What has come is delivered: see to the rest, and sleep."""

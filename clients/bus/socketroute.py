@@ -3,22 +3,31 @@
 A sample leaves at once, but where the one before left a moment ago: then it is gathered with those that
 follow into a run, which leaves when it is full or when the turn of the event loop ends. So a paced publisher
 has the latency of one system call, and a flood its throughput. Does not know messages, only their encoding.
+
+What a lossless subscription may not have taken yet is kept, for the case that the broker dies with it. Then
+each that comes back gets what is kept, alone, and nothing new is sent before all are back, or time is up.
+A publisher that keeps the newest waits for its reliable ones too, a shorter time, and as long as its depth
+has room: so that nothing is lost when busd restarts and the publisher is back first.
 """
 
+import asyncio
 from collections import deque
 from threading import get_ident
 from time import monotonic_ns
 from typing import TypeAlias
 
 from bus.declarations import Endpoint
-from bus.link import Link
-from bus.qos import Durability, History
+from bus.link import RETURN_S, Link
+from bus.qos import Durability, History, QoSProfile, Reliability
 from bus.threadqueue import ThreadQueue
 from bus.wire import messages as m
 from bus.wire.layout import MAX_MESSAGE_BYTES, RECORD_HEAD, RECORD_HEAD_BYTES, REPLAY, RESUMED, RUN_BYTES
 from bus.wire.runs import Account, Buffer, Run, RunQueue, data_head
 
 QUEUE_BYTES = 64 << 20
+
+_SHORT_RETURN_S = 1.0
+"""As RETURN_S, where no subscription counts on everything."""
 
 _GATHER_NS = 100_000
 """A message that follows so soon on the one before is gathered with others."""
@@ -64,6 +73,12 @@ class SocketRoute:
         self._credited = 0
         self._flying_bytes = 0
         self._flying: deque[tuple[int, int]] = deque()
+        # What was handed over and perhaps not taken; with a history, that tells a new broker everything.
+        self._kept = RunQueue(0, Account(QUEUE_BYTES)) if qos.is_lossless and not self.keeps_history else None
+        self._is_awaiting = qos.reliability is Reliability.RELIABLE and not self.keeps_history
+        self._takers: dict[int, bytes] = {}  # matches by this route that are waited for
+        self._awaited: set[bytes] = set()  # those of them that a broker before had
+        self._return: asyncio.TimerHandle | None = None
 
     def add(self, payload: Buffer, stamp_ns: int = 0) -> bool:
         """Take a sample into the run that is open; False where it has no room or none is open.
@@ -161,10 +176,14 @@ class SocketRoute:
         link, is_resumed = self._link, self._is_resumed
         flags = RESUMED if is_resumed else 0
         self._is_resumed = False
+        if self._kept is not None:
+            self._kept.push(Run(0, 0, first_seq, samples, body))
+            self._kept.drop_over_quota(spare=1)
         if not (
             # Nothing waits: past the queues, which are most of what one message costs at a moderate rate.
             self._owner.id
             and not self.queue.runs
+            and not self._awaited
             and len(body) < _SHORT_BYTES
             and link.send_now(data_head(self._owner.id, first_seq, samples, len(body), flags=flags) + body)
         ):
@@ -175,6 +194,13 @@ class SocketRoute:
 
     def credit(self, seq: int) -> None:
         """Everything up to `seq` was taken by all that must take."""
+        kept = self._kept
+        while kept is not None and kept.runs and kept.runs[0].first_seq + kept.runs[0].count - 1 <= seq:
+            kept.forget_head()
+        self._forget_flying(seq)
+
+    def _forget_flying(self, seq: int) -> None:
+        """Up to `seq` nothing counts for the window any more."""
         self._credited = max(self._credited, seq)
         while self._flying and self._flying[0][0] <= seq:
             self._flying_bytes -= self._flying.popleft()[1]
@@ -197,9 +223,29 @@ class SocketRoute:
             for run in self._history.newest(0, 0):
                 run.is_replay = False
                 self.queue.push(run)
-        self.credit(self.first_seq_to_send() - 1)
-        if self.queue.runs:
+        self._forget_flying(self.first_seq_to_send() - 1)
+        if self._awaited:
+            wait_s = _SHORT_RETURN_S if self._kept is None else RETURN_S
+            self._return = self._link.loop.call_later(wait_s, self._go_on)
+        elif self.queue.runs:
             self._link.make_ready(self.queue)
+
+    def matched(self, other: int, gid: bytes, qos: QoSProfile, *, is_here: bool) -> None:
+        """A subscription is matched, by this route if it `is_here`."""
+        is_reliable = qos.reliability is Reliability.RELIABLE
+        if not self._is_awaiting or not (is_reliable if self._kept is None else qos.is_lossless):
+            return
+        if is_here:
+            self._takers[other] = gid
+        if gid in self._awaited:
+            if is_here and self._kept is not None:
+                self._repeat(other)
+            self._awaited.discard(gid)
+            if not self._awaited:
+                self._go_on()
+
+    def unmatched(self, other: int) -> None:
+        self._takers.pop(other, None)
 
     def first_seq_to_send(self) -> int:
         """The number of the first sample that a new broker will get."""
@@ -208,6 +254,21 @@ class SocketRoute:
 
     def disconnected(self) -> None:
         self.queue.is_ready = False  # the outbox that knew it is gone
+        self._awaited.update(self._takers.values())
+        self._takers.clear()
+        self._stop_waiting()
+
+    def drop_queued(self) -> int:
+        """Give up what waits; returns how many samples."""
+        lost = self.queue.clear()
+        self.replaced += lost
+        return lost
+
+    def end(self) -> None:
+        """Nothing more will be sent."""
+        self.forget_open()
+        self.queue.clear()
+        self._stop_waiting()
 
     @property
     def open_samples(self) -> int:
@@ -223,6 +284,29 @@ class SocketRoute:
         self._parts.clear()
         self._budget = 0
 
+    def _repeat(self, subscription: int) -> None:
+        """Send it what the broker that died had got, and perhaps not passed on; what it has, it knows."""
+        assert self._kept is not None
+        first_seq = self.first_seq_to_send()
+        for run in self._kept.runs:
+            if run.first_seq >= first_seq:
+                break
+            head = data_head(self._owner.id, run.first_seq, run.count, len(run.body), only_for=subscription)
+            self._link.send_about(self._owner, head + run.body)
+
+    def _go_on(self) -> None:
+        """All are back, or were long enough away."""
+        self._stop_waiting()
+        self._awaited.clear()
+        if self._owner.id and self.queue.runs:
+            self._link.make_ready(self.queue)
+            self._link.flush()
+            self._link.wrote()
+
+    def _stop_waiting(self) -> None:
+        if self._return is not None:
+            self._return.cancel()
+
     def _room(self) -> int:
         """Bytes that may still be taken before somebody takes something."""
         waiting = self._from_threads
@@ -231,12 +315,14 @@ class SocketRoute:
         return self._window_bytes - self._flying_bytes - self.open_bytes - waiting.held_bytes
 
     def _queue_run(self, run: Run) -> None:
+        if self._awaited and self._owner.id and 0 < self.queue.depth < self.queue.count + run.count:
+            self._go_on()  # to wait longer would cost what it is to save
         runs = self.queue.runs
         is_resumed = bool(runs) and runs[0].is_resumed
         replaced = self.queue.push(run) + self.queue.drop_over_quota(spare=1)
         if replaced:
             self.replaced += replaced
             runs[0].is_resumed |= is_resumed  # the gap before it is mostly of that kind
-        if self._owner.id:
+        if self._owner.id and not self._awaited:
             self._link.make_ready(self.queue)
             self._link.flush()

@@ -11,20 +11,24 @@ from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 
+from bus.accounts import Accounts
+from bus.accounts import SubscriptionStatistics as SubscriptionStatistics
 from bus.bulk import view_type
 from bus.descriptor import Descriptor
 from bus.dispatcher import Dispatcher
 from bus.endpoint import Endpoint
 from bus.errors import BusError, ConnectionClosed, again
 from bus.events import LivelinessChanged, MessageLost, SubscriptionEvents
-from bus.inbox import Inbox, Source, Taken
+from bus.inbox import Inbox, Taken
 from bus.link import Link
 from bus.logger import Logger
 from bus.qos import Durability, History, QoSProfile
 from bus.ringinput import RingInput
+from bus.sources import Source
 from bus.typesupport import TypeSupport
 from bus.waiters import Waiters
 from bus.wire import messages as m
+from bus.wire.layout import MAX_COUNT
 from bus.wire.runs import Run
 
 M = TypeVar("M", bound=msgspec.Struct)
@@ -41,25 +45,6 @@ class MessageInfo(NamedTuple):
     publication_sequence_number: int
     reception_sequence_number: int
     publisher_gid: bytes
-
-
-class SubscriptionStatistics(msgspec.Struct, frozen=True):
-    """Totals of one subscription.
-
-    At a quiet moment, what was published since its matches is delivered + queued + all that was dropped.
-    """
-
-    delivered: int
-    """Messages taken by the program."""
-    bytes: int
-    """Their encoded size."""
-    queued: int
-    """Messages in this process that wait to be taken."""
-    dropped: dict[str, int]
-    """Messages lost, by reason: replaced (by the depth), publisher_queue (by the publisher's depth), expired,
-    too_large, undecodable, memory_limit, disconnected (while the broker was away)."""
-    publishers: int
-    """Publishers matched now."""
 
 
 class Subscription(Endpoint[M]):
@@ -98,9 +83,9 @@ class Subscription(Endpoint[M]):
         )
         self._ahead = self.inbox.ahead
         self._last_seqs: dict[bytes, int] = {}
-        self._dropped_by_broker: dict[str, int] = {}
-        self._dropped_by_earlier_brokers: dict[str, int] = {}
+        self._accounts = Accounts(self.inbox)
         self._lost_told = 0
+        self._left_broker = link.broker
         self._ack_bytes = 1
         self._ack_samples = 1
         self._ack_timer: asyncio.TimerHandle | None = None
@@ -161,13 +146,7 @@ class Subscription(Endpoint[M]):
         return len(self._matches)
 
     def statistics(self) -> SubscriptionStatistics:
-        return SubscriptionStatistics(
-            delivered=self.inbox.delivered,
-            bytes=self.inbox.bytes,
-            queued=self.inbox.queued,
-            dropped=self._all_dropped(),
-            publishers=len(self._matches),
-        )
+        return self._accounts.statistics(len(self._matches))
 
     # --- for the link
 
@@ -210,6 +189,8 @@ class Subscription(Endpoint[M]):
         self.inbox.set_depth(answer.depth)
         self._ack_bytes = answer.window_bytes // 8
         self._ack_samples = answer.window_samples // 8
+        if self._total_matches:  # a new broker has its counters yet to learn
+            self._link.report(self)
         self._watch_deadline()
         if self._rings is not None:
             self._rings.declared()
@@ -220,18 +201,21 @@ class Subscription(Endpoint[M]):
         heard = {source.gid: source.last_seq for source in self.inbox.sources.values()}
         self._last_seqs = dict([*self._last_seqs.items(), *heard.items()][-_MOST_REMEMBERED:])
         super().disconnected()
-        self.inbox.disconnected()
-        for reason, count in self._dropped_by_broker.items():
-            self._dropped_by_earlier_brokers[reason] = self._dropped_by_earlier_brokers.get(reason, 0) + count
-        self._dropped_by_broker = {}
+        self._accounts.disconnected()
         self.id = 0
+        self._left_broker = self._link.broker
 
     def handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
         sources, rings = self.inbox.sources, self._rings
         match message:
             case m.Matched(other=other):
                 known_seq = self._last_seqs.pop(message.gid, None)
-                known = None if rings is None else rings.take_up(message)
+                known = None
+                if rings is not None:
+                    known = rings.take_up(message, self.inbox.drain_rings)
+                    known_seq = rings.known_seq(message.gid, known_seq)
+                if known is None and (known := sources.take_back(message)) is not None:
+                    known_seq = known.last_seq
                 source = sources[other] = known or self._make_source(message, known_seq)
                 super().handle(message)
                 if rings is not None and message.route == "shm":
@@ -241,7 +225,7 @@ class Subscription(Endpoint[M]):
                 super().handle(message)
                 if rings is not None and other in sources:
                     rings.finish(sources[other].gid)
-                self.inbox.forget(other)
+                sources.forget(other)
             case m.RingReplaced(source=other):
                 if rings is not None and other in sources:
                     rings.replace(sources[other], descriptors)
@@ -250,14 +234,14 @@ class Subscription(Endpoint[M]):
                 if rings is not None and other in sources:
                     # Of what is in the ring, the broker has perhaps seen some before it heard of this.
                     self.inbox.drain_rings()
-                    rings.leave(sources[other].gid)
+                    sources[other].is_rerouted = rings.leave(sources[other].gid)
             case m.LivelinessChanged(publisher=publisher, alive=alive):
                 heard = self.inbox.sources.get(publisher)
                 if heard is not None and heard.is_alive is not alive:
                     heard.is_alive = alive
                     self._tell_liveliness(1 if alive else -1, -1 if alive else 1)
             case m.Dropped(dropped=dropped):
-                self._dropped_by_broker = dropped
+                self._accounts.tell(dropped)
                 self._tell_lost()
             case _:
                 super().handle(message)
@@ -269,7 +253,13 @@ class Subscription(Endpoint[M]):
         if self._rings is not None:
             self._rings.sweep()
         return m.Report(
-            endpoint=self.id, samples=inbox.delivered, bytes=inbox.bytes, queued=queued, dropped=inbox.dropped
+            endpoint=self.id,
+            samples=inbox.delivered,
+            bytes=inbox.bytes,
+            queued=min(queued, MAX_COUNT),  # a ring may lie
+            dropped=self._accounts.dropped_here,
+            expected=self._accounts.expected_here,
+            repeated=inbox.sources.known,
         )
 
     def end(self, reason: Any) -> None:
@@ -321,13 +311,16 @@ class Subscription(Endpoint[M]):
         needs_ack = self.qos.is_lossless and matched.qos.is_lossless
         lifespan_ns = matched.qos.lifespan_ns
         source = Source(matched.other, matched.gid, last_seq, lifespan_ns, needs_ack=needs_ack)
+        source.known_seq = known_seq or 0
         is_behind = known_seq is not None and matched.next_seq - 1 > known_seq
         if known_seq is not None and is_behind and matched.route == "socket":
-            if self.qos.durability is Durability.VOLATILE:
-                self.inbox.drop("disconnected", matched.next_seq - 1 - known_seq)
+            # What a broker took with it, a lossless publisher sends once more; others repeat their history.
+            is_repeated = needs_ack and self._link.broker != self._left_broker
+            if self.qos.durability is Durability.VOLATILE and not is_repeated:
+                self.inbox.sources.lose_while_away(matched.next_seq - 1 - known_seq)
                 source.last_seq = matched.next_seq - 1
             else:
-                source.is_rejoined = True  # the replay may fill the gap
+                source.returned_seq = matched.next_seq
         return source
 
     def _acknowledge(self, source: Source) -> None:
@@ -357,17 +350,10 @@ class Subscription(Endpoint[M]):
             throttle_duration_sec=5.0,
         )
 
-    def _all_dropped(self) -> dict[str, int]:
-        total = dict(self.inbox.dropped)
-        for part in (self._dropped_by_broker, self._dropped_by_earlier_brokers):
-            for reason, count in part.items():
-                total[reason] = total.get(reason, 0) + count
-        return total
-
     def _tell_lost(self) -> None:
         callback = self._events.message_lost
         if callback is not None:
-            reasons = self._all_dropped()
+            reasons = self._accounts.dropped
             total = sum(reasons.values())
             if total > self._lost_told:
                 change, self._lost_told = total - self._lost_told, total

@@ -40,10 +40,24 @@ ENDPOINT = m.EndpointRecord(
     qos=QoSProfile(),
     statistics=m.EndpointStatistics(samples=3, bytes=99, queued=1, dropped={"replaced": 2}),
 )
+HEARING = m.EndpointRecord(
+    id=3,
+    kind="subscription",
+    node=1,
+    topic="/topic",
+    type_name="std_msgs/msg/String",
+    type_hash="RIHS01_df66",
+    gid=GID,
+    qos=QoSProfile(),
+    statistics=m.EndpointStatistics(samples=3, bytes=99, queued=1, dropped={"replaced": 2}, expected=6),
+)
 MATCH = m.MatchRecord(publisher=2, subscription=3)
 
 FROM_CLIENT: dict[str, m.Message] = {
     "hello": m.Hello(version=1, capabilities=("shm",), pid=4711, program="talker.py"),
+    "hello_release": m.Hello(
+        version=1, capabilities=("leaving",), pid=4711, program="talker.py", release="0.1.0"
+    ),
     "ping": m.Ping(number=5),
     "pong": m.Pong(number=5),
     "declare_type": m.DeclareType(
@@ -90,19 +104,31 @@ FROM_CLIENT: dict[str, m.Message] = {
     "caught_up": m.CaughtUp(publisher=2, subscription=3),
     "replace_ring": m.ReplaceRing(publisher=2),
     "report": m.Report(endpoint=3, samples=10, bytes=400, queued=2, dropped={"undecodable": 1}),
+    "report_expected": m.Report(
+        endpoint=3, samples=10, bytes=400, queued=2, dropped={"undecodable": 1}, expected=13, repeated=2
+    ),
     "get_graph": m.GetGraph(request=4, statistics=True),
     "get_type": m.GetType(request=5, type_name="std_msgs/msg/String", type_hash="RIHS01_df66"),
     "observe": m.Observe(request=6),
     "observe_off": m.Observe(request=7, on=False),
+    "get_peers": m.GetPeers(request=9),
     "stop_broker": m.StopBroker(request=8),
+    "reload": m.Reload(request=9),
+    "stop_broker_restart": m.StopBroker(request=8, restart=True),
 }
 FROM_BROKER: dict[str, m.Message] = {
+    "hello_began": m.Hello(
+        version=1, pid=4711, program="busd", lease_s=10.0, release="0.1.0", began_ns=1_000_000_007
+    ),
     "created": m.Created(
         request=2, id=2, depth=10, max_message_bytes=1 << 26, window_samples=65536, window_bytes=1 << 22
     ),
     "done": m.Done(request=7),
+    "done_text": m.Done(request=9, text="limits.depth: 100 -> 50"),
     "refused": m.Refused(request=2, text="topics: 2 of 2 in use", resource="topics", used=2, limit=2),
+    "refused_denied": m.Refused(request=2, text="user 1001 may not publish on '/topic'", denied=True),
     "fault": m.Fault(text="a Ping came before Hello"),
+    "leaving": m.Leaving(text="SIGTERM"),
     "matched": m.Matched(endpoint=3, other=2, node="/robot/talker", gid=GID, qos=EVERY_POLICY, next_seq=42),
     "matched_shm": m.Matched(
         endpoint=3,
@@ -115,8 +141,19 @@ FROM_BROKER: dict[str, m.Message] = {
         at_ns=1_000_000_007,
         descriptors=2,
     ),
+    "matched_foreign": m.Matched(
+        endpoint=3,
+        other=2,
+        node="/robot/talker",
+        gid=GID,
+        qos=QoSProfile(),
+        route="shm",
+        descriptors=2,
+        uid=1001,
+    ),
     "unmatched": m.Unmatched(endpoint=3, other=2),
     "attached": m.Attached(publisher=2, subscription=3, slot=1019, process=4, pid=4711),
+    "attached_foreign": m.Attached(publisher=2, subscription=3, slot=7, process=4, pid=4711, uid=1001),
     "ring_replaced": m.RingReplaced(subscription=3, source=2),
     "rerouted": m.Rerouted(endpoint=3, other=2, route="socket", at_ns=1_000_000_007),
     "incompatible": m.Incompatible(
@@ -131,12 +168,51 @@ FROM_BROKER: dict[str, m.Message] = {
     "dropped": m.Dropped(subscription=3, dropped={"replaced": 5, "expired": 1}),
     "credit": m.Credit(publisher=2, seq=300),
     "graph": m.Graph(request=4, revision=9, nodes=(NODE,), endpoints=(ENDPOINT,), matches=(MATCH,), pid=1),
+    "graph_expected": m.Graph(request=4, revision=9, nodes=(), endpoints=(HEARING,), matches=()),
     "graph_changed": m.GraphChanged(
         revision=10,
         nodes_added=(NODE,),
         nodes_removed=(4,),
         endpoints_removed=(5,),
         matches_removed=(MATCH,),
+    ),
+    "peers": m.Peers(
+        request=9,
+        peers=(
+            m.PeerRecord(
+                id=1,
+                pid=4711,
+                uid=1000,
+                program="talker.py",
+                version="0.1.0",
+                nodes=1,
+                endpoints=2,
+                topics=2,
+                matches=1,
+                descriptors=4,
+                queued_bytes=300,
+                history_bytes=400,
+                control_bytes=50,
+                refused=6,
+                silent_s=0.5,
+            ),
+        ),
+        users=(
+            m.UserRecord(
+                uid=1000,
+                connections=1,
+                endpoints=2,
+                topics=2,
+                descriptors=4,
+                queued_bytes=300,
+                history_bytes=400,
+                refused=6,
+            ),
+        ),
+        routing=m.RoutingRecord(
+            runs=7, samples=70, bytes=7000, bounds_us=(16, 64), counts=(4, 2, 1), total_us=300
+        ),
+        limits={"connections": 256, "lease_s": 10.0},
     ),
     "type_description": m.TypeDescription(request=5, schema=(b"\x81\xa4data\xa3str")),
 }

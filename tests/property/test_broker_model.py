@@ -153,9 +153,8 @@ class Books:
         self, at: int, topic: str, kind: tuple[str, str], qos: QoSProfile, known: dict[int, int]
     ) -> None:
         process = self.pick(self.processes, at)
-        last_seqs = {
-            self.pick(self.publishers, one).gid: seq for one, seq in known.items() if self.publishers
-        }
+        heard = {self.pick(self.publishers, one): seq for one, seq in known.items() if self.publishers}
+        last_seqs = {one.gid: min(seq, one.next_seq - 1) for one, seq in heard.items()}
         made = process.subscription(topic, qos, kind=kind, last_seqs=last_seqs)
         self.subscriptions[made.id] = made
         subscription = ModelSubscription(made.id, process.id, topic, kind, qos)
@@ -170,9 +169,10 @@ class Books:
             origin = self.model.publishers[publisher.id]
             # One with a ring misses no number: those that did not come here went by the ring.
             lost, gone = (0, lost) if origin.has_ring else (lost, 0)
-            self.model.publish(origin, lost, gone, payloads, self.world.now_ns)
+            elsewhere = self.model.publish(origin, lost, gone, payloads, self.world.now_ns)
             for subscription in self.model.subscribers_of(origin):
                 self.due[subscription.id] += lost + number
+                self.due[subscription.id] += elsewhere * (publisher.id in subscription.returned)
             publisher.lose(lost)
             if gone:
                 publisher.resume(publisher.next_seq + gone)
@@ -267,6 +267,8 @@ class Books:
     def check_books(self) -> None:
         for number in self.subscriptions:
             assert self.accounted(number) == self.due[number]
+            inside = self.world.broker.graph.subscriptions[EndpointId(number)]
+            assert inside.expected == inside.statistics().expected == self.due[number]
 
     def check_order(self) -> None:
         for subscription in self.subscriptions.values():

@@ -11,7 +11,7 @@ import msgspec
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from broker_world import NUMBER, TEXT, Handle, World
+from broker_world import ALL_MAY, NUMBER, TEXT, Handle, World
 from bus.errors import RemoteProtocolError
 from bus.qos import History, QoSProfile
 from bus.wire import messages as m
@@ -226,7 +226,7 @@ class Member:
 @settings(deadline=None, max_examples=100)
 @given(st.lists(steps, min_size=5, max_size=25))
 def test_a_mob_cannot_hurt_a_polite_pair(story: list[Step]) -> None:
-    world = World(LIMITS)
+    world = World(LIMITS, access=(ALL_MAY,))
     talker, listener = world.process("talker"), world.process("listener")
     subscription = listener.subscription("/good", QoSProfile(depth=10))
     publisher = talker.publisher("/good", QoSProfile(depth=10))

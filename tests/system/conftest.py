@@ -1,6 +1,7 @@
 """Fixtures of the tests that are rude to a daemon, and look whether others suffer."""
 
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from conftest import Daemon
 from neighbours import Neighbours, resident_bytes
 from raw_peer import RawPeer
+from users import Guests
 
 MOST_GROWTH_BYTES = 96 << 20
 """What busd may grow by because of anybody's rudeness, where its limits are not set higher."""
@@ -52,3 +54,10 @@ def other(daemon: Daemon) -> Iterator[RawPeer]:
     """One that is polite, for the rude one to be rude to."""
     with RawPeer(daemon.path) as other:
         yield other.hello()
+
+
+@pytest.fixture
+def guests() -> Iterator[Callable[..., Guests]]:
+    """Starts a busd of OWNER with the given rules."""
+    with ExitStack() as running:
+        yield lambda *rules, **more: running.enter_context(Guests("".join(rules), **more))

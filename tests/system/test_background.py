@@ -120,7 +120,7 @@ async def test_a_stranger_s_socket_is_named_as_it_is(path: Path, monkeypatch: py
     def refuse(*_: object) -> None:
         raise BrokerUnavailable("served by a stranger")
 
-    monkeypatch.setattr(autostart, "_check_owner", refuse)
+    monkeypatch.setattr(autostart, "check_server", refuse)
     with pytest.raises(BrokerUnavailable) as caught:
         await autostart.open_socket(path)
     assert str(caught.value) == "served by a stranger"

@@ -124,7 +124,7 @@ def test_info_verbose(route: str, lesson: None) -> None:
         "Subscription count: 1\n"
         "\n"
         + ENDPOINT.format(node="minimal_subscriber", kind="SUBSCRIPTION")
-        + "Messages: 1 (16 B)\nQueue: 0 of 10\nDropped: 0\nMatches: 1\n"
+        + "Messages: 1 (16 B)\nQueue: 0 of 10\nDropped: 0\nExpected: 1\nMatches: 1\n"
         f"  /minimal_publisher (route: {route})\n"
         "\n"
     )
@@ -144,7 +144,8 @@ def test_info_verbose_in_json(route: str, lesson: None) -> None:
     assert publisher["qos"]["depth"] == 10
     assert publisher["matches"] == [{"node": "/minimal_subscriber", "route": route}]
     (subscription,) = record["subscriptions"]
-    assert (subscription["queued"], subscription["dropped"]) == (0, {})
+    assert (subscription["queued"], subscription["dropped"], subscription["expected"]) == (0, {}, 1)
+    assert "expected" not in publisher
 
 
 def test_info_verbose_names_what_does_not_match_and_why(lesson: None) -> None:
@@ -184,7 +185,8 @@ bus.run(main())
 def test_info_verbose_shows_queue_and_drops(route: str, daemon: object) -> None:
     with script(KEEPER):
         text = info_when(r"Queue: 10 of 10\nDropped: 12 ")
-    assert f"Queue: 10 of 10\nDropped: 12 (replaced: 12)\nMatches: 1\n  /sender (route: {route})\n" in text
+    assert "Queue: 10 of 10\nDropped: 12 (replaced: 12)\nExpected: 22\n" in text
+    assert f"Matches: 1\n  /sender (route: {route})\n" in text
 
 
 def test_the_tools_own_nodes_and_hidden_topics_are_hidden(lesson: None) -> None:

@@ -21,7 +21,8 @@ from bus.qos import History, QoSProfile
 from bus.wire import messages as m
 from conftest import WAIT_S, Daemon
 from feeding import frame_record
-from neighbours import descriptors_of, wait_until
+from neighbours import answers, descriptors_of, wait_until
+from nursery import cpu_ticks
 from raw_peer import HELLO, RawPeer, data
 from semantics import until
 
@@ -61,12 +62,6 @@ def refusal(*arguments: str | Path, **environment: str) -> str:
     return line.removeprefix("busd: ")
 
 
-def ticks_of(pid: int) -> int:
-    """Processor time that a process has used."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return int(fields[11]) + int(fields[12])
-
-
 def activated(listening: socket.socket, *arguments: str) -> subprocess.Popen[bytes]:
     """busd with a socket that was handed over, as `systemd-socket-activate` does it."""
     return subprocess.Popen(
@@ -76,14 +71,6 @@ def activated(listening: socket.socket, *arguments: str) -> subprocess.Popen[byt
         preexec_fn=lambda: os.dup2(listening.fileno(), 3),
         close_fds=False,
     )
-
-
-def answers(path: Path) -> bool:
-    """Whether somebody listens; the file is there a moment earlier."""
-    with socket.socket(socket.AF_UNIX) as probe, contextlib.suppress(OSError):
-        probe.connect(str(path))
-        return True
-    return False
 
 
 class TestOneAtATime:
@@ -352,9 +339,9 @@ class TestShortOfThings:
                 for seq in range(1, 100):
                     talker.write(data(publisher, frame_record(b"x", 1), first_seq=seq))
                     talker.barrier()
-                before = ticks_of(daemon.pid)
+                before = cpu_ticks(daemon.pid)
                 time.sleep(0.5)
-                assert ticks_of(daemon.pid) - before <= 5, "busd spins"
+                assert cpu_ticks(daemon.pid) - before <= 5, "busd spins"
                 for peer in peers[:9]:
                     peer.close()
                 peers[9].hello()
@@ -379,6 +366,6 @@ class TestShortOfThings:
 
     async def is_quiet(self, daemon: Daemon) -> bool:
         """Whether neither busd nor this process does anything for longer than any period of theirs."""
-        before, mine_s = ticks_of(daemon.pid), time.process_time()
+        before, mine_s = cpu_ticks(daemon.pid), time.process_time()
         await asyncio.sleep(2)
-        return ticks_of(daemon.pid) - before <= 1 and time.process_time() - mine_s <= 2 * TICK_S
+        return cpu_ticks(daemon.pid) - before <= 1 and time.process_time() - mine_s <= 2 * TICK_S

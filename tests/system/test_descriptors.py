@@ -18,23 +18,7 @@ from bus.wire.session import MAX_BATCHES
 from conftest import Daemon
 from neighbours import descriptors_of, wait_until
 from raw_peer import RawPeer
-
-FUTURE_WRITE = 0x10  # F_SEAL_FUTURE_WRITE, which Python knows since 3.13
-SEALS = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL | FUTURE_WRITE
-SIZE = 128 << 10
-
-
-def memfd(*, size: int = SIZE, seals: int = SEALS, is_reserved: bool = True) -> Descriptor:
-    made = Descriptor(os.memfd_create("busd-test", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING))
-    os.ftruncate(made.fileno(), size)
-    if size and is_reserved:
-        os.posix_fallocate(made.fileno(), 0, size)
-    fcntl.fcntl(made.fileno(), fcntl.F_ADD_SEALS, seals)
-    return made
-
-
-def eventfd() -> Descriptor:
-    return Descriptor(os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK))
+from raw_sharing import FUTURE_WRITE, SEALS, SIZE, create_publisher, eventfd, memfd, share
 
 
 def regular_file() -> Descriptor:
@@ -85,19 +69,6 @@ def nothing_left(daemon: Daemon) -> Iterator[None]:
     before = descriptors_of(daemon.pid)
     yield
     wait_until(lambda: descriptors_of(daemon.pid) <= before)
-
-
-def share(peer: RawPeer) -> tuple[Descriptor, Descriptor]:
-    doorbell, readers = eventfd(), memfd()
-    peer.carry(m.Share(), doorbell, readers)
-    return doorbell, readers
-
-
-def create_publisher(peer: RawPeer, node: int, *descriptors: Descriptor, claims: int = 1) -> int:
-    """Ask for a publisher; returns the number of the request."""
-    fields = peer._endpoint(node, "/t", {"descriptors": claims})
-    peer.carry(m.CreatePublisher(**fields), *descriptors)
-    return int(fields["request"])
 
 
 @pytest.mark.usefixtures("nothing_left")

@@ -192,7 +192,7 @@ class TestHello:
         assert re.fullmatch(r"no sign of life for \d+\.\d s", peer.hello().fault())
 
     def test_a_name_that_does_not_fit_a_log(self, daemon: Daemon, peer: RawPeer) -> None:
-        peer.send(m.Hello(version=VERSION, program="x\n[ERROR] [0.0] [busd]: forged\x1b[2J" + "y" * 500_000))
+        peer.send(m.Hello(version=VERSION, program="x\n[ERROR] [0.0] [busd]: forged\x1b[2J" + "y" * 900))
         peer.expect(m.Hello)
         peer.send(m.DestroyNode(node=1))
         assert peer.fault() == "node 1 is not one of yours"

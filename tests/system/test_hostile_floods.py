@@ -43,7 +43,7 @@ def written(peer: RawPeer, raw: bytes) -> Iterator[None]:
 
 
 class TestOneThatNeverReads:
-    @with_limits(queued_bytes_per_peer=2 * MiB, message_bytes=MiB, keep_all_window_bytes=MiB)
+    @with_limits(queued_bytes_per_peer=2 * MiB, message_bytes=MiB, keep_all_window_bytes=MiB, lease_s=60)
     @pytest.mark.parametrize(
         "size",
         [

@@ -11,6 +11,7 @@ import pytest
 
 import bus
 import bus.link
+from bus import declarations
 from bus.connection import Connection
 from bus.declarations import Declarations
 from bus.msg.std_msgs import Int32
@@ -102,10 +103,10 @@ class TestDeclaringAgain:
         await client.close()
         client = await broker.accept()
         request = await client.expect(m.CreateNode)
-        client.send(m.Refused(request=request.request, text="no room", resource="nodes", used=1, limit=1))
+        client.send(m.Refused(request=request.request, text="not that name"))
         await client.create(m.CreateNode, 13)
         assert (await with_publisher(staying, client, 14)).id == 14
-        with pytest.raises(bus.QuotaExceeded):
+        with pytest.raises(bus.ConfigurationError, match="not that name"):
             publisher.publish(Int32())
         with pytest.raises(bus.ConnectionClosed, match="/node"):
             await node.create_publisher(Int32, "t")
@@ -115,6 +116,48 @@ class TestDeclaringAgain:
         while not isinstance(message := await client.receive(), m.Pong):
             assert not isinstance(message, m.DestroyNode)
         await staying.close()
+
+    async def test_a_node_that_the_new_broker_has_no_room_for(
+        self, broker: FakeBroker, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """It is asked again, and meanwhile nothing of the node is lost."""
+        monkeypatch.setattr(declarations, "AGAIN_S", 0.01)
+        caplog.set_level(logging.INFO)
+        node, client = await opened(broker)
+        publisher = await with_publisher(node, client, 2)
+        await client.close()
+        client = await broker.accept()
+        for _ in range(2):
+            request = await client.expect(m.CreateNode)
+            publisher.publish(Int32(data=7))
+            client.send(m.Refused(request=request.request, text="", resource="nodes", used=1, limit=1))
+        await until(lambda: "has no room" in caplog.text)
+        with pytest.raises(bus.QuotaExceeded):
+            await node.create_publisher(Int32, "t")
+        await client.create(m.CreateNode, 11)
+        await client.create(m.CreatePublisher, 12)
+        assert (await client.expect(Run)).endpoint == 12
+        assert caplog.text.count("busd has no room for the node /node") == 1
+        await until(lambda: "busd has room for the node /node again" in caplog.text)
+        await node.close()
+
+    async def test_one_that_closes_while_it_waits_for_room(
+        self, broker: FakeBroker, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        caplog.set_level(logging.INFO)
+        node, client = await opened(broker)
+        publisher = await with_publisher(node, client, 2)
+        staying = await with_publisher(node, client, 3)
+        await client.close()
+        client = await broker.accept()
+        await client.create(m.CreateNode, 11)
+        request = await client.expect(m.CreatePublisher)
+        await client.create(m.CreatePublisher, 13)
+        await publisher.close()
+        client.send(m.Refused(request=request.request, text="", resource="endpoints", used=1, limit=1))
+        await until(lambda: staying.id == 13 and "busd is back" in caplog.text)
+        assert not node._link._declarations._waiting
+        await node.close()
 
     async def test_the_log_tells_each_new_reason(
         self, broker: FakeBroker, caplog: pytest.LogCaptureFixture

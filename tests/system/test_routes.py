@@ -61,8 +61,11 @@ def public_daemon(monkeypatch: pytest.MonkeyPatch) -> Iterator[Daemon]:
     folder = Path(tempfile.mkdtemp(prefix="busd-"))
     folder.chmod(0o755)
     monkeypatch.setenv("BUSD_SOCKET", str(folder / "busd.sock"))
-    daemon = Daemon(folder / "busd.sock")
-    daemon.path.chmod(0o777)
+    config = folder / "busd.toml"
+    config.write_text(
+        '[socket]\nmode = 0o666\n[[access]]\nusers = "*"\ntopics = "**"\nactions = ["publish", "subscribe"]\n'
+    )
+    daemon = Daemon(folder / "busd.sock", "--config", str(config))
     yield daemon
     assert "Traceback" not in daemon.stop()
     shutil.rmtree(folder)

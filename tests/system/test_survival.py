@@ -297,6 +297,16 @@ class TestBroker:
         for listener in listeners:
             listener.has_heard_all(*totals)
 
+    def test_streams_are_complete_all_the_same(self, daemon: Daemon, nursery: Nursery) -> None:
+        """What it had got and not passed on, it took with it: the publisher sends that once more."""
+        listener = nursery.listener(Ear(), Ear(calls_back=False)).ready()
+        talker = nursery.talker(burst=100, pause_s=0.0, size=1000).ready()
+        for _ in range(3):
+            listener.hears(talker, MESSAGES)
+            daemon.kill()
+            daemon.restart()
+        listener.has_heard_all((talker, talker.ask("stop")))
+
     @by_shared_memory
     def test_while_it_is_dead_others_may_die(self, daemon: Daemon, nursery: Nursery) -> None:
         listener = nursery.listener(Ear()).ready()

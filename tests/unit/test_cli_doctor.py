@@ -1,7 +1,8 @@
-"""`bus doctor`: each finding and what it advises."""
+"""`bus doctor`: the socket, versions and the machine; and how findings are printed."""
 
 import errno
 import os
+import re
 import resource
 import socket
 import sys
@@ -14,7 +15,8 @@ import pytest
 
 from bus import shm
 from bus.cli import doctor
-from bus.cli.doctor import Finding, examine
+from bus.cli.doctor import examine, machine, place, procfs, versions
+from bus.cli.doctor.finding import Finding
 
 
 @pytest.fixture
@@ -110,10 +112,63 @@ def test_what_is_in_the_way(path: Path) -> None:
     )
 
 
+def test_a_lock_without_a_socket(path: Path) -> None:
+    path.with_name("0.sock.lock").write_text("4711")
+    assert look("stale file").text == f"{path}.lock was left by a dead daemon"
+
+
+def test_sockets_of_other_domains_that_nobody_serves(path: Path) -> None:
+    dead, live = path.with_name("7.sock"), path.with_name("8.sock")
+    with socket.socket(socket.AF_UNIX) as left, socket.socket(socket.AF_UNIX) as listening:
+        left.bind(str(dead))
+        listening.bind(str(live))
+        listening.listen(1)
+        path.with_name("9.sock").touch()
+        assert [*place.leftovers(path, is_default=False)] == []
+        assert [*place.leftovers(path, is_default=True)] == [
+            Finding("warn", "stale file", f"{dead} was left by a dead daemon", f"rm {dead}")
+        ]
+
+
+def test_who_may_connect(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(str(path))
+        path.chmod(0o600)
+        (found,) = place.socket_file(path)
+        assert found == Finding(
+            "ok", "permissions", f"belongs to uid {os.getuid()}, gid {path.stat().st_gid}, mode 0600"
+        )
+        path.chmod(0o666)
+        (found,) = place.socket_file(path)
+        assert found.text.endswith("mode 0666: every user may connect, and do what [[access]] allows")
+
+
+def test_a_socket_that_is_not_for_us(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # root may do everything
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(str(path))
+        (found,) = place.socket_file(path)
+    assert found.mark == "fail"
+    assert f"uid {os.geteuid()} may not connect" in found.text
+    assert "[socket] mode and group" in found.advice
+
+
+def test_a_folder_of_the_user_whose_daemon_serves_us(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """He has looked at it himself; for a daemon of our own it would not do."""
+    us = os.geteuid()
+    os.chown(path.parent, us, -1)
+    monkeypatch.setattr(os, "geteuid", lambda: us + 1)
+    if us == 0:
+        os.chown(path.parent, 4711, -1)
+    assert place.folder(path.parent, is_default=False, is_served=False).mark == "fail"
+    assert place.folder(path.parent, is_default=False, is_served=True).mark == "ok"
+    assert place.folder(path.parent, is_default=True, is_served=True).mark == "fail"
+
+
 def test_versions(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert look("msgspec").text == msgspec.__version__
     assert look("python").mark == "ok"
-    monkeypatch.setattr(doctor, "version", lambda _: None)
+    monkeypatch.setattr(versions, "version", lambda _: None)
     assert look("uvloop") == Finding(
         "warn", "uvloop", "not there; asyncio's own loop is slower", "pip install uvloop"
     )
@@ -148,6 +203,17 @@ def test_no_native_core(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "BUS_NATIVE=yes" in found.advice
 
 
+def test_a_core_that_is_older_than_its_sources(tmp_path: Path) -> None:
+    assert [*versions.native_core(tmp_path)] == []
+    for age_s, name in enumerate(("core_c.c", "core_b.c", "_core.abi3.so", "core_a.c", "core.h")):
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, (time.time() - 100 * age_s,) * 2)
+    (found,) = versions.native_core(tmp_path)
+    assert (found.mark, found.text) == ("warn", "built before core_b.c, core_c.c changed")
+    (tmp_path / "_core.abi3.so").touch()
+    assert [*versions.native_core(tmp_path)] == []
+
+
 def test_a_machine_without_memory_to_share(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(name: str, flags: int) -> int:
         raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS))
@@ -164,8 +230,50 @@ def test_a_machine_without_memory_to_share(path: Path, monkeypatch: pytest.Monke
 def test_few_descriptors(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(resource, "getrlimit", lambda _: (256, 4096))
     assert look("open files") == Finding("warn", "open files", "limit 256", "ulimit -n 4096")
+    monkeypatch.setattr(resource, "getrlimit", lambda kind: (256, 256))
+    advice = "LimitNOFILE= in a systemd unit, or nofile in /etc/security/limits.conf"
+    assert look("open files") == Finding("warn", "open files", "limit 256", advice)
     monkeypatch.setattr(resource, "getrlimit", lambda _: (4096, 4096))
     assert look("open files").mark == "ok"
+
+
+def test_a_machine_without_descriptors(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    numbers = {"/proc/sys/fs/file-nr": 81, "/proc/sys/fs/file-max": 100}
+    monkeypatch.setattr(procfs, "number_in", lambda path, name="": numbers.get(path))
+    found = [one for one in machine.limits() if "whole machine" in one.text]
+    assert [one.text for one in found] == ["the whole machine has 81 of 100 in use"]
+    numbers["/proc/sys/fs/file-nr"] = 80
+    assert not [one for one in machine.limits() if "whole machine" in one.text]
+
+
+@pytest.mark.parametrize(
+    ("free_mib", "limits", "mark", "text"),
+    [
+        (300, {}, "ok", "300 MiB are free"),
+        (200, {}, "warn", "200 MiB are free"),
+        (700, {"queued_bytes_per_user": 512 << 20, "history_bytes_per_user": 256 << 20}, "warn",
+         "700 MiB are free; busd may hold 768 MiB for one user"),
+        (800, {"queued_bytes_per_user": 512 << 20, "history_bytes_per_user": 256 << 20}, "ok",
+         "800 MiB are free"),
+    ],
+)  # fmt: skip
+def test_memory(
+    monkeypatch: pytest.MonkeyPatch, free_mib: int, limits: dict[str, int], mark: str, text: str
+) -> None:
+    monkeypatch.setattr(procfs, "number_in", lambda path, name="": free_mib << 10)
+    (found,) = machine.memory(limits)
+    assert (found.mark, found.text) == (mark, text)
+
+
+def test_a_clock_that_is_set_while_we_look(monkeypatch: pytest.MonkeyPatch) -> None:
+    real, ahead_s = time.time, 0.0
+    monkeypatch.setattr(time, "time", lambda: real() + ahead_s)
+    watch = machine.ClockWatch()
+    assert watch.finding().mark == "ok"
+    ahead_s = -3600.0
+    found = watch.finding()
+    assert found.mark == "warn"
+    assert found.text.startswith("it was set by -3600.0")
 
 
 def test_a_clock_that_is_not_set(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -189,3 +297,12 @@ def test_json(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     doctor.main(Namespace(socket=None, domain=None, json=True))
     lines = [msgspec.json.decode(line, type=dict) for line in capsys.readouterr().out.splitlines()]
     assert {"mark", "subject", "text", "advice"} == set(lines[0])
+
+
+def test_the_page_has_every_subject() -> None:
+    root = Path(__file__).parents[2]
+    sources = "".join(path.read_text() for path in Path(str(doctor.__file__)).parent.glob("*.py"))
+    subjects = set(re.findall(r'\b(?:ok|warn|fail)\(\s*"([^"]+)"', sources))
+    _, _, page = (root / "docs" / "operation.md").read_text().partition("\n## Doctor\n")
+    rows = [line.split("|")[1] for line in page.partition("\n## ")[0].splitlines() if line.startswith("| `")]
+    assert {name for row in rows for name in re.findall(r"`([^`]+)`", row)} == subjects

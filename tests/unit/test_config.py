@@ -16,9 +16,11 @@ from hypothesis import strategies as st
 
 from bus.errors import ConfigurationError
 from bus.qos import History, QoSProfile
-from busd.config import LOG_LEVELS, Config, load
+from busd.access import AccessTable, SocketTable
+from busd.config import Config, load
 from busd.core import limits as limits_module
 from busd.core.limits import Limits, TopicCaps, TopicRule, rules_for
+from busd.logs import LOG_LEVELS
 
 DOC = Path(__file__).parents[2] / "docs" / "configuration.md"
 LIMIT_FIELDS = msgspec.structs.fields(Limits)
@@ -186,6 +188,17 @@ def test_limits_are_checked_without_a_file_too() -> None:
         Limits(schema_bytes=9_000_000)
 
 
+@pytest.mark.parametrize("name", [one.name for one in LIMIT_FIELDS if one.name.endswith("_per_peer")])
+def test_a_process_may_not_have_more_than_its_user(name: str) -> None:
+    whole = name.replace("peer", "user")
+    most = getattr(Limits(), whole)
+    Limits(**{name: most})
+    with pytest.raises(
+        ConfigurationError, match=f"limits.{name} = {most + 1} does not fit into limits.{whole} = {most}"
+    ):
+        Limits(**{name: most + 1})
+
+
 @pytest.mark.parametrize("level", LOG_LEVELS)
 def test_logging_knows_every_level(level: str) -> None:
     assert Config(log_level=level).log_level == level
@@ -290,11 +303,25 @@ def documented_defaults(heading: str) -> dict[str, object]:
 
 def test_documentation_has_every_key_and_default() -> None:
     assert documented_defaults("### `[limits]`") == {field.name: field.default for field in LIMIT_FIELDS}
-    assert documented_defaults("## The file") == {"log_level": Config().log_level}
+    plain = Config()
+    assert documented_defaults("## The file") == {
+        "log_level": plain.log_level,
+        "log_format": plain.log_format,
+    }
     words = {
         field.name: "required" if field.required else "none" for field in msgspec.structs.fields(TopicRule)
     }
     assert documented_defaults("### `[[topics]]`") == words
+    for heading, kind in (("### `[socket]`", SocketTable), ("### `[[access]]`", AccessTable)):
+        defaults = {
+            field.name: "required"
+            if field.required
+            else "none"
+            if field.default in (None, ())
+            else field.default
+            for field in msgspec.structs.fields(kind)
+        }
+        assert documented_defaults(heading) == defaults
 
 
 def test_documented_example_is_valid(file: Path) -> None:

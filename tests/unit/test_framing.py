@@ -20,7 +20,7 @@ from bus.wire.layout import (
     REPLAY,
     RESUMED,
 )
-from bus.wire.runs import Run
+from bus.wire.runs import Account, Run
 from feeding import feed, frame_record
 
 MAX_CONTROL = 4 << 20
@@ -220,3 +220,69 @@ def test_garbage_is_refused_or_waits(garbage: bytes, pieces: list[int]) -> None:
     except RemoteProtocolError:
         return
     assert size <= len(garbage)
+
+
+class TestCharges:
+    """A frame that is too long for the common buffer is charged until it is whole, or never will be."""
+
+    def begin(self, made: FrameReader, frame: bytes, count: int) -> list[bytes | Run]:
+        out: list[bytes | Run] = []
+        at = 0
+        while at < count:
+            buffer = made.get_buffer()
+            piece = frame[at : min(at + len(buffer), count)]
+            buffer[: len(piece)] = piece
+            out += made.received(len(piece))
+            at += len(piece)
+        return out
+
+    def test_until_it_is_whole(self) -> None:
+        made, account = reader(), Account(1 << 30)
+        made.charge_to(account)
+        frame = data(record(3_000_000))
+        self.begin(made, data(record(1000)), 500)
+        assert account.used == 0
+        made = reader()
+        made.charge_to(account)
+        assert self.begin(made, frame, len(frame) - 1) == []
+        assert account.used == len(frame)
+        buffer = made.get_buffer()
+        buffer[:1] = frame[-1:]
+        assert len(made.received(1)) == 1
+        assert account.used == 0
+
+    def test_as_it_grows(self) -> None:
+        made, account = reader(), Account(1 << 30)
+        made.charge_to(account)
+        frame = data(record(12 << 20))
+        charged = []
+        for count in (1 << 20, 5 << 20, 9 << 20):
+            made.forget()
+            self.begin(made, frame, count)
+            charged.append(account.used >> 20)
+        assert charged == [4, 8, 12]
+        made.forget()
+        assert account.used == 0
+
+    def test_over_the_limit(self) -> None:
+        """What is refused was not made room for."""
+        text = "messages that have not come whole: {} bytes, the limit is {}"
+        made, account = reader(), Account(1 << 20)
+        made.charge_to(account)
+        assert self.begin(made, data(record(3 << 20)), 300) == []
+        assert str(made.fault) == text.format(3145772, 1 << 20)
+        assert account.used == 0
+        made, account = reader(), Account(5 << 20)
+        made.charge_to(account)
+        assert self.begin(made, data(record(12 << 20)), 4 << 20) == []
+        assert str(made.fault) == text.format(8 << 20, 5 << 20)
+        assert account.used == 4 << 20
+
+    def test_another_account(self) -> None:
+        """Whose connection it is comes out when a frame may have begun already."""
+        made, first, second = reader(), Account(4 << 20), Account(1 << 30)
+        made.charge_to(first)
+        self.begin(made, data(record(3 << 20)), 300_000)
+        assert first.used == 3_145_772
+        made.charge_to(second)
+        assert (first.used, second.used) == (0, 3_145_772)

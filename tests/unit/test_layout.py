@@ -35,9 +35,10 @@ def test_the_longest_run_fits_the_length_field() -> None:
 
 def test_no_configuration_allows_a_longer_message_than_the_wire() -> None:
     most = layout.MAX_MESSAGE_BYTES
-    assert Limits(message_bytes=most, queued_bytes_per_peer=most).message_bytes == most
+    room = {"queued_bytes_per_peer": 2 * most, "queued_bytes_per_user": 2 * most}
+    assert Limits(message_bytes=most, **room).message_bytes == most
     with pytest.raises(ValueError, match="message_bytes"):
-        Limits(message_bytes=most + 1, queued_bytes_per_peer=2 * most)
+        Limits(message_bytes=most + 1, **room)
 
 
 def test_sums_of_two_counters_fit_into_64_bits() -> None:

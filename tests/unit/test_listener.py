@@ -1,4 +1,4 @@
-"""busd.listener and busd.credentials with real sockets, files and processes."""
+"""busd.listener with real sockets, files and processes."""
 
 import asyncio
 import fcntl
@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from bus.errors import ConfigurationError
-from busd.credentials import Credentials, peer_credentials, process_name, program_name
+from busd.credentials import process_name
 from busd.listener import BACKLOG, AlreadyRunning, open_listener
 
 STRANGER = 12345
@@ -371,30 +371,3 @@ def test_a_folder_of_another_user(tmp_path: Path, environ: dict[str, str]) -> No
     assert f"'{folder}' {told}" in refusal(folder / "0.sock")
     assert f"'{link}' {told}" in refusal(link / "0.sock")
     assert not list(folder.iterdir())
-
-
-def test_credentials_of_a_peer(serving: Process, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert process_name(serving.pid) == Path(sys.executable).name
-    assert process_name(2**22 + 1) == "unknown"
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
-        client.connect(str(path))
-        assert peer_credentials(client) == Credentials(pid=serving.pid, uid=os.geteuid(), gid=os.getegid())
-        monkeypatch.delattr(socket, "SO_PEERCRED")
-        assert peer_credentials(client) == Credentials(pid=0, uid=-1, gid=-1)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "name"),
-    [
-        (["/usr/bin/busd", "--domain", "1"], "busd"),
-        (["python3", "/home/me/talker.py", "-v"], "talker.py"),
-        (["/venv/bin/python3.11", "-X", "dev", "-O", "-W", "error", "talker.py"], "talker.py"),
-        (["python", "-m", "busd"], "busd"),
-        (["python", "-c", "print()"], "python"),
-        (["evil\nname\x1b[31m" + "x" * 100], "evil?name?[31m" + "x" * 50),
-        (["\ufffd"], "\ufffd"),
-        ([""], "unknown"),
-    ],
-)
-def test_program_names(arguments: list[str], name: str) -> None:
-    assert program_name("".join(f"{argument}\0" for argument in arguments).encode()) == name

@@ -1,43 +1,10 @@
-"""busd.run: what the command line and the log take."""
+"""busd.run: what the command line takes."""
 
-import logging
+from pathlib import Path
 
 import pytest
 
-from busd.run import _MOST_LINES, _Bounds, main
-
-
-def record(level: int, text: str = "text", at_s: float = 7.0) -> logging.LogRecord:
-    made = logging.LogRecord("busd", level, __file__, 1, text, (), None)
-    made.created = at_s
-    return made
-
-
-class TestLog:
-    def test_only_so_many_lines_in_a_second(self) -> None:
-        bounds = _Bounds()
-        kept = [bounds.filter(record(logging.WARNING)) for _ in range(_MOST_LINES + 5)]
-        assert kept == [True] * _MOST_LINES + [False] * 5
-        later = record(logging.INFO, at_s=8.0)
-        assert bounds.filter(later)
-        assert later.getMessage() == "text (5 lines were left out)"
-
-    def test_debug_lines_take_nobody_s_place(self) -> None:
-        bounds = _Bounds()
-        assert all(bounds.filter(record(logging.DEBUG)) for _ in range(2 * _MOST_LINES))
-        assert bounds.filter(record(logging.WARNING))
-
-    @pytest.mark.parametrize("level", [logging.ERROR, logging.CRITICAL])
-    def test_errors_always_come_through(self, level: int) -> None:
-        bounds = _Bounds()
-        for _ in range(2 * _MOST_LINES):
-            bounds.filter(record(logging.WARNING))
-        assert bounds.filter(record(level))
-
-    def test_lines_are_short_and_printable(self) -> None:
-        long = record(logging.ERROR, "a\n\x1b[2J" + "x" * 5000)
-        assert _Bounds().filter(long)
-        assert long.getMessage() == "a??[2J" + "x" * 994
+from busd.run import main
 
 
 @pytest.mark.parametrize("text", ["abc", "", "0", "-1", "nan", "inf"])
@@ -46,3 +13,15 @@ def test_an_idle_exit_is_a_number_of_seconds(text: str, capsys: pytest.CaptureFi
         main([f"--idle-exit={text}"])
     told = capsys.readouterr().err.splitlines()[-1]
     assert told == f"busd: error: argument --idle-exit: {text!r} is not a number of seconds above 0"
+
+
+def test_a_look_at_the_configuration(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It opens nothing, so it may be asked while busd runs."""
+    config = tmp_path / "busd.toml"
+    arguments = ["--socket", str(tmp_path / "s"), "--config", str(config), "--check"]
+    config.write_text("[limits]\ndepth = 5\n")
+    assert main(arguments) == 0
+    config.write_text("[limits]\ndepth = 0\n")
+    assert main(arguments) == 1
+    assert capsys.readouterr().err == f"busd: {config}: limits.depth = 0: expected `int` >= 1\n"
+    assert list(tmp_path.iterdir()) == [config]

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from bus.ids import PeerId
+from bus.wire.runs import Run
 from busd import server as server_module
 from busd.core.broker import Broker
 from busd.listener import Listener, open_listener
@@ -46,6 +48,7 @@ async def test_it_is_not_idle_while_somebody_waits_in_its_backlog(listener: List
         assert not server.stopped.done()
         assert len(server._connections) == 1
     server.stop("a test")
+    await server.stopped
 
 
 async def test_one_that_nobody_has_come_to_is_idle(listener: Listener) -> None:
@@ -75,6 +78,9 @@ async def test_grace_is_given_once(listener: Listener, monkeypatch: pytest.Monke
 class Deaf:
     """Stands for a connection; says when it is flushed."""
 
+    id = PeerId(1)
+    is_closed = False
+
     def __init__(self, flushed: list["Deaf"]) -> None:
         self.stream = self
         self._flushed = flushed
@@ -96,4 +102,31 @@ async def test_who_asked_is_answered_after_the_others_were_told(listener: Listen
         flushed.clear()
     server._flush(connections[0])  # type: ignore[arg-type]
     assert flushed == []
+    server.stop("a test")
+
+
+@pytest.mark.parametrize("is_swamped", [True, False])
+async def test_it_gives_way_where_more_comes_than_can_be_taken(
+    is_swamped: bool, listener: Listener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And only there: what is taken passes as fast as it goes."""
+    broker, yields = Broker(), list[None]()
+    monkeypatch.setattr("os.sched_yield", lambda: yields.append(None))
+
+    def route(*_: object) -> list[object]:
+        broker.is_overfull = is_swamped
+        return []
+
+    def trim(_: int) -> list[object]:
+        broker.is_overfull = False
+        return []
+
+    monkeypatch.setattr(broker, "route", route)
+    monkeypatch.setattr(broker, "trim", trim)
+    server = Server(listener, broker)
+    connection = Deaf([])
+
+    server.receive(connection, [Run(1, 0, 1, 1, b"")] * 10)  # type: ignore[arg-type]
+
+    assert len(yields) == is_swamped  # once for all that one read brought
     server.stop("a test")

@@ -216,6 +216,39 @@ def test_the_depth_is_over_all_rings(listener: Listener) -> None:
     assert (listener.reader.replaced, listener.reader.overrun, listener.reader.samples) == (16, 0, 4)
 
 
+def test_expected_is_what_the_numbers_say(listener: Listener) -> None:
+    """Whatever became of them: taken, lapped, passed over, expired, waiting, in a ring that was left."""
+    talker, stale = Talker(4096, 16, keep=4), Talker()
+    listener.join(talker, "lapped", gate=False, start=1)
+    listener.join(stale, "stale", lifespan_ns=1)
+    talker.write(*[b"x"] * 100)
+    stale.write(b"1", b"2")
+    listener.reader.depth = 9
+    reader = listener.reader
+    assert len(listener.take(2)) == 2
+    talker.write(b"y", b"z")
+
+    def accounted() -> int:
+        lost = reader.replaced + reader.overrun + reader.expired + reader.undecodable
+        return int(reader.samples + lost + reader.waiting())
+
+    assert reader.expected == accounted() == 104
+    reader.detach("lapped")
+    assert reader.expected == accounted() < 104, "what waited there will never be taken"
+    reader.finish("stale")
+    assert reader.expected == accounted()
+
+
+def test_another_depth_leaves_history_its_room(talker: Talker, listener: Listener) -> None:
+    talker.write(b"1", b"2")
+    listener.reader.depth = 3
+    listener.join(talker, history=2, since_ns=1 << 62)
+    talker.write(b"3", b"4", b"5")
+    listener.reader.depth = 3
+    assert listener.reader.waiting() == 5
+    assert (len(listener.take()), listener.reader.replaced) == (5, 0)
+
+
 def test_expired_samples(talker: Talker, listener: Listener) -> None:
     listener.join(talker, lifespan_ns=3600 * 10**9)
     now = time.monotonic_ns()

@@ -68,3 +68,40 @@ async def test_killed_with_something_unread(pair: tuple[socket.socket, socket.so
         end.stream.flush()
     await end.ended()
     assert len(end.items) == 1
+
+
+async def test_paused(pair: tuple[socket.socket, socket.socket]) -> None:
+    """Nothing is read, not even the end; then everything is."""
+    mine, other = pair
+    end = End(mine)
+    end.stream.pause(3600)
+    other.send(HELLO)
+    other.close()
+    mine.setblocking(True)
+    assert mine.recv(1, socket.MSG_PEEK)  # it has come
+    mine.setblocking(False)
+    for _ in range(3):
+        await asyncio.sleep(0)
+    assert not end.items
+    end.stream._end_pause()
+    await end.ended()
+    assert len(end.items) == 1
+
+
+async def test_a_pause_ends(pair: tuple[socket.socket, socket.socket]) -> None:
+    mine, other = pair
+    end = End(mine)
+    end.stream.pause(0.001)
+    end.stream.pause(3600)  # it is paused already
+    other.close()
+    await end.ended()
+
+
+async def test_closed_while_it_is_paused(pair: tuple[socket.socket, socket.socket]) -> None:
+    mine, other = pair
+    end = End(mine)
+    end.stream.pause(0)
+    end.stream.close()
+    assert other.recv(1) == b""
+    await asyncio.sleep(0.001)  # the pause ends and touches nothing
+    assert not end.lost.done()

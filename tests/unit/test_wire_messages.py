@@ -44,8 +44,9 @@ class TestTags:
         requests = {kind for kind in FROM_CLIENT if "request" in kind.__struct_fields__}
         answers = {kind for kind in FROM_BROKER if "request" in kind.__struct_fields__}
         endpoints = {m.CreatePublisher, m.CreateSubscription}
-        assert requests == {m.CreateNode, *endpoints, m.GetGraph, m.GetType, m.Observe, m.StopBroker}
-        assert answers == {m.Created, m.Done, m.Refused, m.Graph, m.TypeDescription}
+        asked = {m.GetGraph, m.GetType, m.GetPeers, m.Observe}
+        assert requests == {m.CreateNode, *endpoints, *asked, m.StopBroker, m.Reload}
+        assert answers == {m.Created, m.Done, m.Refused, m.Graph, m.TypeDescription, m.Peers}
 
 
 class TestEncoding:
@@ -112,6 +113,18 @@ class TestValues:
             next_seq=value,
         )
         assert "$.next_seq" in text
+
+    @pytest.mark.parametrize(
+        ("field", "most"),
+        [("capabilities", ("c" * 64,) * 64), ("program", "p" * 1000), ("release", "r" * 1000)],
+    )
+    def test_a_hello_cannot_be_long(self, field: str, most: Any) -> None:
+        """It is kept as long as the connection is there."""
+        assert getattr(decode(m="hello", version=1, **{field: most}), field) == most
+        assert field in refusal(m="hello", version=1, **{field: most + most[:1]})
+
+    def test_nor_can_a_capability(self) -> None:
+        assert "capabilities" in refusal(m="hello", version=1, capabilities=["c" * 65])
 
     def test_a_qos_profile_that_is_none(self) -> None:
         for qos in (

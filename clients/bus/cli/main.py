@@ -53,9 +53,14 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
     "daemon": (
         "Various daemon related sub-commands",
         {
+            "install": "Write systemd units for the daemon",
+            "peers": "Output what each process makes the daemon hold",
+            "reload": "Have the daemon read its configuration again",
+            "restart": "Restart the daemon without a gap",
             "start": "Start the daemon if it isn't running",
             "status": "Output the status of the daemon",
             "stop": "Stop the daemon if it is running",
+            "uninstall": "Remove the systemd units of the daemon",
         },
     ),
     "interface": (
@@ -88,6 +93,7 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
             "throughput": "Messages a second, and what is lost",
         },
     ),
+    "metrics": ("Serve what happens on the bus to Prometheus", {}),
     "run": ("Run a script, a module or a program of a package", {}),
     "pkg": (
         "Various package related sub-commands",

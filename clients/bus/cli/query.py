@@ -12,8 +12,16 @@ from typing import Any, Self
 from bus import names
 from bus.address import socket_path
 from bus.cli.output import CommandError
-from bus.errors import BrokerUnavailable, ConfigurationError, ConnectionClosed, RemoteProtocolError
+from bus.errors import (
+    AccessDenied,
+    BrokerUnavailable,
+    ConfigurationError,
+    ConnectionClosed,
+    RemoteProtocolError,
+)
 from bus.graph import Graph
+from bus.release import RELEASE
+from bus.trust import check_server
 from bus.wire import messages as m
 from bus.wire.layout import VERSION
 from bus.wire.session import Role, Session
@@ -28,18 +36,19 @@ class NotRunning(BrokerUnavailable):
 class Query:
     """A connection to the broker at `path`. With `may_start`, one is started where none runs.
 
-    Raises BrokerUnavailable; of that NotRunning without `may_start`.
+    Waits for `answer_s` seconds at most whenever it waits. Raises BrokerUnavailable; of that NotRunning
+    without `may_start`.
     """
 
-    def __init__(self, path: Path, *, may_start: bool = True) -> None:
+    def __init__(self, path: Path, *, may_start: bool = True, answer_s: float = ANSWER_S) -> None:
         self.path = path
-        self._socket = _connect(path) or _start(path, may_start=may_start)
-        self._socket.settimeout(ANSWER_S)
+        self._socket = _connect(path, answer_s) or _start(path, may_start=may_start)
+        self._socket.settimeout(answer_s)
         self._session = Session(Role.CLIENT)
         self._items: Iterator[Any] = iter(())
         self._numbers = count(1)
         try:
-            self._send(m.Hello(version=VERSION, pid=os.getpid(), program="bus"))
+            self._send(m.Hello(version=VERSION, pid=os.getpid(), program="bus", release=RELEASE))
             self.broker: m.Hello = self._receive()
         except BaseException:
             self.close()
@@ -48,7 +57,7 @@ class Query:
     def request(self, make: Callable[[int], m.Message]) -> Any:
         """Send the message that `make` gives for a request number; returns the answer.
 
-        Raises ConfigurationError where the broker refuses, ConnectionClosed where it ends.
+        Raises ConfigurationError or AccessDenied where the broker refuses, ConnectionClosed where it ends.
         """
         number = next(self._numbers)
         self._send(make(number))
@@ -56,7 +65,7 @@ class Query:
             message = self._receive()
             if getattr(message, "request", None) == number:
                 if isinstance(message, m.Refused):
-                    raise ConfigurationError(message.text)
+                    raise (AccessDenied if message.denied else ConfigurationError)(message.text)
                 return message
 
     def graph(self, *, statistics: bool = False) -> Graph:
@@ -64,6 +73,23 @@ class Query:
         return Graph.from_snapshot(
             self.request(lambda number: m.GetGraph(request=number, statistics=statistics))
         )
+
+    def charges(self) -> m.Peers | None:
+        """What processes and users make busd hold; None where this busd does not know the question."""
+        if not self.broker.release:  # as old as that: it would end the connection
+            return None
+        peers: m.Peers = self.request(lambda number: m.GetPeers(request=number))
+        return peers
+
+    def wait_for_end(self) -> None:
+        """Wait until the broker has closed the connection. Raises BrokerUnavailable where it does not."""
+        try:
+            while True:
+                self._receive()
+        except BrokerUnavailable:
+            raise
+        except ConnectionClosed:
+            return
 
     def close(self) -> None:
         self._socket.close()
@@ -79,6 +105,8 @@ class Query:
     def _send(self, message: m.Message) -> None:
         try:
             self._socket.sendall(m.encode_frame(message))
+        except (BrokenPipeError, ConnectionResetError):
+            pass  # it has gone, but its last words are still to be read: why
         except OSError as error:
             raise ConnectionClosed(f"lost busd at {self.path}: {error.strerror or error}") from None
 
@@ -119,16 +147,20 @@ def full_type_name(text: str) -> str:
     return text if len(parts) == 3 else f"{parts[0]}/msg/{parts[1]}"
 
 
-def _connect(path: Path) -> socket.socket | None:
+def _connect(path: Path, answer_s: float) -> socket.socket | None:
     """None where no broker listens."""
     sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
-        sock.settimeout(ANSWER_S)
+        sock.settimeout(answer_s)
         sock.connect(str(path))
+        check_server(sock, path)
         return sock
     except (FileNotFoundError, ConnectionRefusedError):
         sock.close()
         return None
+    except BrokerUnavailable:
+        sock.close()
+        raise
     except OSError as error:
         sock.close()
         raise BrokerUnavailable(f"cannot connect to busd at {path}: {error.strerror or error}") from None

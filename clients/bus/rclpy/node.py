@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from bus import parameterfile
 from bus.arguments import Arguments
-from bus.errors import BusError, ConfigurationError
+from bus.errors import AccessDenied, BusError, ConfigurationError
 from bus.graph import Graph
 from bus.node import Node as NativeNode
 from bus.qos import QoSProfile as NativeProfile
@@ -208,12 +208,19 @@ class Node(EntityMaker, GraphQueries, ParameterMethods):
         from bus.rclpy.parameter_service import ParameterService
         from bus.rosidl import message_class
 
-        self._parameter_events = self.create_publisher(
-            message_class("rcl_interfaces/msg/ParameterEvent"),
-            "/parameter_events",
-            qos_profile_parameter_events,
-        )
-        ParameterService(self)
+        # What the node has by itself must not keep it from its work.
+        try:
+            self._parameter_events = self.create_publisher(
+                message_class("rcl_interfaces/msg/ParameterEvent"),
+                "/parameter_events",
+                qos_profile_parameter_events,
+            )
+        except AccessDenied as denied:
+            self._logger.warning(f"changes of parameters are told to nobody: {denied}")
+        try:
+            ParameterService(self)
+        except AccessDenied as denied:
+            self._logger.warning(f"nobody else can read or set this node's parameters: {denied}")
 
     def _tell_parameters(self, change: ParameterChange) -> None:
         if self._parameter_events is not None and not self._is_destroyed:

@@ -1,9 +1,7 @@
 /* The module bus.shm._core: its types, constants and functions, and what all parts of it use. */
 #include "core.h"
 
-#include <sys/eventfd.h>
 #include <time.h>
-#include <unistd.h>
 
 unsigned core_forks;
 
@@ -14,14 +12,6 @@ uint64_t core_now_ns(void)
     struct timespec now;
     clock_gettime(CLOCK_MONOTONIC, &now);
     return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
-}
-
-/* Nothing to do where it fails: full means that it is rung, and a descriptor that is none is its owner's loss. */
-void core_knock(int doorbell)
-{
-    const uint64_t one = 1;
-    const ssize_t written = write(doorbell, &one, sizeof one);
-    (void)written;
 }
 
 /* None of the types can be derived from, so an object's type is the one that the module made. */

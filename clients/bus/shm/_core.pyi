@@ -36,14 +36,15 @@ class Mapping:
     def format_readers(self, slot_count: int) -> None: ...
 
 class Bell:
-    """A foreign process's readers' segment and doorbell, as those who wake it know them.
+    """Another process's readers' segment and doorbell, as those who wake it know them.
 
-    Raises ValueError, saying what is wrong, where `memory` is no readers' segment. The caller keeps
-    `doorbell` open.
+    `foreign`: it belongs to another user, who could make the doorbell block; it is rung in a way that
+    nobody can hold up, for a few microseconds more. Raises ValueError, saying what is wrong, where `memory`
+    is no readers' segment, and OSError where the system has no such way. The caller keeps `doorbell` open.
     """
 
     slot_count: int
-    def __init__(self, memory: Mapping, doorbell: int) -> None: ...
+    def __init__(self, memory: Mapping, doorbell: int, *, foreign: bool = False) -> None: ...
 
 class Writer:
     """A publisher's end of its ring. Only for the thread that made it, unless `is_guarded`; `memory` is its
@@ -131,9 +132,13 @@ class Writer:
         """Nothing more will be written: readers are told by the ring itself, and rung."""
 
 class Readers:
-    """This process's readers' segment (`memory`, formatted) and doorbell (`doorbell`, an eventfd)."""
+    """This process's readers' segment (`memory`, formatted) and doorbell (`doorbell`, an eventfd).
+
+    `is_wary`: other users may have the doorbell, so that it is read in a way that they can't hold up.
+    """
 
     slot_count: int
+    is_wary: bool
     def __init__(self, memory: Mapping, doorbell: int) -> None: ...
     def wake(self) -> list[Any]:
         """The doorbell rang: read it, disarm, and give the owners of readers for whom something new has come
@@ -162,6 +167,8 @@ class Reader:
     overrun: int
     expired: int
     undecodable: int
+    expected: int
+    """By the numbers: samples + replaced + overrun + expired + undecodable + those that wait."""
 
     def __init__(self, readers: Readers, owner: Any, depth: int, *, tells_cursor: bool) -> None: ...
     def attach(
@@ -175,6 +182,7 @@ class Reader:
         history: int = 0,
         lifespan_ns: int = 0,
         doorbell: int = -1,
+        foreign: bool = False,
     ) -> int:
         """Read a ring from `start` on; or (0) from `history` records before the first that is stamped at or
         after `since_ns` (that is latest + 1 where none is), never from before its oldest. Returns the first
@@ -182,8 +190,10 @@ class Reader:
 
         `slot` must be free (`Readers.is_free`), and its cursor is set. Until the publisher has added its
         gate, large records are copied and not pinned; so allot slots in turn, not the one given back last.
-        `doorbell` is the publisher's, rung where it waits for room; the caller keeps it open. Raises
-        ValueError, saying what is wrong, where `memory` is no ring, and where `source` is attached already.
+        `doorbell` is the publisher's, rung where it waits for room; the caller keeps it open. `foreign`: it
+        belongs to another user, who could change what is pinned, so that all is copied before it is decoded.
+        Raises ValueError, saying what is wrong, where `memory` is no ring, and where `source` is attached
+        already; OSError as Bell.
         """
     def extend(self, source: Any, memory: Mapping) -> None:
         """The ring in which `source` goes on after the present one is closed and taken to its end.

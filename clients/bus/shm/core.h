@@ -40,6 +40,13 @@ typedef struct {
     bool is_writable;
 } Mapping;
 
+/* Another process's eventfd, which the caller keeps open; -1: none. `is_foreign`: that process belongs to another
+ * user, who is not trusted. */
+struct doorbell {
+    int number;
+    bool is_foreign;
+};
+
 typedef struct {
     PyObject_HEAD
     Mapping *memory;
@@ -47,7 +54,7 @@ typedef struct {
     const struct reader_slot *slots;
     uint64_t slot_count;
     uint64_t rung; /* for which sleep it was rung, by any writer of this process */
-    int doorbell;
+    struct doorbell doorbell;
 } Bell;
 
 /* To whom a gate of the ring belongs. */
@@ -103,6 +110,7 @@ typedef struct {
     size_t count, room;
     uint64_t round; /* looks so far */
     bool had_news;  /* at the last attempt to fall asleep */
+    char is_wary;   /* of other users, who may have the doorbell */
 } Readers;
 
 /* A ring in which a publisher goes on after the one before. */
@@ -123,13 +131,14 @@ struct feed {
     struct next_ring *following;
     const struct ring_header *last; /* of the newest ring, where the writer is */
     size_t watch;            /* its place among those of Readers */
+    uint64_t first;          /* number that it began with */
     uint64_t waiting;        /* samples that were there at the last poll and are not taken */
     uint64_t seen;           /* newest number that the owner was told of */
     uint64_t told;           /* the cursor that the slot shows */
     uint64_t end;            /* newest number that may be taken; MAX_SEQ + 1 while the publisher is there */
     uint64_t finishing;      /* order in which publishers went; 0: there */
     uint64_t lifespan_ns;
-    int doorbell;
+    struct doorbell doorbell; /* of a foreign publisher, nothing is pinned either */
     unsigned forks;          /* in a child of a fork, the slot is the parent's */
 };
 
@@ -143,7 +152,8 @@ struct Reader {
     uint64_t depth, finishings;
     uint64_t bound; /* on what may wait: the depth, and the history of late joins until nothing waits; 0: none */
     bool tells_cursor;
-    uint64_t samples, bytes, replaced, overrun, expired, undecodable; /* replaced, overrun: of feeds that were left */
+    uint64_t samples, bytes, expired, undecodable;
+    uint64_t replaced, overrun, passed; /* of feeds that were left; passed: all that they have stepped over */
     PyObject *rejected, *left; /* lists */
 };
 
@@ -151,16 +161,20 @@ struct Reader {
 extern unsigned core_forks; /* of this process's ancestors since they loaded the core */
 CoreState *core_state(PyObject *object);
 uint64_t core_now_ns(void);
-void core_knock(int doorbell);
 int core_arguments(const char *const *names, PyObject *const *args, Py_ssize_t count, PyObject *kwnames,
                    Py_ssize_t positional, PyObject **values);
 int core_as_u64(PyObject *value, void *number);
 void *core_allocate(PyTypeObject *type);
 void core_free(void *object);
-/* What a Bell and Readers are made of, from the arguments (memory, doorbell): a checked segment, borrowed; NULL and an
- * error where it is none. */
+/* What a Bell and Readers are made of, from the arguments (memory, doorbell, foreign): a checked segment, borrowed; NULL
+ * and an error where it is none. */
 Mapping *core_readers_segment(PyTypeObject *type, PyObject *args, PyObject *kwargs, bool is_written,
-                              uint64_t *slot_count, int *doorbell);
+                              uint64_t *slot_count, struct doorbell *doorbell);
+
+/* core_knock.c */
+int doorbell_prepare(const struct doorbell *doorbell);
+void doorbell_ring(const struct doorbell *doorbell);
+void doorbell_hush(int number, bool is_wary);
 
 /* The types */
 extern PyType_Spec mapping_spec, bell_spec, writer_spec, readers_spec, reader_spec, view_spec, loan_spec;
@@ -191,7 +205,8 @@ void readers_watch_anew(Readers *self, const struct feed *feed);
 void readers_forget(Readers *self, const struct feed *feed);
 
 /* core_feed.c */
-struct feed *feed_new(PyObject *source, Mapping *memory, const struct ring_geometry *geometry, struct reader_slot *slot);
+struct feed *feed_new(PyObject *source, Mapping *memory, const struct ring_geometry *geometry, struct reader_slot *slot,
+                      const struct doorbell *doorbell);
 void feed_free(struct feed *feed);
 void feed_extend(struct feed *feed, struct next_ring *next);
 uint64_t feed_newest(const struct feed *feed);

@@ -4,9 +4,9 @@
 static PyObject *bell_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
 {
     uint64_t slot_count;
-    int doorbell;
+    struct doorbell doorbell;
     Mapping *memory = core_readers_segment(type, args, kwargs, false, &slot_count, &doorbell);
-    if (memory == NULL)
+    if (memory == NULL || doorbell_prepare(&doorbell) < 0)
         return NULL;
     Bell *self = core_allocate(type);
     if (self == NULL)

@@ -10,7 +10,7 @@ void writer_ring(Writer *self)
     for (size_t i = 0; i < self->bell_count; i++) {
         Bell *bell = self->bells[i];
         if (bell_is_due(bell->arrival, &bell->rung, 0)) {
-            core_knock(bell->doorbell);
+            doorbell_ring(&bell->doorbell);
             self->rung++;
         }
     }

@@ -41,6 +41,7 @@ static void remove_feed(Reader *self, const struct feed *feed)
     readers_forget(self->readers, feed);
     self->replaced += feed->ring.replaced;
     self->overrun += feed->ring.overrun;
+    self->passed += feed->ring.next - feed->first;
 }
 
 static int reader_clear(PyObject *object)
@@ -146,15 +147,17 @@ static bool make_room(Reader *self)
 static PyObject *reader_attach(PyObject *object, PyObject *args, PyObject *kwargs)
 {
     static char *names[] = {"source", "memory", "slot", "start", "since_ns",
-                            "history", "lifespan_ns", "doorbell", NULL};
+                            "history", "lifespan_ns", "doorbell", "foreign", NULL};
     Reader *self = (Reader *)object;
     PyObject *source, *memory;
     uint64_t number, start = 0, since_ns = 0, history = 0, lifespan_ns = 0;
-    int doorbell = -1;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOO&|$O&O&O&O&i", names, &source, &memory, core_as_u64, &number,
+    struct doorbell doorbell = {-1, false};
+    int is_foreign = 0;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOO&|$O&O&O&O&ip", names, &source, &memory, core_as_u64, &number,
                                      core_as_u64, &start, core_as_u64, &since_ns, core_as_u64, &history, core_as_u64,
-                                     &lifespan_ns, &doorbell))
+                                     &lifespan_ns, &doorbell.number, &is_foreign))
         return NULL;
+    doorbell.is_foreign = is_foreign != 0;
     if (Py_TYPE(memory) != core_state((PyObject *)self->readers)->mapping)
         return PyErr_Format(PyExc_TypeError, "memory must be a Mapping");
     Mapping *mapping = (Mapping *)memory;
@@ -164,12 +167,12 @@ static PyObject *reader_attach(PyObject *object, PyObject *args, PyObject *kwarg
         return value_error(fault);
     if (find(self, source) != NULL)
         return value_error("source is attached already");
-    if (PyErr_Occurred())
+    if (PyErr_Occurred() || doorbell_prepare(&doorbell) < 0)
         return NULL;
     struct reader_slot *slot = free_slot(self->readers, number);
     if (slot == NULL)
         return NULL;
-    struct feed *feed = make_room(self) ? feed_new(source, mapping, &geometry, slot) : NULL;
+    struct feed *feed = make_room(self) ? feed_new(source, mapping, &geometry, slot, &doorbell) : NULL;
     if (feed == NULL)
         return PyErr_NoMemory();
     uint64_t old = 0; /* history does not count against the depth */
@@ -186,8 +189,7 @@ static PyObject *reader_attach(PyObject *object, PyObject *args, PyObject *kwarg
         return PyErr_NoMemory();
     }
     feed->lifespan_ns = lifespan_ns;
-    feed->doorbell = doorbell;
-    feed->told = feed->ring.next;
+    feed->first = feed->told = feed->ring.next;
     feed->seen = feed->ring.next - 1;
     ring_tell_cursor(&feed->ring);
     self->feeds[self->count++] = feed;
@@ -331,9 +333,10 @@ static int set_depth(PyObject *object, PyObject *value, void *Py_UNUSED(closure)
     Reader *self = (Reader *)object;
     if (value == NULL)
         PyErr_SetString(PyExc_AttributeError, "can't be deleted");
+    const uint64_t old = self->bound > self->depth ? self->bound - self->depth : 0; /* history that waits */
     if (value == NULL || !core_as_u64(value, &self->depth))
         return -1;
-    self->bound = self->depth;
+    self->bound = self->depth != 0 && self->depth <= MAX_SEQ ? self->depth + old : self->depth;
     return 0;
 }
 
@@ -343,6 +346,19 @@ static PyObject *get_lost(PyObject *object, void *is_overrun)
     uint64_t sum = is_overrun ? self->overrun : self->replaced;
     for (size_t i = 0; i < self->count; i++)
         sum += is_overrun ? self->feeds[i]->ring.overrun : self->feeds[i]->ring.replaced;
+    return PyLong_FromUnsignedLongLong(sum);
+}
+
+/* By the numbers alone, whatever was counted: from the first of each feed to the newest that is there. */
+static PyObject *get_expected(PyObject *object, void *Py_UNUSED(closure))
+{
+    const Reader *self = (const Reader *)object;
+    uint64_t sum = self->passed;
+    for (size_t i = 0; i < self->count; i++) {
+        const struct feed *feed = self->feeds[i];
+        const uint64_t newest = feed_newest(feed), next = feed->ring.next;
+        sum += (newest < next || newest > MAX_SEQ ? next : newest + 1) - feed->first; /* a liar's next: what is read */
+    }
     return PyLong_FromUnsignedLongLong(sum);
 }
 
@@ -372,6 +388,7 @@ static PyGetSetDef properties[] = {
     {"depth", get_depth, set_depth, NULL, NULL},
     {"replaced", get_lost, NULL, NULL, NULL},
     {"overrun", get_lost, NULL, NULL, (void *)true},
+    {"expected", get_expected, NULL, NULL, NULL},
     {0},
 };
 

@@ -6,13 +6,16 @@
 #define SLICE_NS 50000u /* of a spin, between looks at signals and other threads */
 
 Mapping *core_readers_segment(PyTypeObject *type, PyObject *args, PyObject *kwargs, bool is_written,
-                              uint64_t *slot_count, int *doorbell)
+                              uint64_t *slot_count, struct doorbell *doorbell)
 {
-    static char *names[] = {"memory", "doorbell", NULL};
+    static char *names[] = {"memory", "doorbell", "foreign", NULL}, *own_names[] = {"memory", "doorbell", NULL};
     const CoreState *state = PyType_GetModuleState(type);
     Mapping *memory;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "O!i", names, state->mapping, &memory, doorbell))
+    int is_foreign = 0;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, is_written ? "O!i" : "O!i|$p", is_written ? own_names : names,
+                                     state->mapping, &memory, &doorbell->number, &is_foreign))
         return NULL;
+    doorbell->is_foreign = is_foreign != 0;
     struct readers_geometry geometry;
     const char *fault = readers_check(memory->memory, (uint64_t)memory->size, &geometry);
     if (fault == NULL && is_written && !memory->is_writable)
@@ -28,7 +31,7 @@ Mapping *core_readers_segment(PyTypeObject *type, PyObject *args, PyObject *kwar
 static PyObject *readers_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
 {
     uint64_t slot_count;
-    int doorbell;
+    struct doorbell doorbell;
     Mapping *memory = core_readers_segment(type, args, kwargs, true, &slot_count, &doorbell);
     if (memory == NULL)
         return NULL;
@@ -40,7 +43,7 @@ static PyObject *readers_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
     self->header = (struct readers_header *)memory->memory;
     self->slots = readers_slots(memory->memory);
     self->slot_count = slot_count;
-    self->doorbell = doorbell;
+    self->doorbell = doorbell.number;
     return (PyObject *)self;
 }
 
@@ -109,9 +112,7 @@ static PyObject *readers_wake(PyObject *object, PyObject *Py_UNUSED(none))
     PyObject *owners = PyList_New(0);
     if (owners == NULL)
         return NULL;
-    uint64_t count;
-    const ssize_t got = read(self->doorbell, &count, sizeof count); /* empty: rung for nothing */
-    (void)got;
+    doorbell_hush(self->doorbell, self->is_wary);
     bell_disarm(&self->header->arrival);
     if (collect(self, owners) < 0)
         Py_CLEAR(owners);
@@ -218,7 +219,11 @@ static PyMethodDef methods[] = {
     {0},
 };
 
-static PyMemberDef members[] = {{"slot_count", T_ULONGLONG, offsetof(Readers, slot_count), READONLY, NULL}, {0}};
+static PyMemberDef members[] = {
+    {"slot_count", T_ULONGLONG, offsetof(Readers, slot_count), READONLY, NULL},
+    {"is_wary", T_BOOL, offsetof(Readers, is_wary), 0, NULL},
+    {0},
+};
 
 static PyType_Slot slots[] = {
     {Py_tp_new, (void *)readers_new},

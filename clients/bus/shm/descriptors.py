@@ -4,6 +4,7 @@ Owns the rules that keep a foreign segment from hurting who maps it: its size ca
 missing, nobody else can map it writable. What stands in it is the core's business.
 """
 
+import errno
 import fcntl
 import os
 from pathlib import Path
@@ -48,14 +49,17 @@ def doorbell_fault(number: int) -> str:
 
 def _segment_fault(number: int, least_bytes: int) -> str:
     try:
+        os.get_blocking(number)
+        seals = fcntl.fcntl(number, _GET_SEALS)  # before fstat, which takes as long as a file's owner likes
+    except OSError as error:
+        if error.errno == errno.EINVAL:
+            return "descriptor is no memfd"
+        return f"descriptor can't be looked at ({error.strerror})"
+    try:
         status = os.fstat(number)
         page_bytes = os.fstatvfs(number).f_bsize
     except OSError as error:
         return f"descriptor can't be looked at ({error.strerror})"
-    try:
-        seals = fcntl.fcntl(number, _GET_SEALS)
-    except OSError:
-        return "descriptor is no memfd"
     if lacking := [name for seal, name in _SEAL_NAMES.items() if not seals & seal]:
         return f"segment lacks the seals {', '.join(lacking)}"
     if page_bytes != _PAGE_BYTES:

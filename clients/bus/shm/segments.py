@@ -70,6 +70,7 @@ def _make(name: str, size: int, lay_out: "Callable[[Mapping], None]") -> "tuple[
         raise ValueError(f"{name}: a size is out of bounds")
     descriptor = Descriptor(os.memfd_create(name, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING))
     try:
+        os.fchmod(descriptor.number, 0o600)  # a memfd is open to all: who is given it could open it anew
         os.ftruncate(descriptor.number, size)
         os.posix_fallocate(descriptor.number, 0, size)  # a full machine says so here, not by a signal later
         memory: Mapping = core().Mapping(descriptor.number, size, writable=True)

@@ -53,6 +53,11 @@ class Stream:
         self.outbox = outbox
         self.is_closed = False
         self.is_blocked = False
+        self.has_ended = False
+        """The other side will send no more, where that is not the end of the connection (`linger`)."""
+        self._does_linger = False
+        self._is_paused = False
+        self._is_finishing = False
         self._is_unheard = False
         self._loop = asyncio.get_running_loop()
         self._sock = sock
@@ -93,9 +98,38 @@ class Stream:
             pass
         return self.is_closed
 
-    def send_now(self, buffers: list[Buffer], size: int) -> None:
-        """Send a frame past the outbox; only while the stream `is_idle`."""
+    def send_now(self, buffers: list[Buffer], size: int) -> bool:
+        """Send a frame past the outbox, only while the stream `is_idle`; False where nobody hears it."""
         self._send(buffers, size)
+        return not (self._is_unheard or self.is_closed)
+
+    def finish(self) -> None:
+        """End what has begun to be sent, send nothing after it, and go on reading."""
+        self._is_finishing = True
+        if not self._rest and not self._is_unheard and not self.is_closed:
+            self._send_no_more()
+
+    def linger(self) -> None:
+        """From now on the end of what the other side sends is no loss: it may still read what waits."""
+        self._does_linger = True
+
+    def hear_out(self) -> None:
+        """Read only what has come by now: from here on the other side can't send."""
+        with suppress(OSError):
+            self._sock.shutdown(socket.SHUT_RD)
+        self._loop.call_soon(self._read_rest)
+
+    @property
+    def is_drained(self) -> bool:
+        """Nothing waits that could still be sent."""
+        return self.is_closed or self._is_unheard or not (self.is_blocked or self.outbox)
+
+    def pause(self, seconds: float) -> None:
+        """Don't read for so long; what the other side sends meanwhile waits, and so does its end."""
+        if not self._is_paused and not self.is_closed:
+            self._is_paused = True
+            self._loop.remove_reader(self._sock.fileno())
+            self._loop.call_later(seconds, self._end_pause)
 
     def close(self) -> None:
         """Send what the socket still takes and close it; what the socket does not take is lost."""
@@ -122,7 +156,11 @@ class Stream:
                 if not self.is_closed and self._sock.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
                     self._loop.call_soon(self._read_rest)
                 return True
-            self._lose(None)
+            if self._does_linger:
+                self._loop.remove_reader(self._sock.fileno())
+                self.has_ended = True
+            else:
+                self._lose(None)
         except (BlockingIOError, InterruptedError):
             pass
         except (OSError, RemoteProtocolError) as error:
@@ -174,11 +212,26 @@ class Stream:
         self._send(rest, sum(map(len, rest)), descriptors)
         if self._rest or self.is_closed or self._is_unheard:
             return
+        if self._is_finishing:
+            self._send_no_more()
+            return
         self.is_blocked = False
         self._loop.remove_writer(self._sock.fileno())
         if self._before_write is not None:
             self._before_write()
         self.flush()
+
+    def _send_no_more(self) -> None:
+        if self.is_blocked:
+            self._loop.remove_writer(self._sock.fileno())
+        self.is_blocked = self._is_unheard = True
+        with suppress(OSError):
+            self._sock.shutdown(socket.SHUT_WR)
+
+    def _end_pause(self) -> None:
+        self._is_paused = False
+        if not self.is_closed and not self.has_ended:
+            self._loop.add_reader(self._sock.fileno(), self._read)
 
     def _pause(self) -> None:
         """The user has as many descriptors on the way as the kernel allows; no event says when to go on."""
@@ -193,9 +246,7 @@ class Stream:
 
     def _be_quiet(self) -> None:
         """The other side has gone. What it sent before, and perhaps why it went, is still to be read."""
-        if self.is_blocked:
-            self._loop.remove_writer(self._sock.fileno())
-        self.is_blocked = self._is_unheard = True
+        self._send_no_more()
         self._loop.call_soon(self._read_rest)
 
     def _read_rest(self) -> None:
@@ -224,6 +275,7 @@ class Stream:
     def _drop_descriptors(self) -> None:
         """Those that came are closed; those that were to go may have other users."""
         self.session.drop_descriptors()
+        self.session.reader.forget()
         self.outbox.clear_control()
         self._rest_descriptors = ()
 

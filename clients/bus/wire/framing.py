@@ -22,7 +22,7 @@ from bus.wire.layout import (
     REPLAY,
     RESUMED,
 )
-from bus.wire.runs import Buffer, Run
+from bus.wire.runs import Account, Buffer, Run
 
 BUFFER_BYTES = 256 << 10
 _FIRST_GROWTH_BYTES = 4 << 20
@@ -39,7 +39,8 @@ _unpack_data_head = DATA_HEAD.unpack_from
 class FrameReader:
     """Cuts a stream into control bodies (`bytes`) and runs.
 
-    `max_control_bytes` and `max_data_bytes` bound the body of a frame of each kind.
+    `max_control_bytes` and `max_data_bytes` bound the body of a frame of each kind. What a frame takes that
+    is too long for the common buffer can be charged to an account (`charge_to`) until it is whole.
     """
 
     def __init__(self, *, max_control_bytes: int, max_data_bytes: int) -> None:
@@ -51,16 +52,25 @@ class FrameReader:
         self._large: bytearray | None = None  # the frame that is too long for the buffer
         self._large_length = 0
         self._large_end = 0
+        self._account: Account | None = None
         self.fault: RemoteProtocolError | None = None
+
+    def charge_to(self, account: Account) -> None:
+        """Charge long frames to `account` from now on, also one that has begun."""
+        held = self._held
+        self._charge(-held)
+        self._account = account
+        self._charge(held)
+
+    def forget(self) -> None:
+        """Nothing more will come: let go of a long frame that is not whole."""
+        self._charge(-self._held)
+        self._large = None
 
     def get_buffer(self) -> memoryview:
         """Where the next bytes of the stream belong; never empty."""
         if self._large is None:
             return self._view[self._end :]
-        if self._large_end == len(self._large):
-            grown = bytearray(min(self._large_length, 2 * len(self._large)))
-            grown[: self._large_end] = self._large
-            self._large = grown
         return memoryview(self._large)[self._large_end :]
 
     def received(self, count: int) -> list[bytes | Run]:
@@ -110,14 +120,24 @@ class FrameReader:
 
     def _received_large(self, count: int) -> list[bytes | Run]:
         self._large_end += count
-        if self._large is None or self._large_end < self._large_length:
-            return []
-        whole, self._large = memoryview(self._large), None
         try:
+            if self._large is None or self._large_end < self._large_length:
+                self._grow()
+                return []
+            whole = memoryview(self._large)
+            self.forget()
             return [_parse(whole, 0, len(whole))]
         except RemoteProtocolError as error:
             self.fault = error
             return []
+
+    def _grow(self) -> None:
+        if self._large is not None and self._large_end == len(self._large):
+            size = min(self._large_length, 2 * len(self._large))
+            self._reserve(size - len(self._large))
+            grown = bytearray(size)
+            grown[: self._large_end] = self._large
+            self._large = grown
 
     def _keep(self, start: int, end: int) -> None:
         rest = end - start
@@ -125,13 +145,33 @@ class FrameReader:
             total = self._check_head(self._view, start)
             if total > BUFFER_BYTES:
                 self._large_length = total
-                self._large = bytearray(min(total, _FIRST_GROWTH_BYTES))
+                size = min(total, _FIRST_GROWTH_BYTES)
+                self._reserve(size)
+                self._large = bytearray(size)
                 self._large[:rest] = self._view[start:end]
                 self._large_end = rest
                 return
         if start:
             self._buffer[:rest] = self._buffer[start:end]
         self._end = rest
+
+    @property
+    def _held(self) -> int:
+        return len(self._large) if self._large is not None else 0
+
+    def _reserve(self, size: int) -> None:
+        account = self._account
+        if account is not None:
+            if account.used + size > account.limit:
+                raise RemoteProtocolError(
+                    f"messages that have not come whole: {account.used + size} bytes, "
+                    f"the limit is {account.limit}"
+                )
+            account.charge(size)
+
+    def _charge(self, size: int) -> None:
+        if self._account is not None:
+            self._account.charge(size)
 
     def _check_head(self, view: memoryview, start: int) -> int:
         """The length of the whole frame that begins at `start`."""

@@ -27,6 +27,19 @@ from typing import Final
 
 VERSION: Final = 1
 
+LEAVING: Final = "leaving"
+"""Capability, in the Hello of a client that understands the message Leaving."""
+
+GUESTS: Final = "guests"
+"""Capability: memory may be shared with other users. In the Hello of a client, it knows how to take care; in
+that of a broker, it has to."""
+
+SAME_USER: Final = -1
+"""In place of a user's number, in Matched and Attached: both ends belong to one user."""
+
+ACCESS: Final = "ACCESS"
+"""In place of a policy, in Incompatible: the other end was denied access."""
+
 CONTROL: Final = 1
 DATA: Final = 2
 

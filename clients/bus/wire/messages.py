@@ -5,25 +5,20 @@ number is chosen by the client and comes back in the one answer to it. Ids are g
 `descriptors` is not 0, that many file descriptors come with the frame.
 """
 
-from typing import Annotated
-
 import msgspec
-from msgspec import Meta
 
 from bus.qos import QoSProfile
-from bus.wire.decoder import Decoder
-from bus.wire.layout import CONTROL, FRAME_HEAD, FRAME_HEAD_BYTES, LENGTH_BYTES, MAX_COUNT
+from bus.wire.bounds import Capabilities, Count, Descriptors, Drops, Id, Lease, NextSeq, Pid, Seq, Slot, Text
+from bus.wire.codec import Decoder
+from bus.wire.codec import encode_frame as encode_frame
+from bus.wire.layout import SAME_USER
 from bus.wire.records import EndpointRecord as EndpointRecord
 from bus.wire.records import EndpointStatistics as EndpointStatistics
 from bus.wire.records import MatchRecord as MatchRecord
 from bus.wire.records import NodeRecord as NodeRecord
-
-Count = Annotated[int, Meta(ge=0, le=MAX_COUNT)]
-Seq = Annotated[int, Meta(ge=1, le=MAX_COUNT)]
-Drops = Annotated[dict[Annotated[str, Meta(max_length=32)], Count], Meta(max_length=16)]
-"""Samples dropped, by reason."""
-Descriptors = Annotated[int, Meta(ge=0, le=2)]
-"""How many file descriptors come with the frame (docs/protocol.md)."""
+from bus.wire.records import PeerRecord as PeerRecord
+from bus.wire.records import RoutingRecord as RoutingRecord
+from bus.wire.records import UserRecord as UserRecord
 
 
 class Message(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="m", tag=True):
@@ -36,16 +31,19 @@ class Message(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="m", ta
 class Hello(Message, frozen=True, tag="hello"):
     """The first frame in either direction.
 
-    `lease_s` is the broker's: a client that is silent for longer counts as hung. So is `background`: it was
-    started by a client and leaves when it is idle, so that a client may start the next one.
+    From the broker are `lease_s`: a client that is silent for longer counts as hung; `background`: it was
+    started by a client and leaves when it is idle, so that a client may start the next one; `began_ns`: when
+    it began, which tells it from one before it that had the same process id.
     """
 
     version: int
-    capabilities: tuple[str, ...] = ()
+    capabilities: Capabilities = ()
     pid: int = 0
-    program: str = ""
-    lease_s: float = 0.0
+    program: Text = ""
+    lease_s: Lease = 0.0
     background: bool = False
+    release: Text = ""
+    began_ns: Count = 0
 
 
 class Ping(Message, frozen=True, tag="ping"):
@@ -136,7 +134,7 @@ class Attach(Message, frozen=True, tag="attach"):
 
     subscription: int
     source: int
-    slot: Annotated[int, Meta(ge=0, le=65535)]
+    slot: Slot
 
 
 class RefuseRoute(Message, frozen=True, tag="noshm"):
@@ -144,7 +142,7 @@ class RefuseRoute(Message, frozen=True, tag="noshm"):
 
     endpoint: int
     other: int
-    text: Annotated[str, Meta(max_length=1000)]
+    text: Text
 
 
 class CaughtUp(Message, frozen=True, tag="caught"):
@@ -169,6 +167,8 @@ class Report(Message, frozen=True, tag="report"):
     bytes: Count
     queued: Count = 0
     dropped: Drops = {}
+    expected: Count = 0
+    repeated: Count = 0
 
 
 class GetGraph(Message, frozen=True, tag="graph?"):
@@ -189,7 +189,20 @@ class Observe(Message, frozen=True, tag="observe"):
     on: bool = True
 
 
+class GetPeers(Message, frozen=True, tag="peers?"):
+    request: int
+
+
 class StopBroker(Message, frozen=True, tag="stop"):
+    """`restart`: and begin anew, with what is installed now, at the same socket."""
+
+    request: int
+    restart: bool = False
+
+
+class Reload(Message, frozen=True, tag="reload"):
+    """Asks the broker to read its configuration again."""
+
     request: int
 
 
@@ -200,26 +213,28 @@ class Created(Message, frozen=True, tag="created"):
     """Answer to a Create...: the id, and the QoS and limit that hold after the broker's rules."""
 
     request: int
-    id: int
-    depth: int = 0
-    max_message_bytes: int = 0
-    window_samples: int = 0
-    window_bytes: int = 0
-    ring_bytes: int = 0
+    id: Id
+    depth: Count = 0
+    max_message_bytes: Count = 0
+    window_samples: Count = 0
+    window_bytes: Count = 0
+    ring_bytes: Count = 0
 
 
 class Done(Message, frozen=True, tag="done"):
     request: int
+    text: str = ""
 
 
 class Refused(Message, frozen=True, tag="refused"):
-    """A request was not carried out. `resource` is set where a quota is the reason."""
+    """A request was not carried out. `resource` is set where a quota is the reason, `denied` for access."""
 
     request: int
     text: str
     resource: str = ""
     used: int = 0
     limit: int = 0
+    denied: bool = False
 
 
 class Fault(Message, frozen=True, tag="fault"):
@@ -228,21 +243,29 @@ class Fault(Message, frozen=True, tag="fault"):
     text: str
 
 
+class Leaving(Message, frozen=True, tag="leaving"):
+    """The broker ends in order: send nothing after this frame, read to the end. For who has LEAVING."""
+
+    text: str
+
+
 class Matched(Message, frozen=True, tag="matched"):
     """`endpoint` (yours) and `other` now form a match, since `at_ns` of the monotonic clock.
 
-    On the route shm it brings a subscription the publisher's ring and its process's doorbell.
+    On the route shm it brings a subscription the publisher's ring and its process's doorbell; `uid` is the
+    other's user, where that is another one than yours.
     """
 
     endpoint: int
-    other: int
+    other: Id
     node: str
     gid: bytes
     qos: QoSProfile
     route: str = "socket"
-    next_seq: int = 1
-    at_ns: int = 0
+    next_seq: NextSeq = 1
+    at_ns: Count = 0
     descriptors: Descriptors = 0
+    uid: int = SAME_USER
 
 
 class Unmatched(Message, frozen=True, tag="unmatched"):
@@ -254,7 +277,7 @@ class Unmatched(Message, frozen=True, tag="unmatched"):
 
 
 class Incompatible(Message, frozen=True, tag="incompatible"):
-    """`endpoint` (yours) matches none of `node`'s. `policy`: TYPE, or the last QoS policy that differs."""
+    """`endpoint` (yours) matches none of `node`'s, by `policy`: TYPE, ACCESS, or the last of its QoS."""
 
     endpoint: int
     topic: str
@@ -267,15 +290,16 @@ class Attached(Message, frozen=True, tag="attached"):
     """To a publisher: the subscription reads its ring, and tells of itself in this slot.
 
     Brings the readers' segment and the doorbell of its process, which `process` names on this connection and
-    `pid` on the machine.
+    `pid` on the machine; `uid` is as in Matched.
     """
 
     publisher: int
     subscription: int
-    slot: int
+    slot: Slot
     process: int
-    pid: int
+    pid: Pid
     descriptors: Descriptors = 2
+    uid: int = SAME_USER
 
 
 class RingReplaced(Message, frozen=True, tag="ring*"):
@@ -290,9 +314,9 @@ class Rerouted(Message, frozen=True, tag="rerouted"):
     """The match of `endpoint` (yours) with `other` now goes by `route`. `at_ns`: as in its Matched."""
 
     endpoint: int
-    other: int
+    other: Id
     route: str
-    at_ns: int = 0
+    at_ns: Count = 0
 
 
 class LivelinessChanged(Message, frozen=True, tag="liveliness"):
@@ -320,7 +344,7 @@ class Credit(Message, frozen=True, tag="credit"):
     """To a keep-all publisher: all that must take has taken everything up to `seq`."""
 
     publisher: int
-    seq: int
+    seq: Count
 
 
 class Graph(Message, frozen=True, tag="graph"):
@@ -351,25 +375,26 @@ class TypeDescription(Message, frozen=True, tag="type="):
     schema: bytes
 
 
+class Peers(Message, frozen=True, tag="peers"):
+    """What busd holds for whom, and its `[limits]`. Who is not its own user or root sees his own only."""
+
+    request: int
+    peers: tuple[PeerRecord, ...]
+    users: tuple[UserRecord, ...]
+    routing: RoutingRecord = RoutingRecord()
+    limits: dict[str, int | float] = {}
+
+
 _Both = Hello | Ping | Pong
 _Declaring = DeclareType | CreateNode | DestroyNode | CreatePublisher | CreateSubscription | DestroyEndpoint
 _Sharing = Share | Attach | RefuseRoute | CaughtUp | ReplaceRing
-_Asking = GetGraph | GetType | Observe | StopBroker
+_Asking = GetGraph | GetType | Observe | GetPeers | StopBroker | Reload
 FromClient = _Both | _Declaring | _Sharing | AssertLiveliness | Ack | Report | _Asking
 
-_Answers = Created | Done | Refused | Graph | TypeDescription
+_Answers = Created | Done | Refused | Graph | TypeDescription | Peers
 _Matching = Matched | Unmatched | Incompatible | Attached | RingReplaced | Rerouted
-_News = LivelinessChanged | LivelinessLost | Dropped | Credit | GraphChanged | Fault
+_News = LivelinessChanged | LivelinessLost | Dropped | Credit | GraphChanged | Fault | Leaving
 FromBroker = _Both | _Answers | _Matching | _News
-
-_encode = msgspec.msgpack.Encoder().encode
-
-
-def encode_frame(message: Message) -> bytes:
-    """The whole control frame that carries `message`."""
-    body = _encode(message)
-    return FRAME_HEAD.pack(FRAME_HEAD_BYTES - LENGTH_BYTES + len(body), CONTROL, 0, 0) + body
-
 
 from_client = Decoder(FromClient)
 from_broker = Decoder(FromBroker)

@@ -8,7 +8,7 @@ because the kernel binds descriptors to what one call sends. Pure: gives out buf
 from collections import deque
 
 from bus.descriptor import Descriptor
-from bus.wire.runs import Buffer, RunQueue
+from bus.wire.runs import Account, Buffer, RunQueue
 
 TAKE_BYTES = 256 << 10
 _TURN_BYTES = 64 << 10
@@ -16,11 +16,12 @@ MAX_BUFFERS = 512  # sendmsg takes 1,024 at most
 
 
 class Outbox:
-    """Control frames and ready queues of one connection."""
+    """Control frames and ready queues of one connection. Bytes of control frames are charged to `account`."""
 
-    __slots__ = ("_control", "_ready", "control_bytes")
+    __slots__ = ("_control", "_ready", "account", "control_bytes")
 
     def __init__(self) -> None:
+        self.account: Account | None = None
         self._control: deque[bytes | tuple[bytes, tuple[Descriptor, ...]]] = deque()
         self._ready: deque[RunQueue] = deque()
         self.control_bytes = 0
@@ -31,7 +32,7 @@ class Outbox:
         Who has no more use for one of the descriptors drops it; closed by then, it could not be sent.
         """
         self._control.append((frame, descriptors) if descriptors else frame)
-        self.control_bytes += len(frame)
+        self._charge(len(frame))
 
     def make_ready(self, queue: RunQueue) -> None:
         """Say that `queue` has something to send; it is looked at until it is empty."""
@@ -54,11 +55,12 @@ class Outbox:
                     control.appendleft(frame)
                     break
                 frame, descriptors = frame
-                self.control_bytes -= len(frame)
+                self._charge(-len(frame))
                 return [frame], len(frame), descriptors
-            self.control_bytes -= len(frame)
             size += len(frame)
             buffers.append(frame)
+        if size:
+            self._charge(-size)
         if control:
             return buffers, size, ()
         ready = self._ready
@@ -77,10 +79,20 @@ class Outbox:
                 queue.is_ready = False
         return buffers, size, ()
 
+    @property
+    def samples(self) -> int:
+        """How many samples wait."""
+        return sum(queue.count for queue in self._ready)
+
     def clear_control(self) -> None:
         """Forget the control frames, and let go of their descriptors."""
         self._control.clear()
-        self.control_bytes = 0
+        self._charge(-self.control_bytes)
+
+    def _charge(self, size: int) -> None:
+        self.control_bytes += size
+        if self.account is not None:
+            self.account.charge(size)
 
     def __bool__(self) -> bool:
         return bool(self._control or self._ready)

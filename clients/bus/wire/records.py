@@ -1,6 +1,7 @@
-"""What a graph is made of, as it stands inside the messages Graph and GraphChanged.
+"""What the messages Graph, GraphChanged and Peers are made of.
 
-Owns the records of nodes, endpoints and matches; must not know the messages that carry them.
+Owns the records of nodes, endpoints and matches, and of what processes and users make busd hold; must not
+know the messages that carry them.
 """
 
 import msgspec
@@ -19,13 +20,15 @@ class EndpointStatistics(msgspec.Struct, frozen=True, omit_defaults=True):
     """Live counters of an endpoint.
 
     Of a publisher: samples and bytes published. Of a subscription: samples and bytes delivered, samples
-    waiting (in the broker and in the process), and samples dropped by reason.
+    waiting (in the broker and in the process), samples dropped by reason, and samples published to it since
+    its matches began. When all is quiet, that is samples + queued + dropped.
     """
 
     samples: int = 0
     bytes: int = 0
     queued: int = 0
     dropped: dict[str, int] = {}
+    expected: int = 0
 
 
 class EndpointRecord(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -44,3 +47,57 @@ class MatchRecord(msgspec.Struct, frozen=True, omit_defaults=True):
     publisher: int
     subscription: int
     route: str = "socket"
+
+
+class PeerRecord(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What one process makes busd hold.
+
+    `queued_bytes` are samples that wait for it, `history_bytes` those kept for its publishers,
+    `control_bytes` control frames that wait for it. `topics` are those that its endpoints are on.
+    `refused`: how often a limit stood in its way. `silent_s`: seconds since it was last heard.
+    """
+
+    id: int
+    pid: int
+    uid: int
+    program: str = ""
+    version: str = ""
+    nodes: int = 0
+    endpoints: int = 0
+    topics: int = 0
+    matches: int = 0
+    descriptors: int = 0
+    queued_bytes: int = 0
+    history_bytes: int = 0
+    control_bytes: int = 0
+    refused: int = 0
+    silent_s: float = 0.0
+
+
+class UserRecord(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What all processes of one user make busd hold; `refused` counts those that have left, too."""
+
+    uid: int
+    connections: int = 0
+    endpoints: int = 0
+    topics: int = 0
+    descriptors: int = 0
+    queued_bytes: int = 0
+    history_bytes: int = 0
+    refused: int = 0
+
+
+class RoutingRecord(msgspec.Struct, frozen=True, omit_defaults=True):
+    """How long busd had runs in its hands: from a read off a publisher's socket until they were handed on.
+
+    A histogram of reads: `counts[i]` took at most `bounds_us[i]` microseconds, and more than the bound
+    before; the last count is of those above all bounds. `total_us` is the sum of all. `runs`, `samples` and
+    `bytes` are what went through.
+    """
+
+    runs: int = 0
+    samples: int = 0
+    bytes: int = 0
+    bounds_us: tuple[int, ...] = ()
+    counts: tuple[int, ...] = ()
+    total_us: int = 0

@@ -57,6 +57,22 @@ class Run(msgspec.Struct, eq=False, gc=False):
     is_resumed: bool = False
     """The numbers missing before it went by another route and are not lost."""
 
+    def after(self, seq: int) -> "Run":
+        """What is left behind number `seq`, which is one of its own and not the last."""
+        known = seq + 1 - self.first_seq
+        body = memoryview(self.body)[_walk(self.body, 0, known) :]
+        return Run(
+            self.endpoint,
+            self.source,
+            seq + 1,
+            self.count - known,
+            body,
+            self.is_replay,
+            self.lifespan_ns,
+            self.received_ns,
+            self.origin,
+        )
+
     def records(self) -> Iterator[tuple[memoryview, int]]:
         """Each payload with its stamp; stops early where the body is shorter than it claims."""
         offset, body = 0, memoryview(self.body)
@@ -89,13 +105,28 @@ def _walk(body: Buffer, offset: int, count: int) -> int:
 
 
 class Account:
-    """What one holder keeps of a resource, in bytes, and how much it may keep."""
+    """What one holder keeps of a resource, in bytes, and how much it may keep.
 
-    __slots__ = ("limit", "used")
+    What is charged to it is charged to its `parent` too: what some holders may keep together.
+    """
 
-    def __init__(self, limit: int) -> None:
+    __slots__ = ("limit", "parent", "used")
+
+    def __init__(self, limit: int, parent: "Account | None" = None) -> None:
         self.limit = limit
+        self.parent = parent
         self.used = 0
+
+    def charge(self, size: int) -> None:
+        """So much more is kept, or less; what is hot does it by itself."""
+        self.used += size
+        if self.parent is not None:
+            self.parent.used += size
+
+    @property
+    def is_over(self) -> bool:
+        """More is kept than may be."""
+        return self.used > self.limit
 
 
 class RunQueue:
@@ -145,6 +176,11 @@ class RunQueue:
         account.used += size
         if run.is_replay:
             self.bound += run.count
+        parent = account.parent
+        if parent is not None:
+            parent.used += size
+            if parent.used > parent.limit:
+                return True
         return self.count > self.bound or account.used > account.limit
 
     def trim(self) -> int:
@@ -187,13 +223,22 @@ class RunQueue:
                 gone.append(run)
         return dropped
 
-    def drop_over_quota(self, gone: list[Run] | None = None, *, spare: int = 0) -> int:
+    def drop_over_quota(
+        self,
+        gone: list[Run] | None = None,
+        *,
+        spare: int = 0,
+        account: Account | None = None,
+        slack: int = 0,
+    ) -> int:
         """Drop whole runs, oldest first, until the account is within its limit; returns the samples dropped.
 
-        The `spare` newest runs stay in any case. Those that go are added to `gone`.
+        `account`: its parent may be meant instead; `slack`: how far below the limit to go. The `spare` newest
+        runs stay in any case. Those that go are added to `gone`.
         """
         dropped = 0
-        while len(self.runs) > spare and self.account.used > self.account.limit:
+        account = account or self.account
+        while len(self.runs) > spare and account.used > account.limit - slack:
             run = self.runs[0]
             held = run.count - self.skipped
             dropped += held
@@ -275,7 +320,11 @@ class RunQueue:
         self.count -= run.count - self.skipped
         size = len(run.body) + RUN_COST_BYTES
         self.held_bytes -= size
-        self.account.used -= size
+        account = self.account
+        account.used -= size
+        parent = account.parent
+        if parent is not None:
+            parent.used -= size
         self.offset = self.skipped = 0
         if not self.runs:
             self.bound = self.depth or _UNBOUNDED

@@ -78,6 +78,7 @@ class Session:
             max_data_bytes=RUN_BYTES + RECORD_HEAD_BYTES + max_message_bytes,
         )
         self.peer: Hello | None = None
+        self._role = role
         self.descriptors: deque[tuple[Descriptor, ...]] = deque()
         self._decode = (from_client if role is Role.BROKER else from_broker).decode
 
@@ -96,6 +97,11 @@ class Session:
         ):
             return frames  # the common case at a moderate rate, without a generator's cost
         return self._interpret(frames)
+
+    def allow(self, max_message_bytes: int) -> None:
+        """Let messages be as long, if that is longer than until now."""
+        most = RUN_BYTES + RECORD_HEAD_BYTES + max_message_bytes
+        self.reader.max_data_bytes = max(self.reader.max_data_bytes, most)
 
     def drop_descriptors(self) -> None:
         """Close those that wait for their messages."""
@@ -140,9 +146,13 @@ class Session:
 
     def _check(self, hello: Hello) -> None:
         if hello.version != VERSION:
+            is_theirs_older = hello.version < VERSION
+            if (self._role is Role.CLIENT) is is_theirs_older:
+                remedy = "the busd that runs is older: update it, then bus daemon stop"
+            else:
+                remedy = "the program has an older busd than runs: update the one that it imports"
             raise RemoteProtocolError(
-                f"protocol version {hello.version} offered, this side speaks {VERSION}; "
-                "the two programs have different versions of busd"
+                f"protocol version {hello.version} offered, this side speaks {VERSION}; {remedy}"
             )
         self.peer = hello
 

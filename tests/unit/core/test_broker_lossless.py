@@ -104,6 +104,17 @@ class TestAcks:
         )
         assert publisher.process.cut_reason is None
 
+    def test_nobody_is_made_to_ack_what_was_never_published(self) -> None:
+        """By a run for it alone, with numbers that are ahead of what went to all."""
+        _, publisher, (subscription,) = pair()
+        publisher.publish(*"abc")
+        publisher.catch_up(subscription, "c", first_seq=3)
+        publisher.catch_up(subscription, "d", "e", first_seq=3)
+        assert publisher.process.cut_reason == "publisher 2 sent sample 4 once more, the last one is 3"
+        assert [one.seq for one in subscription.samples] == [1, 2, 3, 3]
+        subscription.ack(publisher, 3)
+        assert subscription.process.cut_reason is None
+
     def test_a_publisher_that_has_gone_may_be_acked(self) -> None:
         _, publisher, (subscription,) = pair()
         publisher.publish(*"abc")

@@ -36,6 +36,12 @@ class TestRequests:
     def test_the_pid_of_the_broker(self) -> None:
         assert World().process().graph().pid == 1
 
+    def test_what_a_process_calls_itself_can_be_shown_on_any_terminal(self) -> None:
+        world = World()
+        world.process("\x1b[2Jné\nbus\u202e" + "x" * 100)
+        (peer,) = world.process("").request(m.GetPeers(request=0), m.Peers).peers[:1]
+        assert peer.program == "?[2Jné?bus?" + "x" * 53
+
     def test_a_schema_of_somebody_else(self) -> None:
         world = World()
         one, other = world.process(), world.process()
@@ -53,11 +59,26 @@ class TestRequests:
         world.process("tool", uid=uid).request(m.StopBroker(request=0), m.Done)
         assert world.stop_reason == "asked by tool (pid 100)"
 
+    def test_where_users_cant_be_told_the_sockets_mode_decides(self) -> None:
+        world = World()
+        world.process("tool", uid=-1).request(m.StopBroker(request=0), m.Done)
+        assert world.stop_reason == "asked by tool (pid 100)"
+
     def test_others_may_not_stop_it(self) -> None:
         world = World()
         with pytest.raises(Refusal, match="user 1001 may not stop the busd of user 1000"):
             world.process(uid=1001).request(m.StopBroker(request=0), m.Done)
         assert world.stop_reason is None
+
+    @pytest.mark.parametrize(
+        ("message", "what"),
+        [(m.StopBroker(request=0, restart=True), "restart"), (m.Reload(request=0), "reload")],
+        ids=["restart", "reload"],
+    )
+    def test_nor_have_it_changed(self, message: m.Message, what: str) -> None:
+        world = World()
+        with pytest.raises(Refusal, match=f"user 1001 may not {what} the busd of user 1000"):
+            world.process(uid=1001).request(message, m.Done)
 
     def test_a_process_that_has_gone_is_not_heard(self) -> None:
         world = World()

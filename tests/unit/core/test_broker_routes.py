@@ -4,7 +4,7 @@ import pytest
 
 from broker_endpoints import Publisher, Subscription
 from broker_line import Pair, note, route
-from broker_world import UID, World
+from broker_world import ALL_MAY, UID, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 
@@ -46,7 +46,7 @@ class TestMatching:
         assert route(publisher, subscription) == "socket"
 
     def test_users_do_not_share(self, publisher_first: bool) -> None:
-        world = World()
+        world = World(access=(ALL_MAY,))
         talker = world.process(shares=True)
         listener = world.process(shares=True, uid=UID + 1)
         if publisher_first:

@@ -3,18 +3,12 @@
 import msgspec
 import pytest
 
-from broker_world import NUMBER, TEXT, Process, Refusal, World
+from broker_world import NUMBER, TEXT, Process, World, refused
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from busd.core.limits import Limits, TopicRule
 
 ONE_KIB = 1024
-
-
-def refused(action: object, *arguments: object, **more: object) -> m.Refused:
-    with pytest.raises(Refusal) as caught:
-        action(*arguments, **more)  # type: ignore[operator]
-    return caught.value.answer
 
 
 class TestNames:
@@ -131,6 +125,11 @@ class TestQuotas:
             assert answer.text == "depth 101 is more than busd's limit of 100"
         process.subscription("/topic", QoSProfile(history="keep_all"))
 
+    @pytest.mark.parametrize("topic", ["/rosout", "/parameter_events", "/node/get_parameters/_reply"])
+    def test_the_depth_of_what_every_node_has(self, topic: str) -> None:
+        process = World(Limits(depth=100)).process()
+        assert process.publisher(topic, QoSProfile(depth=1000)).created.depth == 100
+
 
 class TestTypes:
     def test_too_many_for_their_endpoints(self) -> None:
@@ -164,6 +163,13 @@ class TestTypes:
         long = msgspec.msgpack.encode("x" * ONE_KIB)
         process.tell(m.DeclareType(type_name="b", type_hash="1", schema=long))
         assert process.cut_reason == "schema of 1027 bytes, the limit is 1024"
+
+    @pytest.mark.parametrize("text", ["a\nb", "\x1b[2J", "a\u202eb", "a\x00"])
+    @pytest.mark.parametrize("field", ["type_name", "type_hash"])
+    def test_what_would_play_tricks_on_a_terminal_is_no_name(self, field: str, text: str) -> None:
+        process = World().process()
+        process.tell(m.DeclareType(**{"type_name": "a", "type_hash": "1", field: text}))
+        assert process.cut_reason == f"type name or hash {text!r}, which can't be printed"
 
     def test_the_first_schema_of_a_type_stays(self) -> None:
         world = World()

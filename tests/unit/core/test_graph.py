@@ -156,8 +156,10 @@ class TestStatistics:
                 bytes=70,
                 queued=2,
                 dropped={"replaced": 1, "undecodable": 1},
+                expected=11,
+                repeated=1,
             )
         )
         assert line.subscription.statistics(line.talker) == m.EndpointStatistics(
-            samples=7, bytes=70, queued=3, dropped={"replaced": 3, "undecodable": 1}
+            samples=7, bytes=70, queued=3, dropped={"replaced": 3, "undecodable": 1}, expected=13
         )

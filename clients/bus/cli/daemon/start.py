@@ -19,6 +19,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--log-level", metavar="LEVEL", help="how much busd writes into its log (see busd --help)"
     )
+    parser.add_argument("--log-format", metavar="FORMAT", help="how busd writes it (see busd --help)")
 
 
 def main(args: Namespace) -> int:
@@ -26,7 +27,11 @@ def main(args: Namespace) -> int:
     pid = _pid(path)
     is_new = pid is None
     if is_new:
-        options = {"--config": args.config, "--log-level": args.log_level}
+        options = {
+            "--config": args.config,
+            "--log-level": args.log_level,
+            "--log-format": args.log_format,
+        }
         try:
             asyncio.run(start(path, [f"{name}={value}" for name, value in options.items() if value]))
         except BrokerUnavailable as error:

@@ -65,6 +65,8 @@ def _block(graph: Graph, endpoint: GraphEndpoint) -> list[str]:
         bound = f" of {endpoint.qos.depth}" if endpoint.qos.history is History.KEEP_LAST else ""
         lines.append(f"Queue: {counters.queued}{bound}")
     lines.append(f"Dropped: {dropped_text(counters.dropped)}")
+    if endpoint.kind == "subscription":
+        lines.append(f"Expected: {counters.expected}")
     matches = _matches(graph, endpoint)
     lines.append(f"Matches: {sum('route' in match for match in matches)}")
     for match in matches:
@@ -105,5 +107,6 @@ def _record(graph: Graph, endpoint: GraphEndpoint) -> dict[str, Any]:
         "bytes": counters.bytes,
         "queued": counters.queued,
         "dropped": counters.dropped,
+        **({"expected": counters.expected} if endpoint.kind == "subscription" else {}),
         "matches": _matches(graph, endpoint),
     }

@@ -1,0 +1,94 @@
+"""Questions and their answers: the graph, types, what busd holds for whom; and who watches the graph change.
+
+Handlers of the broker's control messages, as in `busd.core.declaring`. Owns the observers. Changes nothing
+that anybody could see.
+"""
+
+from functools import partial
+
+from msgspec import structs
+
+from bus.errors import ConfigurationError
+from bus.ids import PeerId
+from bus.wire import messages as m
+from busd.core.effects import Effect, Send
+from busd.core.entities import Peer
+from busd.core.graph import Graph
+from busd.core.guard import Guard
+from busd.core.latency import RoutingTimes
+from busd.core.quotas import Quotas
+from busd.core.views import View
+
+
+class Questions:
+    """Carries out GetGraph, GetType, GetPeers and Observe.
+
+    `pid` goes with a graph. What all users hold is for those whom no rule of access is asked for.
+    """
+
+    def __init__(self, graph: Graph, quotas: Quotas, guard: Guard, times: RoutingTimes, *, pid: int) -> None:
+        self._graph = graph
+        self._quotas = quotas
+        self._guard = guard
+        self._times = times
+        self._pid = pid
+        self._observers: dict[PeerId, View | None] = {}
+        """What each sees; None: everything."""
+
+    def get_graph(self, now_ns: int, peer: Peer, message: m.GetGraph, out: list[Effect]) -> None:
+        shown = self._view(peer) or self._graph
+        answer = shown.snapshot(message.request, statistics=message.statistics, pid=self._pid)
+        out.append(Send(peer.id, answer))
+
+    def get_type(self, now_ns: int, peer: Peer, message: m.GetType, out: list[Effect]) -> None:
+        kind = (message.type_name, message.type_hash)
+        schema = self._graph.schema(kind)
+        view = self._view(peer)
+        if schema is None or (view is not None and not view.shows_type(kind)):
+            raise ConfigurationError(f"no endpoint has the type {message.type_name} ({message.type_hash})")
+        out.append(Send(peer.id, m.TypeDescription(request=message.request, schema=schema)))
+
+    def get_peers(self, now_ns: int, peer: Peer, message: m.GetPeers, out: list[Effect]) -> None:
+        sees_all = self._guard.access.is_free(peer.uid)
+        peers, users = self._quotas.records(now_ns, None if sees_all else peer.user)
+        samples, size = self._graph.routed()
+        answer = m.Peers(
+            request=message.request,
+            peers=peers,
+            users=users,
+            routing=self._times.record(samples=samples, bytes=size) if sees_all else m.RoutingRecord(),
+            limits=structs.asdict(self._quotas.limits),
+        )
+        out.append(Send(peer.id, answer))
+
+    def observe(self, now_ns: int, peer: Peer, message: m.Observe, out: list[Effect]) -> None:
+        self.forget(peer)
+        if not message.on:
+            out.append(Send(peer.id, m.Done(request=message.request)))
+            return
+        view = self._observers[peer.id] = self._view(peer)
+        shown = view or self._graph
+        out.append(Send(peer.id, shown.snapshot(message.request, statistics=False, pid=self._pid)))
+
+    def forget(self, peer: Peer) -> None:
+        """Tell `peer` no more of what changes."""
+        self._observers.pop(peer.id, None)
+
+    def tell(self, change: m.GraphChanged, out: list[Effect]) -> None:
+        """Tell all observers what has changed, as far as they see it."""
+        for peer, view in self._observers.items():
+            out.append(Send(peer, change if view is None else view.changed(change)))
+
+    def renew(self, out: list[Effect]) -> None:
+        """Other rules of access hold: tell those who see more or less by them what that is."""
+        if any(view is not None for view in self._observers.values()):
+            revision = self._graph.skip_revision()
+            for peer, view in self._observers.items():
+                change = m.GraphChanged(revision=revision) if view is None else view.renew(revision)
+                out.append(Send(peer, change))
+
+    def _view(self, peer: Peer) -> View | None:
+        """What `peer` may see of the graph; None: everything."""
+        if self._guard.access.is_free(peer.uid):
+            return None
+        return View(self._graph, peer, partial(self._guard.may_observe, peer))

@@ -1,0 +1,278 @@
+"""How much each process and each user may have: every comparison with a limit, and what is said there.
+
+Owns the users and what all of a user's processes hold together. Must not know what is made where there is
+room. Reaching a limit raises QuotaExceeded; samples that are too many are dropped by `busd.core.routing`.
+"""
+
+import logging
+from collections.abc import Callable, Collection, Sized
+
+from bus.errors import QuotaExceeded
+from bus.wire import messages as m
+from bus.wire.runs import Account
+from busd.core.bucket import Bucket
+from busd.core.effects import Effect, Note, Pause
+from busd.core.entities import Holder, Peer, User
+from busd.core.limits import Limits
+
+__all__ = ["TELL_AGAIN_NS", "Quotas"]
+
+TELL_AGAIN_NS = 10_000_000_000
+"""A limit that a process runs into again and again is told to the log when it has not for so long."""
+
+_LONGEST_PAUSE_NS = 1_000_000_000
+_LEASE_PART = 4
+_DECLARATIONS_PER_ENDPOINT = 4
+_FEW = 32
+"""Records of a graph, or matches, that cost as much as one declaration."""
+
+_WITHOUT_REFUSAL = frozenset({m.DeclareType, m.DestroyNode, m.DestroyEndpoint, m.Ping})
+"""What nobody could be told that it was not done: it is done, and counted."""
+_FOR_THE_GRAPH = frozenset({m.GetGraph, m.GetPeers, m.Observe})
+_COUNTED = frozenset(
+    {m.CreateNode, m.CreatePublisher, m.CreateSubscription, m.GetType} | _FOR_THE_GRAPH | _WITHOUT_REFUSAL
+)
+
+
+class Quotas:
+    """Knows the limits in force, and every user that has a process here."""
+
+    def __init__(self, limits: Limits) -> None:
+        self.limits = limits
+        self.users: dict[int, User] = {}
+
+    def reconfigure(self, limits: Limits) -> None:
+        """Go by these limits from now on. What is over one of them stays."""
+        self.limits = limits
+        for user in self.users.values():
+            self._resize(user, "user")
+            for peer in user.peers.values():
+                self._resize(peer, "peer")
+
+    # --- who comes and goes
+
+    def user(self, now_ns: int, uid: int) -> User:
+        """The user with that number, for a process that comes."""
+        user = self.users.get(uid)
+        if user is None:
+            for other in [one for one in self.users.values() if _is_forgettable(now_ns, one)]:
+                del self.users[other.uid]
+            user = self.users[uid] = User(
+                uid=uid,
+                queued=Account(0),
+                history=Account(0),
+                control=Account(0),
+                unfinished=Account(0),
+                declarations=Bucket(1, 1),
+            )
+            self._resize(user, "user")
+        return user
+
+    def enter(self, peer: Peer) -> None:
+        """`peer` is there, with empty accounts of its user."""
+        peer.user.peers[peer.id] = peer
+        self._resize(peer, "peer")
+
+    def leave(self, peer: Peer) -> None:
+        del peer.user.peers[peer.id]
+
+    # --- what they may
+
+    def turn_away(self, now_ns: int, uid: int, *, connections: int, of_user: int) -> tuple[str, bool]:
+        """Why one more process of a user can't be let in, "" where it can; and whether the log knows that.
+
+        `connections` are all, `of_user` that user's, with the one that knocks.
+        """
+        most, most_of_user = self.limits.connections, self.limits.connections_per_user
+        if connections > most:
+            error = QuotaExceeded("connections", used=most, limit=most)
+        elif of_user > most_of_user:
+            error = QuotaExceeded(f"connections of user {uid}", used=most_of_user, limit=most_of_user)
+        else:
+            return "", False
+        user = self.user(now_ns, uid)
+        user.refused += 1
+        return str(error), not _is_news(now_ns, user, error.resource)
+
+    def spend(self, now_ns: int, peer: Peer, message: object, records: Sized, out: list[Effect]) -> None:
+        """Count a declaration, a question or a ping; who asks about the graph has it looked through.
+
+        `records` are those of the graph. Of a type a guest may know only if he sees an endpoint that has it.
+
+        Raises QuotaExceeded where there were too many for now, if that can be answered. A process that is
+        over its own rate is not listened to for a while, so that refusing it costs no more than serving it.
+        """
+        kind = type(message)
+        if kind not in _COUNTED:
+            return
+        tokens, can_refuse = 1, kind not in _WITHOUT_REFUSAL
+        if kind in _FOR_THE_GRAPH or (kind is m.GetType and peer.is_guest):
+            tokens += len(records) // _FEW
+        if not peer.declarations.has(now_ns, tokens):
+            self._pause(now_ns, peer, out)
+            if can_refuse:
+                raise _too_often(peer, self.limits.declarations_per_s_per_peer)
+        peer.declarations.take(now_ns, tokens)
+        if kind is m.Ping:
+            return  # a sign of life is nothing that a user's other processes could be in the way of
+        if can_refuse and not peer.user.declarations.has(now_ns, tokens):
+            raise _too_often(peer.user, self.limits.declarations_per_s_per_user)
+        peer.user.declarations.take(now_ns, tokens)
+
+    def check_node(self, peer: Peer) -> None:
+        """Raise QuotaExceeded where there is no room for another node."""
+        limits = self.limits
+        _check("nodes", peer, len(peer.nodes), limits.nodes_per_peer)
+        _check("nodes", peer.user, peer.user.nodes, limits.nodes_per_user)
+
+    def check_type(self, peer: Peer) -> None:
+        """Raise QuotaExceeded where there is no room for another type."""
+        limits = self.limits
+        _check("types", peer, len(peer.types), limits.endpoints_per_peer)
+        _check("bytes of types", peer, peer.schema_bytes, limits.control_bytes_per_peer)
+        _check("bytes of types", peer.user, peer.user.schema_bytes, limits.control_bytes_per_user)
+
+    def check_endpoint(
+        self, now_ns: int, peer: Peer, topic: str, topics: Collection[str], matches: int
+    ) -> None:
+        """Raise QuotaExceeded where there is no room for another endpoint on `topic`, of as many `matches`.
+
+        `topics` are all that exist. A match of a guest with somebody who is none counts for the guest alone.
+        """
+        limits, user = self.limits, peer.user
+        _check("endpoints", peer, len(peer.endpoints), limits.endpoints_per_peer)
+        _check("endpoints", user, user.endpoints, limits.endpoints_per_user)
+        if topic not in peer.topics:
+            _check("topics", peer, len(peer.topics), limits.topics_per_peer)
+        if topic not in user.topics:
+            _check("topics", user, len(user.topics), limits.topics_per_user)
+        if topic not in topics and len(topics) >= limits.topics:
+            raise QuotaExceeded("topics", used=len(topics), limit=limits.topics)
+        _check("matches", peer, peer.matches + matches, limits.matches_per_peer, more=0)
+        _check("matches", user, user.matches + matches, limits.matches_per_user, more=0)
+        for holder in (peer, user):
+            holder.declarations.take(now_ns, matches // _FEW)
+
+    def take_descriptors(self, peer: Peer, descriptors: tuple[object, ...]) -> None:
+        """Count `descriptors` for as long as anybody holds them.
+
+        Raises QuotaExceeded where there is no room for them; then they are not counted.
+        """
+        limits, more = self.limits, len(descriptors)
+        _check("descriptors", peer, _descriptors(peer), limits.descriptors_per_peer, more)
+        _check("descriptors", peer.user, _descriptors(peer.user), limits.descriptors_per_user, more)
+        for holder in (peer, peer.user):
+            holder.descriptors.update(descriptors)
+
+    # --- what is said
+
+    def refused(self, now_ns: int, peer: Peer, error: QuotaExceeded, out: list[Effect]) -> None:
+        """A limit was in the way of what `peer` asked for."""
+        for holder in (peer, peer.user):
+            holder.refused += 1
+        if _is_news(now_ns, peer, error.resource):
+            self._tell(peer, error.resource, error.used, error.limit, out.append)
+
+    def tell_bytes(
+        self, now_ns: int, peer: Peer, what: str, account: Account, emit: Callable[[Effect], None]
+    ) -> None:
+        """`account`, the process's own or its user's, is over its limit, so `peer` loses some of `what`."""
+        is_own = account.parent is not None
+        if _is_news(now_ns, peer, what if is_own else what + " all"):  # while all is full, with each run
+            whose = _name(peer if is_own else peer.user)
+            self._tell(peer, f"{what} {whose}", account.used, account.limit, emit)
+
+    def _tell(self, peer: Peer, resource: str, used: int, limit: int, emit: Callable[[Effect], None]) -> None:
+        what = f"limit reached by {peer.describe()} of user {peer.uid}: {resource}: {used} of {limit}"
+        emit(Note(logging.WARNING, what))
+
+    def records(
+        self, now_ns: int, only: User | None
+    ) -> tuple[tuple[m.PeerRecord, ...], tuple[m.UserRecord, ...]]:
+        """What every process and every user holds, or `only` that user."""
+        users = [user for user in self.users.values() if user.peers] if only is None else [only]
+        peers = [peer for user in users for peer in user.peers.values()]
+        return tuple(_peer_record(now_ns, peer) for peer in peers), tuple(map(_user_record, users))
+
+    def _resize(self, holder: Holder, whose: str) -> None:
+        def limit(name: str) -> int:
+            value: int = getattr(self.limits, f"{name}_per_{whose}")
+            return value
+
+        holder.queued.limit = limit("queued_bytes")
+        if isinstance(holder, User):
+            holder.unfinished.limit = limit("queued_bytes")
+        holder.history.limit = limit("history_bytes")
+        holder.control.limit = limit("control_bytes")
+        # A new busd is told everything at once, and a program may make all that it may have at once.
+        rate = limit("declarations_per_s")
+        burst = rate + limit("nodes") + limit("matches") // _FEW
+        holder.declarations.resize(rate, burst + _DECLARATIONS_PER_ENDPOINT * limit("endpoints"))
+
+    def _pause(self, now_ns: int, peer: Peer, out: list[Effect]) -> None:
+        if now_ns >= peer.paused_ns:
+            pause_ns = min(_LONGEST_PAUSE_NS, int(self.limits.lease_s * 1e9) // _LEASE_PART)
+            peer.paused_ns = now_ns + pause_ns
+            out.append(Pause(peer.id, pause_ns))
+
+
+def _is_news(now_ns: int, holder: Holder, resource: str) -> bool:
+    """Whether the log is to be told of that limit: it was not, or `holder` was not at it since."""
+    last_ns = holder.told_ns.get(resource)
+    holder.told_ns[resource] = now_ns
+    return last_ns is None or now_ns - last_ns >= TELL_AGAIN_NS
+
+
+def _check(resource: str, holder: Holder, used: int, limit: int, more: int = 1) -> None:
+    if used + more > limit:
+        raise QuotaExceeded(f"{resource} of {_name(holder)}", used=used, limit=limit)
+
+
+def _too_often(holder: Holder, limit: int) -> QuotaExceeded:
+    return QuotaExceeded(f"declarations per second of {_name(holder)}", used=limit, limit=limit)
+
+
+def _name(holder: Holder) -> str:
+    return f"user {holder.uid}" if isinstance(holder, User) else "a process"
+
+
+def _descriptors(holder: Holder) -> int:
+    """Those of connections are the kernel's and the shell's, but count as well."""
+    return len(holder.descriptors) + (len(holder.peers) if isinstance(holder, User) else 1)
+
+
+def _is_forgettable(now_ns: int, user: User) -> bool:
+    return not user.peers and not user.descriptors and user.declarations.is_full(now_ns)
+
+
+def _peer_record(now_ns: int, peer: Peer) -> m.PeerRecord:
+    return m.PeerRecord(
+        id=peer.id,
+        pid=peer.pid,
+        uid=peer.uid,
+        program=peer.program,
+        version=peer.version,
+        nodes=len(peer.nodes),
+        endpoints=len(peer.endpoints),
+        topics=len(peer.topics),
+        matches=peer.matches,
+        descriptors=_descriptors(peer),
+        queued_bytes=peer.queued.used,
+        history_bytes=peer.history.used,
+        control_bytes=peer.control.used,
+        refused=peer.refused,
+        silent_s=max(0, now_ns - peer.last_heard_ns) / 1e9,
+    )
+
+
+def _user_record(user: User) -> m.UserRecord:
+    return m.UserRecord(
+        uid=user.uid,
+        connections=len(user.peers),
+        endpoints=user.endpoints,
+        topics=len(user.topics),
+        descriptors=_descriptors(user),
+        queued_bytes=user.queued.used,
+        history_bytes=user.history.used,
+        refused=user.refused,
+    )

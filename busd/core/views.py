@@ -1,0 +1,122 @@
+"""What of the graph somebody sees who may not see all of it.
+
+He sees the endpoints on the topics that he may observe and his own process's, the nodes of these, his own
+nodes, and the matches whose two ends he sees. Owns what an observer was told, so that his copy stays exact.
+Must not know why a topic is hidden.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+
+from bus.ids import EndpointId, NodeId
+from bus.wire.messages import EndpointRecord, GraphChanged, MatchRecord
+from bus.wire.messages import Graph as Snapshot
+from busd.core.entities import MessageType, Peer, Publisher, Subscription
+from busd.core.graph import Graph
+
+
+class View:
+    """The part of `graph` that `peer` sees, which is asked once for each endpoint; `renew` asks again."""
+
+    def __init__(self, graph: Graph, peer: Peer, may_observe: Callable[[str], bool]) -> None:
+        self._graph = graph
+        self._peer = peer
+        self._may_observe = may_observe
+        self._endpoints: dict[int, int] = {}
+        """Those that are shown, with their nodes."""
+        self._nodes: Counter[int] = Counter()
+        """Those that are shown, with the number of their endpoints that are, and one more for own ones."""
+        self._fill()
+
+    def snapshot(self, request: int, *, statistics: bool, pid: int) -> Snapshot:
+        """All that is seen, as the answer to `request`."""
+        return self._graph.snapshot(
+            request,
+            statistics=statistics,
+            pid=pid,
+            shows_node=self._nodes.__contains__,
+            shows_endpoint=self._endpoints.__contains__,
+        )
+
+    def shows_type(self, kind: MessageType) -> bool:
+        """Whether an endpoint that is seen has that type, or this process has declared it."""
+        if kind in self._peer.types:
+            return True
+        tables = (self._graph.publishers, self._graph.subscriptions)
+        return any(
+            one.type == kind and one.id in self._endpoints for table in tables for one in table.values()
+        )
+
+    def changed(self, change: GraphChanged) -> GraphChanged:
+        """What this observer sees of `change`, which has just been made: maybe nothing but the revision."""
+        nodes_gone, gone = {*change.nodes_removed}, {*change.endpoints_removed}
+        before = set(self._nodes)
+        for node in change.nodes_added:
+            if node.id in self._peer.nodes:
+                self._nodes[node.id] += 1
+        added = [one for one in change.endpoints_added if one.id not in gone and self._is_seen(one)]
+        for endpoint in added:
+            self._show(endpoint.id, endpoint.node)
+        matches_added = tuple(filter(self._sees_both, change.matches_added))
+        matches_removed = tuple(filter(self._sees_both, change.matches_removed))
+        removed = tuple(number for number in change.endpoints_removed if number in self._endpoints)
+        for number in removed:
+            self._hide(number)
+        for number in nodes_gone:
+            self._nodes.pop(number, None)
+        nodes = self._graph.nodes
+        return GraphChanged(
+            revision=change.revision,
+            nodes_added=tuple(nodes[NodeId(one)].record() for one in sorted(set(self._nodes) - before)),
+            nodes_removed=tuple(sorted(before - set(self._nodes))),
+            endpoints_added=tuple(added),
+            endpoints_removed=removed,
+            matches_added=matches_added,
+            matches_removed=matches_removed,
+        )
+
+    def renew(self, revision: int) -> GraphChanged:
+        """Ask for every topic again; returns what has come into sight and what has gone, as `revision`."""
+        nodes, endpoints, matches = set(self._nodes), set(self._endpoints), self._matches()
+        self._fill()
+        graph = self._graph
+        fresh = [one for one in self._endpoints if one not in endpoints]
+        return GraphChanged(
+            revision=revision,
+            nodes_added=tuple(graph.nodes[NodeId(one)].record() for one in self._nodes if one not in nodes),
+            nodes_removed=tuple(one for one in nodes if one not in self._nodes),
+            endpoints_added=tuple(graph.endpoint(EndpointId(one)).record() for one in fresh),
+            endpoints_removed=tuple(one for one in endpoints if one not in self._endpoints),
+            matches_added=tuple(one for one in self._matches() if one not in matches),
+            matches_removed=tuple(one for one in matches if not self._sees_both(one)),
+        )
+
+    def _fill(self) -> None:
+        self._endpoints.clear()
+        self._nodes.clear()
+        self._nodes.update([*self._peer.nodes])
+        tables: tuple[dict[EndpointId, Publisher] | dict[EndpointId, Subscription], ...]
+        tables = (self._graph.publishers, self._graph.subscriptions)
+        for table in tables:
+            for endpoint in table.values():
+                if endpoint.node.peer is self._peer or self._may_observe(endpoint.topic.name):
+                    self._show(endpoint.id, endpoint.node.id)
+
+    def _is_seen(self, endpoint: EndpointRecord) -> bool:
+        return endpoint.id in self._peer.endpoints or self._may_observe(endpoint.topic)
+
+    def _show(self, endpoint: int, node: int) -> None:
+        self._endpoints[endpoint] = node
+        self._nodes[node] += 1
+
+    def _hide(self, endpoint: int) -> None:
+        node = self._endpoints.pop(endpoint)
+        self._nodes[node] -= 1
+        if not self._nodes[node]:
+            del self._nodes[node]
+
+    def _sees_both(self, match: MatchRecord) -> bool:
+        return match.publisher in self._endpoints and match.subscription in self._endpoints
+
+    def _matches(self) -> dict[MatchRecord, None]:
+        return dict.fromkeys(filter(self._sees_both, self._graph.match_records()))

@@ -1,0 +1,89 @@
+"""The orderly end of the connections: what peers have sent is routed, what waits for them is sent.
+
+Owns the order and the bounds of time. Must not know what is sent. A peer that understands Leaving ends what
+it sends between two frames; from any other is taken what its socket holds. As long as one may still be heard
+all are served, because what it says may be for them.
+"""
+
+import asyncio
+import logging
+from collections.abc import Callable, Collection
+from time import monotonic
+
+from busd.peer import PeerConnection
+
+__all__ = ["Drain"]
+
+_LOOK_S = 0.005
+_STEP_S = 0.05
+"""What counts between two looks at most: this process may have been held up, with much to read since."""
+
+_log = logging.getLogger("busd")
+
+
+class Drain:
+    """Begins at once. `connections` are looked at until all are closed; then `on_end` is called, once.
+
+    `on_heard` is called when all that peers have sent was heard, at least once. `longest_s`: what has not
+    been taken by then is left, and the log says how much. Half of that time a peer may take to heed Leaving.
+    """
+
+    def __init__(
+        self,
+        connections: Collection[PeerConnection],
+        text: str,
+        *,
+        longest_s: float,
+        on_heard: Callable[[], None],
+        on_end: Callable[[], None],
+    ) -> None:
+        self._connections = connections
+        self._on_heard = on_heard
+        self._on_end = on_end
+        self._loop = asyncio.get_running_loop()
+        self._timer: asyncio.TimerHandle | None = None
+        self._longest_s = longest_s
+        self._passed_s = 0.0
+        self._looked_s = monotonic()
+        self._has_ended = False
+        for connection in tuple(connections):
+            connection.leave(text)
+        self._look()
+
+    def end(self) -> None:
+        """Wait no longer."""
+        self._passed_s = self._longest_s
+        if self._timer is not None:
+            self._timer.cancel()
+        self._look()
+
+    def _look(self) -> None:
+        now_s = monotonic()
+        self._passed_s += min(now_s - self._looked_s, _STEP_S)
+        self._looked_s = now_s
+        speakers = [one for one in self._open if not one.stream.has_ended]
+        if self._passed_s >= self._longest_s / 2:
+            for connection in speakers:
+                connection.stream.hear_out()
+        is_over = self._passed_s >= self._longest_s
+        if is_over or not speakers:
+            self._on_heard()
+            for connection in self._open:
+                if is_over or connection.stream.is_drained:
+                    _close(connection)
+        if self._open:
+            self._timer = self._loop.call_later(_LOOK_S, self._look)
+        elif not self._has_ended:
+            self._has_ended = True
+            self._on_end()
+
+    @property
+    def _open(self) -> list[PeerConnection]:
+        return [one for one in self._connections if not one.stream.is_closed]
+
+
+def _close(connection: PeerConnection) -> None:
+    if not connection.stream.is_drained:
+        pid, outbox = connection.credentials.pid, connection.stream.outbox
+        _log.warning("pid %d does not read: %d samples were left", pid, outbox.samples, extra={"peer": pid})
+    connection.close()

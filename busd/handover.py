@@ -1,0 +1,58 @@
+"""A busd that begins anew: the same process runs the program again, and keeps what it listens on.
+
+Owns the command line of the next one, the look whether that can start, and the exec. Must not know what the
+daemon serves, nor how it ends. So a restart takes what is installed now, nobody's connect fails meanwhile,
+and no other busd gets in between.
+"""
+
+import asyncio
+import os
+import sys
+from collections.abc import Sequence
+
+from busd.listener import Listener
+
+__all__ = ["CHECK", "command_line", "find_fault", "hand_over"]
+
+CHECK = "--check"
+"""The option with which busd only looks whether it could start."""
+
+_CHECK_S = 20.0
+
+
+def command_line(arguments: Sequence[str] | None) -> list[str]:
+    """What to run for the same again; `arguments` are busd's own, None: those of this process."""
+    if arguments is None:
+        return [sys.executable, *sys.orig_argv[1:]]
+    return [sys.executable, "-m", "busd", *arguments]
+
+
+async def find_fault(command: Sequence[str]) -> str:
+    """Why `command` could not start, in one line; empty where it could."""
+    try:
+        process = await asyncio.create_subprocess_exec(
+            *command,
+            CHECK,
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.DEVNULL,
+            stderr=asyncio.subprocess.PIPE,
+        )
+    except OSError as error:
+        return f"{command[0]}: {error.strerror}"
+    try:
+        async with asyncio.timeout(_CHECK_S):
+            _, said = await process.communicate()
+    except TimeoutError:
+        process.kill()
+        await process.wait()
+        return f"the new busd does not come up within {_CHECK_S:g} s"
+    if not process.returncode:
+        return ""
+    lines = said.decode(errors="replace").strip().splitlines()
+    return lines[-1].removeprefix("busd: ") if lines else f"the new busd ended with {process.returncode}"
+
+
+def hand_over(listener: Listener, command: Sequence[str]) -> None:
+    """Become `command`, with the listening socket and its lock. Returns only by raising OSError."""
+    environ = {**os.environ, **listener.bequeath()}
+    os.execve(command[0], [*command], environ)

@@ -1,0 +1,98 @@
+"""SIGHUP: the configuration is read again and put in force, or left as it was where something is wrong.
+
+Owns the configuration in force, what a change of it is called in the log, and what SIGHUP means where busd
+was started in a terminal. Must not know what the values do.
+"""
+
+import logging
+import os
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from time import monotonic_ns
+from typing import Any
+
+import msgspec
+
+from bus.errors import ConfigurationError
+from busd.config import Config, load
+from busd.notify import READY, notify, reloading
+
+__all__ = ["Reloader", "ends_with_terminal", "has_terminal"]
+
+_LONGEST_VALUE = 60
+
+_log = logging.getLogger("busd")
+
+
+class Reloader:
+    """`path` is of the file that `config` was read from, None: there is none. `apply` puts one in force."""
+
+    def __init__(self, path: Path | None, config: Config, apply: Callable[[Config], None]) -> None:
+        self._path = path
+        self._config = config
+        self._apply = apply
+
+    def reload(self) -> str:
+        """Read the file again; returns what has changed, which the log says too.
+
+        Raises ConfigurationError, and logs it, where something is wrong; then all stays as it was.
+        """
+        notify(reloading(monotonic_ns()))
+        try:
+            changes = "; ".join(self._reload()) or "nothing has changed"
+            _log.info("reloaded %s: %s", self._path, changes)
+            return changes
+        except ConfigurationError as error:
+            _log.error("the configuration stays as it was: %s", error)
+            raise
+        finally:
+            notify(READY)
+
+    def _reload(self) -> list[str]:
+        if self._path is None:
+            raise ConfigurationError("busd was started without --config, so there is nothing to reload")
+        config = load(self._path)
+        changes = list(_changes(self._config, config))
+        if changes:
+            self._apply(config)
+            self._config = config
+        return changes
+
+
+def has_terminal() -> bool:
+    """Whether this process has a controlling terminal that is still there."""
+    try:
+        os.close(os.open("/dev/tty", os.O_RDWR | os.O_NOCTTY | os.O_CLOEXEC))
+    except OSError:
+        return False
+    return True
+
+
+def ends_with_terminal() -> bool:
+    """Whether the end of the terminal is to be that of this process: it has one, and no nohup."""
+    return has_terminal() and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
+
+
+def _changes(old: Any, new: Any, place: str = "") -> Iterator[str]:
+    for name in old.__struct_fields__:
+        before, after = getattr(old, name), getattr(new, name)
+        if before == after:
+            continue
+        if isinstance(before, msgspec.Struct) and type(before) is type(after):
+            yield from _changes(before, after, f"{place}{name}.")
+        elif isinstance(before, tuple):
+            as_many = len(before) == len(after)
+            change = f"{_count(after)}, changed" if as_many else f"{_count(before)} -> {_count(after)}"
+            yield f"{place}{name}: {change}"
+        else:
+            yield f"{place}{name}: {_shown(before)} -> {_shown(after)}"
+
+
+def _count(rules: tuple[object, ...]) -> str:
+    return f"{len(rules)} rule{'' if len(rules) == 1 else 's'}"
+
+
+def _shown(value: object) -> str:
+    text = str(value)
+    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}..."

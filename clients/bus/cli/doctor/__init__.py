@@ -1,0 +1,64 @@
+"""`bus doctor`: looks at everything that the bus stands on, and says what to do where something is wrong.
+
+One module for each subject. None of them waits for long: a daemon or a program that stands still is what one
+calls a doctor for.
+"""
+
+from argparse import ArgumentParser, Namespace
+from collections.abc import Iterator
+
+from bus.address import socket_path
+from bus.cli.doctor import configuration, daemon, machine, place, processes, versions
+from bus.cli.doctor.daemon import Seen
+from bus.cli.doctor.finding import Finding, fail, ok
+from bus.cli.exitcodes import EXIT_ERROR
+from bus.cli.output import print_json
+from bus.cli.query import NotRunning
+from bus.errors import BusError
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    parser.epilog = "exit status: 0, or 1 where something fails"
+
+
+def main(args: Namespace) -> int:
+    code = 0
+    for finding in examine(args):  # each at once: some take seconds
+        if args.json:
+            print_json(finding._asdict())
+        else:
+            advice = f"\n       -> {finding.advice}" if finding.advice else ""
+            print(f"[{finding.mark:^4}] {finding.subject}: {finding.text}{advice}")
+        if finding.mark == "fail":
+            code = EXIT_ERROR
+    return code
+
+
+def examine(args: Namespace) -> Iterator[Finding]:
+    """All findings, most basic first."""
+    clocks = machine.ClockWatch()
+    charges = None
+    try:
+        path = socket_path(args.socket, args.domain)
+    except BusError as error:
+        yield fail("socket", str(error), "choose another path or domain")
+    else:
+        yield ok("socket", f"{path} (from {place.origin(args)})")
+        seen = daemon.reach(path)
+        is_default = place.is_default(args)
+        yield place.folder(path.parent, is_default=is_default, is_served=isinstance(seen, Seen))
+        yield from place.socket_file(path)
+        yield from daemon.examine(path, seen)
+        yield from daemon.others(path)
+        if isinstance(seen, NotRunning):
+            yield from place.leftovers(path, is_default=is_default)
+        if isinstance(seen, Seen):
+            yield from configuration.examine(path, seen.hello.pid)
+            charges = seen.charges
+            yield from processes.examine(seen)
+    yield from versions.examine()
+    yield versions.shared_memory()
+    yield from versions.native_core()
+    yield from machine.limits()
+    yield from machine.memory(charges.limits if charges else {})
+    yield clocks.finding()

@@ -1,0 +1,158 @@
+"""The publishers that one subscription hears, and what the numbers of their samples tell.
+
+Owns up to which number each was heard, by whatever route; so that nothing is received twice, and what is
+missing is known, whoever lost it. Must not know what is done with samples, nor who counts why they were lost.
+"""
+
+from collections import deque
+from collections.abc import Callable
+
+from bus.wire.messages import Matched
+from bus.wire.runs import Run
+
+_MOST_GONE = 64
+
+
+class Source:
+    """A publisher that is heard: the last number received and taken, and what is not yet acknowledged."""
+
+    __slots__ = (
+        "acked_seq",
+        "gid",
+        "is_alive",
+        "is_new",
+        "is_rerouted",
+        "known_seq",
+        "last_seq",
+        "lifespan_ns",
+        "needs_ack",
+        "number",
+        "returned_seq",
+        "taken_seq",
+        "unacked_bytes",
+    )
+
+    def __init__(self, number: int, gid: bytes, last_seq: int, lifespan_ns: int, *, needs_ack: bool) -> None:
+        self.number = number
+        self.gid = gid
+        self.last_seq = last_seq
+        self.lifespan_ns = lifespan_ns
+        self.needs_ack = needs_ack
+        self.is_alive = True
+        self.known_seq = 0  # read from the ring, before the match went by socket: also no replay of these
+        self.is_new = True  # until its first run that is no replay
+        # Until the first run by another route, or of another broker, which shows what was lost between them:
+        self.is_rerouted = False
+        self.returned_seq = 0  # the first number that the other broker knows
+        self.taken_seq = self.acked_seq = last_seq
+        self.unacked_bytes = 0
+
+
+class Sources(dict[int, Source]):
+    """By the number that the broker gave each. `on_lost(reason, count)` hears what is lost between two ways.
+
+    `told` is everywhere how many samples the present broker has said it dropped for this subscription.
+    """
+
+    def __init__(self, on_lost: Callable[[str, int], None]) -> None:
+        super().__init__()
+        self._on_lost = on_lost
+        self._gone: deque[int] = deque()
+        self.received = 0
+        """Samples that came by socket, without those that were known."""
+        self.known = 0
+        """Samples that the present broker sent, and that had come before by another way."""
+        self.lost_between = 0
+        """Samples lost between two routes or two brokers, of which `on_lost` was told."""
+        # Numbers missing in what the present broker sent:
+        self._skipped = 0  # it has dropped them
+        self._perhaps_skipped = 0  # or they went by another route, to others
+        self._rerouted = 0  # or the ring had given them up before
+        self._told_ahead = 0  # what the broker that left had dropped of what would have come next
+
+    def forget(self, number: int) -> None:
+        """A publisher has gone; samples of it may still come, so the last ones are remembered for a while."""
+        self._gone.append(number)
+        if len(self._gone) > _MOST_GONE:
+            self.pop(self._gone.popleft(), None)
+
+    def take_back(self, matched: Matched) -> Source | None:
+        """A publisher that had gone is there again; what it sent before may still come."""
+        for number in self._gone:
+            source = self.get(number)
+            if source is not None and source.gid == matched.gid:
+                source.number, source.is_alive, source.is_new = matched.other, True, True
+                source.lifespan_ns = matched.qos.lifespan_ns
+                source.returned_seq = matched.next_seq
+                return source
+        return None
+
+    def disconnected(self, told: int, lapped_reason: str) -> None:
+        """The broker is gone, and with it the numbers of publishers.
+
+        What it had no time to tell is lost with it.
+        """
+        self.clear()
+        self._gone.clear()
+        if lapped := self.lapped(told):
+            self.lost_between += lapped
+            self._on_lost(lapped_reason, lapped)
+        untold = self._skipped - told
+        if untold > 0:
+            self.lose_while_away(untold)
+        else:
+            self._told_ahead += max(0, -untold - self._rerouted - self._perhaps_skipped)
+        self._skipped = self._rerouted = self._perhaps_skipped = self.known = 0
+
+    @property
+    def missing(self) -> int:
+        """Numbers missing in what the present broker sent, whoever lost them."""
+        return self._skipped + self._rerouted
+
+    def lapped(self, told: int) -> int:
+        """How many of them a ring had given up before its match went by socket, and not the broker."""
+        return min(self._rerouted, max(0, self.missing - told))
+
+    def lose_while_away(self, count: int) -> None:
+        """Count what was lost between two brokers, but for what the one that left had counted."""
+        lost = count - min(self._told_ahead, count)
+        self._told_ahead -= count - lost
+        if lost:
+            self.lost_between += lost
+            self._on_lost("disconnected", lost)
+
+    def look_at(self, source: Source, run: Run) -> bool:
+        """A run that is not simply the next: cut off what is known, note what is missing.
+
+        Returns whether anything is left.
+        """
+        known_seq = source.known_seq if run.is_replay else source.last_seq
+        if run.first_seq <= known_seq and not self._skip_known(run, known_seq):
+            return False
+        missing = max(0, run.first_seq - source.last_seq - 1)
+        if run.source != source.number:
+            self._skipped += missing  # it was sent before the publisher went
+            return True
+        if source.is_rerouted:
+            self._rerouted += missing
+        elif source.returned_seq:
+            gone = max(0, min(missing, source.returned_seq - source.last_seq - 1))
+            self.lose_while_away(gone)
+            self._skipped += missing - gone
+            source.is_new = False  # of what went to others meanwhile, the broker says that it is lost
+        elif source.is_new:
+            self._perhaps_skipped += missing
+        else:
+            self._skipped += missing
+        source.is_rerouted, source.returned_seq = False, 0
+        source.is_new &= run.is_replay
+        return True
+
+    def _skip_known(self, run: Run, known_seq: int) -> bool:
+        known = known_seq + 1 - run.first_seq
+        self.known += min(known, run.count)
+        if known >= run.count:
+            return False
+        rest = run.after(known_seq)
+        run.first_seq, run.count, run.body = rest.first_seq, rest.count, rest.body
+        return True

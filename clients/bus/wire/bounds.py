@@ -1,0 +1,24 @@
+"""Ranges of numbers and texts in control messages, as types; the decoder holds peers to them."""
+
+from typing import Annotated
+
+from msgspec import Meta
+
+from bus.wire.layout import MAX_COUNT
+
+Count = Annotated[int, Meta(ge=0, le=MAX_COUNT)]
+Seq = Annotated[int, Meta(ge=1, le=MAX_COUNT)]
+NextSeq = Annotated[int, Meta(ge=1, le=MAX_COUNT + 1)]
+"""One more than the last that there was."""
+Drops = Annotated[dict[Annotated[str, Meta(max_length=32)], Count], Meta(max_length=16)]
+"""Samples dropped, by reason."""
+Descriptors = Annotated[int, Meta(ge=0, le=2)]
+"""How many file descriptors come with the frame (docs/protocol.md)."""
+Id = Annotated[int, Meta(ge=0, le=(1 << 32) - 1)]
+"""Of a node or an endpoint: data frames have 32 bits for it."""
+Pid = Annotated[int, Meta(ge=0, le=(1 << 31) - 1)]
+Lease = Annotated[float, Meta(ge=0, le=1e9)]
+Slot = Annotated[int, Meta(ge=0, le=65535)]
+Text = Annotated[str, Meta(max_length=1000)]
+"""For people to read."""
+Capabilities = Annotated[tuple[Annotated[str, Meta(max_length=64)], ...], Meta(max_length=64)]

@@ -1,0 +1,364 @@
+"""A busd and several processes in one event loop, for `tests/property/test_accounts_model.py`.
+
+Real sockets, real rings: the server, and a node with a connection of its own for each "process". After each
+action `World.settle` waits until nothing is on its way, by asking, and `check` compares every delivery and
+every count, in the program and in the graph, with those of `accounts_model`.
+"""
+
+import asyncio
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from time import monotonic_ns
+from typing import Any
+
+import msgspec
+
+import accounts_model as model
+import bus
+from bus.errors import ConnectionClosed
+from bus.link import Link
+from bus.qos import QoSProfile
+from bus.transport.stream import Stream
+from bus.wire import messages as m
+from busd.core.broker import Broker
+from busd.listener import open_listener
+from busd.peer import PeerConnection
+from busd.server import Server
+from conftest import WAIT_S
+
+TOPIC = "/topic"
+
+
+class Numbered(msgspec.Struct):
+    publisher: int = 0
+    number: int = 0
+    padding: str = ""
+
+
+class Process:
+    """One node with its own connection; `number` names it in the model."""
+
+    def __init__(self, number: int, node: bus.Node, link: Link) -> None:
+        self.number = number
+        self.node = node
+        self.link = link
+        self.gate = asyncio.Event()  # open: it may connect
+        self.gate.set()
+        connect = link._connect
+
+        async def gated(*, may_start: bool = True) -> Any:
+            await self.gate.wait()
+            return await connect(may_start=False)
+
+        link._connect = gated  # type: ignore[method-assign]
+
+    @property
+    def stream(self) -> Stream | None:
+        return None if self.link._connection is None else self.link._connection._stream
+
+    async def ask(self) -> None:
+        """An answer says that busd has read all that was sent, and that what it said before is here."""
+        await self.link.request(lambda number: m.Observe(request=number, on=False))
+
+
+class World:
+    """`shares` says which of the processes share memory."""
+
+    def __init__(self, folder: Path, shares: list[bool]) -> None:
+        self.folder = folder
+        self.path = folder / "busd.sock"
+        self.processes: dict[int, Process] = {}
+        self.publishers: dict[int, bus.Publisher[Numbered]] = {}
+        self.subscriptions: dict[int, bus.Subscription[Numbered]] = {}
+        self.received: dict[int, list[tuple[int, int]]] = {}
+        self.model = model.Model()
+        self._shares = shares
+        self._ids = 0
+        self._is_large: set[int] = set()
+
+    async def open(self) -> None:
+        self.start_busd()
+        for shares in self._shares:
+            await self.open_process(shares=shares)
+
+    async def close(self) -> None:
+        await self.unblock_all()
+        for process in self.processes.values():
+            await process.node.close()
+        self.stop_busd()
+
+    # --- busd
+
+    def start_busd(self) -> None:
+        self.listener = open_listener(self.path)
+        self.broker = Broker(uid=os.getuid(), pid=os.getpid())
+        self.server = Server(self.listener, self.broker)
+
+    def stop_busd(self) -> None:
+        """As kill does it: nobody is told anything."""
+        for connection in tuple(self.server._connections):
+            connection.close()
+        if self.server._timer is not None:
+            self.server._timer.cancel()
+        asyncio.get_running_loop().remove_reader(self.listener.socket.fileno())
+        self.listener.close()
+
+    def peer(self, process: int) -> PeerConnection:
+        """The connection of that process, as the server has it."""
+        node = self.broker.graph.nodes[self.processes[process].node.id]  # type: ignore[index]
+        return self.server._peers[node.peer.id]
+
+    # --- processes
+
+    async def open_process(self, *, shares: bool) -> int:
+        self._ids += 1
+        path = self.folder / f"{self._ids}.sock"
+        path.symlink_to(self.path)
+        node = bus.Node(f"node_{self._ids}", socket=path, arguments=[], rosout=False)
+        with _route("" if shares else "socket"):
+            await node.open()
+        assert node._link is not None
+        self.processes[self._ids] = Process(self._ids, node, node._link)
+        if shares:
+            self.model.sharing.add(self._ids)
+        return self._ids
+
+    async def die(self, process: int) -> None:
+        """Without a word: busd sees the end of the connection, and nobody reads or writes any more."""
+        self._forget(self.model.endpoints_of(process))
+        dead = self.processes.pop(process)
+        endpoints = tuple(dead.link._declarations)
+        dead.link.release()
+        for endpoint in endpoints:
+            endpoint.end(ConnectionClosed("the process died"))
+        await self.open_process(shares=process in self.model.sharing)
+
+    async def cut(self, processes: list[int], bursts: list[tuple[int, int]], *, restart: bool) -> None:
+        """The connections of `processes` end, or all with busd; they are back after the `bursts`."""
+        cut = [self.processes[number] for number in processes]
+        for process in cut:
+            process.gate.clear()
+        if restart:
+            self.stop_busd()
+        else:
+            for process in cut:
+                self.peer(process.number).stream._lose(None)
+        while any(process.link._connection is not None for process in cut):  # noqa: ASYNC110
+            await asyncio.sleep(0)
+        meanwhile = []
+        for number, count in bursts:
+            meanwhile.append((number, self.publish(number, count, 1)))
+            if not restart:
+                await self.settle()  # the others get it in this order
+        if restart:
+            self.start_busd()
+        for process in cut:
+            process.gate.set()
+            await process.ask()
+        await self.settle()
+        for process in cut:
+            self.model.connect_anew(process.number)
+        for number in self.model.return_of(set(processes), meanwhile):
+            self.take_over(number)
+
+    def take_over(self, number: int) -> None:
+        """In which order processes were back decides what this subscription got: take all, and count it."""
+        expected = self.model.subscriptions[number]
+        while self.take_one(number):
+            pass
+        totals = self.subscriptions[number].statistics()
+        assert totals.expected == totals.delivered + sum(totals.dropped.values())
+        last: dict[int, int] = {}
+        for publisher, seq in self.received[number]:
+            assert seq > last.get(publisher, 0)
+            last[publisher] = seq
+        self._see(expected, totals)
+        expected.take_over(self.received[number], totals.dropped)
+
+    def block(self, process: int) -> None:
+        """It reads nothing more from its socket."""
+        self.model.blocked.add(process)
+        self.peer(process).stream.is_blocked = True
+
+    async def unblock_all(self) -> None:
+        for process in sorted(self.model.blocked):
+            stream = self.peer(process).stream
+            stream.is_blocked = False
+            assert stream._before_write is not None
+            stream._before_write()
+            stream.flush()
+            self.model.unblock(process)
+        await self.settle()
+
+    # --- endpoints
+
+    async def create_publisher(self, process: int, qos: QoSProfile) -> None:
+        self._ids += 1
+        node = self.processes[process].node
+        self.publishers[self._ids] = await node.create_publisher(Numbered, TOPIC, qos)
+        self.model.add_publisher(model.Publisher(self._ids, process, qos))
+
+    async def create_subscription(self, process: int, qos: QoSProfile) -> None:
+        self._ids += 1
+        node = self.processes[process].node
+        self.subscriptions[self._ids] = await node.create_subscription(Numbered, TOPIC, qos)
+        self.received[self._ids] = []
+        # In the order in which busd goes through them: that of their numbers there.
+        self.model.publishers = {
+            number: self.model.publishers[number]
+            for number in sorted(self.publishers, key=lambda number: self.publishers[number].id)
+        }
+        self.model.add_subscription(model.Subscription(self._ids, process, qos))
+
+    async def close_endpoint(self, endpoint: int) -> None:
+        closing = self.publishers.get(endpoint) or self.subscriptions[endpoint]
+        self._forget([endpoint])
+        await closing.close()
+
+    def publish(self, publisher: int, count: int, size: int) -> list[model.Message]:
+        """What was taken; a publisher of keep all may find no room."""
+        real, origin = self.publishers[publisher], self.model.publishers[publisher]
+        if size > 1000:
+            self._is_large.add(publisher)
+        taken = 0
+        for _ in range(count):
+            if not real.publish(Numbered(publisher, origin.published + taken + 1, "x" * size)):
+                assert origin.qos.is_lossless
+                break
+            taken += 1
+        return self.model.publish(origin, taken)
+
+    def refuse(self, publisher: int, subscription: int, *, by_publisher: bool) -> None:
+        """One end says that it can't share memory in this match."""
+        writer, reader = self.publishers[publisher], self.subscriptions[subscription]
+        ends = (writer, reader) if by_publisher else (reader, writer)
+        refusal = m.RefuseRoute(endpoint=ends[0].id, other=ends[1].id, text="a test")
+        ends[0]._link.send_about(ends[0], refusal)
+        self.model.reroute(self.model.publishers[publisher], self.model.subscriptions[subscription])
+
+    def take(self, subscription: int, count: int) -> None:
+        """Up to `count` messages, and they are the model's."""
+        expected = self.model.subscriptions[subscription]
+        for _ in range(count):
+            if [self.take_one(subscription), expected.take() is not None] == [False, False]:
+                break
+        self.compare(subscription)
+
+    def take_one(self, subscription: int) -> bool:
+        taken = self.subscriptions[subscription].take()
+        if taken is None:
+            return False
+        message, info = taken
+        assert info.publication_sequence_number == message.number
+        assert info.reception_sequence_number == len(self.received[subscription]) + 1
+        self.received[subscription].append((message.publisher, message.number))
+        return True
+
+    # --- what holds
+
+    async def settle(self) -> None:
+        """Wait until nothing is on its way, but to those that do not read."""
+        async with asyncio.timeout(WAIT_S):
+            for _ in range(3):  # it takes so many to agree on a ring
+                await asyncio.gather(*(one.ask() for one in self._hearing()))
+            while not self._is_idle():  # noqa: ASYNC110
+                await asyncio.sleep(0)
+            await asyncio.gather(*(one.ask() for one in self._hearing()))
+
+    def compare(self, number: int) -> None:
+        """What the program of that subscription sees."""
+        expected = self.model.subscriptions[number]
+        totals = self.subscriptions[number].statistics()
+        self._allow(expected, totals)
+        agree(number, self.received[number], expected.received)
+        agree(number, (totals.delivered, totals.queued), (len(expected.received), expected.queued))
+        agree(number, totals.publishers, len(expected.routes))
+        if expected.process not in self.model.blocked:
+            agree(number, (totals.expected, totals.dropped), (expected.expected, dict(+expected.dropped)))
+            agree(number, totals.expected, totals.delivered + totals.queued + sum(totals.dropped.values()))
+
+    async def check(self) -> None:
+        await self.settle()
+        for number in self.subscriptions:
+            self.compare(number)
+        for process in self.processes.values():
+            process.link._reports._tell(list(process.link._declarations))
+        await self.settle()
+        graph = self.broker.graph.snapshot(0, statistics=True, pid=1)
+        records = {one.gid: one.statistics for one in graph.endpoints}
+        for number, subscription in self.subscriptions.items():
+            expected, found = self.model.subscriptions[number], records[subscription.gid]
+            assert found is not None
+            queued = expected.queued + len(expected.at_busd.messages)
+            agree(number, (found.samples, found.queued), (len(expected.received), queued))
+            agree(number, (found.expected, found.dropped), (expected.expected, dict(+expected.dropped)))
+            agree(number, found.expected, found.samples + found.queued + sum(found.dropped.values()))
+        routes = {(one.publisher, one.subscription): one.route for one in graph.matches}
+        assert routes == {
+            (self.publishers[publisher].id, self.subscriptions[number].id): route
+            for number, one in self.model.subscriptions.items()
+            for publisher, route in one.routes.items()
+        }
+
+    # --- inside
+
+    def _hearing(self) -> list[Process]:
+        return [
+            process
+            for number, process in self.processes.items()
+            if number not in self.model.blocked and process.gate.is_set()
+        ]
+
+    def _is_idle(self) -> bool:
+        if self.broker.timers.earliest_ns <= monotonic_ns():
+            return False
+        for number, process in self.processes.items():
+            stream, gathered = process.stream, process.link._gathered
+            if stream is None or not process.gate.is_set():
+                continue
+            far = self.peer(number).stream
+            if gathered or stream.outbox or stream.is_blocked or not far.is_quiet:
+                return False
+            if number not in self.model.blocked and (far.outbox or far.is_blocked or not stream.is_quiet):
+                return False
+        return True
+
+    def _allow(self, expected: model.Subscription, totals: bus.SubscriptionStatistics) -> None:
+        """For what depends on other things than the model knows."""
+        # A ring of large messages may give up history beyond all depths before a late joiner takes it.
+        rings = expected.in_rings
+        while self._is_large and expected.queued > totals.queued and len(rings.messages) > rings.depth:
+            rings.pop()
+            expected.dropped["replaced"] += 1
+        self._see(expected, totals)
+
+    def _see(self, expected: model.Subscription, totals: bus.SubscriptionStatistics) -> None:
+        """Where others got it by socket, too, or busd is a new one, it shows before the next message."""
+        for publisher, messages in tuple(expected.unseen.items()):
+            if totals.expected >= expected.expected + len(messages):
+                expected.see(publisher)
+
+    def _forget(self, endpoints: list[int]) -> None:
+        for number in endpoints:
+            self.publishers.pop(number, None)
+            self.subscriptions.pop(number, None)
+            self.model.remove(number)
+
+
+def agree(subscription: int, found: object, expected: object) -> None:
+    assert found == expected, f"subscription {subscription}: {found}, and should be {expected}"
+
+
+@contextmanager
+def _route(name: str) -> Iterator[None]:
+    before = os.environ.get("BUS_ROUTE")
+    os.environ["BUS_ROUTE"] = name
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["BUS_ROUTE"]
+        else:
+            os.environ["BUS_ROUTE"] = before

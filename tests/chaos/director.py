@@ -1,0 +1,365 @@
+"""Does what the plan says, brings quiet after each storm, and has judged what is to be seen then.
+
+Complaints must hold for as long as PATIENCE_S to count: what is on its way at a quiet moment arrives.
+What the actors themselves see to be wrong counts at once.
+"""
+
+import contextlib
+import signal
+import subprocess
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+from bus.cli.query import Query
+from bus.errors import BusError
+from chaos import judge, plan
+from chaos.report import Tally
+from chaos.roles import Ear, Look, Role, Talker
+from chaos.stage import PATIENCE_S, Actor, Gone, Stage
+from conftest import Daemon
+from nursery import holdings, private_bytes
+
+STORM_S = 4.0
+GRAPH_S = 10.0
+"""The graph is to be true within a second; a machine that stalls for a few shall not fail the run."""
+MOST_GROWTH_BYTES = 48 << 20
+"""Memory that a process may hold beyond what it held before the storms: what allocators keep of a few
+messages of 4 MiB, encoded, decoded and waiting."""
+
+_LOOK_S = 0.05
+_QUIET_S = 0.1
+"""As long as busd keeps drops to itself."""
+
+
+class Broker(Daemon):
+    """A busd that nobody waits for until he needs it."""
+
+    def _wait_until_ready(self, process: "subprocess.Popen[bytes]") -> None:
+        pass
+
+
+class Failed(Exception):
+    """An invariant does not hold; with who is concerned."""
+
+    def __init__(self, invariant: str, complaints: list[str]) -> None:
+        super().__init__(f"{invariant}: {complaints[0]}")
+        self.invariant = invariant
+        self.complaints = complaints
+
+
+class Director:
+    def __init__(self, written: plan.Plan, stage: Stage, daemon: Broker, tally: Tally) -> None:
+        self._plan = written
+        self._stage = stage
+        self._daemon = daemon
+        self._tally = tally
+        self._scene = judge.Scene()
+        self._talkers: dict[int, tuple[Talker, str]] = {}
+        self._ears: dict[int, tuple[Ear, str]] = {}
+        self._deaths = 0
+        self._asleep_s: Counter[str] = Counter()  # in the present storm
+        self._stopped: dict[str, float] = {}  # since when
+        self._cuts: dict[str, int] = {}
+        self._baseline: dict[str, Footprint] = {}
+
+    def run(self, time_s: float) -> None:
+        """Storms and calms for so long, but two at least: in every second one busd lives. Raises Failed."""
+        end = time.monotonic() + time_s
+        for role in self._plan.cast:
+            self._enter(role)
+        self._order_all("go")
+        time.sleep(1)
+        self._calm()  # what is held then is what may be held after each storm
+        self._baseline = self._footprints()
+        while self._tally.storms < 2 or time.monotonic() + STORM_S < end:
+            self._storm(self._plan.storm(STORM_S, spares_broker=self._tally.storms % 2 == 1))
+            self._calm()
+            self._tally.storms += 1
+
+    def end(self) -> None:
+        """Let all leave. Raises Failed."""
+        for name in tuple(self._stage.actors):
+            self._leave(name)
+        log = self._daemon.stop()
+        if "Traceback" in log or self._daemon.process.returncode:
+            raise Failed("busd ends in order", log.splitlines()[-30:])
+
+    # --- a storm
+
+    def _storm(self, script: plan.Script) -> None:
+        self._order_all("go")
+        self._asleep_s.clear()
+        begin = time.monotonic()
+        for at_s, deed in [*script, (STORM_S, None)]:
+            if at_s > STORM_S:
+                break
+            while (left_s := begin + at_s - time.monotonic()) > 0:
+                self._look_at_faults()
+                time.sleep(min(left_s, _LOOK_S))
+            if deed is not None:
+                with contextlib.suppress(Gone):
+                    self._do(deed)
+
+    def _do(self, deed: plan.Deed) -> None:
+        self._stage.note(repr(deed))
+        match deed:
+            case plan.Enter(role):
+                self._enter(role).order("go")
+            case plan.Kill(name):
+                self._kill(name)
+            case plan.Stop(name):
+                self._stage.actors[name].signal(signal.SIGSTOP)
+                self._stopped[name] = time.monotonic()
+            case plan.Resume(name):
+                self._resume(name)
+            case plan.Nap(name, time_s):
+                self._asleep_s[name] += time_s
+                self._stage.actors[name].order("nap", time_s)
+            case plan.Remake(name, old, new):
+                actor = self._stage.actors[name]
+                actor.order("end", old)
+                actor.order("make", new)
+                self._ears.pop(old, None)
+                self._know(new, name)
+            case plan.Cut(name, after_bytes, seed):
+                self._stage.actors[name].order("cut", (after_bytes, seed))
+            case plan.KillBroker():
+                self._daemon.kill()
+                self._deaths += 1
+            case plan.StartBroker():
+                self._daemon.restart()
+            case plan.RestartBroker():
+                self._daemon.stop()
+                self._deaths += 1
+                self._daemon.restart()
+            case plan.StopBroker():
+                self._daemon.process.send_signal(signal.SIGSTOP)
+            case plan.ResumeBroker():
+                self._daemon.process.send_signal(signal.SIGCONT)
+        self._tally.deeds[type(deed).__name__] += 1
+
+    def _look_at_faults(self) -> None:
+        if faults := self._stage.faults():
+            raise Failed("what arrives is whole, in order, and arrives once", faults)
+
+    # --- a calm
+
+    def _calm(self) -> None:
+        self._stage.note("calm")
+        self._awake()
+        for name, actor in tuple(self._stage.actors.items()):
+            if actor.role.is_limited:
+                self._kill(name)  # it may be waiting for what it can't have
+        self._order_all("rest")
+        self._until_right("busd comes back", self._is_away)
+        scene = self._look()  # naps are over, and who rests has handed everything over
+        self._check_graph(scene)
+        self._order_all("speak")  # with the next message one sees what was lost before it
+        self._wait_for_quiet()
+
+        def wrong() -> list[str]:
+            nonlocal scene
+            scene = self._look()
+            return judge.judge(self._scene, scene)
+
+        self._until_right("accounts and streams", wrong)
+        self._count(scene)
+        self._scene = scene
+        self._check_history(scene)
+        for name in tuple(self._stage.actors):
+            if name not in {role.name for role in self._plan.cast}:
+                self._leave(name)
+        self._check_footprints()
+        self._look_at_faults()
+        self._talkers = {n: pair for n, pair in self._talkers.items() if pair[1] in self._stage.actors}
+        self._ears = {n: pair for n, pair in self._ears.items() if pair[1] in self._stage.actors}
+
+    def _wait_for_quiet(self) -> None:
+        """Until nothing has changed since the look before the last, and busd has answered all in between."""
+        looks: list[judge.Scene] = []
+
+        def wrong() -> list[str]:
+            for _ in range(2):
+                self._order_all("settle")
+            looks.append(self._look())
+            time.sleep(_QUIET_S)
+            return [] if looks[-3:].count(looks[-1]) == 3 else ["counters still change"]
+
+        self._until_right("it becomes quiet", wrong)
+
+    def _awake(self) -> None:
+        for name in self._stage.actors:
+            self._resume(name)
+        if self._daemon.process.poll() is None:
+            self._daemon.process.send_signal(signal.SIGCONT)
+        else:
+            self._daemon.restart()
+
+    def _resume(self, name: str) -> None:
+        if name in self._stage.actors and name in self._stopped:
+            self._asleep_s[name] += time.monotonic() - self._stopped.pop(name)
+            self._stage.actors[name].signal(signal.SIGCONT)
+
+    def _look(self) -> judge.Scene:
+        sleepers = {name for name, time_s in self._asleep_s.items() if time_s > plan.LEASE_S / 2}
+        scene = judge.Scene(deaths=self._deaths, sleepers=sleepers)
+        for name, actor in tuple(self._stage.actors.items()):
+            look = self._told(actor)
+            scene.losses[name] = look.losses
+            self._cuts[name] = look.cuts
+            scene.roles[name] = actor.role
+            for number, published in look.talkers.items():
+                scene.talkers[number] = judge.Said(self._talkers[number][0], name, published, published)
+            for number, ear in look.ears.items():
+                scene.ears[number] = (self._ears[number][0], name, ear)
+        for number, (talker, name) in self._talkers.items():
+            if number not in scene.talkers:
+                scene.talkers[number] = judge.Said(talker, name, *self._stage.published(number), lives=False)
+        return scene
+
+    def _is_away(self) -> list[str]:
+        try:
+            Query(self._daemon.path, may_start=False).close()
+        except BusError as error:
+            return [str(error)]
+        return []
+
+    def _check_graph(self, scene: judge.Scene) -> None:
+        truth = scene.graph()
+
+        def wrong() -> list[str]:
+            try:
+                with Query(self._daemon.path, may_start=False) as query:
+                    graph = query.graph()
+            except BusError as error:
+                return [str(error)]
+            found: Counter[tuple[str, ...]] = Counter((node.name,) for node in graph.nodes)
+            for one in (*graph.publishers, *graph.subscriptions):
+                found[one.node.name, one.kind, one.topic] += 1
+            return [
+                *(f"the graph lacks {' '.join(what)}" for what in truth - found),
+                *(f"the graph has {' '.join(what)}, which is no more" for what in found - truth),
+            ]
+
+        quiet = time.monotonic()
+        self._until_right("the graph equals the truth", wrong, GRAPH_S)
+        self._tally.graph_s.append(time.monotonic() - quiet)
+
+    def _check_history(self, scene: judge.Scene) -> None:
+        role = self._plan.visitor()
+        visitor = self._enter(role)
+        talkers = [said for number, said in scene.talkers.items() if scene.lives(number)]
+
+        def wrong() -> list[str]:
+            ears = self._told(visitor).ears
+            return [
+                complaint
+                for number, look in ears.items()
+                for complaint in judge.history(talkers, self._ears[number][0], look)
+            ]
+
+        self._until_right("late joiners get the history", wrong)
+        if complaints := wrong():  # nor does anything come after it
+            raise Failed("late joiners get the history", complaints)
+        self._leave(role.name)
+
+    def _check_footprints(self) -> None:
+        if not self._baseline:
+            return
+
+        def wrong() -> list[str]:
+            return [
+                f"{name} {complaint}"
+                for name, footprint in self._footprints().items()
+                for complaint in footprint.beyond(self._baseline[name])
+            ]
+
+        self._until_right("nothing grows", wrong)
+
+    def _footprints(self) -> dict[str, "Footprint"]:
+        pids = {name: actor.pid for name, actor in self._stage.actors.items()}
+        return {name: Footprint(pid) for name, pid in {"busd": self._daemon.pid, **pids}.items()}
+
+    def _until_right(
+        self, invariant: str, wrong: Callable[[], list[str]], patience_s: float = PATIENCE_S
+    ) -> None:
+        end = time.monotonic() + patience_s
+        while complaints := wrong():
+            self._look_at_faults()
+            if time.monotonic() > end:
+                raise Failed(invariant, complaints)
+            time.sleep(_LOOK_S)
+        self._tally.checks[invariant] += 1
+
+    # --- actors
+
+    def _enter(self, role: Role) -> Actor:
+        for endpoint in role.endpoints:
+            self._know(endpoint, role.name)
+        self._tally.actors += 1
+        return self._stage.enter(role)
+
+    def _told(self, actor: Actor) -> Look:
+        try:
+            return actor.look()
+        except (Gone, TimeoutError) as error:
+            name = actor.role.name
+            raise Failed("nobody ends unasked", [f"{name}: {error!r}"]) from None
+
+    def _know(self, endpoint: Talker | Ear, name: str) -> None:
+        if isinstance(endpoint, Talker):
+            self._talkers[endpoint.number] = endpoint, name
+        else:
+            self._ears[endpoint.number] = endpoint, name
+
+    def _order_all(self, order: str) -> None:
+        for actor in self._stage.actors.values():
+            with contextlib.suppress(Gone):
+                actor.order(order)
+
+    def _kill(self, name: str) -> None:
+        is_limited = self._stage.actors[name].role.is_limited
+        status = self._stage.kill(name)
+        failures = [line for line in self._stage.last_lines(name, 10_000) if line.startswith("failed:")]
+        self._tally.suffered.update(line.split()[1].rstrip(":") for line in failures)
+        if status != -signal.SIGKILL and not is_limited:
+            raise Failed("nobody ends unasked", [f"{name} ended with {status}"])
+
+    def _leave(self, name: str) -> None:
+        status = self._stage.leave(name)
+        if status:
+            raise Failed("who is asked to leave ends in order", [f"{name} ended with {status}"])
+
+    def _count(self, scene: judge.Scene) -> None:
+        self._tally.cuts = sum(self._cuts.values())
+        for number, said in scene.talkers.items():
+            before = self._scene.talkers.get(number)
+            self._tally.published += said.most - (before.most if before else 0)
+        for number, (_, _, look) in scene.ears.items():
+            then = self._scene.ears[number][2] if number in self._scene.ears else None
+            self._tally.delivered += look.delivered - (then.delivered if then else 0)
+            self._tally.dropped.update(look.dropped)
+            if then is not None:
+                self._tally.dropped.subtract(then.dropped)
+
+
+class Footprint:
+    """What a process holds: descriptors and mappings by kind, threads, memory of its own."""
+
+    def __init__(self, pid: int) -> None:
+        found = holdings(pid)  # without files of the test, which have other names each time
+        self.holdings = Counter({what: n for what, n in found.items() if not what.endswith(".ledger")})
+        status = Path(f"/proc/{pid}/status").read_text()
+        self.threads = int(status.partition("Threads:")[2].split()[0])
+        self.memory_bytes = private_bytes(pid)
+
+    def beyond(self, before: "Footprint") -> list[str]:
+        """What it holds more than `before`."""
+        more = [f"has {count} {what} more" for what, count in (self.holdings - before.holdings).items()]
+        if self.threads > before.threads:
+            more.append(f"has {self.threads} threads, had {before.threads}")
+        if (grown := self.memory_bytes - before.memory_bytes) > MOST_GROWTH_BYTES:
+            more.append(f"has grown by {grown >> 20} MiB")
+        return more

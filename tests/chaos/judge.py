@@ -1,0 +1,198 @@
+"""What must hold of what actors tell at quiet moments. Pure: scenes in, complaints out.
+
+A scene is what was told at one quiet moment: nobody publishes, everything published was handed over, busd and
+all processes that live are awake. The accounts are closed from one scene to the next, over the storm between:
+
+- A pair of a talker and an ear that was matched before the storm and whose two ends lived through it is
+  *steady*. What is published in it is delivered, or dropped with a reason. busd may have died meanwhile, any
+  number of times.
+- Of other pairs the ear accounts for what it got at least, and for what was published at most: where one of
+  the two came, went or died, or where its own connection broke while busd lived, by a cut or at the end of
+  its lease. Then it has left, and come back as another.
+
+So an ear's delivered + dropped lies between two bounds, which are the same where all of its pairs are steady.
+Of steady pairs that are lossless, nothing is dropped at all. By socket, what a busd that is killed had
+dropped and not yet told nobody knows, and what it had told may be found missing once more: where an end of a
+pair by socket has lost busd in the storm, the ear's own account must close, and is not compared with the
+talkers'.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from chaos.roles import Ear, EarLook, Heard, Role, Talker
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a talker has published, at least and at most: of the dead nobody knows it exactly."""
+
+    talker: Talker
+    actor: str
+    least: int
+    most: int
+    lives: bool = True
+
+
+@dataclass
+class Scene:
+    """A quiet moment. Of talkers also those that are gone since the one before."""
+
+    talkers: dict[int, Said] = field(default_factory=dict)
+    ears: dict[int, tuple[Ear, str, EarLook]] = field(default_factory=dict)
+    losses: dict[str, int] = field(default_factory=dict)
+    """How often each actor that lives has lost busd."""
+    deaths: int = 0
+    """How often busd has ended."""
+    sleepers: set[str] = field(default_factory=set)
+    """Actors that were stopped or asleep so long in the storm that their lease may have ended."""
+    roles: dict[str, Role] = field(default_factory=dict)
+
+    def lives(self, number: int) -> bool:
+        """Whether a talker is alive."""
+        return number in self.talkers and self.talkers[number].lives
+
+    def graph(self) -> Counter[tuple[str, ...]]:
+        """What must be in busd's graph: nodes, and endpoints with their kind and topic."""
+        found: Counter[tuple[str, ...]] = Counter((name,) for name in self.losses)
+        found.update((one.actor, "publisher", one.talker.topic) for one in self.talkers.values() if one.lives)
+        found.update((actor, "subscription", ear.topic) for ear, actor, _ in self.ears.values())
+        return found
+
+
+def judge(before: Scene, now: Scene) -> list[str]:
+    """Everything that is wrong `now`, in words."""
+    return [*_waiting(now), *_accounts(before, now), *_streams(before, now)]
+
+
+def _waiting(now: Scene) -> Iterator[str]:
+    for number, (ear, actor, look) in now.ears.items():
+        if look.queued:
+            yield f"{_ear(number, ear, actor)}: {look.queued} messages still wait"
+        delivered = sum(heard.messages for heard in look.heard.values())
+        if look.delivered != delivered:
+            yield f"{_ear(number, ear, actor)}: {look.delivered} counted as delivered, {delivered} were"
+        accounted = look.delivered + look.queued + sum(look.dropped.values())
+        if look.expected != accounted:
+            yield f"{_ear(number, ear, actor)}: {look.expected} expected, {accounted} accounted for"
+
+
+def _accounts(before: Scene, now: Scene) -> Iterator[str]:
+    for number, (ear, actor, look) in now.ears.items():
+        if number not in before.ears or now.roles[actor].is_limited:
+            continue
+        then = before.ears[number][2]
+        least = most = 0
+        is_unsure = False
+        parts = []
+        for said in now.talkers.values():
+            if said.talker.topic != ear.topic or not said.talker.quality.serves(ear.quality):
+                continue
+            got = _heard(look, said).messages - _heard(then, said).messages
+            known = before.talkers.get(said.talker.number)
+            upper = said.most - (known.most if known else 0)
+            is_steady = _is_steady(before, now, said, actor)
+            least += upper if is_steady else got
+            most += upper
+            if _is_by_socket(now, said, actor):
+                is_unsure |= any(_losses(before, now, name) for name in (said.actor, actor))
+            parts.append(f"{_name(said)}{'' if is_steady else ' (not steady)'}: {got} of {upper}")
+        got = look.delivered - then.delivered
+        dropped = {
+            reason: count - then.dropped.get(reason, 0)
+            for reason, count in look.dropped.items()
+            if count != then.dropped.get(reason, 0)
+        }
+        total = got + sum(dropped.values())
+        if not (is_unsure or least <= total <= most):
+            owed = f"{least}" if least == most else f"{least} to {most}"
+            yield (
+                f"{_ear(number, ear, actor)}: {got} delivered + dropped {dropped} = {total}, "
+                f"published {owed}: {', '.join(parts)}"
+            )
+
+
+def _is_steady(before: Scene, now: Scene, said: Said, actor: str) -> bool:
+    """Whether talker and ear, which is of `actor` and lived through, were matched all the time."""
+    number = said.talker.number
+    if not (before.lives(number) and now.lives(number)):
+        return False
+    return not any(_was_cut_off(before, now, name) for name in (said.actor, actor))
+
+
+def _is_by_socket(now: Scene, said: Said, actor: str) -> bool:
+    """Whether messages may come through busd; of those that are gone nobody knows it."""
+    mouth = now.roles.get(said.actor)
+    return mouth is None or mouth.is_limited or mouth.by_socket or now.roles[actor].by_socket
+
+
+def _losses(before: Scene, now: Scene, actor: str) -> int:
+    """How often it has lost busd in the storm, if it is there."""
+    return now.losses.get(actor, 0) - before.losses.get(actor, 0)
+
+
+def _was_cut_off(before: Scene, now: Scene, actor: str) -> bool:
+    """Whether an actor may have lost its connection to a busd that lived."""
+    losses = _losses(before, now, actor)
+    is_suspect = now.roles[actor].is_fragile or actor in now.sleepers
+    return losses > (0 if is_suspect else now.deaths - before.deaths)
+
+
+def _streams(before: Scene, now: Scene) -> Iterator[str]:
+    """Reliable + keep all at both ends: complete."""
+    for number, (ear, actor, look) in now.ears.items():
+        if not ear.quality.is_lossless or now.roles[actor].is_limited or number not in before.ears:
+            continue
+        then = before.ears[number][2]
+        for said in now.talkers.values():
+            talker = said.talker
+            is_stream = talker.topic == ear.topic and talker.quality.is_lossless
+            if not is_stream or not _is_steady(before, now, said, actor):
+                continue
+            heard = _heard(look, said)
+            if missing := heard.missing - _heard(then, said).missing:
+                yield f"{_ear(number, ear, actor)}: {missing} of {_name(said)} are missing"
+            if heard.last != said.most:
+                yield (
+                    f"{_ear(number, ear, actor)}: heard {_name(said)} up to {heard.last}, "
+                    f"it published {said.most}"
+                )
+
+
+def history(talkers: list[Said], ear: Ear, look: EarLook) -> list[str]:
+    """What is wrong with what one heard that came at a quiet moment."""
+    wrong = []
+    for said in talkers:
+        talker = said.talker
+        if talker.topic != ear.topic or not talker.quality.serves(ear.quality):
+            continue
+        wanted = 0
+        if ear.quality.is_durable:
+            wanted = min(said.most, talker.quality.depth, ear.quality.depth or said.most)
+        expected = Heard(wanted, said.most - wanted + 1, said.most) if wanted else Heard()
+        found = _heard(look, said)
+        if found != expected:
+            wrong.append(
+                f"late ear {ear.number} of depth {ear.quality.depth} heard of {_name(said)} of depth "
+                f"{talker.quality.depth}, published {said.most}: {_range(found)}, not {_range(expected)}"
+            )
+    return wrong
+
+
+def _range(heard: Heard) -> str:
+    if not heard.messages:
+        return "nothing"
+    return f"{heard.messages} from {heard.first} to {heard.last}"
+
+
+def _heard(look: EarLook, said: Said) -> Heard:
+    return look.heard.get(said.talker.number, Heard())
+
+
+def _name(said: Said) -> str:
+    return f"{said.talker.number} ({said.actor})"
+
+
+def _ear(number: int, ear: Ear, actor: str) -> str:
+    return f"{actor}, ear {number} on {ear.topic}"

@@ -1,0 +1,5 @@
+"""Fuzzing: targets, each a function of bytes, and what runs them. See docs/reliability.md.
+
+make fuzz SECONDS=60                     all of them, guided by coverage (atheris; clang for the C parts)
+make test                                every input of the corpus once more, and hypothesis
+"""

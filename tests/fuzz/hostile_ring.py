@@ -1,0 +1,134 @@
+"""Rings of a publisher that writes what it likes, and what reads them. Needs the native core."""
+
+import mmap
+import os
+from contextlib import suppress
+from fcntl import F_ADD_SEALS, fcntl
+from typing import Any
+
+import msgspec
+
+from bus.descriptor import Descriptor
+from bus.msg.std_msgs import String
+from bus.shm import core, segments
+from bus.shm.descriptors import SEALS
+from bus.wire.layout import MAX_COUNT
+from fuzz.script import Script
+
+_HEADER_BYTES = 640
+_HEADER_WORDS = (16, 32, 33, 48, 49, 64, 65, 66)
+"""Of layout.h: oldest, latest, end, the bell, closed and the first tickets."""
+_GEOMETRY_WORDS = 9
+_LARGE = 6000
+"""A payload that is pinned, not copied."""
+
+
+class HostileRing:
+    """A ring with some records, some words of which are not what they should be; sealed as it must be."""
+
+    def __init__(self, script: Script) -> None:
+        self.capacity, self.index = (4096, 32768)[script.byte() % 2], 16 << script.byte() % 3
+        size = core().ring_bytes(self.capacity, self.index)
+        self.descriptor = Descriptor(os.memfd_create("fuzz", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING))
+        os.posix_fallocate(self.descriptor.number, 0, size)
+        self._words = memoryview(mmap.mmap(self.descriptor.number, size)).cast("Q")
+        own = core().Mapping(self.descriptor.number, size, writable=True)
+        own.format_ring(self.capacity, self.index, 1 + script.byte() % 4)
+        self.writer = core().Writer(own, 1)
+        for _ in range(script.byte() % 8):
+            self.write(script)
+        for _ in range(script.byte() % 4):
+            self.scribble(script)
+        if script.byte() % 8 == 1:
+            self._words[script.byte() % _GEOMETRY_WORDS] = script.number(size, signed=False)
+        fcntl(self.descriptor.number, F_ADD_SEALS, SEALS if script.byte() < 250 else 0)
+
+    def pass_on(self) -> Descriptor:
+        """A descriptor of it for another process."""
+        return Descriptor(os.dup(self.descriptor.number))
+
+    def write(self, script: Script) -> None:
+        """A message, as an honest publisher writes it."""
+        size = script.byte()
+        self.writer.write(msgspec.msgpack.encode(String(data="x" * (_LARGE if size == 255 else size))))
+
+    def scribble(self, script: Script) -> None:
+        """Change a word of those that readers look at, or any."""
+        kind, where = script.byte(), script.byte()
+        index_at = _HEADER_BYTES // 8
+        match kind % 4:
+            case 0:
+                at = _HEADER_WORDS[where % len(_HEADER_WORDS)]
+            case 1:
+                at = index_at + where % self.index
+            case 2:
+                at = index_at + self.index + where % (self.capacity // 64) * 8 + kind // 4 % 3
+            case _:
+                at = where * script.byte() % len(self._words)
+        self._words[at] = script.number(self._words[at], signed=False)
+
+
+def reader(data: bytes) -> None:
+    """A subscription's reader on up to four such rings, which change while it reads."""
+    script = Script(data)
+    segment, memory = segments.make_readers(8)
+    doorbell = segments.make_doorbell()
+    readers = core().Readers(memory, doorbell.number)
+    keeps_all = bool(script.byte() & 1)
+    taker = core().Reader(readers, "owner", 0 if keeps_all else 1 + script.byte() % 8, tells_cursor=keeps_all)
+    bell = core().Bell(segments.map_readers(segment), doorbell.number)
+    there: list[HostileRing] = []
+    held: list[Any] = []
+    while script:
+        act, source = script.byte() % 12, script.byte() % 4
+        match act:
+            case 0 | 1:
+                there.append(HostileRing(script))
+                with suppress(ValueError):
+                    memory = segments.map_ring(there[-1].descriptor)
+                    if act == 1 and taker.next_seq(source):
+                        taker.extend(source, memory)
+                    else:
+                        slot = script.byte() % 8
+                        history, start = script.byte() % 4, script.number(signed=False)
+                        since_ns = 0 if script.byte() & 1 else 1 << 62
+                        lifespan_ns = 1 if script.byte() > 240 else 0
+                        taker.attach(
+                            source, memory, slot, start=start, since_ns=since_ns, history=history,
+                            lifespan_ns=lifespan_ns, doorbell=doorbell.number,
+                        )  # fmt: skip
+                        there[-1].writer.add_gate(source, bell, slot, is_lossless=keeps_all)
+            case 2 | 3:
+                if there:
+                    there[source % len(there)].scribble(script)
+            case 4:
+                if there:
+                    there[source % len(there)].write(script)
+            case 5 | 6:
+                held += taker.messages(1 + script.byte() % 8, _hold)
+            case 7:
+                held += taker.take(1 + script.byte() % 8, _decode)
+            case 8:
+                readers.sleep() if source & 1 else readers.wake()
+            case 9:
+                taker.finish(source)
+            case 10:
+                taker.detach(source)
+            case _:
+                held.clear()
+        _check(taker)
+
+
+def _hold(payload: Any) -> Any:
+    return bytes(payload), payload  # the payload keeps the record in its place, where it is a view
+
+
+_decode = msgspec.msgpack.Decoder(String).decode
+
+
+def _check(reader: Any) -> None:
+    assert 0 <= reader.waiting() <= MAX_COUNT
+    reader.pop_rejected()
+    for _, reason, next_seq in reader.pop_left():
+        assert isinstance(reason, str)
+        assert next_seq >= 0

@@ -1,0 +1,44 @@
+"""The targets by name, and the inputs that are kept for each: the corpus, and what once made it fail."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from bus.shm import why_not
+from fuzz import broker_targets, client_targets, hostile_ring, text_targets, wire_targets
+
+Target = Callable[[bytes], None]
+"""Raises nothing, whatever the bytes are."""
+
+HERE = Path(__file__).parent
+CORPUS = HERE / "corpus"
+CRASHES = HERE / "crashes"
+
+TARGETS: dict[str, Target] = {
+    "frames": wire_targets.frames,
+    "session": wire_targets.session,
+    "runs": wire_targets.runs,
+    "inbox": wire_targets.inbox,
+    "outbox": wire_targets.outbox,
+    "control": broker_targets.control,
+    "broker": broker_targets.broker,
+    "client": client_targets.client,
+    "reader": hostile_ring.reader,
+    "configuration": text_targets.configuration,
+    "parameters": text_targets.parameters,
+    "arguments": text_targets.arguments,
+    "names": text_targets.topic_names,
+    "definitions": text_targets.definitions,
+    "documents": text_targets.documents,
+    "expressions": text_targets.expressions,
+    "schemas": text_targets.schemas,
+}
+NATIVE = ("ring", "gates")
+"""Those in C, in tests/native; `make native` runs what is kept for them."""
+
+if why_not():
+    del TARGETS["reader"]  # it is made of the native core
+
+
+def inputs(folder: Path, name: str) -> list[Path]:
+    """Those in CORPUS or CRASHES for one target."""
+    return sorted((folder / name).glob("*"))

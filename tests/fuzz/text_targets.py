@@ -1,0 +1,207 @@
+"""What people and files say: configuration, parameters, arguments, names, definitions, messages in YAML.
+
+Each has one error for all that is wrong; anything else that is raised is a fault.
+"""
+
+import io
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, ClassVar
+
+import msgspec
+
+from bus import idl, names
+from bus.arguments import Arguments, Parameter
+from bus.cli.documents import load as load_document
+from bus.cli.documents import split
+from bus.cli.fields import FieldPath
+from bus.cli.filter import compile_filter
+from bus.cli.output import CommandError
+from bus.cli.populate import Prototype
+from bus.cli.render import View, to_yaml
+from bus.errors import ConfigurationError
+from bus.msg.geometry_msgs import PoseStamped
+from bus.msg.std_msgs import Float64MultiArray, String
+from bus.parameterfile import overrides, parse_file, parse_typed, parse_value
+from bus.schema import build, describe
+from bus.typesupport import type_support
+from busd import config
+from busd.core.access import ACTIONS, Access, Subject
+from busd.core.broker import Broker
+from busd.core.limits import rules_for
+from fuzz.script import Script
+
+
+class Anything(msgspec.Struct):
+    """A message with fields of all kinds."""
+
+    __type_name__: ClassVar[str] = "fuzz/msg/Anything"
+
+    any: Any = None
+    flags: list[bool] = []
+    names: dict[str, int] = {}
+    pair: tuple[int, str] = (0, "")
+    either: int | str | None = None
+    octets: bytes = b""
+    inner: String = msgspec.field(default_factory=String)
+    strings: list[str] = []
+    ratio: float = 0.0
+
+
+_MESSAGES: tuple[type[msgspec.Struct], ...] = (Anything, String, PoseStamped, Float64MultiArray)
+
+
+class _File:
+    """Stands for a path."""
+
+    def __init__(self, content: bytes) -> None:
+        self._content = content
+
+    def open(self, mode: str) -> io.BytesIO:
+        assert mode == "rb"
+        return io.BytesIO(self._content)
+
+    def __str__(self) -> str:
+        return "busd.toml"
+
+
+def configuration(data: bytes) -> None:
+    """busd.toml: a configuration to make a broker of, or a ConfigurationError that names the file."""
+    try:
+        loaded = config.load(_File(data))  # type: ignore[arg-type]
+    except ConfigurationError as error:
+        assert str(error).startswith("busd.toml: ")
+        return
+    access = Access(0, loaded.access)
+    Broker(loaded.limits, loaded.topics, access)
+    for topic in ("/a", "/scan", "/robot/camera_1/image"):
+        rules_for(topic, loaded.topics)
+        for action in ACTIONS:
+            access.decide(Subject(1000, frozenset({1000})), action, topic)
+
+
+def parameters(data: bytes) -> None:
+    """A file of parameters, and a value as it stands after -p or is typed at a tool."""
+    text = data.decode(errors="replace")
+    with suppress(ConfigurationError):
+        sections = parse_file(text, "file.yaml")
+        for name, value in overrides(sections, "/robot/wheels").items():
+            assert isinstance(name, str)
+            _check_value(value)
+    with suppress(ConfigurationError):
+        _check_value(parse_value(text))
+    _check_value(parse_typed(text))
+
+
+def _check_value(value: Any) -> None:
+    kinds = {type(item) for item in value} if isinstance(value, list) else {type(value)}
+    assert len(kinds) <= 1
+    assert kinds <= {bool, int, float, str}
+
+
+def arguments(data: bytes) -> None:
+    """A command line, its parts ended by zero bytes as the kernel keeps them."""
+    argv = [part.decode(errors="surrogateescape") for part in data.split(b"\0")]
+    with suppress(ConfigurationError):
+        parsed = Arguments.parse(argv)
+        for one in parsed.parameters:
+            if isinstance(one, Parameter):
+                with suppress(ConfigurationError):
+                    _check_value(parse_value(one.value))
+        node = parsed.node_name("node")
+        namespace = parsed.namespace("/ns", node)
+        names.validate_full_topic_name(parsed.topic("/ns/chatter", node, namespace))
+
+
+def topic_names(data: bytes) -> None:
+    """Names: refused with the place that is wrong, or good in all that follows."""
+    parts = data.decode(errors="replace").split("\0")
+    name, node, namespace = [*parts, "", "", ""][:3]
+    checks: tuple[Callable[[str], None], ...] = (
+        names.validate_topic_name,
+        names.validate_full_topic_name,
+        names.validate_node_name,
+        names.validate_namespace,
+    )
+    for check in checks:
+        for text in (name, node, namespace):
+            try:
+                check(text)
+            except ConfigurationError as error:
+                assert error.index is not None
+                assert 0 <= error.index <= len(text)
+                lines = str(error).splitlines()
+                assert lines[-1].endswith("^")
+    with suppress(ConfigurationError):
+        names.validate_full_topic_name(names.expand_topic_name(name, node, namespace))
+    with suppress(ConfigurationError):
+        names.validate_namespace(names.absolute_namespace(namespace))
+
+
+def definitions(data: bytes) -> None:
+    """The text of a .msg, .srv or .action file."""
+    text = data.decode(errors="replace")
+    with suppress(ConfigurationError):
+        for found in idl.parse_message(text, "fuzz/msg/Fuzz").fields:
+            assert names._NODE_NAME.fullmatch(found.name)
+    with suppress(ConfigurationError):
+        idl.parse_service(text, "fuzz/srv/Fuzz")
+    with suppress(ConfigurationError):
+        idl.parse_action(text, "fuzz/action/Fuzz")
+    with suppress(ConfigurationError):
+        idl.parse_message("", text)
+
+
+def documents(data: bytes) -> None:
+    """What `bus topic pub` takes: messages that can be published and shown, or a CommandError."""
+    kind = _MESSAGES[data[0] % len(_MESSAGES)] if data else Anything
+    support = type_support(kind)
+    for document in split(io.StringIO(data[1:].decode(errors="replace"))):
+        try:
+            prototype = Prototype(kind, load_document(document))
+        except CommandError as error:
+            assert len(str(error)) < 10_000, "an error that fills the screen"
+            continue
+        prototype.stamp()
+        message = support.decode(support.encode(prototype.message))
+        to_yaml(View().plain(support.schema, support.schema["root"], message))
+
+
+def expressions(data: bytes) -> None:
+    """Paths into messages (--field) and filters (--filter)."""
+    text = data.decode(errors="replace")
+    support = type_support(Anything)
+    message = Anything(any={"a": [1, "x"]}, flags=[True], names={"a": 1}, octets=b"abc", strings=["", "y"])
+    with suppress(CommandError):
+        FieldPath(text, support.schema).pick(message)
+    with suppress(CommandError):
+        compile_filter(text)(message)
+
+
+def schemas(data: bytes) -> None:
+    """A type that another process describes: a class whose messages can be read and shown, or an error."""
+    script = Script(data)
+    payload = script.take(script.byte() % 64)
+    decode = script.choose((msgspec.json.decode, msgspec.msgpack.decode))
+    try:
+        schema = decode(script.rest())
+    except (ValueError, RecursionError):
+        return
+    try:
+        cls = build(schema)
+    except ConfigurationError:
+        return
+    decoder = msgspec.msgpack.Decoder(cls)
+    messages: list[Any] = []
+    with suppress(msgspec.MsgspecError, RecursionError):
+        messages.append(decoder.decode(payload))
+    with suppress(TypeError):  # a field that must be given
+        messages.append(cls())
+    described = describe(cls)
+    for message in messages:
+        _show(described, message)
+
+
+def _show(schema: Any, message: Any) -> None:
+    for view in (View(), View(truncate_length=2, octets=True), View(no_arr=True, no_str=True)):
+        to_yaml(view.plain(schema, schema["root"], message))

@@ -1,0 +1,91 @@
+/* What the fuzzers share: an input is a script of bytes, and memory of another process that changes at every look.
+ *
+ * Every atomic load of the code under test first lets the other side meddle, as far as the script says so: what a
+ * hostile process does between two instructions can be repeated. To be included before anything else.
+ */
+#ifndef TESTS_NATIVE_FUZZ_H
+#define TESTS_NATIVE_FUZZ_H
+
+#include <stdatomic.h>
+
+static void meddle(void);
+
+#define __atomic_load_n(address, order) (meddle(), __atomic_load_n(address, order))
+#undef atomic_load_explicit
+#ifdef __clang__
+#define atomic_load_explicit(object, order) (meddle(), __c11_atomic_load(object, order))
+#else
+#define atomic_load_explicit(object, order) __atomic_load_n(object, order)
+#endif
+
+#include "check.h"
+
+#include <unistd.h>
+
+static const unsigned char *script, *script_end;
+
+static inline bool goes_on(void) { return script < script_end; }
+
+static inline unsigned next_byte(void) { return goes_on() ? *script++ : 0; }
+
+static inline uint64_t next_word(void)
+{
+    uint64_t word = 0;
+    for (int i = 0; i < 8; i++)
+        word = word << 8 | next_byte();
+    return word;
+}
+
+/* A number: mostly one near `near`, where faults hide. */
+static inline uint64_t next_number(uint64_t near)
+{
+    const unsigned kind = next_byte();
+    switch (kind >> 5) {
+    case 0:
+        return kind & 31;
+    case 1:
+    case 2:
+        return near + (kind & 31);
+    case 3:
+        return near - (kind & 31);
+    case 4:
+        return (UINT64_C(1) << (kind & 31) << (kind & 31)) - 1;
+    case 5:
+        return UINT64_MAX - (kind & 31);
+    case 6:
+        return (uint64_t)next_byte() << (kind & 31);
+    default:
+        return next_word();
+    }
+}
+
+static inline void set_word(void *memory, uint64_t at, uint64_t word)
+{
+    memcpy((char *)memory + 8 * at, &word, 8);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+#ifndef LIBFUZZER
+/* Without libFuzzer: runs the inputs in the files that are named. */
+int main(int count, char **names)
+{
+    static unsigned char input[1 << 16];
+    for (int i = 1; i < count; i++) {
+        FILE *file = fopen(names[i], "rb");
+        if (file == NULL)
+            FAIL("%s: can't be read", names[i]);
+        const size_t size = fread(input, 1, sizeof input, file);
+        fclose(file);
+        unsigned char *exact = malloc(size + 1); /* so that a sanitizer sees a step beyond it */
+        memcpy(exact, input, size);
+        alarm(10);
+        LLVMFuzzerTestOneInput(exact, size);
+        free(exact);
+    }
+    printf("%d inputs: ok\n", count - 1);
+    return 0;
+}
+#endif
+
+#endif

@@ -1,0 +1,60 @@
+/* The native core itself under libFuzzer: Python in this process, the core in it built with coverage and sanitizers, and
+ * `reader` of tests/fuzz/hostile_ring.py as what is run. The Makefile knows how to build it. */
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+
+#include <stdint.h>
+#include <stdlib.h>
+
+PyMODINIT_FUNC PyInit__core(void);
+int LLVMFuzzerInitialize(int *count, char ***names);
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+const char *__asan_default_options(void);
+
+static PyObject *target;
+
+/* What Python keeps until its end is no leak. */
+const char *__asan_default_options(void) { return "detect_leaks=0"; }
+
+static PyObject *need(PyObject *object)
+{
+    if (object == NULL) {
+        PyErr_Print();
+        abort();
+    }
+    return object;
+}
+
+/* Makes the module as the import system does, and puts it where an import finds it. */
+static void add_core(void)
+{
+    const char *name = "bus.shm._core";
+    PyModuleDef *definition = (PyModuleDef *)need(PyInit__core());
+    PyObject *types = need(PyImport_ImportModule("types"));
+    PyObject *spec = need(PyObject_CallMethod(types, "SimpleNamespace", NULL));
+    PyObject *text = need(PyUnicode_FromString(name));
+    PyObject_SetAttrString(spec, "name", text);
+    PyObject *module = need(PyModule_FromDefAndSpec(definition, spec));
+    if (PyModule_ExecDef(module, definition) < 0)
+        need(NULL);
+    PyDict_SetItemString(PyImport_GetModuleDict(), name, module);
+}
+
+int LLVMFuzzerInitialize(int *count, char ***names)
+{
+    (void)count;
+    (void)names;
+    setenv("PYTHONMALLOC", "malloc", 1); /* so that a sanitizer sees each block */
+    Py_InitializeEx(0);
+    add_core();
+    PyObject *module = need(PyImport_ImportModule("fuzz.hostile_ring")); /* by PYTHONPATH */
+    target = need(PyObject_GetAttrString(module, "reader"));
+    return 0;
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    PyObject *result = need(PyObject_CallFunction(target, "y#", (const char *)data, (Py_ssize_t)size));
+    Py_DECREF(result);
+    return 0;
+}

@@ -1,0 +1,213 @@
+"""The accounts of both routes, end to end, against a naive model: every delivery, every count, every reason.
+
+A story is a sequence of actions of several processes: publishing bursts of any size, taking, blocking, dying,
+losing the connection, with busd or without, refusing to share memory. After each, once nothing is on its way,
+what the programs got and what they and the graph say of it must be what the model says.
+
+BUSD_ACCOUNTS_STORIES=5000 plays so many stories, other ones each time.
+"""
+
+import asyncio
+import os
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, TypeAlias, TypeVar
+
+import pytest
+import uvloop
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from accounts_world import World
+from bus import link
+from bus.qos import QoSProfile
+from busd.core import routing
+from conftest import TEST_S
+
+Chosen = TypeVar("Chosen")
+Step: TypeAlias = tuple[Any, ...]
+Beginning: TypeAlias = tuple[list[bool], list[tuple[int, QoSProfile]], list[tuple[int, QoSProfile]]]
+
+STORIES = int(os.environ.get("BUSD_ACCOUNTS_STORIES", "0"))
+
+offers = st.builds(
+    QoSProfile,
+    depth=st.sampled_from([1, 2, 3, 5]),
+    history=st.sampled_from(["keep_last", "keep_last", "keep_last", "keep_all"]),
+    reliability=st.sampled_from(["reliable", "reliable", "reliable", "best_effort"]),
+    durability=st.sampled_from(["transient_local", "transient_local", "volatile"]),
+) | st.builds(QoSProfile, depth=st.sampled_from([2, 5]), lifespan=st.just(1e-9))
+# Not keep all with best effort: it loses what a ring has no room for, and no model knows how much that is.
+requests = st.builds(
+    QoSProfile,
+    depth=st.sampled_from([1, 2, 3, 5]),
+    reliability=st.sampled_from(["reliable", "best_effort", "best_effort"]),
+    durability=st.sampled_from(["transient_local", "volatile"]),
+) | st.builds(
+    QoSProfile, history=st.just("keep_all"), durability=st.sampled_from(["transient_local", "volatile"])
+)
+indices = st.integers(0, 99)
+numbers = st.integers(1, 8)
+bursts = st.lists(st.tuples(indices, numbers), max_size=3)
+
+
+def _step(name: str, *arguments: st.SearchStrategy[Any]) -> st.SearchStrategy[Step]:
+    return st.tuples(st.just(name), *arguments)
+
+
+publish = _step("publish", indices, numbers)
+take = _step("take", indices, st.sampled_from([1, 2, 100, 100]))
+steps = st.one_of(
+    publish,
+    publish,
+    publish,
+    take,
+    take,
+    _step("publish_large", indices, st.integers(1, 3)),
+    _step("block", indices),
+    _step("create_publisher", indices, offers),
+    _step("create_subscription", indices, requests),
+    _step("close", indices),
+    _step("die", indices),
+    _step("refuse", indices, st.booleans()),
+    _step("cut", indices, bursts),
+    _step("restart", bursts),
+)
+beginnings = st.tuples(
+    st.lists(st.booleans(), min_size=2, max_size=3),
+    st.lists(st.tuples(indices, offers), min_size=1, max_size=2),
+    st.lists(st.tuples(indices, requests), min_size=2, max_size=3),
+)
+stories = st.lists(steps, min_size=8, max_size=20)
+
+
+class Story:
+    """The actions; each picks its victim among those that are there."""
+
+    def __init__(self, folder: Path, route: str, beginning: Beginning) -> None:
+        shares, self.offers, self.requests = beginning
+        self.world = World(folder, [route == "shm" and (one or not at) for at, one in enumerate(shares)])
+
+    async def play(self, story: list[Step]) -> None:
+        world = self.world
+        await world.open()
+        try:
+            for at, offer in self.offers:
+                await self.create_publisher(at, offer)
+            for at, request in self.requests:
+                await self.create_subscription(at, request)
+            await world.check()
+            for name, *arguments in story:
+                act: Callable[..., Any] = getattr(self, name)
+                await act(*arguments)
+                await world.check()
+        finally:
+            await world.close()
+
+    async def create_publisher(self, at: int, qos: QoSProfile) -> None:
+        await self.world.unblock_all()
+        await self.world.create_publisher(pick(self.world.processes, at), qos)
+
+    async def create_subscription(self, at: int, qos: QoSProfile) -> None:
+        await self.world.unblock_all()
+        await self.world.create_subscription(pick(self.world.processes, at), qos)
+
+    async def publish(self, at: int, count: int, size: int = 1) -> None:
+        if self.world.publishers:
+            publisher = pick(self.world.publishers, at)
+            if self.world.model.publishers[publisher].qos.lifespan_ns:
+                await self.world.unblock_all()  # when they expire at busd depends on how they are gathered
+            messages = self.world.publish(publisher, count, size)
+            self.world.model.deliver(self.world.model.publishers[publisher], messages)
+
+    async def publish_large(self, at: int, count: int) -> None:
+        await self.world.unblock_all()  # for that a ring grows, which busd tells its readers
+        await self.publish(at, count, 20_000)
+
+    async def take(self, at: int, count: int) -> None:
+        if self.world.subscriptions:
+            self.world.take(pick(self.world.subscriptions, at), count)
+
+    async def block(self, at: int) -> None:
+        process = pick(self.world.processes, at)
+        if process in self.world.model.blocked:
+            await self.world.unblock_all()
+        else:
+            self.world.block(process)
+
+    async def close(self, at: int) -> None:
+        await self.world.unblock_all()
+        if endpoints := {**self.world.publishers, **self.world.subscriptions}:
+            await self.world.close_endpoint(pick(endpoints, at))
+
+    async def die(self, at: int) -> None:
+        await self.world.unblock_all()
+        await self.world.die(pick(self.world.processes, at))
+
+    async def refuse(self, at: int, by_publisher: bool) -> None:
+        await self.world.unblock_all()
+        # Not where messages expire: those that do so at busd, nobody knows by their numbers, and once back on
+        # the route shm they are found in the ring.
+        model = self.world.model
+        shared = {
+            (publisher, one.id): None
+            for one in model.subscriptions.values()
+            for publisher, route in one.routes.items()
+            if route == "shm" and not model.publishers[publisher].qos.lifespan_ns
+        }
+        if shared:
+            self.world.refuse(*pick(shared, at), by_publisher=by_publisher)
+
+    async def cut(self, at: int, bursts: list[tuple[int, int]]) -> None:
+        if self.knows_where_matches_began():
+            await self.world.unblock_all()
+            await self.world.cut([pick(self.world.processes, at)], self.named(bursts), restart=False)
+
+    async def restart(self, bursts: list[tuple[int, int]]) -> None:
+        if self.knows_where_matches_began():
+            await self.world.unblock_all()
+            await self.world.cut(list(self.world.processes), self.named(bursts), restart=True)
+
+    def knows_where_matches_began(self) -> bool:
+        """Not where a publisher has a ring, and a subscription by socket has not heard anything of it yet.
+
+        What went to others before that is then counted as lost, where its connection is.
+        """
+        return not any(any(one.before.values()) for one in self.world.model.subscriptions.values())
+
+    def named(self, bursts: list[tuple[int, int]]) -> list[tuple[int, int]]:
+        there = self.world.publishers
+        return [(pick(there, at), count) for at, count in bursts] if there else []
+
+
+def pick(among: dict[Chosen, Any], at: int) -> Chosen:
+    return sorted(among)[at % len(among)]  # type: ignore[type-var]
+
+
+@pytest.mark.parametrize(
+    "make_loop", [asyncio.new_event_loop, uvloop.new_event_loop], ids=["asyncio", "uvloop"]
+)
+def test_against_the_model(
+    route: str, make_loop: Callable[[], asyncio.AbstractEventLoop], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("BUS_ROUTE", raising=False)
+    monkeypatch.setattr(link, "_RETRY_S", (0.0, 0.001))
+    monkeypatch.setattr(routing, "DROP_REPORT_NS", 0)
+
+    @settings(
+        max_examples=STORIES or 40,
+        derandomize=not STORIES,
+        database=None,
+        suppress_health_check=[HealthCheck.too_slow],
+    )
+    @given(beginnings, stories)
+    def play(beginning: Beginning, story: list[Step]) -> None:
+        async def bounded(folder: Path) -> None:
+            async with asyncio.timeout(TEST_S):
+                await Story(folder, route, beginning).play(story)
+
+        with TemporaryDirectory(prefix="busd-") as folder, asyncio.Runner(loop_factory=make_loop) as runner:
+            runner.run(bounded(Path(folder)))
+
+    play()

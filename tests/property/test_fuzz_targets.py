@@ -1,0 +1,34 @@
+"""The fuzzers' targets under hypothesis: inputs of the corpus, changed, joined or cut."""
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from fuzz.targets import CORPUS, TARGETS, inputs
+
+EDITS = st.lists(st.tuples(st.integers(0, 400), st.integers(0, 3), st.binary(max_size=4)), max_size=4)
+
+
+def edited(data: bytes, edits: list[tuple[int, int, bytes]]) -> bytes:
+    """`data` with, at each place, some bytes replaced by others."""
+    for place, cut, new in edits:
+        at = place % (len(data) + 1)
+        data = data[:at] + new + data[at + cut :]
+    return data
+
+
+def changed(name: str) -> st.SearchStrategy[bytes]:
+    kept = st.sampled_from([path.read_bytes() for path in inputs(CORPUS, name)])
+    return st.one_of(
+        st.binary(max_size=200), st.builds(edited, kept, EDITS), st.builds(bytes.__add__, kept, kept)
+    )
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_any_input_is_survived(name: str) -> None:
+    @settings(deadline=None, max_examples=40, suppress_health_check=list(HealthCheck))
+    @given(changed(name))
+    def survive(data: bytes) -> None:
+        TARGETS[name](data)
+
+    survive()

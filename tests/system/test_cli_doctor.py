@@ -1,0 +1,50 @@
+"""`bus doctor` where something is wrong with a real busd, or with a program on it."""
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from bus.cli.doctor import daemon as module
+from conftest import Daemon
+from system.test_cli_tool import LISTENER, bus, script
+
+
+def test_a_daemon_that_is_stopped(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It says so, and waits no longer than it must; that it would answer later is of no help."""
+    os.kill(daemon.pid, signal.SIGSTOP)
+    os.waitid(os.P_PID, daemon.pid, os.WSTOPPED)
+    monkeypatch.setattr(module, "_ANSWER_S", 0.1)
+    silence = module.reach(daemon.path)
+    assert "does not answer" in str(silence)
+    (found,) = module.examine(daemon.path, silence)
+    assert found.text == f"pid {daemon.pid} is stopped (SIGSTOP, Ctrl-Z or a debugger)"
+    assert found.advice == f"kill -CONT {daemon.pid}"
+
+
+def test_a_program_that_is_stopped(daemon: Daemon) -> None:
+    with script(LISTENER) as listener:
+        pid = listener.process.pid
+        assert "1 with nodes; all run, none is near a limit" in bus("doctor").out
+        os.kill(pid, signal.SIGSTOP)
+        os.waitid(os.P_PID, pid, os.WSTOPPED)
+        result = bus("doctor")
+    assert f"(pid {pid}) (/minimal_subscriber) is stopped (SIGSTOP, Ctrl-Z or a debugger)" in result.out
+    assert f"-> kill -CONT {pid}, or fg where it was started\n" in result.out
+    assert result.code == 0  # the others can work
+
+
+@pytest.mark.parametrize("settings", ["[limits]\nendpoints_per_peer = 2\n"])
+def test_a_program_at_its_limit(daemon: Daemon, settings: str) -> None:
+    with script(LISTENER) as listener:
+        out = bus("doctor").out
+    assert f"(pid {listener.process.pid}) has 2 of 2 endpoints\n" in out
+    assert "-> raise limits.endpoints_per_peer in busd.toml" in out
+
+
+def test_a_daemon_whose_socket_is_gone(daemon: Daemon, tmp_path: Path) -> None:
+    """Nobody will ever find it again, and nobody knows of it but the kernel."""
+    daemon.path.unlink()
+    text = f"[warn] other daemons: busd (pid {daemon.pid}) listens on {daemon.path}, which is gone"
+    assert text in bus("doctor", "--socket", str(tmp_path / "other.sock")).out

@@ -1,0 +1,186 @@
+"""`bus metrics` as its users run it, with a real busd that comes and goes; and `bus daemon peers`."""
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.request import Request, urlopen
+
+import pytest
+
+from conftest import Daemon
+from system.test_cli_tool import LISTENER, TALKER, WAIT_S, Running, bus, script, start
+
+pytest.importorskip("prometheus_client")
+
+_LOOK_S = 0.02
+TOPIC = 'busd_topic_messages_total{topic="/topic"}'
+
+
+def values(text: str) -> dict[str, float]:
+    """Each sample as it is written, without its value; and that."""
+    lines = [line for line in text.splitlines() if line and not line.startswith("#")]
+    return {name: float(value) for name, value in (line.rsplit(" ", 1) for line in lines)}
+
+
+def fetch(path: Path) -> str:
+    """The page behind a UNIX socket."""
+    with socket.socket(socket.AF_UNIX) as client:
+        client.settimeout(WAIT_S)
+        client.connect(str(path))
+        client.sendall(b"GET /metrics HTTP/1.1\r\n\r\n")
+        answer = b""
+        while part := client.recv(1 << 16):
+            answer += part
+    head, _, body = answer.decode().partition("\r\n\r\n")
+    assert head.startswith("HTTP/1.1 200 OK"), head
+    return body
+
+
+def wait_for(path: Path, name: str, least: float) -> dict[str, float]:
+    """Ask until a value is there; what came."""
+    while (found := values(fetch(path))).get(name, -1.0) < least:
+        time.sleep(_LOOK_S)
+    return found
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    return tmp_path / "metrics.sock"
+
+
+@contextmanager
+def exporter(place: Path) -> Iterator[Running]:
+    """It listens."""
+    with start("metrics", "--listen", f"unix:{place}") as running:
+        assert running.line() == f"metrics at unix:{place}"
+        yield running
+
+
+def test_what_two_nodes_do(daemon: Daemon, place: Path, route: str) -> None:
+    with exporter(place), script(LISTENER), script(TALKER, "0.01"):
+        found = wait_for(place, 'busd_delivered_total{node="/minimal_subscriber",topic="/topic"}', 1)
+        assert found["busd_up"] == 1
+        assert found[TOPIC] >= 1
+        assert found[f'busd_matches{{route="{route}",topic="/topic"}}'] == 1
+        assert found["busd_nodes"] == 2
+        assert 'busd_lost_total{node="/minimal_subscriber",topic="/topic"}' in found
+        assert found[f'busd_user_connections{{uid="{os.getuid()}"}}'] == 3  # one of them asks
+        if route == "socket":
+            assert found["busd_routing_seconds_count"] >= 1
+            assert found["busd_routed_messages_total"] >= found["busd_routed_runs_total"] >= 1
+            assert found["busd_routing_seconds_sum"] > 0
+        else:
+            assert found["busd_routed_messages_total"] == 0
+
+
+def test_busd_dies_and_comes_back(daemon: Daemon, place: Path) -> None:
+    with script(LISTENER), script(TALKER, "0.01"), exporter(place) as running:
+        before = wait_for(place, TOPIC, 5)
+        daemon.kill()
+        assert values(fetch(place)) == {"busd_up": 0}
+        assert "no busd listens on" in running.error_line()
+        daemon.restart()
+        after = wait_for(place, TOPIC, before[TOPIC] + 1)
+        assert after["busd_up"] == 1
+        assert "busd answers at" in running.error_line()
+
+
+def test_a_publisher_that_is_gone_still_counts(daemon: Daemon, place: Path) -> None:
+    with exporter(place), script(LISTENER):
+        with script(TALKER, "0.01"):
+            before = wait_for(place, TOPIC, 5)[TOPIC]
+        found = wait_for(place, "busd_up", 1)
+        while found.get('busd_publishers{topic="/topic"}'):
+            time.sleep(_LOOK_S)
+            found = values(fetch(place))
+        assert found[TOPIC] >= before
+        with script(TALKER, "0.01"):
+            wait_for(place, TOPIC, found[TOPIC] + 1)
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 2), (signal.SIGTERM, 15)])
+def test_signals_end_it(socket_path: Path, place: Path, number: signal.Signals, code: int) -> None:
+    with exporter(place) as running:
+        result = running.end(number)
+    assert (result.code, result.err) == (code, "")
+    assert not place.exists()
+
+
+def test_on_loopback(daemon: Daemon) -> None:
+    with start("metrics", "--listen", "127.0.0.1:0", "--json") as running:
+        url = json.loads(running.line())["listening"]
+        with urlopen(url, timeout=WAIT_S) as answer:
+            assert answer.headers["Content-Type"].startswith("text/plain")
+            assert b"busd_up 1.0" in answer.read()
+        accept = {"Accept": "application/openmetrics-text; version=1.0.0"}
+        with urlopen(Request(url, headers=accept), timeout=WAIT_S) as answer:
+            assert answer.headers["Content-Type"].startswith("application/openmetrics-text")
+            assert answer.read().endswith(b"# EOF\n")
+
+
+def test_once(daemon: Daemon) -> None:
+    result = bus("metrics", "--once")
+    assert (result.code, result.err) == (0, "")
+    found = values(result.out)
+    assert found["busd_nodes"] == 0
+    assert found["busd_process_open_fds"] > 3
+    lines = [json.loads(line) for line in bus("metrics", "--once", "--json").out.splitlines()]
+    assert {"name": "busd_nodes", "labels": {}, "value": 0} in lines
+
+
+def test_once_without_a_busd(socket_path: Path) -> None:
+    result = bus("metrics", "--once")
+    assert (result.code, result.err) == (0, f"no busd listens on {socket_path}\n")
+    assert values(result.out) == {"busd_up": 0}
+    assert not socket_path.exists()
+
+
+def test_a_busd_that_stands_still(daemon: Daemon) -> None:
+    os.kill(daemon.pid, signal.SIGSTOP)
+    result = bus("metrics", "--once")
+    assert values(result.out) == {"busd_up": 0}
+    assert "does not answer" in result.err
+
+
+def test_nothing_that_others_can_reach(socket_path: Path) -> None:
+    result = bus("metrics", "--listen", "0.0.0.0:9464")
+    assert result.code == 2
+    assert "argument --listen: 0.0.0.0 is not loopback" in result.err
+
+
+def test_without_prometheus_client(socket_path: Path) -> None:
+    code = "import sys; sys.modules['prometheus_client'] = None; import bus.cli.main as it; it.main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code, "metrics", "--once"], capture_output=True, text=True, timeout=WAIT_S
+    )
+    assert done.returncode == 1
+    assert re.fullmatch(
+        r"metrics need prometheus-client \(.*\): pip install 'busd\[metrics\]'\n", done.stderr
+    )
+
+
+@pytest.mark.parametrize("settings", ["[limits]\nendpoints_per_peer = 10\n"])
+def test_daemon_peers(daemon: Daemon, settings: str) -> None:
+    with script(LISTENER) as listener:
+        title, rule, row = bus("daemon", "peers").out.splitlines()
+        (peer,) = [json.loads(line) for line in bus("daemon", "peers", "--json").out.splitlines()]
+        (user,) = [json.loads(line) for line in bus("daemon", "peers", "--users", "--json").out.splitlines()]
+    columns = "pid uid program nodes endpoints topics descriptors queued history refused"
+    assert (title.split(), set(rule)) == (columns.split(), {"="})
+    assert row.split()[:2] == [str(listener.process.pid), str(os.getuid())]
+    assert " 2 (20%) " in row
+    assert (peer["pid"], peer["nodes"], peer["endpoints"]) == (listener.process.pid, 1, 2)
+    assert (user["uid"], user["connections"], user["endpoints"]) == (os.getuid(), 2, 2)
+
+
+def test_daemon_peers_without_a_daemon(socket_path: Path) -> None:
+    result = bus("daemon", "peers")
+    assert (result.out, result.err, result.code) == ("", f"no busd listens on {socket_path}\n", 1)

@@ -1,0 +1,105 @@
+"""busd.core: what is published to a subscription by the numbers, also where one end comes back."""
+
+import pytest
+
+from broker_line import Line
+from broker_world import World
+from bus.qos import QoSProfile
+
+DURABLE = QoSProfile(depth=5, durability="transient_local")
+
+
+def accounted(line: Line) -> tuple[int, int]:
+    """What is expected, and what it should be: received, waiting and dropped."""
+    found = line.subscription.statistics(line.talker)
+    return found.expected, len(line.subscription.samples) + found.queued + sum(found.dropped.values())
+
+
+def come_back(line: Line, *, next_seq: int) -> None:
+    """The publisher's process loses its connection and has another."""
+    gid = line.publisher.gid
+    line.talker.die()
+    line.talker = line.world.process("talker")
+    line.publisher = line.talker.node().publisher("/topic", DURABLE, gid=gid, next_seq=next_seq)
+
+
+def test_lost_by_the_publisher_and_waiting() -> None:
+    line = Line(requested=QoSProfile(depth=2))
+    line.publisher.publish("before")
+    line.publisher.lose(3)
+    line.publisher.publish("after")
+    line.listener.is_blocked = True
+    line.publisher.publish_many("abc")
+    assert line.dropped == {"publisher_queue": 3, "replaced": 1}
+    assert accounted(line) == (8, 8)
+
+
+def test_history_counts_and_what_was_before_does_not() -> None:
+    world = World()
+    talker, listener = world.process(), world.process()
+    publisher = talker.publisher("/topic", DURABLE)
+    publisher.publish_many("abc")
+    late = listener.subscription("/topic", QoSProfile(depth=2, durability="transient_local"))
+    new = listener.subscription("/topic")
+    publisher.publish("d")
+    assert late.statistics().expected == 3
+    assert new.statistics().expected == 1
+    publisher.destroy()
+    assert (late.statistics().expected, new.statistics().expected) == (3, 1), "they count on"
+
+
+class TestComingBack:
+    def test_a_history_that_is_sent_again_is_not_routed_again(self) -> None:
+        line = Line(DURABLE, QoSProfile(depth=1, durability="transient_local"))
+        line.publisher.publish_many("abc")
+        come_back(line, next_seq=1)
+        line.listener.is_blocked = True
+        line.publisher.publish("a", "b", "c")
+        assert accounted(line) == (3, 3)
+        line.publisher.publish("d", "e")
+        assert line.dropped == {"replaced": 1}
+        assert accounted(line) == (5, 5)
+        line.listener.unblock()
+        line.publisher.publish("f")
+        assert line.subscription.payloads == ["a", "b", "c", "e", "f"]
+
+    def test_what_is_new_in_a_run_is_routed(self) -> None:
+        line = Line(DURABLE, DURABLE)
+        line.publisher.publish_many("abc")
+        come_back(line, next_seq=2)
+        line.publisher.publish("b", "c", "d", "e")
+        assert [sample.seq for sample in line.subscription.samples] == [1, 2, 3, 4, 5]
+        assert line.subscription.payloads == ["a", "b", "c", "d", "e"]
+        assert accounted(line) == (5, 5)
+
+    def test_what_the_publisher_lost_meanwhile(self) -> None:
+        line = Line(DURABLE, DURABLE)
+        line.publisher.publish_many("abc")
+        come_back(line, next_seq=3)
+        line.publisher.lose(3)
+        line.publisher.publish("f")
+        assert line.dropped == {"publisher_queue": 2}  # 4 and 5: the third, it had had
+        assert accounted(line) == (6, 6)
+
+    def test_a_subscription_that_knows_more_than_the_new_publisher(self) -> None:
+        world = World()
+        talker, listener = world.process(), world.process()
+        publisher = talker.publisher("/topic", DURABLE)
+        back = listener.node().subscription("/topic", DURABLE, last_seqs={publisher.gid: 2})
+        publisher.publish_many("abc")
+        assert back.payloads == ["c"]
+        assert back.statistics().expected == 1
+
+    @pytest.mark.parametrize("is_back", [True, False])
+    def test_what_went_to_others_by_their_rings_meanwhile(self, is_back: bool) -> None:
+        """It is lost to one that was there before, and nothing to one that is new."""
+        world = World()
+        talker, listener = world.process(shares=True), world.process()
+        publisher = talker.publisher("/topic")
+        known = {publisher.gid: 0} if is_back else {}
+        subscription = listener.node().subscription("/topic", last_seqs=known)
+        publisher.resume(8)
+        publisher.publish("h")
+        totals = subscription.statistics()
+        assert totals.dropped == ({"disconnected": 7} if is_back else {})
+        assert totals.expected == (8 if is_back else 1)

@@ -1,0 +1,133 @@
+"""The plan and the judge of `tests/chaos`: a judge who never complains would pass everything."""
+
+from copy import deepcopy
+
+import pytest
+
+from chaos import judge
+from chaos.judge import Said, Scene
+from chaos.plan import Enter, Plan
+from chaos.roles import Ear, EarLook, Heard, Quality, Role, Talker
+
+STREAM, LATCHED = Quality(), Quality(10, is_durable=True)
+
+
+def scene(
+    published: int, heard: int, *, quality: Quality = STREAM, dropped: int = 0, deaths: int = 0
+) -> Scene:
+    """One talker, 1, and one ear, 2, each in a process of its own."""
+    look = EarLook(heard, 0, {"replaced": dropped} if dropped else {}, heard + dropped, {})
+    if heard:
+        look.heard[1] = Heard(heard, 1, heard + dropped, dropped)
+    talker = Talker(1, "/t", quality, (8, 8), 1, 0.0)
+    return Scene(
+        talkers={1: Said(talker, "mouth", published, published)},
+        ears={2: (Ear(2, "/t", quality), "ears", look)},
+        losses={"mouth": deaths, "ears": deaths},
+        deaths=deaths,
+        roles={"mouth": Role("mouth", ()), "ears": Role("ears", ())},
+    )
+
+
+class TestPlan:
+    def test_a_seed_repeats_it(self) -> None:
+        first, second, other = (Plan(seed) for seed in (7, 7, 8))
+        assert first.cast == second.cast
+        scripts = [[one.storm(5) for _ in range(3)] for one in (first, second, other)]
+        assert scripts[0] == scripts[1] != scripts[2]
+
+    def test_what_is_done_is_done_to_those_that_are_there(self) -> None:
+        for seed in range(50):
+            plan = Plan(seed)
+            there = {role.name for role in plan.cast}
+            for _, deed in plan.storm(20):
+                if isinstance(deed, Enter):
+                    assert deed.role.name not in there
+                    there.add(deed.role.name)
+                elif (name := getattr(deed, "name", None)) is not None:
+                    assert name in there
+
+
+class TestJudge:
+    @pytest.mark.parametrize("quality", [STREAM, Quality(5)])
+    def test_a_closed_account(self, quality: Quality) -> None:
+        assert judge.judge(scene(10, 10, quality=quality), scene(30, 30, quality=quality)) == []
+
+    def test_drops_with_a_reason(self) -> None:
+        lossy = Quality(5)
+        assert judge.judge(scene(10, 10, quality=lossy), scene(30, 25, dropped=5, quality=lossy)) == []
+
+    @pytest.mark.parametrize(("heard", "dropped"), [(25, 0), (25, 4), (25, 6)])
+    def test_one_that_does_not_close(self, heard: int, dropped: int) -> None:
+        lossy = Quality(5)
+        (complaint,) = judge.judge(
+            scene(10, 10, quality=lossy), scene(30, heard, dropped=dropped, quality=lossy)
+        )
+        assert f"= {heard - 10 + dropped}, published 20" in complaint
+
+    def test_a_stream_with_a_hole(self) -> None:
+        complaints = judge.judge(scene(10, 10), scene(30, 25, dropped=5))
+        assert complaints == ["ears, ear 2 on /t: 5 of 1 (mouth) are missing"]
+
+    def test_a_stream_is_complete_also_when_busd_died(self) -> None:
+        assert judge.judge(scene(10, 10), scene(30, 30, deaths=1)) == []
+        assert judge.judge(scene(10, 10), scene(30, 25, dropped=5, deaths=1))
+
+    def test_who_was_cut_off_may_miss_some(self) -> None:
+        now = scene(30, 25, dropped=5)
+        now.losses["ears"] = 1
+        assert judge.judge(scene(10, 10), now) == []
+
+    def test_what_still_waits(self) -> None:
+        now = scene(30, 30)
+        now.ears[2][2].queued = 1
+        assert any("1 messages still wait" in one for one in judge.judge(scene(10, 10), now))
+
+    def test_its_own_account(self) -> None:
+        now = scene(30, 30)
+        now.ears[2][2].expected += 1
+        assert judge.judge(scene(10, 10), now) == ["ears, ear 2 on /t: 31 expected, 30 accounted for"]
+
+    def test_what_was_counted_and_not_delivered(self) -> None:
+        now = scene(30, 30)
+        now.ears[2][2].heard[1].messages -= 1
+        assert any("30 counted as delivered, 29 were" in one for one in judge.judge(scene(10, 10), now))
+
+    def test_of_the_dead_nobody_knows_it_exactly(self) -> None:
+        lossy = Quality(5)
+        before, now = scene(10, 10, quality=lossy), scene(30, 25, quality=lossy)
+        now.talkers[1] = Said(now.talkers[1].talker, "mouth", 29, 30, lives=False)
+        assert judge.judge(before, now) == []
+        now.talkers[1] = Said(now.talkers[1].talker, "mouth", 20, 21, lives=False)
+        assert judge.judge(before, now)  # it got more than there were
+
+    def test_the_graph(self) -> None:
+        found = scene(0, 0).graph()
+        assert set(found) == {
+            ("mouth",),
+            ("ears",),
+            ("mouth", "publisher", "/t"),
+            ("ears", "subscription", "/t"),
+        }
+
+
+class TestHistory:
+    @pytest.mark.parametrize(
+        ("published", "depth", "first"), [(30, 5, 26), (30, 100, 21), (30, 0, 21), (3, 5, 1)]
+    )
+    def test_the_last_of_both_depths(self, published: int, depth: int, first: int) -> None:
+        said = Said(Talker(1, "/t", LATCHED, (8, 8), 1, 0.0), "mouth", published, published)
+        ear = Ear(2, "/t", Quality(depth, is_durable=True))
+        number = published - first + 1
+        look = EarLook(number, 0, {}, number, {1: Heard(number, first, published)})
+        assert judge.history([said], ear, look) == []
+        for field, change in (("first", -1), ("last", 1), ("missing", 1), ("messages", -1)):
+            wrong = deepcopy(look)
+            setattr(wrong.heard[1], field, getattr(wrong.heard[1], field) + change)
+            assert judge.history([said], ear, wrong)
+
+    def test_the_volatile_get_nothing(self) -> None:
+        said = Said(Talker(1, "/t", LATCHED, (8, 8), 1, 0.0), "mouth", 30, 30)
+        ear = Ear(2, "/t", STREAM)
+        assert judge.history([said], ear, EarLook(0, 0, {}, 0, {})) == []
+        assert judge.history([said], ear, EarLook(1, 0, {}, 1, {1: Heard(1, 30, 30)}))

@@ -1,0 +1,63 @@
+"""Every claim of docs/security.md names a test that exists, and its recipe does what it says."""
+
+from pathlib import Path
+
+import pytest
+
+from busd.config import load
+from busd.core.access import Access, Action, Subject
+from claims import DOCS, claims, named_tests, names_in
+
+PAGE = (DOCS / "security.md").read_text()
+NAMED = named_tests(PAGE)
+
+OWN, ALICE, BOB, ROBOT = 1000, 1001, 1002, 500
+
+
+@pytest.mark.parametrize(("path", "name"), NAMED, ids=[name for _, name in NAMED])
+def test_the_test_exists(path: str, name: str) -> None:
+    assert name in names_in(path)
+
+
+def test_every_claim_names_one() -> None:
+    found = claims(PAGE)
+    assert [claim for claim, shown in found if not named_tests(shown)] == []
+    assert len(found) > 25
+
+
+def test_each_test_of_access_is_for_a_claim_or_says_what_it_is_for() -> None:
+    """The tests with hostile users are there for this page; none of them may be forgotten by it."""
+    named = {name for path, name in NAMED if path == "tests/system/test_access_memory.py"}
+    assert named == names_in("tests/system/test_access_memory.py")
+
+
+@pytest.mark.parametrize(
+    ("action", "topic", "alice", "bob", "shares"),
+    [
+        ("publish", "/rosout", True, True, False),
+        ("subscribe", "/parameter_events", True, True, False),
+        ("subscribe", "/camera/left/image_raw", True, False, True),
+        ("publish", "/camera/left/image_raw", False, False, False),
+        ("publish", "/cmd_vel", True, False, False),
+        ("subscribe", "/cmd_vel", False, False, False),
+        ("subscribe", "/planner/get_parameters/_request", True, False, False),
+        ("publish", "/planner/get_parameters/_reply", True, False, False),
+        ("observe", "/secret", False, False, False),
+    ],
+)
+def test_the_recipe_for_another_users_node(
+    tmp_path: Path, action: Action, topic: str, alice: bool, bob: bool, shares: bool
+) -> None:
+    """The one of docs/configuration.md, with numbers for names that this machine has not."""
+    page = (DOCS / "configuration.md").read_text()
+    recipe = page.partition("\n### `[[access]]`\n")[2].partition("```toml\n")[2].partition("```")[0]
+    path = tmp_path / "busd.toml"
+    path.write_text(recipe.replace('"alice"', str(ALICE)).replace('"robot"', str(ROBOT)))
+    config = load(path)
+    assert (config.socket.mode, config.socket.gid) == (0o660, ROBOT)
+    access = Access(OWN, config.access)
+    in_group = frozenset({ROBOT})
+    verdict = access.decide(Subject(ALICE, in_group), action, topic)
+    assert (verdict.is_allowed, verdict.shares_memory) == (alice, shares)
+    assert access.decide(Subject(BOB, in_group), action, topic).is_allowed == bob
+    assert not access.may_connect(Subject(BOB, frozenset({BOB})))

@@ -1,0 +1,131 @@
+"""bus.sources: what the numbers of samples tell a subscription, by whatever way they come."""
+
+import pytest
+
+from bus.qos import QoSProfile
+from bus.sources import Source, Sources
+from bus.wire.layout import RECORD_HEAD
+from bus.wire.messages import Matched
+from bus.wire.runs import Run
+
+GID = bytes(16)
+
+
+class Heard:
+    """A subscription of one publisher, which had published nothing before the match."""
+
+    def __init__(self) -> None:
+        self.lost: list[tuple[str, int]] = []
+        self.sources = Sources(lambda reason, count: self.lost.append((reason, count)))
+        self.source = self.sources[7] = Source(7, GID, 0, 0, needs_ack=False)
+
+    def get(self, first_seq: int, count: int = 1, *, number: int = 7, is_replay: bool = False) -> list[int]:
+        """A run comes; returns the numbers of what is left of it."""
+        body = b"".join(
+            RECORD_HEAD.pack(1, 0) + b"%d" % (seq % 10) for seq in range(first_seq, first_seq + count)
+        )
+        run = Run(0, number, first_seq, count, body, is_replay)
+        if not self.sources.look_at(self.source, run):
+            return []
+        self.source.last_seq = max(self.source.last_seq, run.first_seq + run.count - 1)
+        left = list(range(run.first_seq, run.first_seq + run.count))
+        assert [bytes(payload) for payload, _ in run.records()] == [b"%d" % (seq % 10) for seq in left]
+        return left
+
+    def return_as(self, number: int, next_seq: int) -> None:
+        self.sources.forget(7)
+        matched = Matched(endpoint=1, other=number, node="/n", gid=GID, qos=QoSProfile(), next_seq=next_seq)
+        source = self.sources.take_back(matched)
+        assert source is self.source
+        self.sources[number] = source
+
+
+def test_what_is_known_is_cut_off() -> None:
+    heard = Heard()
+    assert heard.get(1, 3) == [1, 2, 3]
+    assert heard.get(2, 4) == [4, 5]
+    assert heard.get(4, 2) == []
+    assert heard.sources.known == 4
+    assert heard.sources.missing == 0
+
+
+def test_a_replay_is_old_and_yet_new() -> None:
+    heard = Heard()
+    heard.source.last_seq = 9  # the match begins with 10
+    assert heard.get(8, 2, is_replay=True) == [8, 9]
+    assert heard.get(10) == [10]
+    assert heard.sources.missing == 0
+
+
+def test_numbers_that_are_missing() -> None:
+    heard = Heard()
+    heard.get(5)
+    assert heard.sources.missing == 0, "before its first they may have gone to others by their rings"
+    heard.get(8)
+    assert heard.sources.missing == 2
+    assert heard.lost == []
+
+
+class TestBrokerThatDies:
+    def test_what_it_had_no_time_to_tell(self) -> None:
+        heard = Heard()
+        heard.get(1)
+        heard.get(6)
+        heard.sources.disconnected(3, "replaced")
+        assert heard.lost == [("disconnected", 1)]
+        assert heard.sources.lost_between == 1
+        assert not heard.sources
+
+    def test_what_it_had_told_is_not_counted_again(self) -> None:
+        heard = Heard()
+        heard.get(1)
+        heard.sources.disconnected(4, "replaced")  # 2 to 5 were dropped
+        heard.sources.disconnected(0, "replaced")  # and the next one dies before anything comes
+        heard.sources.lose_while_away(7)
+        assert heard.lost == [("disconnected", 3)]
+
+    def test_the_replay_of_the_next_one_fills_a_part(self) -> None:
+        heard = Heard()
+        heard.source.last_seq, heard.source.returned_seq = 4, 11
+        assert heard.get(9, 2, is_replay=True) == [9, 10]
+        assert heard.lost == [("disconnected", 4)]
+        assert heard.get(12) == [12]
+        assert heard.sources.missing == 1
+
+
+class TestPublisherThatReturns:
+    def test_nothing_comes_twice(self) -> None:
+        heard = Heard()
+        heard.get(1, 3)
+        heard.return_as(9, 1)
+        assert heard.get(1, 5, number=9) == [4, 5]
+        assert heard.lost == []
+
+    def test_what_it_sent_before_may_come_later(self) -> None:
+        heard = Heard()
+        heard.get(1)
+        heard.return_as(9, 6)
+        assert heard.get(2, 2) == [2, 3]
+        assert heard.get(6, number=9) == [6]
+        assert heard.lost == [("disconnected", 2)]
+
+    def test_one_that_has_long_gone_is_forgotten(self) -> None:
+        heard = Heard()
+        heard.sources.forget(7)
+        for number in range(100, 200):
+            heard.sources.forget(number)
+        matched = Matched(endpoint=1, other=9, node="/n", gid=GID, qos=QoSProfile())
+        assert heard.sources.take_back(matched) is None
+        assert 7 not in heard.sources
+
+
+@pytest.mark.parametrize(("told", "lapped"), [(0, 5), (2, 3), (9, 0)])
+def test_a_ring_that_gave_up_some_before_the_match_went_by_socket(told: int, lapped: int) -> None:
+    """What the broker says it dropped of those that are missing, the ring did not lose."""
+    heard = Heard()
+    heard.source.is_rerouted = True
+    heard.get(6)
+    assert heard.sources.missing == 5
+    assert heard.sources.lapped(told) == lapped
+    heard.sources.disconnected(told, "replaced")
+    assert heard.lost == ([("replaced", lapped)] if lapped else [])
