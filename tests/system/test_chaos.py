@@ -40,19 +40,22 @@ def test_what_was_promised_holds_in_storms(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_leaves_nothing(tmp_path: Path) -> None:
-    run = subprocess.Popen(
-        [sys.executable, "-m", "chaos"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=ENVIRONMENT | {"TMPDIR": str(tmp_path)},
-    )
+    place, said = tmp_path / "place", tmp_path / "said"
+    place.mkdir()
+    with said.open("w") as errors:  # no pipe, which children would keep open where this fails
+        run = subprocess.Popen(
+            [sys.executable, "-m", "chaos"],
+            stdout=subprocess.DEVNULL,
+            stderr=errors,
+            env=ENVIRONMENT | {"TMPDIR": str(place)},
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # also in background
+        )
     try:
-        wait_until(lambda: any(tmp_path.glob("*/zygote.log")))
+        wait_until(lambda: any(place.glob("*/zygote.log")))
         run.send_signal(signal.SIGINT)
-        _, said = run.communicate(timeout=WAIT_S)
+        run.wait(WAIT_S)
     finally:
         run.kill()
-        run.communicate()
-    assert (run.returncode, said) == (130, "interrupted\n")
-    assert list(tmp_path.iterdir()) == []
+        run.wait()
+    assert (run.returncode, said.read_text()) == (130, "interrupted\n")
+    assert list(place.iterdir()) == []
