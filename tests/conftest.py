@@ -133,6 +133,15 @@ def daemon(start_daemon: Callable[..., Daemon]) -> Daemon:
 
 
 @pytest.fixture(autouse=True)
+def no_signals_blocked() -> Iterator[None]:
+    """What a test blocks, the programs of all later tests would not hear."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    yield
+    after = signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    assert after == before
+
+
+@pytest.fixture(autouse=True)
 def no_descriptors_left() -> Iterator[None]:
     """Each test closes what it opens."""
     before = _descriptors()

@@ -1,10 +1,20 @@
 """busd.run: what the command line takes."""
 
+import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from busd.run import main
+
+
+@pytest.fixture(autouse=True)
+def signals() -> Iterator[None]:
+    """`main` blocks those that end it, and leaves them so: nothing comes after it but the end."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    yield
+    signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @pytest.mark.parametrize("text", ["abc", "", "0", "-1", "nan", "inf"])
