@@ -327,7 +327,7 @@ BUSY = {
     ),
     "rates": "rate = node.create_rate(5000)\nwhile True:\n    rate.sleep()",
 }
-STARTS = 5
+STARTS = 3
 
 
 @pytest.mark.parametrize("busy", BUSY)
