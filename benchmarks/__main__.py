@@ -1,15 +1,13 @@
 """`python -m benchmarks`: measure, print tables, write the result as JSON."""
 
 import argparse
-import signal
 import sys
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from types import FrameType
 
 from benchmarks import report
-from benchmarks.interrupts import deferred
+from benchmarks.interrupts import deferred, end_on_sigterm
 from benchmarks.machine import ROOT, look_at_machine
 from benchmarks.plan import Plan
 
@@ -35,7 +33,7 @@ _QUICK_REPETITIONS, _REPETITIONS = 1, 3
 def main() -> int:
     """Run; returns 0, or 1 where a measurement failed, or 130 after Ctrl-C."""
     options = _parser().parse_args()
-    signal.signal(signal.SIGTERM, _interrupt)
+    end_on_sigterm()
     plan = Plan(options.quick, options.repetitions or (_QUICK_REPETITIONS if options.quick else _REPETITIONS))
     sections = []
     try:
@@ -77,10 +75,6 @@ def _positive(text: str) -> int:
     if value < 1:
         raise argparse.ArgumentTypeError(f"{text} is not a number above 0")
     return value
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
 
 
 if __name__ == "__main__":

@@ -6,17 +6,16 @@ not be.
 """
 
 import argparse
-import signal
 import sys
 from collections.abc import Iterable
 from pathlib import Path
 from time import monotonic, sleep
-from types import FrameType
 
 import msgspec
 
 from benchmarks import report
 from benchmarks.harness import START_S, Child, Event, Failure, Group
+from benchmarks.interrupts import end_on_sigterm
 from benchmarks.machine import ROOT, Machine, look_at_machine
 from benchmarks.soaking import tables
 from benchmarks.soaking.histogram import Histogram
@@ -51,7 +50,7 @@ class Result(msgspec.Struct, frozen=True):
 def main() -> int:
     """Run; returns 0, or 1 where something grew, was lost or failed, or 130 after Ctrl-C."""
     options = _parser().parse_args()
-    signal.signal(signal.SIGTERM, _interrupt)
+    end_on_sigterm()
     seconds = options.seconds or 60.0 * options.minutes
     record = Record()
     try:
@@ -277,10 +276,6 @@ def _positive(text: str) -> float:
     if not 0 < value <= 24 * 3600:
         raise argparse.ArgumentTypeError(f"{text} is not a number above 0 and up to 86400")
     return value
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
 
 
 if __name__ == "__main__":
