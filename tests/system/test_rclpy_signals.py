@@ -327,7 +327,7 @@ BUSY = {
     ),
     "rates": "rate = node.create_rate(5000)\nwhile True:\n    rate.sleep()",
 }
-STARTS = 3
+STARTS = 5
 
 
 @pytest.mark.parametrize("busy", BUSY)
