@@ -107,7 +107,7 @@ class GuardedLoop(asyncio.SelectorEventLoop):
 
     def is_busy(self, frame: FrameType | None) -> bool:
         """In a signal's handler, which interrupted `frame`: whether the main thread must not leave it now."""
-        return self.is_mine() or (frame is not None and frame.f_code.co_filename == __file__)
+        return self.is_mine() or (frame is not None and frame.f_code in _BEFORE_A_CHECK)
 
     def wake(self) -> None:
         """End the wait for events; also in a signal's handler, and without the guard."""
@@ -240,3 +240,19 @@ class GuardedLoop(asyncio.SelectorEventLoop):
                 return []
             timeout_s = 0
         return epoll.poll(ceil(timeout_s * 1e3) * 1e-3)
+
+
+_BEFORE_A_CHECK = {
+    method.__code__
+    for method in (
+        GuardedLoop.__enter__,
+        GuardedLoop.__exit__,
+        GuardedLoop.check,
+        GuardedLoop.acquire,
+        GuardedLoop.release,
+        GuardedLoop.run,
+        GuardedLoop._poll,
+    )
+}
+"""Where the guard is taken or given away, and `check` comes after it; an interrupt that waited in any other
+place, for a check that nobody makes, would be lost."""

@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Mapping
 from enum import IntEnum
 from types import FrameType
-from typing import TYPE_CHECKING, NamedTuple, TextIO, TypeAlias, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, NamedTuple, TextIO, TypeAlias, TypedDict, Unpack
 
 from bus.errors import ConfigurationError
 
@@ -231,6 +231,16 @@ class ConsoleHandler(logging.Handler):
         self._template: str | None = None
         self._stream: TextIO | None = None
         self._coloured = False
+
+    def handle(self, record: logging.LogRecord) -> bool:
+        # As Python 3.13's: before it, Ctrl-C may come between taking the lock and what gives it back, and
+        # then every other thread that logs waits for ever.
+        kept: Any = self.filter(record)
+        if kept:
+            assert self.lock is not None
+            with self.lock:
+                self.emit(kept if isinstance(kept, logging.LogRecord) else record)
+        return bool(kept)
 
     def emit(self, record: logging.LogRecord) -> None:
         stream: TextIO | None = sys.stderr
