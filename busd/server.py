@@ -351,6 +351,8 @@ class Server:
         if reason:
             connection.refuse(reason, is_known=is_known)
             return
+        if delay_ns := self._broker.arrive(monotonic_ns(), who.uid):
+            connection.pause(delay_ns / 1e9)
         connection.stream.before_write(lambda: self._before_write(connection))
 
     def _resume_accepting(self) -> None:

@@ -74,7 +74,7 @@ class Broker:
             self.timers,
             emit,
             lease_ns=int(self.limits.lease_s * 1e9),
-            is_attached=lambda peer: peer.id in self._peers,
+            peers=self._peers,
             evict=self._cut,
         )
         self._guard = Guard(self.graph, access or Access(uid))
@@ -148,6 +148,7 @@ class Broker:
             history=Account(0, user.history),
             control=Account(0, user.control),
             declarations=Bucket(1, 1),
+            questions=Bucket(1, 1),
         )
         self._quotas.enter(peer)
         self._peers[peer.id] = peer
@@ -167,6 +168,10 @@ class Broker:
     def turn_away(self, now_ns: int, uid: int, *, connections: int, of_user: int) -> tuple[str, bool]:
         """Why there is no room for one more process of a user, and whether it was told before."""
         return self._quotas.turn_away(now_ns, uid, connections=connections, of_user=of_user)
+
+    def arrive(self, now_ns: int, uid: int) -> int:
+        """One more process of a user, for which there is room; returns how long it waits at the door."""
+        return self._quotas.arrive(now_ns, uid)
 
     def accounts(self, peer_id: PeerId) -> tuple[Account, Account]:
         """What is to be charged for a peer: control frames that wait for it, messages that are not whole."""

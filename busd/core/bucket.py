@@ -27,6 +27,10 @@ class Bucket:
         owed_ns = max(self._full_ns - now_ns, 0)
         return owed_ns + min(tokens * self._step_ns, self._burst_ns) <= self._burst_ns
 
+    def owed_ns(self, now_ns: int) -> int:
+        """How long it takes until what was taken too much is back."""
+        return max(self._full_ns - now_ns - self._burst_ns, 0)
+
     def take(self, now_ns: int, tokens: int) -> None:
         """Take as many, whether they are there or not; no more than what one second brings is owed."""
         full_ns = max(self._full_ns, now_ns) + tokens * self._step_ns

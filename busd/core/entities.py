@@ -56,6 +56,8 @@ class User(Holder):
     endpoints: int = 0
     unfinished: Account
     """Bytes of messages that have not come whole; the shell charges them."""
+    arrivals: Bucket
+    """Processes that may come now, before they have to wait at the door."""
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -71,6 +73,8 @@ class Peer(Holder):
     """Of silence after which it counts as hung: what it was told when it came."""
     version: str = ""
     """The release of busd that the process has."""
+    questions: Bucket
+    """Those for the graph that are answered now, before it has to wait."""
     paused_ns: int = 0
     """Until when it is not listened to."""
     gids: frozenset[int] | None = frozenset()

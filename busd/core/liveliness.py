@@ -5,18 +5,20 @@ lease), a publisher is alive (asserted within its own lease; ROS 2, "About Quali
 """
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
+from bus.ids import PeerId
 from bus.wire.messages import LivelinessChanged, LivelinessLost
 from busd.core.effects import Effect, Note, Send
 from busd.core.entities import Peer, Publisher
-from busd.core.timers import Timers
+from busd.core.timers import NEVER_NS, Timers
 
 
 class Leases:
     """Watches leases by timers that re-arm themselves, so that a sign of life costs one assignment.
 
-    `lease_ns` is that of processes that come; each keeps the one that it was told.
+    `peers` are the processes that are there. `lease_ns` is that of those that come; each keeps the one that
+    it was told.
     """
 
     def __init__(
@@ -25,18 +27,19 @@ class Leases:
         emit: Callable[[Effect], None],
         *,
         lease_ns: int,
-        is_attached: Callable[[Peer], bool],
+        peers: Mapping[PeerId, Peer],
         evict: Callable[[int, Peer, str], None],
     ) -> None:
         self._timers = timers
         self._emit = emit
         self.lease_ns = lease_ns
-        self._is_attached = is_attached
+        self._peers = peers
+        self._look_ns = NEVER_NS  # when the silent among them are looked for next
         self._evict = evict
 
     def watch_peer(self, now_ns: int, peer: Peer) -> None:
         """Evict `peer` once it has been silent for its lease."""
-        self._timers.add(now_ns + peer.lease_ns, lambda now: self._check_peer(now, peer))
+        self._look_for_silent_at(now_ns + peer.lease_ns)
 
     def watch_publisher(self, now_ns: int, publisher: Publisher) -> None:
         """Watch the lease of `publisher`, where it has one."""
@@ -56,14 +59,24 @@ class Leases:
         if not publisher.is_alive:
             self._revive(now_ns, publisher)
 
-    def _check_peer(self, now_ns: int, peer: Peer) -> None:
-        if not self._is_attached(peer):
-            return
-        silence_ns = now_ns - peer.last_heard_ns
-        if silence_ns < peer.lease_ns:
-            self.watch_peer(peer.last_heard_ns, peer)
-        else:
-            self._evict(now_ns, peer, f"no sign of life for {silence_ns / 1e9:.1f} s")
+    def _look_for_silent_at(self, due_ns: int) -> None:
+        # One timer for all: one each would keep every peer that has gone until the end of its lease.
+        if due_ns < self._look_ns:
+            self._look_ns = due_ns
+            self._timers.add(due_ns, self._look_for_silent)
+
+    def _look_for_silent(self, now_ns: int) -> None:
+        if now_ns < self._look_ns:
+            return  # an earlier timer has looked
+        self._look_ns = NEVER_NS
+        next_ns = NEVER_NS
+        for peer in tuple(self._peers.values()):
+            silence_ns = now_ns - peer.last_heard_ns
+            if silence_ns < peer.lease_ns:
+                next_ns = min(next_ns, peer.last_heard_ns + peer.lease_ns)
+            else:
+                self._evict(now_ns, peer, f"no sign of life for {silence_ns / 1e9:.1f} s")
+        self._look_for_silent_at(next_ns)
 
     def _look_at(self, now_ns: int, due_ns: int, publisher: Publisher) -> None:
         # A timer keeps its publisher in memory: not for the rest of a long lease after it has gone.

@@ -22,6 +22,9 @@ TELL_AGAIN_NS = 10_000_000_000
 
 _LONGEST_PAUSE_NS = 1_000_000_000
 _LEASE_PART = 4
+_HANDSHAKE_PART = 4
+_QUESTIONS_PART = 2
+"""Of what it may ask in a second, a process may ask that part at once."""
 _DECLARATIONS_PER_ENDPOINT = 4
 _FEW = 32
 """Records of a graph, or matches, that cost as much as one declaration."""
@@ -64,6 +67,7 @@ class Quotas:
                 control=Account(0),
                 unfinished=Account(0),
                 declarations=Bucket(1, 1),
+                arrivals=Bucket(1, 1),
             )
             self._resize(user, "user")
         return user
@@ -94,6 +98,16 @@ class Quotas:
         user.refused += 1
         return str(error), not _is_news(now_ns, user, error.resource)
 
+    def arrive(self, now_ns: int, uid: int) -> int:
+        """One more process of a user comes; returns how long it waits at the door: 0 unless too many came.
+
+        So who comes and goes without end takes little time from busd and from those beside it.
+        """
+        arrivals = self.user(now_ns, uid).arrivals
+        arrivals.take(now_ns, 1)
+        wait_ns = arrivals.owed_ns(now_ns)
+        return min(wait_ns, int(self.limits.handshake_s * 1e9) // _HANDSHAKE_PART)
+
     def spend(self, now_ns: int, peer: Peer, message: object, records: Sized, out: list[Effect]) -> None:
         """Count a declaration, a question or a ping; who asks about the graph has it looked through.
 
@@ -101,6 +115,7 @@ class Quotas:
 
         Raises QuotaExceeded where there were too many for now, if that can be answered. A process that is
         over its own rate is not listened to for a while, so that refusing it costs no more than serving it.
+        Who only asks is made to wait long before that: a burst is for who declares all that it has.
         """
         kind = type(message)
         if kind not in _COUNTED:
@@ -109,10 +124,14 @@ class Quotas:
         if kind in _FOR_THE_GRAPH or (kind is m.GetType and peer.is_guest):
             tokens += len(records) // _FEW
         if not peer.declarations.has(now_ns, tokens):
-            self._pause(now_ns, peer, out)
+            self._pause(now_ns, peer, self._longest_pause_ns, out)
             if can_refuse:
                 raise _too_often(peer, self.limits.declarations_per_s_per_peer)
         peer.declarations.take(now_ns, tokens)
+        if kind in _FOR_THE_GRAPH:
+            peer.questions.take(now_ns, tokens)
+            if wait_ns := peer.questions.owed_ns(now_ns):
+                self._pause(now_ns, peer, min(wait_ns, self._longest_pause_ns), out)
         if kind is m.Ping:
             return  # a sign of life is nothing that a user's other processes could be in the way of
         if can_refuse and not peer.user.declarations.has(now_ns, tokens):
@@ -200,18 +219,25 @@ class Quotas:
             return value
 
         holder.queued.limit = limit("queued_bytes")
-        if isinstance(holder, User):
-            holder.unfinished.limit = limit("queued_bytes")
         holder.history.limit = limit("history_bytes")
         holder.control.limit = limit("control_bytes")
         # A new busd is told everything at once, and a program may make all that it may have at once.
         rate = limit("declarations_per_s")
         burst = rate + limit("nodes") + limit("matches") // _FEW
         holder.declarations.resize(rate, burst + _DECLARATIONS_PER_ENDPOINT * limit("endpoints"))
+        if isinstance(holder, User):
+            holder.unfinished.limit = limit("queued_bytes")
+            most = self.limits.connections_per_user
+            holder.arrivals.resize(most, most)
+        elif isinstance(holder, Peer):
+            holder.questions.resize(rate, max(rate // _QUESTIONS_PART, 1))
 
-    def _pause(self, now_ns: int, peer: Peer, out: list[Effect]) -> None:
+    @property
+    def _longest_pause_ns(self) -> int:
+        return min(_LONGEST_PAUSE_NS, int(self.limits.lease_s * 1e9) // _LEASE_PART)
+
+    def _pause(self, now_ns: int, peer: Peer, pause_ns: int, out: list[Effect]) -> None:
         if now_ns >= peer.paused_ns:
-            pause_ns = min(_LONGEST_PAUSE_NS, int(self.limits.lease_s * 1e9) // _LEASE_PART)
             peer.paused_ns = now_ns + pause_ns
             out.append(Pause(peer.id, pause_ns))
 
@@ -242,7 +268,8 @@ def _descriptors(holder: Holder) -> int:
 
 
 def _is_forgettable(now_ns: int, user: User) -> bool:
-    return not user.peers and not user.descriptors and user.declarations.is_full(now_ns)
+    is_rested = user.declarations.is_full(now_ns) and user.arrivals.is_full(now_ns)
+    return is_rested and not user.peers and not user.descriptors
 
 
 def _peer_record(now_ns: int, peer: Peer) -> m.PeerRecord:

@@ -4,6 +4,7 @@ import contextlib
 import os
 import signal
 import struct
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -53,6 +54,17 @@ async def test_connections_of_a_user(daemon: Daemon) -> None:
             assert late.fault() == text
         with pytest.raises(bus.BrokerUnavailable, match=f"connections of user {UID}: 4 of 4 in use"):
             await bus.Node("late", arguments=[]).open()
+
+
+@with_limits(connections_per_user=40)
+def test_connections_that_come_and_go(daemon: Daemon, other: RawPeer) -> None:
+    """After as many as may be there at once, so many a second; who is there notices nothing."""
+    began_s = time.monotonic()
+    for _ in range(80):
+        with RawPeer(daemon.path) as guest:
+            guest.hello()
+        other.barrier()
+    assert time.monotonic() - began_s > 0.9
 
 
 @with_limits(endpoints_per_user=12, endpoints_per_peer=6, topics_per_user=20, topics_per_peer=10)

@@ -9,7 +9,6 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from types import FrameType
 
 import pytest
 
@@ -398,34 +397,3 @@ def test_a_sink_that_waits_does_not_hold_up_other_threads(log: Logger) -> None:
     release.set()
     slow.join(30)
     assert heard == ["quick", "slow"]
-
-
-def test_ctrl_c_leaves_no_lock_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Wherever it comes: another thread can log."""
-    monkeypatch.setattr(sys, "stderr", io.StringIO())
-    handler = ConsoleHandler({})
-    lock = handler.lock
-    assert isinstance(lock, type(threading.RLock()))
-
-    class Interrupt:
-        """A KeyboardInterrupt at the call or return of that number: where Python looks for signals."""
-
-        def __init__(self, number: int) -> None:
-            self.left = number
-
-        def __call__(self, frame: FrameType, event: str, _: object) -> None:
-            self.left -= event in ("call", "return", "c_return")
-            if not self.left:
-                raise KeyboardInterrupt
-
-    for number in itertools.count(1):
-        sys.setprofile(Interrupt(number))
-        try:
-            handler.handle(record(20))
-        except KeyboardInterrupt:
-            assert not lock._is_owned(), number
-        else:
-            break
-        finally:
-            sys.setprofile(None)
-    assert number > 50

@@ -1,10 +1,14 @@
 """busd.core.broker: processes come, ask, break the rules and go."""
 
+import gc
+
 import pytest
 
-from broker_world import SECOND, TEXT, Process, Refusal, World
+from broker_world import SECOND, TEXT, UID, Process, Refusal, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
+from busd.core.access import Access
+from busd.core.entities import Peer
 from busd.core.limits import Limits
 
 
@@ -137,6 +141,17 @@ class TestGoing:
         process.die()
         assert_nothing_is_left(world)
 
+    def test_processes_that_come_and_go_do_not_pile_up(self) -> None:
+        """Nothing waits until the end of the lease of one that has left."""
+        world = World()
+        for _ in range(50):
+            world.process("passer-by").die()
+            world.advance(0.1)
+        gc.collect()
+        kept = [one for one in gc.get_objects() if isinstance(one, Peer) and one.program == "passer-by"]
+        assert kept == []
+        assert len(world.broker.timers._heap) == 1
+
     def test_types_stay_while_one_process_has_them(self) -> None:
         world = World()
         one, other = world.process(), world.process()
@@ -164,6 +179,30 @@ class TestHungProcesses:
         assert subscription.got(m.Unmatched) == [m.Unmatched(endpoint=subscription.id, other=publisher.id)]
         assert lively.cut_reason is None
         assert "cut off hung (pid 100): no sign of life for 2.0 s" in world.notes
+
+    def test_each_by_its_own_lease(self) -> None:
+        """That of who came under other limits, too, and whatever order they were heard in."""
+        world = World(Limits(lease_s=4.0))
+        slow, talkative = world.process("slow"), world.process("talkative")
+        world.broker.reconfigure(world.now_ns, Limits(lease_s=1.0), (), Access(UID, ()))
+        quick = world.process("quick")
+        for _ in range(2):
+            world.advance(0.9)
+            quick.tell(m.Ping())
+        talkative.tell(m.Ping())
+        world.advance(0.999)
+        assert quick.cut_reason is None
+        world.advance(0.001)
+        assert quick.cut_reason == "no sign of life for 1.0 s"
+        world.advance(1.199)
+        assert slow.cut_reason is None
+        world.advance(0.001)
+        assert slow.cut_reason == "no sign of life for 4.0 s"
+        world.advance(1.799)
+        assert talkative.cut_reason is None
+        world.advance(0.001)
+        assert talkative.cut_reason == "no sign of life for 4.0 s"
+        assert not world.broker.timers._heap
 
     @pytest.mark.parametrize("sign", ["ping", "sample"])
     def test_anything_is_a_sign_of_life(self, sign: str) -> None:

@@ -39,6 +39,16 @@ def test_what_is_more_than_it_holds_needs_it_full() -> None:
     assert bucket.has(100 * SECOND, 1000)
 
 
+def test_how_long_until_nothing_is_owed() -> None:
+    bucket = Bucket(10, 5)
+    bucket.take(0, 5)
+    assert bucket.owed_ns(0) == 0
+    bucket.take(0, 3)
+    assert bucket.owed_ns(0) == 3 * SECOND // 10
+    assert bucket.owed_ns(SECOND // 5) == SECOND // 10
+    assert bucket.owed_ns(SECOND) == 0
+
+
 def test_what_is_owed_is_bounded() -> None:
     """Who took what was not there gets on again after a second more than the bucket takes to fill."""
     bucket = Bucket(10, 5)

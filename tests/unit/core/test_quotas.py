@@ -285,6 +285,21 @@ class TestRate:
             asked += 1
         assert asked == (10 + 1000 + 4 * 5) // 11
 
+    def test_who_only_asks_is_made_to_wait(self) -> None:
+        """Long before it is refused: half a second's questions may come at once."""
+        world = self.world()
+        process = world.process()
+        for number in range(1, 6):
+            process.tell(m.GetGraph(request=number))
+        assert not world.pauses
+        process.tell(m.GetGraph(request=6))
+        assert world.pauses == [(process.id, SECOND // 10)]
+        process.node()
+        world.advance(0.1)
+        process.tell(m.GetPeers(request=7))
+        assert world.pauses[1:] == [(process.id, SECOND // 10)]
+        assert len(process.got(m.Graph)) == 6 and len(process.got(m.Peers)) == 1
+
     def test_matches_are_part_of_an_answer(self) -> None:
         world = self.world(endpoints_per_peer=100, endpoints_per_user=200, matches_per_peer=3200)
         busy, curious = world.process(), world.process()
@@ -341,21 +356,6 @@ class TestLog:
             node.publisher("/topic")
             refused(node.publisher, "/topic")
         assert len(world.notes) == 4
-
-
-class TestDoor:
-    def test_all_and_those_of_a_user(self) -> None:
-        world = world_of(connections=5, connections_per_user=3)
-        world.process(uid=7)
-        broker = world.broker
-        told = [
-            broker.turn_away(0, uid, connections=connections, of_user=of_user)
-            for uid, connections, of_user in ((7, 3, 3), (7, 4, 4), (7, 4, 4), (8, 5, 1), (8, 6, 2))
-        ]
-        one = "connections of user 7: 3 of 3 in use; busd's limit can be raised in busd.toml"
-        all_of_them = "connections: 5 of 5 in use; busd's limit can be raised in busd.toml"
-        assert told == [("", False), (one, False), (one, True), ("", False), (all_of_them, False)]
-        assert broker._quotas.users[7].refused == 2
 
 
 def test_a_busy_robot_meets_no_limit() -> None:

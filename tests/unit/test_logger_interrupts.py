@@ -1,0 +1,43 @@
+"""The console log and Ctrl-C, wherever it comes."""
+
+import io
+import itertools
+import logging
+import sys
+import threading
+from types import FrameType
+
+import pytest
+
+from bus.logger import ConsoleHandler
+
+
+def test_ctrl_c_leaves_no_lock_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wherever it comes: another thread can log."""
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    handler = ConsoleHandler({})
+    lock = handler.lock
+    assert isinstance(lock, type(threading.RLock()))
+
+    class Interrupt:
+        """A KeyboardInterrupt at the call or return of that number: where Python looks for signals."""
+
+        def __init__(self, number: int) -> None:
+            self.left = number
+
+        def __call__(self, frame: FrameType, event: str, _: object) -> None:
+            self.left -= event in ("call", "return", "c_return")
+            if not self.left:
+                raise KeyboardInterrupt
+
+    for number in itertools.count(1):
+        sys.setprofile(Interrupt(number))
+        try:
+            handler.handle(logging.makeLogRecord({"levelno": 20, "msg": "hi"}))
+        except KeyboardInterrupt:
+            assert not lock._is_owned(), number
+        else:
+            break
+        finally:
+            sys.setprofile(None)
+    assert number > 50
