@@ -9,19 +9,16 @@ import sys
 from collections.abc import Callable, Iterable
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
 from bus.autostart import open_socket
 from bus.descriptor import Descriptor
 from bus.errors import (
-    AccessDenied,
     BrokerUnavailable,
     BusError,
-    ConfigurationError,
     ConnectionClosed,
-    QuotaExceeded,
     RemoteProtocolError,
 )
 from bus.release import RELEASE
@@ -29,9 +26,12 @@ from bus.sharing import Sharing
 from bus.transport.stream import Stream
 from bus.typesupport import TypeSupport
 from bus.wire import messages as m
+from bus.wire.answers import expect, refusal
 from bus.wire.layout import GUESTS, LEAVING, VERSION
 from bus.wire.outbox import Outbox
 from bus.wire.session import Role, Session
+
+A = TypeVar("A", bound=m.Message)
 
 ANSWER_S = 10.0
 """How long a broker may take to answer before it counts as hung."""
@@ -151,9 +151,9 @@ class Connection:
         return self._stream.send_now([frame], len(frame))
 
     async def request(
-        self, make: Callable[[int], m.Message], descriptors: tuple[Descriptor, ...] = ()
-    ) -> Any:
-        """Send the message that `make` gives for a request number; returns the answer.
+        self, make: Callable[[int], m.Message], kind: type[A], descriptors: tuple[Descriptor, ...] = ()
+    ) -> A:
+        """Send the message that `make` gives for a request number; returns the answer, which is a `kind`.
 
         Raises ConfigurationError, QuotaExceeded or AccessDenied where the broker refuses, TimeoutError where
         it does not answer within ANSWER_S, ConnectionClosed where the connection ends first.
@@ -165,7 +165,7 @@ class Connection:
         try:
             self.send(make(number), descriptors)
             async with asyncio.timeout(ANSWER_S):
-                return await answer
+                return expect(await answer, kind)
         except TimeoutError:
             raise TimeoutError(f"busd (pid {self.hello.pid}) did not answer within {ANSWER_S:g} s") from None
         finally:
@@ -198,7 +198,7 @@ class Connection:
                 if self._stream is not None:
                     self._stream.finish()
             case m.Refused(request=request):
-                self._fail(request, _refusal(message))
+                self._fail(request, refusal(message))
             case m.Created() | m.Done() | m.TypeDescription() | m.Graph():
                 waiting = self._requests.get(message.request)
                 if waiting is not None and not waiting.done():
@@ -255,12 +255,6 @@ class Connection:
             if not waiting.cancelled():
                 waiting.exception()
         self._requests.clear()
-
-
-def _refusal(answer: m.Refused) -> BusError:
-    if answer.resource:
-        return QuotaExceeded(answer.resource, used=answer.used, limit=answer.limit)
-    return AccessDenied(answer.text) if answer.denied else ConfigurationError(answer.text)
 
 
 def _program() -> str:

@@ -306,7 +306,7 @@ class Declarations:
             return make(number)
 
         try:
-            await connection.request(declaration, descriptors)
+            await connection.request(declaration, m.Created, descriptors)
         except (asyncio.CancelledError, TimeoutError):
             self._revoke(what)
             raise

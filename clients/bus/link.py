@@ -27,6 +27,7 @@ from bus.wire.layout import VERSION
 from bus.wire.runs import Run, RunQueue
 from bus.wire.session import Carried
 
+A = TypeVar("A", bound=m.Message)
 T = TypeVar("T")
 
 RETURN_S = 10.0
@@ -165,14 +166,14 @@ class Link:
         """Whether all that the broker has said was heard; also where there is none."""
         return not self._is_receiving and (self._connection is None or self._connection.is_quiet)
 
-    async def request(self, make: Callable[[int], m.Message]) -> Any:
+    async def request(self, make: Callable[[int], m.Message], kind: type[A]) -> A:
         """Ask the broker something; see `Connection.request`. Waits for a broker that is away."""
-        return await self._when_connected(lambda connection: connection.request(make))
+        return await self._when_connected(lambda connection: connection.request(make, kind))
 
     async def observe(self, tell: Callable[[], None]) -> None:
         """Call `tell` at every change of the graph from now on, and after a reconnection."""
         self._observers.append(tell)  # before anything is awaited: whoever calls may undo it then
-        await self.request(lambda number: m.Observe(request=number))
+        await self.request(lambda number: m.Observe(request=number), m.Graph)
 
     def stop_observing(self, tell: Callable[[], None]) -> None:
         self._observers.remove(tell)
@@ -376,7 +377,7 @@ class Link:
     async def _declare_again(self, connection: Connection) -> None:
         await self._declarations.declare_again(connection)
         if self._observers:
-            await connection.request(lambda number: m.Observe(request=number))
+            await connection.request(lambda number: m.Observe(request=number), m.Graph)
         for tell in tuple(self._observers):
             tell()
         self.flush()

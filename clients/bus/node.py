@@ -250,8 +250,8 @@ class Node(ServiceHost):
 
     async def graph(self, *, statistics: bool = False) -> Graph:
         """All nodes, endpoints and matches now; with the endpoints' live counters if asked."""
-        snapshot: m.Graph = await self._opened().request(
-            lambda number: m.GetGraph(request=number, statistics=statistics)
+        snapshot = await self._opened().request(
+            lambda number: m.GetGraph(request=number, statistics=statistics), m.Graph
         )
         return Graph.from_snapshot(snapshot)
 
@@ -284,8 +284,9 @@ class Node(ServiceHost):
 
         Raises ConfigurationError where no endpoint has that type.
         """
-        answer: m.TypeDescription = await self._opened().request(
-            lambda number: m.GetType(request=number, type_name=type_name, type_hash=type_hash)
+        answer = await self._opened().request(
+            lambda number: m.GetType(request=number, type_name=type_name, type_hash=type_hash),
+            m.TypeDescription,
         )
         try:
             schema = msgspec.msgpack.decode(answer.schema)

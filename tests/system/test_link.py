@@ -63,6 +63,21 @@ def matched(endpoint: int) -> m.Matched:
     )
 
 
+class TestAnswers:
+    async def test_of_another_kind(self, broker: FakeBroker) -> None:
+        node, client = await opened(broker)
+        asking = asyncio.ensure_future(node.graph())
+        client.send(m.Done(request=(await client.expect(m.GetGraph)).request))
+        with pytest.raises(bus.BusError, match="busd answered with Done, which is no Graph"):
+            await asking
+        asking_again = asyncio.ensure_future(node.get_type("a", "b"))
+        request = (await client.expect(m.GetType)).request
+        client.send(m.Created(request=request, id=1, depth=1, max_message_bytes=1))
+        with pytest.raises(bus.BusError, match="busd answered with Created, which is no TypeDescription"):
+            await asking_again
+        await node.close()
+
+
 class TestDeclaringAgain:
     async def test_what_failed_halfway_is_undone(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch

@@ -47,6 +47,7 @@ MESSAGE = JointState(name=["a", "b"], position=[1.0, -2.5, 3.0])
         ("m.header.stamp.sec is not None", True),
         ("True", True),
         ("  m.name != []  ", True),
+        ("len(m.name) == 2and m.position[0] == 1", True),
     ],
 )
 def test_what_it_means(expression: str, passes: bool) -> None:

@@ -7,6 +7,7 @@ and what an evaluation costs is bounded by the length of the expression and the 
 
 import ast
 import operator
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -53,7 +54,9 @@ def compile_filter(text: str) -> Callable[[Any], bool]:
     if len(text) > _MAX_LENGTH:
         raise CommandError(f"--filter: the expression has {len(text)} characters, {_MAX_LENGTH} are allowed")
     try:
-        evaluate = _compile(ast.parse(text.strip(), mode="eval").body)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SyntaxWarning)  # "2and", say, means what it says
+            evaluate = _compile(ast.parse(text.strip(), mode="eval").body)
     except SyntaxError as error:
         raise CommandError(f"--filter: {error.msg}: {text}") from None
     except (ValueError, MemoryError, RecursionError) as error:

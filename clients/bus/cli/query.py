@@ -7,15 +7,13 @@ from collections.abc import Callable, Iterator
 from itertools import count
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 from bus import names
 from bus.address import socket_path
 from bus.cli.output import CommandError
 from bus.errors import (
-    AccessDenied,
     BrokerUnavailable,
-    ConfigurationError,
     ConnectionClosed,
     RemoteProtocolError,
 )
@@ -23,8 +21,11 @@ from bus.graph import Graph
 from bus.release import RELEASE
 from bus.trust import check_server
 from bus.wire import messages as m
+from bus.wire.answers import expect
 from bus.wire.layout import VERSION
 from bus.wire.session import Role, Session
+
+A = TypeVar("A", bound=m.Message)
 
 ANSWER_S = 10.0
 
@@ -54,32 +55,30 @@ class Query:
             self.close()
             raise
 
-    def request(self, make: Callable[[int], m.Message]) -> Any:
-        """Send the message that `make` gives for a request number; returns the answer.
+    def request(self, make: Callable[[int], m.Message], kind: type[A]) -> A:
+        """Send the message that `make` gives for a request number; returns the answer, which is a `kind`.
 
-        Raises ConfigurationError or AccessDenied where the broker refuses, ConnectionClosed where it ends.
+        Raises ConfigurationError, QuotaExceeded or AccessDenied where the broker refuses, ConnectionClosed
+        where it ends.
         """
         number = next(self._numbers)
         self._send(make(number))
         while True:
             message = self._receive()
             if getattr(message, "request", None) == number:
-                if isinstance(message, m.Refused):
-                    raise (AccessDenied if message.denied else ConfigurationError)(message.text)
-                return message
+                return expect(message, kind)
 
     def graph(self, *, statistics: bool = False) -> Graph:
         """The graph now."""
         return Graph.from_snapshot(
-            self.request(lambda number: m.GetGraph(request=number, statistics=statistics))
+            self.request(lambda number: m.GetGraph(request=number, statistics=statistics), m.Graph)
         )
 
     def charges(self) -> m.Peers | None:
         """What processes and users make busd hold; None where this busd does not know the question."""
         if not self.broker.release:  # as old as that: it would end the connection
             return None
-        peers: m.Peers = self.request(lambda number: m.GetPeers(request=number))
-        return peers
+        return self.request(lambda number: m.GetPeers(request=number), m.Peers)
 
     def wait_for_end(self) -> None:
         """Wait until the broker has closed the connection. Raises BrokerUnavailable where it does not."""

@@ -5,7 +5,7 @@ from argparse import ArgumentParser, Namespace
 from bus.address import socket_path
 from bus.cli.output import CommandError, print_json
 from bus.cli.query import NotRunning, Query
-from bus.wire.messages import Reload
+from bus.wire.messages import Done, Reload
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -21,7 +21,7 @@ def main(args: Namespace) -> int:
     with query:
         if not query.broker.release:
             raise CommandError("the daemon is of a release that can't reload: stop and start it")
-        changes = query.request(lambda number: Reload(request=number)).text
+        changes = query.request(lambda number: Reload(request=number), Done).text
     if args.json:
         print_json({"changes": changes, "pid": query.broker.pid, "socket": str(path)})
     else:

@@ -7,7 +7,7 @@ from bus.address import socket_path
 from bus.cli.output import CommandError, print_json
 from bus.cli.query import NotRunning, Query
 from bus.errors import BrokerUnavailable
-from bus.wire.messages import StopBroker
+from bus.wire.messages import Done, StopBroker
 
 _RESTART_S = 30.0
 """How long it may take: a look whether the new one could start, the end of the old one, the start."""
@@ -43,7 +43,7 @@ def _restart(path: Path) -> str:
     with query:
         if not query.broker.release:
             raise CommandError("the daemon is of a release that can't restart: stop and start it")
-        query.request(lambda number: StopBroker(request=number, restart=True))
+        query.request(lambda number: StopBroker(request=number, restart=True), Done)
         try:
             query.wait_for_end()
         except BrokerUnavailable:

@@ -9,7 +9,7 @@ from time import monotonic, sleep
 from bus.address import socket_path
 from bus.cli.output import CommandError, print_json
 from bus.cli.query import NotRunning, Query
-from bus.wire.messages import StopBroker
+from bus.wire.messages import Done, StopBroker
 
 _STOP_S = 10.0
 _LOOK_S = 0.02
@@ -42,7 +42,7 @@ def _stop(path: Path) -> int | None:
         except OSError:  # it lives in another pid namespace
             process = None
         try:
-            query.request(lambda number: StopBroker(request=number))
+            query.request(lambda number: StopBroker(request=number), Done)
             if not _wait(path, process):
                 raise CommandError(
                     f"busd (pid {pid}) was asked to stop but is still there after {_STOP_S:g} s"
