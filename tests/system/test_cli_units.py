@@ -150,6 +150,15 @@ class TestMistakes:
         assert text in said
         assert not folder.exists()
 
+    def test_of_a_configuration(self, folder: Path, tmp_path: Path, bus: Bus) -> None:
+        """Now, and not when somebody connects for the first time."""
+        config = tmp_path / "busd.toml"
+        config.write_text("[limits]\ndepht = 3\n")
+        code, _, said = bus("install", "--config", str(config))
+        assert code == 1
+        assert said == f"{config}: unknown key 'limits.depht'; did you mean 'depth'?\n"
+        assert not folder.exists()
+
 
 class TestAsSystemdReadsThem:
     @needs_analyze

@@ -2,6 +2,8 @@
 
 import grp
 import pwd
+import subprocess
+import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
@@ -59,6 +61,7 @@ def main(args: Namespace) -> int:
         config = Path(args.config).absolute()
         if not config.is_file():
             raise CommandError(f"{args.config} is not there")
+        _check(config)
         units = Units(units.domain, units.user, units.group, config)
     texts = units.texts(units.command(), systemd_version())
     if args.dry_run and args.json:
@@ -79,6 +82,15 @@ def main(args: Namespace) -> int:
         if units.user:
             print(f"Programs find it with: export BUSD_SOCKET={units.socket}")
     return 0
+
+
+def _check(config: Path) -> None:
+    """Raises CommandError with what busd has to say against it: not first when it is to start."""
+    said = subprocess.run(
+        [sys.executable, "-m", "busd", "--check", "--config", str(config)], capture_output=True, text=True
+    )
+    if said.returncode:
+        raise CommandError(said.stderr.strip().removeprefix("busd: "))
 
 
 def _write(path: Path, text: str) -> None:
