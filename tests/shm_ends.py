@@ -1,6 +1,7 @@
 """Both ends of a ring in one process, mapped twice, for the tests of bus.shm."""
 
 import os
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -71,3 +72,17 @@ def is_rung(doorbell: Descriptor) -> bool:
     except BlockingIOError:
         return False
     return True
+
+
+@pytest.fixture
+def talker() -> Iterator[Talker]:
+    end = Talker()
+    yield end
+    end.close()
+
+
+@pytest.fixture
+def listener() -> Iterator[Listener]:
+    end = Listener()
+    yield end
+    end.close()

@@ -1,26 +1,13 @@
 """bus.shm._core: who wakes whom. News, sleep, doorbells, room for a lossless writer, growth."""
 
 import threading
-from collections.abc import Iterator
 
 import pytest
 
 from bus.shm import segments
-from shm_ends import Listener, Talker, core, is_rung
+from shm_ends import Listener, Talker, core, is_rung, listener, talker
 
-
-@pytest.fixture
-def talker() -> Iterator[Talker]:
-    end = Talker()
-    yield end
-    end.close()
-
-
-@pytest.fixture
-def listener() -> Iterator[Listener]:
-    end = Listener()
-    yield end
-    end.close()
+__all__ = ["listener", "talker"]
 
 
 def test_a_sleeper_is_rung_once(talker: Talker, listener: Listener) -> None:
@@ -37,11 +24,11 @@ def test_a_sleeper_is_rung_once(talker: Talker, listener: Listener) -> None:
 
 def test_all_writers_of_a_process_ring_once(listener: Listener) -> None:
     talkers = [Talker(), Talker()]
-    for source, talker in enumerate(talkers):
-        listener.join(talker, source)
+    for source, end in enumerate(talkers):
+        listener.join(end, source)
     listener.readers.sleep()
-    for talker in talkers:
-        talker.write(b"x")
+    for end in talkers:
+        end.write(b"x")
     assert [talker.writer.rung for talker in talkers] == [1, 0]
     assert listener.readers.wake() == [listener]
 
@@ -82,9 +69,9 @@ def test_news_is_told_once_and_only_while_it_waits(talker: Talker, listener: Lis
 
 def test_a_reader_of_several_rings_is_told_once(listener: Listener) -> None:
     talkers = [Talker() for _ in range(3)]
-    for source, talker in enumerate(talkers):
-        listener.join(talker, source)
-        talker.write(b"x")
+    for source, end in enumerate(talkers):
+        listener.join(end, source)
+        end.write(b"x")
     assert listener.readers.wake() == [listener]
     assert listener.readers.wake() == []
     assert listener.take() == [b"x", b"x", b"x"]
@@ -93,14 +80,14 @@ def test_a_reader_of_several_rings_is_told_once(listener: Listener) -> None:
 def test_of_many_rings_those_with_news_are_found_also_when_others_have_left(listener: Listener) -> None:
     talkers = [Talker() for _ in range(50)]
     readers = [core.Reader(listener.readers, number, 0, tells_cursor=False) for number in range(50)]
-    for talker, reader in zip(talkers, readers, strict=True):
-        reader.attach("source", segments.map_ring(talker.ring), next(listener.slots))
+    for end, reader in zip(talkers, readers, strict=True):
+        reader.attach("source", segments.map_ring(end.ring), next(listener.slots))
     assert listener.readers.sleep() == []
     for reader in readers[::3]:
         reader.detach("source")
     del reader, readers[1::3]  # a reader that is gone has left, too
-    for talker in talkers:
-        talker.write(b"x")
+    for end in talkers:
+        end.write(b"x")
     assert sorted(listener.readers.wake()) == list(range(2, 50, 3))
     assert listener.readers.sleep() == []
 

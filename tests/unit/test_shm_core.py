@@ -5,27 +5,15 @@ import sys
 import threading
 import time
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from bus.shm import segments
-from shm_ends import LARGE, Listener, Talker, core
+from shm_ends import LARGE, Listener, Talker, core, listener, talker
 
-
-@pytest.fixture
-def talker() -> Iterator[Talker]:
-    end = Talker()
-    yield end
-    end.close()
-
-
-@pytest.fixture
-def listener() -> Iterator[Listener]:
-    end = Listener()
-    yield end
-    end.close()
+__all__ = ["listener", "talker"]
 
 
 # --- writing and taking
@@ -197,8 +185,8 @@ def test_refused_attachments(talker: Talker, listener: Listener) -> None:
 
 def test_rings_are_merged_by_stamp(listener: Listener) -> None:
     talkers = [Talker() for _ in range(3)]
-    for source, talker in enumerate(talkers):
-        listener.join(talker, source)
+    for source, end in enumerate(talkers):
+        listener.join(end, source)
     for stamp in range(1, 31):
         talkers[stamp * 7 % 3].writer.write_parts([b"%d" % stamp], stamp_ns=stamp)
     assert listener.take(4) + listener.take() == [b"%d" % stamp for stamp in range(1, 31)]
@@ -206,8 +194,8 @@ def test_rings_are_merged_by_stamp(listener: Listener) -> None:
 
 def test_the_depth_is_over_all_rings(listener: Listener) -> None:
     talkers = [Talker(), Talker()]
-    for source, talker in enumerate(talkers):
-        listener.join(talker, source)
+    for source, end in enumerate(talkers):
+        listener.join(end, source)
     for stamp in range(1, 21):
         talkers[stamp % 3 == 0].writer.write_parts([b"%d" % stamp], stamp_ns=stamp)
     listener.reader.depth = 4
@@ -322,9 +310,9 @@ def test_a_finished_ring_is_taken_to_where_it_ended(talker: Talker, listener: Li
 
 def test_finished_rings_are_bounded(listener: Listener) -> None:
     talkers = [Talker(4096, 16) for _ in range(70)]
-    for source, talker in enumerate(talkers):
-        listener.join(talker, source)
-        talker.write(b"%d" % source)
+    for source, end in enumerate(talkers):
+        listener.join(end, source)
+        end.write(b"%d" % source)
         listener.reader.finish(source)
     assert [left[:2] for left in listener.reader.pop_left()] == [(source, "") for source in range(6)]
     assert listener.take() == [b"%d" % source for source in range(6, 70)]

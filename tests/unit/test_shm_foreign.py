@@ -4,13 +4,14 @@ import fcntl
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 
 import pytest
 
 from bus.shm import segments
 from conftest import WAIT_S
-from shm_ends import LARGE, Listener, Talker, core, is_rung
+from shm_ends import LARGE, Listener, Talker, core, is_rung, listener, talker
+
+__all__ = ["listener", "talker"]
 
 FULL = 2**64 - 2
 
@@ -20,20 +21,6 @@ from shm_ends import Listener, Talker, core
 from bus.shm import segments
 talker, listener = Talker(), Listener()
 """
-
-
-@pytest.fixture
-def talker() -> Iterator[Talker]:
-    end = Talker()
-    yield end
-    end.close()
-
-
-@pytest.fixture
-def listener() -> Iterator[Listener]:
-    end = Listener()
-    yield end
-    end.close()
 
 
 def foreign(listener: Listener) -> object:

@@ -10,19 +10,14 @@ from typing import Any
 import pytest
 
 from bus.shm import segments
-from shm_ends import LARGE, Listener, Talker, core
+from shm_ends import LARGE, Listener, Talker, core, listener
+
+__all__ = ["listener"]
 
 
 @pytest.fixture
 def talker() -> Iterator[Talker]:
     end = Talker(1 << 17)
-    yield end
-    end.close()
-
-
-@pytest.fixture
-def listener() -> Iterator[Listener]:
-    end = Listener()
     yield end
     end.close()
 
