@@ -122,6 +122,15 @@ class PeerConnection:
             return False
         return account.is_over or (account.parent is not None and account.parent.is_over)
 
+    def fileno(self) -> int:
+        """The number of its socket's descriptor."""
+        return self.stream.fileno()
+
+    def let_go(self) -> None:
+        """It has hung up before anything of it was read."""
+        self._lost(None)
+        self.stream.close()
+
     def pause(self, seconds: float) -> None:
         """Don't listen to the peer for so long."""
         self.stream.pause(seconds)

@@ -19,6 +19,7 @@ from busd.core.effects import Disconnect, Effect, Flush, Note, Pause, Reload, Re
 from busd.core.limits import Limits, TopicRule
 from busd.core.timers import NEVER_NS
 from busd.credentials import peer_credentials
+from busd.door import Door
 from busd.drain import Drain
 from busd.listener import Listener
 from busd.peer import PeerConnection
@@ -60,6 +61,7 @@ class Server:
         self.stopped: asyncio.Future[str] = asyncio.get_running_loop().create_future()
         self._loop = asyncio.get_running_loop()
         self._listener = listener
+        self._door = Door()
         self._broker = broker
         self._connections: set[PeerConnection] = set()
         self._peers: dict[PeerId, PeerConnection] = {}
@@ -93,6 +95,7 @@ class Server:
             return
         self._is_ending, self.is_restarting = True, restart
         self._loop.remove_reader(self._listener.socket.fileno())
+        self._door.close()
         if not restart:
             self._listener.close()  # first of all: who connects from now on finds no busd, and starts one
         for timer in (self._timer, self._idle_timer):
@@ -352,7 +355,7 @@ class Server:
             connection.refuse(reason, is_known=is_known)
             return
         if delay_ns := self._broker.arrive(monotonic_ns(), who.uid):
-            connection.pause(delay_ns / 1e9)
+            self._door.hold(connection, delay_ns / 1e9)
         connection.stream.before_write(lambda: self._before_write(connection))
 
     def _resume_accepting(self) -> None:

@@ -60,7 +60,7 @@ class Process:
 
     async def ask(self) -> None:
         """An answer says that busd has read all that was sent, and that what it said before is here."""
-        await self.link.request(lambda number: m.Observe(request=number, on=False))
+        await self.link.request(lambda number: m.Observe(request=number, on=False), m.Done)
 
 
 class World:

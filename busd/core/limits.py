@@ -43,7 +43,7 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     connections: _Count = 256
     """Processes connected at the same time."""
     connections_per_user: _Count = 224
-    """Processes of one user connected at the same time."""
+    """Processes of one user connected at the same time, and so many more heard in a second, for long."""
     nodes_per_peer: _Count = 1024
     """Nodes of one process."""
     nodes_per_user: _Count = 8192
@@ -67,7 +67,7 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     descriptors_per_user: _Count = 20_000
     """Descriptors that busd holds of one user's processes."""
     declarations_per_s_per_peer: _Count = 1000
-    """Declarations and questions of one process in a second, for long; all that it may have at once."""
+    """Declarations and questions of one process in a second, for long; what it may declare, also at once."""
     declarations_per_s_per_user: _Count = 4000
     """Declarations and questions of one user's processes in a second, as those of one process."""
     schema_bytes: _Bytes = 256 * _KiB

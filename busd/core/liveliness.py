@@ -34,7 +34,7 @@ class Leases:
         self._emit = emit
         self.lease_ns = lease_ns
         self._peers = peers
-        self._look_ns = NEVER_NS  # when the silent among them are looked for next
+        self._looks: list[int] = []  # when the silent among them are looked for, the next time at the end
         self._evict = evict
 
     def watch_peer(self, now_ns: int, peer: Peer) -> None:
@@ -60,15 +60,14 @@ class Leases:
             self._revive(now_ns, publisher)
 
     def _look_for_silent_at(self, due_ns: int) -> None:
-        # One timer for all: one each would keep every peer that has gone until the end of its lease.
-        if due_ns < self._look_ns:
-            self._look_ns = due_ns
+        # A timer for all: one each would keep every peer that has gone until the end of its lease.
+        if not self._looks or due_ns < self._looks[-1]:
+            self._looks.append(due_ns)
             self._timers.add(due_ns, self._look_for_silent)
 
     def _look_for_silent(self, now_ns: int) -> None:
-        if now_ns < self._look_ns:
-            return  # an earlier timer has looked
-        self._look_ns = NEVER_NS
+        while self._looks and self._looks[-1] <= now_ns:
+            self._looks.pop()
         next_ns = NEVER_NS
         for peer in tuple(self._peers.values()):
             silence_ns = now_ns - peer.last_heard_ns
@@ -76,7 +75,8 @@ class Leases:
                 next_ns = min(next_ns, peer.last_heard_ns + peer.lease_ns)
             else:
                 self._evict(now_ns, peer, f"no sign of life for {silence_ns / 1e9:.1f} s")
-        self._look_for_silent_at(next_ns)
+        if next_ns < NEVER_NS:
+            self._look_for_silent_at(next_ns)
 
     def _look_at(self, now_ns: int, due_ns: int, publisher: Publisher) -> None:
         # A timer keeps its publisher in memory: not for the rest of a long lease after it has gone.

@@ -101,7 +101,7 @@ class Quotas:
     def arrive(self, now_ns: int, uid: int) -> int:
         """One more process of a user comes; returns how long it waits at the door: 0 unless too many came.
 
-        So who comes and goes without end takes little time from busd and from those beside it.
+        So who comes without end, and wants to be heard, takes little time from busd and from those beside it.
         """
         arrivals = self.user(now_ns, uid).arrivals
         arrivals.take(now_ns, 1)
@@ -237,7 +237,7 @@ class Quotas:
         return min(_LONGEST_PAUSE_NS, int(self.limits.lease_s * 1e9) // _LEASE_PART)
 
     def _pause(self, now_ns: int, peer: Peer, pause_ns: int, out: list[Effect]) -> None:
-        if now_ns >= peer.paused_ns:
+        if now_ns + pause_ns > peer.paused_ns:
             peer.paused_ns = now_ns + pause_ns
             out.append(Pause(peer.id, pause_ns))
 

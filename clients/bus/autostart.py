@@ -15,6 +15,9 @@ from pathlib import Path
 from bus.errors import BrokerUnavailable
 from bus.trust import check_folder, check_server
 
+BUSD = (sys.executable, "-P", "-m", "busd")
+"""What starts busd: the one that is installed, whatever lies in the folder that we are in."""
+
 IDLE_EXIT_S = 30
 """A busd that was started in the background leaves after so long without a connection."""
 
@@ -110,7 +113,7 @@ def _spawn(path: Path, log: Path, notify: str, options: Sequence[str]) -> int:
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     check_folder(path.parent)
     environ = {**os.environ, "NOTIFY_SOCKET": notify}
-    arguments = [sys.executable, "-m", "busd", "--socket", str(path), *options]
+    arguments = [*BUSD, "--socket", str(path), *options]
     # Appended to: those who come second say so in the log of the one that serves.
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW
     if not path.with_name(f"{path.name}.lock").exists():  # the last one left in order: a new log

@@ -26,7 +26,7 @@ from bus.sharing import Sharing
 from bus.transport.stream import Stream
 from bus.typesupport import TypeSupport
 from bus.wire import messages as m
-from bus.wire.answers import expect, refusal
+from bus.wire.answers import expect
 from bus.wire.layout import GUESTS, LEAVING, VERSION
 from bus.wire.outbox import Outbox
 from bus.wire.session import Role, Session
@@ -156,7 +156,8 @@ class Connection:
         """Send the message that `make` gives for a request number; returns the answer, which is a `kind`.
 
         Raises ConfigurationError, QuotaExceeded or AccessDenied where the broker refuses, TimeoutError where
-        it does not answer within ANSWER_S, ConnectionClosed where the connection ends first.
+        it does not answer within ANSWER_S, RemoteProtocolError where it answers something else,
+        ConnectionClosed where the connection ends first.
         """
         if self._stream is None:
             raise ConnectionClosed("the connection to busd is closed")
@@ -197,9 +198,7 @@ class Connection:
                 self._farewell = text
                 if self._stream is not None:
                     self._stream.finish()
-            case m.Refused(request=request):
-                self._fail(request, refusal(message))
-            case m.Created() | m.Done() | m.TypeDescription() | m.Graph():
+            case m.Refused() | m.Created() | m.Done() | m.TypeDescription() | m.Graph():
                 waiting = self._requests.get(message.request)
                 if waiting is not None and not waiting.done():
                     waiting.set_result(message)
@@ -230,11 +229,6 @@ class Connection:
     def _beat(self, interval_s: float) -> None:
         self.send(m.Ping())
         self.beat(interval_s)
-
-    def _fail(self, request: int, error: BusError) -> None:
-        waiting = self._requests.get(request)
-        if waiting is not None and not waiting.done():
-            waiting.set_exception(error)
 
     def _lost(self, error: Exception | None) -> None:
         why = str(error) if error else self._farewell or "busd closed the connection"

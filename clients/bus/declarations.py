@@ -9,7 +9,15 @@ from typing import Any, Protocol
 
 from bus.connection import Connection
 from bus.descriptor import Descriptor
-from bus.errors import AccessDenied, BusError, ConfigurationError, ConnectionClosed, QuotaExceeded, again
+from bus.errors import (
+    AccessDenied,
+    BusError,
+    ConfigurationError,
+    ConnectionClosed,
+    QuotaExceeded,
+    RemoteProtocolError,
+    again,
+)
 from bus.logger import get_logger
 from bus.qos import Liveliness, QoSProfile
 from bus.typesupport import TypeSupport
@@ -236,7 +244,7 @@ class Declarations:
             connection.flush()
         except ConnectionClosed:
             pass  # then it is the next connection's turn
-        except TimeoutError:
+        except (TimeoutError, RemoteProtocolError):
             self._ask_again_later(connection)
 
     def _wait(self, what: Declared, name: str, error: QuotaExceeded) -> None:

@@ -9,9 +9,12 @@ call, but for coroutines. Knows nothing of the bus.
 import asyncio
 import select
 import selectors
+import signal
+import socket
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from contextvars import Context
 from heapq import heapify, heappop
 from math import ceil
@@ -23,6 +26,7 @@ _FINE_S = 0.02
 """Shorter waits get microseconds; epoll knows milliseconds only."""
 
 _YIELD_S = 20e-6
+_NOBODY = -1
 _MOST_SELECTABLE = 1024
 _MANY_CANCELLED = 100
 
@@ -63,6 +67,9 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         """Calls, with their arguments, to be made when it is run next: what need not be done at once."""
         self._main_thread = main_thread().ident
         self.guard: Any = RLock()
+        self.on_signal: Callable[[], object] = int
+        self._signals = _NOBODY
+        self._csock: socket.socket
         self._contenders: deque[None] = deque()  # its methods are atomic
         self.is_waiting = False
         """Whoever runs it waits for events."""
@@ -107,7 +114,9 @@ class GuardedLoop(asyncio.SelectorEventLoop):
 
     def is_busy(self, frame: FrameType | None) -> bool:
         """In a signal's handler, which interrupted `frame`: whether the main thread must not leave it now."""
-        return self.is_mine() or (frame is not None and frame.f_code in _BEFORE_A_CHECK)
+        while frame is not None and frame.f_code not in _ABOUT_TO_TAKE:
+            frame = frame.f_back  # impatience may interrupt the handler itself
+        return frame is not None or self.is_mine()
 
     def wake(self) -> None:
         """End the wait for events; also in a signal's handler, and without the guard."""
@@ -117,6 +126,22 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         """Let a run end soon; as `wake`, from anywhere."""
         self._stopping = True
         self.wake()
+
+    def hear_signals(self) -> None:
+        """In the main thread: let signals end the wait for events, and tell `on_signal`.
+
+        Python hears one that comes just before it waits only when the wait is over. Nothing is done where
+        somebody else hears them. `close` undoes it.
+        """
+        self._signals = self._csock.fileno()
+        _hear(self._signals, instead_of=_NOBODY)
+
+    def forget_signals(self) -> None:
+        """Undo `hear_signals`, in the main thread."""
+        if self._signals != _NOBODY:
+            with suppress(ValueError):  # another thread, in which a process ends that is not Python's own
+                _hear(_NOBODY, instead_of=self._signals)
+            self._signals = _NOBODY
 
     def has_work(self) -> bool:
         """Whether callbacks wait to be called."""
@@ -196,6 +221,14 @@ class GuardedLoop(asyncio.SelectorEventLoop):
             self.wake()
         return handle
 
+    def close(self) -> None:
+        self.forget_signals()
+        super().close()
+
+    def _process_self_data(self, data: bytes) -> None:
+        if any(data):
+            self.on_signal()
+
     def _check_thread(self) -> None:
         """In asyncio's debug mode: any thread may, with the guard."""
 
@@ -242,17 +275,12 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         return epoll.poll(ceil(timeout_s * 1e3) * 1e-3)
 
 
-_BEFORE_A_CHECK = {
-    method.__code__
-    for method in (
-        GuardedLoop.__enter__,
-        GuardedLoop.__exit__,
-        GuardedLoop.check,
-        GuardedLoop.acquire,
-        GuardedLoop.release,
-        GuardedLoop.run,
-        GuardedLoop._poll,
-    )
-}
-"""Where the guard is taken or given away, and `check` comes after it; an interrupt that waited in any other
-place, for a check that nobody makes, would be lost."""
+def _hear(descriptor: int, *, instead_of: int) -> None:
+    before = signal.set_wakeup_fd(descriptor, warn_on_full_buffer=False)
+    if before != instead_of:
+        signal.set_wakeup_fd(before)
+
+
+_ABOUT_TO_TAKE = {GuardedLoop.acquire.__code__, GuardedLoop.run.__code__, GuardedLoop._poll.__code__}
+"""Where the guard is about to be taken, and `check` comes when it is given away. In any other place without
+it an interrupt must not wait: perhaps nobody checks."""

@@ -5,6 +5,7 @@ import sys
 import weakref
 from collections.abc import Callable, Sequence
 from os import PathLike
+from time import monotonic
 from types import TracebackType
 from typing import Any, Literal, Self, TypeVar, overload
 
@@ -33,6 +34,9 @@ M = TypeVar("M", bound=msgspec.Struct)
 _LEAST_SWEPT = 16
 
 _log = get_logger("bus")
+
+_REST, _LONGEST_REST_S = 16, 0.2
+"""Between two questions for the graph: so many times as long as the first took to be answered."""
 
 
 class NodeStatistics(msgspec.Struct, frozen=True):
@@ -258,7 +262,8 @@ class Node(ServiceHost):
     async def wait_for_graph(self, condition: Callable[[Graph], bool]) -> Graph:
         """Wait until `condition(graph)` holds; returns that graph. It is asked again at every change.
 
-        Cancellation leaves nothing behind.
+        Changes that follow each other closely are looked at together, so that a large graph in which much
+        comes and goes costs little. Cancellation leaves nothing behind.
         """
         link = self._opened()
         changed = asyncio.Event()
@@ -267,10 +272,13 @@ class Node(ServiceHost):
             await link.observe(changed.set)
             while True:
                 changed.clear()
+                asked_s = monotonic()
                 graph = await self.graph()
                 if condition(graph):
                     return graph
+                rest_s = min(_REST * (monotonic() - asked_s), _LONGEST_REST_S)
                 await changed.wait()
+                await asyncio.sleep(asked_s + rest_s - monotonic())
         finally:
             link.stop_observing(changed.set)
 

@@ -157,7 +157,7 @@ class _Client:
                 fields = {name: self.script.number() for name in names if self.script.byte() & 1}
                 self.say("created", request=number, id=self.script.number(number), **fields)
             await asyncio.sleep(0)
-            self.asked.append(asyncio.create_task(self.connection.request(self.ask)))
+            self.asked.append(asyncio.create_task(self.connection.request(self.ask, m.Graph)))
 
     def ask(self, number: int) -> m.Message:
         return m.GetGraph(request=number)

@@ -159,6 +159,21 @@ class TestMistakes:
         assert said == f"{config}: unknown key 'limits.depht'; did you mean 'depth'?\n"
         assert not folder.exists()
 
+    def test_not_of_where_we_are(
+        self, folder: Path, tmp_path: Path, bus: Bus, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Neither what lies in this folder nor this terminal's bus has a say in it."""
+        config = tmp_path / "busd.toml"
+        config.write_text("[limits]\ndepht = 3\n")
+        (tmp_path / "busd.py").touch()
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setenv("BUSD_SOCKET", "x" * 200)
+        monkeypatch.setenv("BUSD_DOMAIN", "many")
+        assert bus("install", "--domain", "3", "--config", str(config))[0] == 1
+        config.write_text("")
+        assert bus("install", "--domain", "3", "--config", str(config))[0] == 0
+        assert (folder / "busd-3.service").is_file()
+
 
 class TestAsSystemdReadsThem:
     @needs_analyze

@@ -3,14 +3,17 @@
 import asyncio
 import logging
 import os
+import time
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 import bus
 import bus.link
+import bus.node
 from bus import declarations
 from bus.connection import Connection
 from bus.declarations import Declarations
@@ -75,6 +78,32 @@ class TestAnswers:
         client.send(m.Created(request=request, id=1, depth=1, max_message_bytes=1))
         with pytest.raises(bus.BusError, match="busd answered with Created, which is no TypeDescription"):
             await asking_again
+        await node.close()
+
+
+class TestTheGraph:
+    async def test_changes_that_follow_each_other_are_looked_at_together(
+        self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """The graph is large, or busd busy: an answer takes its time."""
+        monkeypatch.setattr(bus.node, "_LONGEST_REST_S", 0.1)
+        monkeypatch.setattr(bus.node, "_REST", 1e9)
+        node, client = await opened(broker)
+        graph = m.Graph(request=0, revision=1, nodes=(), endpoints=(), matches=())
+        waiting = asyncio.ensure_future(node.wait_for_graph(lambda graph: bool(graph.nodes)))
+        observe = await client.expect(m.Observe)
+        client.send(msgspec.structs.replace(graph, request=observe.request))
+        asked_s = []
+        for _ in range(3):
+            request = await client.expect(m.GetGraph)
+            asked_s.append(time.monotonic())
+            client.send(msgspec.structs.replace(graph, request=request.request))
+            client.send(*[m.GraphChanged(revision=2)] * 50)
+        assert asked_s[1] - asked_s[0] > 0.09 and asked_s[2] - asked_s[1] > 0.09
+        request = await client.expect(m.GetGraph)
+        record = m.NodeRecord(id=1, name="there", namespace="/", pid=1)
+        client.send(msgspec.structs.replace(graph, request=request.request, nodes=(record,)))
+        assert [one.name for one in (await waiting).nodes] == ["there"]
         await node.close()
 
 

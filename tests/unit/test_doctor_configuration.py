@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from bus.cli.doctor import configuration as module
+from bus.cli import configuration
 from bus.cli.doctor import procfs
 from bus.cli.doctor.configuration import examine, file_of
 from bus.cli.doctor.finding import Finding
@@ -61,7 +61,7 @@ def test_rules_that_can_not_work(file: Path) -> None:
 
 
 def test_a_look_that_takes_too_long(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_CHECK_S", 0.0)
+    monkeypatch.setattr(configuration, "_CHECK_S", 0.0)
     (found,) = examine(file.parent / "0.sock", 1)
     assert (found.mark, found.text.partition(":")[0]) == ("warn", f"{file} could not be looked at")
 

@@ -252,17 +252,17 @@ class TestCharges:
         assert account.used == 0
 
     def test_as_it_grows(self) -> None:
-        made, account = reader(), Account(1 << 30)
-        made.charge_to(account)
+        account = Account(1 << 30)
         frame = data(record(12 << 20))
         charged = []
         for count in (1 << 20, 5 << 20, 9 << 20):
-            made.forget()
+            made = reader()
+            made.charge_to(account)
             self.begin(made, frame, count)
             charged.append(account.used >> 20)
+            made.close()
+            assert account.used == 0
         assert charged == [4, 8, 12]
-        made.forget()
-        assert account.used == 0
 
     def test_over_the_limit(self) -> None:
         """What is refused was not made room for."""

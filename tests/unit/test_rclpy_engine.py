@@ -282,6 +282,32 @@ class TestInterrupts:
         other.join(WAIT_S)
         assert engine.run(doubled(1)) == 2
 
+    def test_just_before_a_wait(self, engine: Engine, handled: list[bool]) -> None:
+        """Also where another thread runs the loop, and nothing happens there that would end a wait."""
+        with engine.loop:
+            waiter = Waiter(engine)
+
+        def spin() -> None:
+            with engine.loop:
+                waiter.wait(is_eager=True)
+
+        other = threading.Thread(target=spin)
+        other.start()
+        wait_until(lambda: engine._runner is waiter)
+        delays = random.Random(3)
+        for _ in range(60):
+            timer = after(delays.random() * 0.002)
+            with pytest.raises(KeyboardInterrupt):
+                timer.start()
+                while True:
+                    engine.run(doubled(1))
+                    with engine.loop:
+                        Waiter(engine).wait()
+            timer.join()
+        engine.call(waiter.set)
+        other.join(WAIT_S)
+        gc.collect()
+
     @pytest.mark.filterwarnings("ignore:coroutine")  # one that was made, and not yet given to `run`
     def test_at_any_moment(self, engine: Engine, handled: list[bool]) -> None:
         """Raised once, whatever the main thread does with the engine, which is whole after it."""

@@ -1,8 +1,11 @@
 """bus.transport.stream: how a connection ends."""
 
 import asyncio
+import gc
 import socket
+import weakref
 from collections.abc import Iterator
+from functools import partial
 
 import pytest
 
@@ -91,10 +94,36 @@ async def test_paused(pair: tuple[socket.socket, socket.socket]) -> None:
 async def test_a_pause_ends(pair: tuple[socket.socket, socket.socket]) -> None:
     mine, other = pair
     end = End(mine)
-    end.stream.pause(0.001)
-    end.stream.pause(3600)  # it is paused already
+    end.stream.pause(3600)
+    end.stream.pause(0.001)  # the last word counts
     other.close()
     await end.ended()
+
+
+@pytest.mark.parametrize("who", ["we", "they"])
+async def test_nobody_is_kept_by_one_that_has_ended(
+    pair: tuple[socket.socket, socket.socket], who: str
+) -> None:
+    """Else who comes and goes would leave work to Python's collector."""
+    gc.collect()
+    gc.disable()
+    try:
+        mine, other = pair
+        end = End(mine)
+        end.stream.before_write(end.items.clear)
+        end.stream.on_received = partial(End.ended, end)  # type: ignore[assignment]
+        end.stream.pause(3600 if who == "we" else 0)
+        if who == "we":
+            end.stream.close()
+        else:
+            other.close()
+            await end.ended()
+        kept = weakref.ref(end)
+        del end
+        await asyncio.sleep(0)
+        assert kept() is None
+    finally:
+        gc.enable()
 
 
 async def test_closed_while_it_is_paused(pair: tuple[socket.socket, socket.socket]) -> None:

@@ -55,7 +55,7 @@ def compile_filter(text: str) -> Callable[[Any], bool]:
         raise CommandError(f"--filter: the expression has {len(text)} characters, {_MAX_LENGTH} are allowed")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SyntaxWarning)  # "2and", say, means what it says
+            warnings.simplefilter("ignore")  # "2and", say, means what it says
             evaluate = _compile(ast.parse(text.strip(), mode="eval").body)
     except SyntaxError as error:
         raise CommandError(f"--filter: {error.msg}: {text}") from None

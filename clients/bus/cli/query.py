@@ -58,8 +58,8 @@ class Query:
     def request(self, make: Callable[[int], m.Message], kind: type[A]) -> A:
         """Send the message that `make` gives for a request number; returns the answer, which is a `kind`.
 
-        Raises ConfigurationError, QuotaExceeded or AccessDenied where the broker refuses, ConnectionClosed
-        where it ends.
+        Raises ConfigurationError, QuotaExceeded or AccessDenied where the broker refuses, RemoteProtocolError
+        where it answers something else, ConnectionClosed where it ends.
         """
         number = next(self._numbers)
         self._send(make(number))

@@ -37,6 +37,8 @@ class Engine:
         self.loop = GuardedLoop()
         self._main_thread = threading.main_thread().ident
         self._main_waiter: Waiter | None = None
+        self._hears_signals = False
+        self.loop.on_signal = self._let_main_look
         self._runner: Waiter | Engine | None = None  # who runs the loop; the engine itself is the keeper
         self._blocked: deque[Waiter] = deque()  # they wait while another one runs it
         self._turns = 0
@@ -100,6 +102,11 @@ class Engine:
             self.loop.interrupt()
             waiter.release()
 
+    def _let_main_look(self) -> None:
+        """A signal came, perhaps just before the main thread began to wait: Python tells it only then."""
+        if self._main_waiter is not None:
+            self._main_waiter.release()
+
     def is_busy(self, frame: FrameType | None) -> bool:
         """In a signal's handler that interrupted `frame`: whether to `interrupt`, or to raise at once."""
         return self._main_waiter is not None or self.loop.is_busy(frame)
@@ -135,6 +142,9 @@ class Engine:
         is_main = self.is_main()
         if is_main:
             self._main_waiter = waiter
+            if not self._hears_signals:
+                self._hears_signals = True
+                loop.hear_signals()
         try:
             while not waiter.is_set:
                 if is_main and loop.is_interrupted:
@@ -307,6 +317,7 @@ def _forked() -> None:
     global _engine, _making
     ended, _engine, _making = _engine, None, Lock()
     if ended is not None:
+        ended.loop.forget_signals()
         ended.loop.guard._at_fork_reinit()  # a thread may have held it that the child has not
         ended.failure = ForkError("rclpy was used before a fork; call rclpy.init() in the child process")
 

@@ -206,6 +206,8 @@ class Executor:
             if self._is_shutdown or (until is not None and until.done()):
                 return None
             if not self._context.ok():
+                if engine.loop.is_interrupted and engine.is_main():
+                    return None  # as below
                 raise ExternalShutdownException
             if is_over:
                 return None

@@ -212,6 +212,8 @@ def _leave() -> None:
     """What was published is handed over, and the graph left in order, also where the program did not."""
     with suppress(ValueError):  # not in the main thread
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # who is impatient waits for CLOSE_S at most
+    if engine := engines.current():
+        engine.loop.is_interrupted = False
     # The program's daemon threads go on; what they raise now is because of this.
     threading.excepthook = lambda _: None
     for context in Context.all():

@@ -66,6 +66,8 @@ def _on_sigint(number: int, frame: FrameType | None) -> None:
     if engine is not None and engine.is_busy(frame):
         engine.interrupt()
         return
+    if engine is not None:
+        engine.loop.is_interrupted = False  # one that waits, and this one, are one
     before = _before.get(number)
     if callable(before):
         before(number, frame)

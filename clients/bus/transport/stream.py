@@ -56,7 +56,7 @@ class Stream:
         self.has_ended = False
         """The other side will send no more, where that is not the end of the connection (`linger`)."""
         self._does_linger = False
-        self._is_paused = False
+        self._pause_end: asyncio.TimerHandle | None = None
         self._is_finishing = False
         self._is_unheard = False
         self._loop = asyncio.get_running_loop()
@@ -81,6 +81,10 @@ class Stream:
                 self._send(buffers, size, descriptors)
             if not self.outbox:
                 return
+
+    def fileno(self) -> int:
+        """The number of the socket's descriptor."""
+        return self._sock.fileno()
 
     @property
     def is_idle(self) -> bool:
@@ -125,11 +129,13 @@ class Stream:
         return self.is_closed or self._is_unheard or not (self.is_blocked or self.outbox)
 
     def pause(self, seconds: float) -> None:
-        """Don't read for so long; what the other side sends meanwhile waits, and so does its end."""
-        if not self._is_paused and not self.is_closed:
-            self._is_paused = True
-            self._loop.remove_reader(self._sock.fileno())
-            self._loop.call_later(seconds, self._end_pause)
+        """Don't read for so long from now; what the other side sends meanwhile waits, and so does its end."""
+        if self.is_closed:
+            return
+        if self._pause_end is not None:
+            self._pause_end.cancel()
+        self._loop.remove_reader(self._sock.fileno())
+        self._pause_end = self._loop.call_later(seconds, self._end_pause)
 
     def close(self) -> None:
         """Send what the socket still takes and close it; what the socket does not take is lost."""
@@ -229,7 +235,7 @@ class Stream:
             self._sock.shutdown(socket.SHUT_WR)
 
     def _end_pause(self) -> None:
-        self._is_paused = False
+        self._pause_end = None
         if not self.is_closed and not self.has_ended:
             self._loop.add_reader(self._sock.fileno(), self._read)
 
@@ -257,11 +263,17 @@ class Stream:
 
     def _lose(self, error: Exception | None) -> None:
         if not self.is_closed:
+            on_lost = self._on_lost
             self._close()
-            self._on_lost(error)
+            on_lost(error)
 
     def _close(self) -> None:
         self.is_closed = True
+        # Whom it told of things goes with it: not when a collector comes by.
+        self.on_received = self._on_lost = _ignore
+        self._before_write = None
+        if self._pause_end is not None:
+            self._pause_end.cancel()
         self._loop.remove_reader(self._sock.fileno())
         if self.is_blocked:
             self._loop.remove_writer(self._sock.fileno())
@@ -275,9 +287,13 @@ class Stream:
     def _drop_descriptors(self) -> None:
         """Those that came are closed; those that were to go may have other users."""
         self.session.drop_descriptors()
-        self.session.reader.forget()
+        self.session.reader.close()
         self.outbox.clear_control()
         self._rest_descriptors = ()
+
+
+def _ignore(_: object) -> None:
+    """Nobody is told any more."""
 
 
 def _unsent(buffers: list[Buffer], sent: int) -> list[Buffer]:

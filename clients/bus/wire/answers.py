@@ -5,22 +5,24 @@ from typing import Any, TypeVar
 from bus.errors import AccessDenied, BusError, ConfigurationError, QuotaExceeded, RemoteProtocolError
 from bus.wire.messages import Message, Refused
 
-__all__ = ["expect", "refusal"]
+__all__ = ["expect"]
 
 M = TypeVar("M", bound=Message)
 
 
 def expect(answer: Any, kind: type[M]) -> M:
-    """`answer`, which is a `kind`; raises what it says where it is Refused, else RemoteProtocolError."""
+    """`answer`, which is a `kind`.
+
+    Raises ConfigurationError, QuotaExceeded or AccessDenied where it is Refused, else RemoteProtocolError.
+    """
     if isinstance(answer, kind):
         return answer
     if isinstance(answer, Refused):
-        raise refusal(answer)
+        raise _refusal(answer)
     raise RemoteProtocolError(f"busd answered with {type(answer).__name__}, which is no {kind.__name__}")
 
 
-def refusal(answer: Refused) -> BusError:
-    """ConfigurationError, QuotaExceeded or AccessDenied."""
+def _refusal(answer: Refused) -> BusError:
     if answer.resource:
         return QuotaExceeded(answer.resource, used=answer.used, limit=answer.limit)
     return AccessDenied(answer.text) if answer.denied else ConfigurationError(answer.text)

@@ -62,8 +62,14 @@ class FrameReader:
         self._account = account
         self._charge(held)
 
-    def forget(self) -> None:
-        """Nothing more will come: let go of a long frame that is not whole."""
+    def close(self) -> None:
+        """Nothing more will come: let go of the memory, also where somebody still holds the reader."""
+        self._forget_large()
+        self._buffer = bytearray()
+        self._view = memoryview(self._buffer)
+        self._end = 0
+
+    def _forget_large(self) -> None:
         self._charge(-self._held)
         self._large = None
 
@@ -125,7 +131,7 @@ class FrameReader:
                 self._grow()
                 return []
             whole = memoryview(self._large)
-            self.forget()
+            self._forget_large()
             return [_parse(whole, 0, len(whole))]
         except RemoteProtocolError as error:
             self.fault = error

@@ -144,13 +144,26 @@ class TestGoing:
     def test_processes_that_come_and_go_do_not_pile_up(self) -> None:
         """Nothing waits until the end of the lease of one that has left."""
         world = World()
-        for _ in range(50):
-            world.process("passer-by").die()
-            world.advance(0.1)
         gc.collect()
-        kept = [one for one in gc.get_objects() if isinstance(one, Peer) and one.program == "passer-by"]
+        gc.disable()
+        try:
+            for _ in range(50):
+                world.process("passer-by").die()
+                world.advance(0.1)
+            kept = [one for one in gc.get_objects() if isinstance(one, Peer) and one.program == "passer-by"]
+        finally:
+            gc.enable()
         assert kept == []
         assert len(world.broker.timers._heap) == 1
+
+    def test_nor_beside_one_with_a_long_lease(self) -> None:
+        world = World(Limits(lease_s=3600.0))
+        world.process("patient")
+        world.broker.reconfigure(world.now_ns, Limits(lease_s=1.0), (), Access(UID, ()))
+        for _ in range(50):
+            world.process("passer-by").die()
+            world.advance(1.1)
+        assert len(world.broker.timers._heap) <= 2
 
     def test_types_stay_while_one_process_has_them(self) -> None:
         world = World()

@@ -215,12 +215,18 @@ class TestRate:
         process = world.process()
         self.flood(process, 1000)
         assert world.pauses == [(process.id, SECOND)]
-        world.advance(0.5)
-        self.flood(process, 100)
-        assert len(world.pauses) == 1
-        world.advance(0.6)
+        world.advance(1.1)
         self.flood(process, 100)
         assert len(world.pauses) == 2
+
+    def test_a_short_pause_is_no_shelter(self) -> None:
+        """A question in the same read, which is to be paid for with a moment, saves nobody the second."""
+        world = self.world()
+        process = world.process()
+        for number in range(1, 7):
+            process.tell(m.GetGraph(request=number))
+        self.flood(process, 1000)
+        assert world.pauses == [(process.id, SECOND // 10), (process.id, SECOND)]
 
     def test_a_pause_is_no_silence(self) -> None:
         world = self.world(lease_s=0.4)

@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 import os
 import socket
-import sys
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -13,7 +12,7 @@ from tempfile import TemporaryDirectory, gettempdir
 import msgspec
 
 from bus.address import MAX_PATH_BYTES
-from bus.autostart import is_allowed
+from bus.autostart import BUSD, is_allowed
 from bus.cli.output import CommandError
 from bus.cli.query import NotRunning, Query
 
@@ -84,7 +83,8 @@ async def _spawn(path: Path, log: Path, environ: Mapping[str, str]) -> asyncio.s
     options = ("--socket", str(path), "--idle-exit", str(_IDLE_EXIT_S), "--log-level", "warn")
     with log.open("wb") as stderr:
         return await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "busd", *options),
+            *BUSD,
+            *options,
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.DEVNULL,
             stderr=stderr,

@@ -1,13 +1,14 @@
 """`bus daemon install`: write systemd units that start the daemon when the first program connects."""
 
 import grp
+import os
 import pwd
-import subprocess
 import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from bus.address import domain_id, socket_path
+from bus.cli.configuration import ask
 from bus.cli.daemon.units import OURS, Units, systemd_version
 from bus.cli.output import CommandError, print_json
 from bus.cli.query import NotRunning, Query
@@ -61,8 +62,8 @@ def main(args: Namespace) -> int:
         config = Path(args.config).absolute()
         if not config.is_file():
             raise CommandError(f"{args.config} is not there")
-        _check(config)
         units = Units(units.domain, units.user, units.group, config)
+        _check(config, Path(units.socket.replace("%t", f"/run/user/{os.getuid()}")))
     texts = units.texts(units.command(), systemd_version())
     if args.dry_run and args.json:
         print_json({"files": {str(path): text for path, text in texts.items()}})
@@ -84,13 +85,13 @@ def main(args: Namespace) -> int:
     return 0
 
 
-def _check(config: Path) -> None:
-    """Raises CommandError with what busd has to say against it: not first when it is to start."""
-    said = subprocess.run(
-        [sys.executable, "-m", "busd", "--check", "--config", str(config)], capture_output=True, text=True
-    )
-    if said.returncode:
-        raise CommandError(said.stderr.strip().removeprefix("busd: "))
+def _check(config: Path, socket: Path) -> None:
+    """Now, and not first when it is to start. Raises CommandError with what busd has to say against it."""
+    opinion = ask(config, socket)
+    if opinion.fault:
+        raise CommandError(opinion.fault)
+    for doubt in opinion.doubts:
+        print(doubt, file=sys.stderr)
 
 
 def _write(path: Path, text: str) -> None:

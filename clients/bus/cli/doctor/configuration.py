@@ -1,16 +1,14 @@
 """The daemon's configuration file, as it is now: busd itself looks at it, as before a restart."""
 
-import subprocess
-import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from bus.cli.configuration import ask
 from bus.cli.doctor import procfs
 from bus.cli.doctor.finding import Finding, fail, ok, warn
+from bus.cli.output import CommandError
 
 __all__ = ["examine", "file_of"]
-
-_CHECK_S = 5.0
 
 
 def examine(path: Path, pid: int) -> Iterator[Finding]:
@@ -18,21 +16,17 @@ def examine(path: Path, pid: int) -> Iterator[Finding]:
     file = file_of(procfs.command_line(pid), procfs.folder(pid))
     if file is None:
         return
-    command = [sys.executable, "-m", "busd", "--check", "--socket", str(path), "--config", str(file)]
     try:
-        done = subprocess.run(
-            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=_CHECK_S, check=False
-        )
-    except (OSError, subprocess.TimeoutExpired) as error:
-        yield warn("configuration", f"{file} could not be looked at: {error}")
+        opinion = ask(file, path)
+    except CommandError as error:
+        yield warn("configuration", str(error))
         return
-    said = [line.removeprefix("busd: ") for line in done.stderr.decode(errors="replace").splitlines()]
-    if done.returncode:
+    if opinion.fault:
         advice = "mend it: the daemon goes on with what it has, but can't be restarted"
-        yield fail("configuration", said[-1] if said else f"{file} is not right", advice)
-    elif said:
-        yield from (warn("configuration", doubt, f"edit {file}, then bus daemon reload") for doubt in said)
-    else:
+        yield fail("configuration", opinion.fault, advice)
+    for doubt in opinion.doubts:
+        yield warn("configuration", doubt, f"edit {file}, then bus daemon reload")
+    if not opinion.fault and not opinion.doubts:
         yield ok("configuration", str(file))
 
 
