@@ -23,11 +23,11 @@ class Door:
 
     def hold(self, connection: PeerConnection, seconds: float) -> None:
         """Let a new connection wait for so long."""
-        connection.pause(seconds)
         number = connection.fileno()
         self._epoll.register(number, select.EPOLLRDHUP)
         timer = self._loop.call_later(seconds, self._forget, number)
         self._waiting[number] = connection, timer
+        connection.pause(seconds)  # last, for what is read after it may close the socket, and its number
 
     def close(self) -> None:
         if not self._epoll.closed:

@@ -7,6 +7,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from types import FrameType
 from typing import Any
 
@@ -57,15 +58,15 @@ async def doubled(number: int, delay_s: float = 0) -> int:
 
 class TestRun:
     def test_a_result(self, engine: Engine) -> None:
-        assert engine.run(doubled(3)) == 6
-        assert engine.run(doubled(3, 0.001), timeout_s=WAIT_S) == 6
+        assert engine.run(lambda: doubled(3)) == 6
+        assert engine.run(lambda: doubled(3, 0.001), timeout_s=WAIT_S) == 6
 
     def test_an_error(self, engine: Engine) -> None:
         async def fail() -> None:
             raise LookupError("inside")
 
         with pytest.raises(LookupError, match="inside"):
-            engine.run(fail())
+            engine.run(fail)
 
     def test_a_timeout_cancels_it(self, engine: Engine) -> None:
         ended: list[str] = []
@@ -78,7 +79,7 @@ class TestRun:
                 raise
 
         with pytest.raises(TimeoutError):
-            engine.run(wait(), timeout_s=0.02)
+            engine.run(wait, timeout_s=0.02)
         wait_until(lambda: ended)
         assert ended == ["cancelled"]
 
@@ -86,7 +87,7 @@ class TestRun:
         async def at_once() -> int:
             return 1
 
-        assert engine.run(at_once(), timeout_s=0) == 1
+        assert engine.run(at_once, timeout_s=0) == 1
 
     def test_the_end_of_a_context_ends_it(self, engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(engines, "_engine", engine)
@@ -95,9 +96,9 @@ class TestRun:
         timer = threading.Timer(0.02, context.shutdown)
         timer.start()
         with pytest.raises(TimeoutError):
-            engine.run(asyncio.sleep(LONG_S), context=context)
+            engine.run(lambda: asyncio.sleep(LONG_S), context=context)
         with pytest.raises(TimeoutError):
-            engine.run(asyncio.sleep(LONG_S), context=context)
+            engine.run(lambda: asyncio.sleep(LONG_S), context=context)
         timer.join()
 
     def test_many_threads_at_once(self, engine: Engine) -> None:
@@ -106,7 +107,8 @@ class TestRun:
         def use(thread: int) -> None:
             choose = random.Random(thread)
             results[thread] = [
-                engine.run(doubled(number, choose.choice((0, 0.0005, 0.002)))) for number in range(50)
+                engine.run(partial(doubled, number, choose.choice((0, 0.0005, 0.002))))
+                for number in range(50)
             ]
 
         in_threads(8, use)
@@ -119,14 +121,14 @@ class TestRun:
 
         def use(thread: int) -> None:
             for _ in range(10):
-                done.append(engine.run(doubled(thread, delays[thread])))
+                done.append(engine.run(lambda: doubled(thread, delays[thread])))
 
         in_threads(5, use)
         assert len(done) == 50
 
     def test_in_a_coroutine_of_another_loop(self, engine: Engine) -> None:
         async def main() -> int:
-            return engine.run(doubled(4, 0.001))
+            return engine.run(lambda: doubled(4, 0.001))
 
         assert asyncio.run(main()) == 8
 
@@ -144,7 +146,7 @@ class TestKeeper:
         """As under a program that spins now and then, and is long in its callbacks."""
         told: list[int] = []
         for number in range(5):
-            engine.run(doubled(1))
+            engine.run(lambda: doubled(1))
             engine.call(engine.loop.call_later, 0.001, told.append, number)
             wait_until(lambda number=number: number in told)
         assert told == list(range(5))
@@ -166,7 +168,7 @@ class TestKeeper:
         before = set(threading.enumerate())
         first = engines.engine()
         assert engines.engine() is first is engines.current()
-        assert first.run(doubled(1)) == 2
+        assert first.run(lambda: doubled(1)) == 2
         engines.end()
         engines.end()
         assert engines.current() is None and first.loop.is_closed()
@@ -255,9 +257,9 @@ class TestInterrupts:
         timer = after(0.02)
         with pytest.raises(KeyboardInterrupt):
             timer.start()
-            engine.run(asyncio.sleep(LONG_S))
+            engine.run(lambda: asyncio.sleep(LONG_S))
         timer.join()
-        assert engine.run(doubled(1)) == 2
+        assert engine.run(lambda: doubled(1)) == 2
 
     def test_it_ends_a_wait_while_another_thread_runs_the_loop(
         self, engine: Engine, handled: list[bool]
@@ -275,12 +277,12 @@ class TestInterrupts:
         timer = after(0.02)
         with pytest.raises(KeyboardInterrupt):
             timer.start()
-            engine.run(asyncio.sleep(LONG_S))
+            engine.run(lambda: asyncio.sleep(LONG_S))
         timer.join()
         assert other.is_alive()
         engine.call(waiter.set)
         other.join(WAIT_S)
-        assert engine.run(doubled(1)) == 2
+        assert engine.run(lambda: doubled(1)) == 2
 
     def test_just_before_a_wait(self, engine: Engine, handled: list[bool]) -> None:
         """Also where another thread runs the loop, and nothing happens there that would end a wait."""
@@ -300,7 +302,7 @@ class TestInterrupts:
             with pytest.raises(KeyboardInterrupt):
                 timer.start()
                 while True:
-                    engine.run(doubled(1))
+                    engine.run(lambda: doubled(1))
                     with engine.loop:
                         Waiter(engine).wait()
             timer.join()
@@ -308,7 +310,6 @@ class TestInterrupts:
         other.join(WAIT_S)
         gc.collect()
 
-    @pytest.mark.filterwarnings("ignore:coroutine")  # one that was made, and not yet given to `run`
     def test_at_any_moment(self, engine: Engine, handled: list[bool]) -> None:
         """Raised once, whatever the main thread does with the engine, which is whole after it."""
         delays = random.Random(7)
@@ -317,15 +318,15 @@ class TestInterrupts:
             with pytest.raises(KeyboardInterrupt):
                 timer.start()
                 while True:
-                    engine.run(doubled(1, delays.choice((0, 0.0002, 0.001))))
+                    engine.run(lambda: doubled(1, delays.choice((0, 0.0002, 0.001))))
                     engine.call(engine.loop.call_soon, int)
                     time.sleep(0)
             timer.join()
             assert not engine.loop.is_mine() and not engine.loop.is_interrupted
         gc.collect()  # what is left of those is let go here, where nobody minds
         assert len(handled) == 60
-        assert engine.run(doubled(2)) == 4
-        in_threads(3, lambda index: engine.run(doubled(index)))
+        assert engine.run(lambda: doubled(2)) == 4
+        in_threads(3, lambda index: engine.run(lambda: doubled(index)))
 
 
 def after(delay_s: float) -> threading.Timer:
@@ -345,12 +346,12 @@ def test_a_hammer(engine: Engine) -> None:
         while time.monotonic() < end:
             what = choose.randrange(5)
             if what == 0:
-                assert engine.run(doubled(thread)) == 2 * thread
+                assert engine.run(lambda: doubled(thread)) == 2 * thread
             elif what == 1:
-                assert engine.run(doubled(thread, choose.random() * 0.003)) == 2 * thread
+                assert engine.run(lambda: doubled(thread, choose.random() * 0.003)) == 2 * thread
             elif what == 2:
                 with pytest.raises(TimeoutError):
-                    engine.run(asyncio.sleep(LONG_S), timeout_s=choose.random() * 0.003)
+                    engine.run(lambda: asyncio.sleep(LONG_S), timeout_s=choose.random() * 0.003)
             elif what == 3:
                 engine.call(engine.loop.call_soon, told.append, thread)
                 asked[thread] += 1

@@ -121,7 +121,7 @@ class Client(Entity):
         native = self.native
         assert native is not None
         with suppress(TimeoutError):
-            self._engine.run(native.wait_for_service(), timeout_sec, context=self.node.context)
+            self._engine.run(native.wait_for_service, timeout_sec, context=self.node.context)
         return self.service_is_ready()
 
     def destroy(self) -> None:

@@ -56,9 +56,15 @@ class Engine:
         self._keeper.start()
 
     def run(
-        self, coroutine: Coroutine[Any, Any, T], timeout_s: float | None = None, *, context: Any = None
+        self,
+        function: Callable[[], Coroutine[Any, Any, T]],
+        timeout_s: float | None = None,
+        *,
+        context: Any = None,
     ) -> T:
-        """Run a coroutine on the loop to its end, from any thread without the guard; returns its result.
+        """Run a coroutine function on the loop to its end, from any thread without the guard.
+
+        Returns its result. It is called here, for an interrupt must not come between a coroutine and its run.
 
         Raises TimeoutError, also where `context` is shut down meanwhile, and KeyboardInterrupt in the main
         thread; then the coroutine is cancelled.
@@ -66,7 +72,7 @@ class Engine:
         deadline_ns = deadline_after(timeout_s)
         with self.loop:
             waiter = Waiter(self, context)
-            task = self.loop.create_task(coroutine)
+            task = self.loop.create_task(function())
             task.add_done_callback(waiter.set)
             waiter.wait(deadline_ns)
             is_done = task.done()

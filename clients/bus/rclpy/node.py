@@ -75,7 +75,7 @@ class Node(EntityMaker, GraphQueries, ParameterMethods):
             automatically_declare_parameters_from_overrides=automatically_declare_parameters_from_overrides,
             on_change=self._tell_parameters,
         )
-        self._engine.run(native.open())
+        self._engine.run(native.open)
         context.track_node(self)
         self._time_source = TimeSource(node=self)
         self._time_source.attach_clock(self._clock)
@@ -152,7 +152,7 @@ class Node(EntityMaker, GraphQueries, ParameterMethods):
             return any(node.full_name == wanted for node in graph.nodes)
 
         try:
-            self._engine.run(self._native.wait_for_graph(is_there), timeout, context=self.context)
+            self._engine.run(lambda: self._native.wait_for_graph(is_there), timeout, context=self.context)
         except TimeoutError:
             return False
         return True
@@ -162,13 +162,13 @@ class Node(EntityMaker, GraphQueries, ParameterMethods):
     ) -> tuple[bool, M | None]:
         """For `rclpy.wait_for_message`."""
         engine = self._engine
-        subscription: Any = engine.run(self._native.create_subscription(msg_type, topic, qos))  # type: ignore[type-var]
+        subscription: Any = engine.run(lambda: self._native.create_subscription(msg_type, topic, qos))  # type: ignore[type-var]
         try:
-            return True, engine.run(subscription.receive(), timeout_s, context=self.context)[0]
+            return True, engine.run(subscription.receive, timeout_s, context=self.context)[0]
         except TimeoutError:
             return False, None
         finally:
-            engine.run(subscription.close())
+            engine.run(subscription.close)
 
     # --- ending
 
@@ -183,7 +183,7 @@ class Node(EntityMaker, GraphQueries, ParameterMethods):
             self.own_executor.remove_node(self)
         self._forget_all()
         try:
-            self._engine.run(self._native.close(), CLOSE_S)
+            self._engine.run(self._native.close, CLOSE_S)
         except (TimeoutError, BusError) as error:
             self._logger.warning(f"not everything could be handed over: {error or 'busd does not take it'}")
 
@@ -202,7 +202,7 @@ class Node(EntityMaker, GraphQueries, ParameterMethods):
         return expand_topic_name(name, self._native.name, self._native.namespace)
 
     def _graph(self) -> Graph:
-        return self._engine.run(self._native.graph())
+        return self._engine.run(self._native.graph)
 
     def _start_parameter_services(self) -> None:
         from bus.rclpy.parameter_service import ParameterService

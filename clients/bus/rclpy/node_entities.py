@@ -101,7 +101,7 @@ class EntityMaker:
         self._check(topic)
         profile = self._profile("publisher", topic, qos_profile, qos_overriding_options)
         native = self._engine.run(
-            self._native.create_publisher(
+            lambda: self._native.create_publisher(
                 msg_type,  # type: ignore[type-var]
                 topic,
                 to_native(profile, for_publisher=True),
@@ -134,7 +134,7 @@ class EntityMaker:
         self._check(topic)
         profile = self._profile("subscription", topic, qos_profile, qos_overriding_options)
         native = self._engine.run(
-            self._native.create_subscription(
+            lambda: self._native.create_subscription(
                 msg_type,  # type: ignore[type-var]
                 topic,
                 to_native(profile),
@@ -160,7 +160,7 @@ class EntityMaker:
         group = callback_group or self._default_callback_group
         client = Client(self._engine, srv_type, srv_name, profile, group, self)
         client.native = self._engine.run(
-            self._native.create_client(
+            lambda: self._native.create_client(
                 srv_type, srv_name, _service_qos(profile), on_response=client.on_response
             )
         )
@@ -183,7 +183,7 @@ class EntityMaker:
         group = callback_group or self._default_callback_group
         service = Service(self._engine, srv_type, srv_name, callback, group, profile, self)
         service.native = self._engine.run(
-            self._native.create_service(
+            lambda: self._native.create_service(
                 srv_type, srv_name, qos=_service_qos(profile), on_request=service.on_request
             )
         )
@@ -230,7 +230,7 @@ class EntityMaker:
             is_ours = publisher in self._publishers
             self._publishers = tuple(one for one in self._publishers if one is not publisher)
         if is_ours:
-            self._engine.run(publisher.native.close())
+            self._engine.run(publisher.native.close)
         return is_ours
 
     def destroy_subscription(self, subscription: Subscription[Any]) -> bool:
@@ -306,7 +306,7 @@ class EntityMaker:
             entity.is_destroyed = True
             self._entities = tuple(one for one in self._entities if one is not entity)
         if is_ours and native is not None:
-            self._engine.run(native.close())
+            self._engine.run(native.close)
         return is_ours
 
     def _forget_all(self) -> None:

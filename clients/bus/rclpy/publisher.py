@@ -62,7 +62,7 @@ class Publisher(Generic[M]):
         if self._loop.is_interrupted:
             self._loop.check()
         if not is_taken:
-            self._wait_for_room(self.native.send(msg))
+            self._wait_for_room(msg)
 
     def get_subscription_count(self) -> int:
         """Subscriptions matched now."""
@@ -76,7 +76,7 @@ class Publisher(Generic[M]):
     def wait_for_all_acked(self, timeout: Duration | None = None) -> bool:
         """Wait until all that was published is handed over; returns whether it is."""
         try:
-            self._engine.run(self.native.flush(), None if timeout is None else timeout.nanoseconds / 1e9)
+            self._engine.run(self.native.flush, None if timeout is None else timeout.nanoseconds / 1e9)
         except TimeoutError:
             return False
         return True
@@ -111,9 +111,9 @@ class Publisher(Generic[M]):
         is_destroyed = self not in self.node.publishers
         return InvalidHandle(f"the publisher on '{self.topic_name}' is destroyed") if is_destroyed else error
 
-    def _wait_for_room(self, sending: Any) -> None:
+    def _wait_for_room(self, msg: M) -> None:
         try:
-            self._engine.run(sending, ROOM_S)
+            self._engine.run(lambda: self.native.send(msg), ROOM_S)
         except TimeoutError:
             raise RuntimeError(
                 f"failed to publish on '{self.topic_name}': the subscriptions have taken nothing for"
