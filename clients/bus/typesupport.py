@@ -65,7 +65,7 @@ class TypeSupport(Generic[M]):
     schema: Schema
     encode: Callable[[M], bytes]
     decode: Callable[[bytes | bytearray | memoryview], M]
-    """Raises msgspec.DecodeError for bytes that are no such message."""
+    """Raises ValueError (msgspec.DecodeError, or UnicodeDecodeError) for bytes that are no such message."""
     is_valid: Callable[[M], bool]
     """True: the fields are surely right. False: ask `explain`."""
 

@@ -193,7 +193,7 @@ def schemas(data: bytes) -> None:
         return
     decoder = msgspec.msgpack.Decoder(cls)
     messages: list[Any] = []
-    with suppress(msgspec.MsgspecError, RecursionError):
+    with suppress(ValueError, RecursionError):  # msgspec's errors and bad UTF-8 are ValueErrors
         messages.append(decoder.decode(payload))
     with suppress(TypeError):  # a field that must be given
         messages.append(cls())
