@@ -7,6 +7,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from types import FrameType
 from typing import Any
@@ -264,50 +265,28 @@ class TestInterrupts:
     def test_it_ends_a_wait_while_another_thread_runs_the_loop(
         self, engine: Engine, handled: list[bool]
     ) -> None:
-        with engine.loop:
-            waiter = Waiter(engine)
-
-        def spin() -> None:
-            with engine.loop:
-                waiter.wait(is_eager=True)
-
-        other = threading.Thread(target=spin)
-        other.start()
-        wait_until(lambda: engine._runner is waiter)
-        timer = after(0.02)
-        with pytest.raises(KeyboardInterrupt):
-            timer.start()
-            engine.run(lambda: asyncio.sleep(LONG_S))
-        timer.join()
-        assert other.is_alive()
-        engine.call(waiter.set)
-        other.join(WAIT_S)
+        with another_runs_the_loop(engine) as other:
+            timer = after(0.02)
+            with pytest.raises(KeyboardInterrupt):
+                timer.start()
+                engine.run(lambda: asyncio.sleep(LONG_S))
+            timer.join()
+            assert other.is_alive()
         assert engine.run(lambda: doubled(1)) == 2
 
     def test_just_before_a_wait(self, engine: Engine, handled: list[bool]) -> None:
         """Also where another thread runs the loop, and nothing happens there that would end a wait."""
-        with engine.loop:
-            waiter = Waiter(engine)
-
-        def spin() -> None:
-            with engine.loop:
-                waiter.wait(is_eager=True)
-
-        other = threading.Thread(target=spin)
-        other.start()
-        wait_until(lambda: engine._runner is waiter)
         delays = random.Random(3)
-        for _ in range(60):
-            timer = after(delays.random() * 0.002)
-            with pytest.raises(KeyboardInterrupt):
-                timer.start()
-                while True:
-                    engine.run(lambda: doubled(1))
-                    with engine.loop:
-                        Waiter(engine).wait()
-            timer.join()
-        engine.call(waiter.set)
-        other.join(WAIT_S)
+        with another_runs_the_loop(engine):
+            for _ in range(60):
+                timer = after(delays.random() * 0.002)
+                with pytest.raises(KeyboardInterrupt):
+                    timer.start()
+                    while True:
+                        engine.run(lambda: doubled(1))
+                        with engine.loop:
+                            Waiter(engine).wait()
+                timer.join()
         gc.collect()
 
     def test_at_any_moment(self, engine: Engine, handled: list[bool]) -> None:
@@ -327,6 +306,24 @@ class TestInterrupts:
         assert len(handled) == 60
         assert engine.run(lambda: doubled(2)) == 4
         in_threads(3, lambda index: engine.run(lambda: doubled(index)))
+
+
+@contextmanager
+def another_runs_the_loop(engine: Engine) -> Iterator[threading.Thread]:
+    """A thread that waits, and so runs the loop, until the block ends."""
+    with engine.loop:
+        waiter = Waiter(engine)
+
+    def spin() -> None:
+        with engine.loop:
+            waiter.wait(is_eager=True)
+
+    other = threading.Thread(target=spin)
+    other.start()
+    wait_until(lambda: engine._runner is waiter)
+    yield other
+    engine.call(waiter.set)
+    other.join(WAIT_S)
 
 
 def after(delay_s: float) -> threading.Timer:
