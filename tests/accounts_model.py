@@ -214,7 +214,8 @@ class Model:
     def deliver(self, publisher: Publisher, messages: list[Message]) -> None:
         for one in self.matched(publisher):
             if messages:
-                one.see(publisher.id)
+                if one.process not in self.blocked:
+                    one.see(publisher.id)
                 one.before.pop(publisher.id, None)
             one.arrive(messages, one.routes[publisher.id], is_blocked=one.process in self.blocked)
 
@@ -249,7 +250,7 @@ class Model:
             publisher = self.publishers[number]
             for one in self.matched(publisher):
                 if one.routes[number] == "shm" or not away & {publisher.process, one.process}:
-                    one.arrive(messages, one.routes[number], is_blocked=False)
+                    one.arrive(messages, one.routes[number], is_blocked=one.process in self.blocked)
                 else:
                     late.setdefault(one.id, {}).setdefault(number, []).extend(messages)
         for number, sources in late.items():
@@ -258,7 +259,8 @@ class Model:
                 unknown.add(number)
             for source, messages in sources.items():
                 publisher = self.publishers[source]
-                has_history = keeps_history(publisher.qos) and keeps_history(one.qos)
+                is_lossless = publisher.qos.is_lossless and one.qos.is_lossless
+                has_history = keeps_history(publisher.qos) and (keeps_history(one.qos) or is_lossless)
                 is_there = publisher.process not in away
                 if is_there and not has_history and publisher.process in self.sharing:
                     one.unseen.setdefault(source, []).extend(messages)
@@ -266,12 +268,12 @@ class Model:
                     one.expected += len(messages)
                     unknown.add(number)
                 elif not is_there:  # its queue holds so many
-                    self._return(one, messages, publisher.depth or len(messages), history=False)
+                    self._return(one, source, messages, publisher.depth or len(messages), history=False)
                 elif has_history:
                     depths = [depth for depth in (publisher.depth, depth_of(one.qos)) if depth]
-                    self._return(one, messages, min(depths, default=len(messages)), history=True)
+                    self._return(one, source, messages, min(depths, default=len(messages)), history=True)
                 else:
-                    self._return(one, messages, 0, history=False)
+                    self._return(one, source, messages, 0, history=False)
         return sorted(unknown)
 
     def remove(self, endpoint: int) -> None:
@@ -287,11 +289,17 @@ class Model:
         endpoints: list[Publisher | Subscription] = [*self.publishers.values(), *self.subscriptions.values()]
         return [one.id for one in endpoints if one.process == process]
 
-    def _return(self, one: Subscription, messages: list[Message], kept: int, *, history: bool) -> None:
+    def _return(
+        self, one: Subscription, source: int, messages: list[Message], kept: int, *, history: bool
+    ) -> None:
         """The last `kept` of what was published while there was no way come now."""
         lost = max(0, len(messages) - kept)
-        one.lose(messages[:lost])
-        one.arrive(messages[lost:], "socket", is_blocked=False, history=history)
+        is_blocked = one.process in self.blocked
+        if is_blocked:
+            one.unseen.setdefault(source, []).extend(messages[:lost])
+        else:
+            one.lose(messages[:lost])
+        one.arrive(messages[lost:], "socket", is_blocked=is_blocked, history=history)
 
     def _match(self, publisher: Publisher, subscription: Subscription) -> bool:
         if not self.do_match(publisher, subscription):

@@ -160,7 +160,9 @@ class World:
         await self.settle()
         for process in cut:
             self.model.connect_anew(process.number)
-        for number in self.model.return_of(set(processes), meanwhile):
+        if unknown := self.model.return_of(set(processes), meanwhile):
+            await self.unblock_all()
+        for number in unknown:
             self.take_over(number)
 
     def take_over(self, number: int) -> None:

@@ -135,7 +135,9 @@ class Model:
                 subscription.looks_at_age |= publisher.lifespan_ns > 0
                 if publisher.gid in last_seqs:
                     subscription.returned.add(publisher.id)
-                if subscription.qos.durability == Durability.TRANSIENT_LOCAL:
+                is_lossless = publisher.qos.is_lossless and subscription.qos.is_lossless
+                is_durable = subscription.qos.durability == Durability.TRANSIENT_LOCAL
+                if is_durable or (is_lossless and publisher.gid in last_seqs):
                     self._replay(publisher, subscription, last_seqs.get(publisher.gid, 0), now_ns)
         self.deliver(subscription)
 

@@ -263,14 +263,17 @@ class Subscription(Endpoint):
         """From now on what `publisher` sends to all is for this subscription, too."""
         self.began.setdefault(publisher.id, publisher.next_seq)
 
-    def end(self, publisher: Publisher) -> None:
+    def end(self, publisher: Publisher) -> int:
+        """The match has ended; returns the number of the last sample that was routed for it, 0 for none."""
         self.returned.discard(publisher.id)
         began = self.began.pop(publisher.id, None)
-        if began is not None:
-            self.expected_besides += publisher.next_seq - began
-            self.last_seqs[publisher.gid] = publisher.next_seq - 1  # for when it comes back
-            if len(self.last_seqs) > _MOST_REMEMBERED:
-                del self.last_seqs[next(iter(self.last_seqs))]
+        if began is None:
+            return 0
+        self.expected_besides += publisher.next_seq - began
+        last_seq = self.last_seqs[publisher.gid] = publisher.next_seq - 1  # for when it comes back
+        if len(self.last_seqs) > _MOST_REMEMBERED:
+            del self.last_seqs[next(iter(self.last_seqs))]
+        return last_seq
 
     @property
     def expected(self) -> int:

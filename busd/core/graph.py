@@ -126,16 +126,18 @@ class Graph:
         del publisher.shared[subscription.id]
         self._matches_added.append(_match_record(publisher, subscription.id))
 
-    def remove_match(self, publisher: Publisher, subscription: Subscription) -> None:
+    def remove_match(self, publisher: Publisher, subscription: Subscription) -> int:
+        """Returns the number of the last sample that was routed for it, 0 for none."""
         self._matches_removed.append(_match_record(publisher, subscription.id))
         publisher.routed.pop(subscription.id, None)
         publisher.shared.pop(subscription.id, None)
         publisher.behind.pop(subscription.id, None)
-        subscription.end(publisher)
+        last_seq = subscription.end(publisher)
         del publisher.matches[subscription.id], subscription.matches[publisher.id]
         self._matches -= 1
         for holder in _holders(publisher, subscription):
             holder.matches -= 1
+        return last_seq
 
     def forget_types(self, peer: Peer, others: list[Peer]) -> None:
         """Forget the schemas that only `peer` had declared."""

@@ -63,8 +63,10 @@ def connect(
         lost = LivelinessChanged(subscription=subscription.id, publisher=publisher.id, alive=False)
         out.append(Send(subscription.node.peer.id, lost))
     if not is_shared:
-        last_seq = subscription.last_seqs.get(publisher.gid, 0) if keeps_history(subscription.qos) else None
-        _begin_routing(now_ns, publisher, subscription, last_seq, out)
+        # A lossless one that was there before has missed something, if it is volatile, too.
+        is_due = keeps_history(subscription.qos) or (publisher.is_lossless and subscription.is_lossless)
+        last_seq = subscription.last_seqs.get(publisher.gid, 0 if keeps_history(subscription.qos) else None)
+        _begin_routing(now_ns, publisher, subscription, last_seq if is_due else None, out)
 
 
 def foreign_uid(mine: Publisher | Subscription, other: Publisher | Subscription) -> int:
@@ -116,11 +118,11 @@ def disconnect(
 
     `is_lost`: the subscription's process did not take its leave.
     """
-    graph.remove_match(publisher, subscription)
-    out.append(
-        Send(publisher.node.peer.id, Unmatched(endpoint=publisher.id, other=subscription.id, lost=is_lost))
-    )
-    out.append(Send(subscription.node.peer.id, Unmatched(endpoint=subscription.id, other=publisher.id)))
+    last_seq = graph.remove_match(publisher, subscription)
+    told = Unmatched(endpoint=publisher.id, other=subscription.id, lost=is_lost)
+    out.append(Send(publisher.node.peer.id, told))
+    told = Unmatched(endpoint=subscription.id, other=publisher.id, last_seq=last_seq)
+    out.append(Send(subscription.node.peer.id, told))
     if publisher.acked.pop(subscription.id, None) is not None:
         give_credit(publisher, out.append)
 

@@ -11,6 +11,7 @@ from bus.wire.messages import Matched
 from bus.wire.runs import Run
 
 _MOST_GONE = 64
+_MOST_GAPS = 64
 
 
 class Source:
@@ -18,6 +19,7 @@ class Source:
 
     __slots__ = (
         "acked_seq",
+        "gaps",
         "gid",
         "is_alive",
         "is_new",
@@ -27,7 +29,7 @@ class Source:
         "lifespan_ns",
         "needs_ack",
         "number",
-        "returned_seq",
+        "routed_seq",
         "taken_seq",
         "unacked_bytes",
     )
@@ -41,11 +43,20 @@ class Source:
         self.is_alive = True
         self.known_seq = 0  # read from the ring, before the match went by socket: also no replay of these
         self.is_new = True  # until its first run that is no replay
-        # Until the first run by another route, or of another broker, which shows what was lost between them:
+        # Until the first run by another route, which shows what was lost between them:
         self.is_rerouted = False
-        self.returned_seq = 0  # the first number that the other broker knows
+        self.routed_seq = 0  # as it has gone: the last number that the broker has routed
+        # What it published while it was away: the numbers before and behind it, until a run from there comes.
+        self.gaps: tuple[tuple[int, int], ...] = ()
         self.taken_seq = self.acked_seq = last_seq
         self.unacked_bytes = 0
+
+    def comes_back(self, routed_seq: int, next_seq: int) -> None:
+        """A broker had got its samples up to `routed_seq`, and gets those from `next_seq` on."""
+        if routed_seq + 1 < next_seq:
+            self.gaps = (*self.gaps, (routed_seq, next_seq))[-_MOST_GAPS:]
+            self.routed_seq = next_seq - 1
+        self.is_new = False  # of what went to others meanwhile, the broker says that it is lost
 
 
 class Sources(dict[int, Source]):
@@ -70,8 +81,13 @@ class Sources(dict[int, Source]):
         self._rerouted = 0  # or the ring had given them up before
         self._told_ahead = 0  # what the broker that left had dropped of what would have come next
 
-    def forget(self, number: int) -> None:
-        """A publisher has gone; samples of it may still come, so the last ones are remembered for a while."""
+    def forget(self, number: int, routed_seq: int = 0) -> None:
+        """A publisher has gone; samples of it may still come, so the last ones are remembered for a while.
+
+        The broker has routed those up to `routed_seq`: which of them do not come, it says.
+        """
+        if (source := self.get(number)) is not None:
+            source.routed_seq = max(source.routed_seq, routed_seq)
         self._gone.append(number)
         if len(self._gone) > _MOST_GONE:
             self.pop(self._gone.popleft(), None)
@@ -81,9 +97,9 @@ class Sources(dict[int, Source]):
         for number in self._gone:
             source = self.get(number)
             if source is not None and source.gid == matched.gid:
-                source.number, source.is_alive, source.is_new = matched.other, True, True
+                source.number, source.is_alive = matched.other, True
                 source.lifespan_ns = matched.qos.lifespan_ns
-                source.returned_seq = matched.next_seq
+                source.comes_back(source.routed_seq, matched.next_seq)
                 return source
         return None
 
@@ -129,24 +145,28 @@ class Sources(dict[int, Source]):
         known_seq = source.known_seq if run.is_replay else source.last_seq
         if run.first_seq <= known_seq and not self._skip_known(run, known_seq):
             return False
-        missing = max(0, run.first_seq - source.last_seq - 1)
+        missing = max(0, run.first_seq - source.last_seq - 1) - self._pass_gaps(source, run.first_seq)
         if run.source != source.number:
             self._skipped += missing  # it was sent before the publisher went
             return True
         if source.is_rerouted:
             self._rerouted += missing
-        elif source.returned_seq:
-            gone = max(0, min(missing, source.returned_seq - source.last_seq - 1))
-            self.lose_while_away(gone)
-            self._skipped += missing - gone
-            source.is_new = False  # of what went to others meanwhile, the broker says that it is lost
         elif source.is_new:
             self._perhaps_skipped += missing
         else:
             self._skipped += missing
-        source.is_rerouted, source.returned_seq = False, 0
+        source.is_rerouted = False
         source.is_new &= run.is_replay
         return True
+
+    def _pass_gaps(self, source: Source, first_seq: int) -> int:
+        """Count what is missing before `first_seq` because no broker got it; returns how many."""
+        gone = 0
+        for routed_seq, returned_seq in source.gaps:
+            gone += max(0, min(returned_seq, first_seq) - max(routed_seq, source.last_seq) - 1)
+        source.gaps = tuple(gap for gap in source.gaps if first_seq < gap[1])
+        self.lose_while_away(gone)
+        return gone
 
     def _skip_known(self, run: Run, known_seq: int) -> bool:
         known = known_seq + 1 - run.first_seq

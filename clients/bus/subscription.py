@@ -221,11 +221,11 @@ class Subscription(Endpoint[M]):
                 if rings is not None and message.route == "shm":
                     rings.attach(source, message, descriptors, known_seq)
                 self._tell_liveliness(1, 0)
-            case m.Unmatched(other=other):
+            case m.Unmatched(other=other, last_seq=last_seq):
                 super().handle(message)
                 if rings is not None and other in sources:
                     rings.finish(sources[other].gid)
-                sources.forget(other)
+                sources.forget(other, last_seq)
             case m.RingReplaced(source=other):
                 if rings is not None and other in sources:
                     rings.replace(sources[other], descriptors)
@@ -314,13 +314,14 @@ class Subscription(Endpoint[M]):
         source.known_seq = known_seq or 0
         is_behind = known_seq is not None and matched.next_seq - 1 > known_seq
         if known_seq is not None and is_behind and matched.route == "socket":
-            # What a broker took with it, a lossless publisher sends once more; others repeat their history.
-            is_repeated = needs_ack and self._link.broker != self._left_broker
+            # What a broker took with it, a lossless publisher sends once more; histories come anyway.
+            has_history = matched.qos.durability is Durability.TRANSIENT_LOCAL
+            is_repeated = needs_ack and (has_history or self._link.broker != self._left_broker)
             if self.qos.durability is Durability.VOLATILE and not is_repeated:
                 self.inbox.sources.lose_while_away(matched.next_seq - 1 - known_seq)
                 source.last_seq = matched.next_seq - 1
             else:
-                source.returned_seq = matched.next_seq
+                source.comes_back(known_seq, matched.next_seq)
         return source
 
     def _acknowledge(self, source: Source) -> None:

@@ -190,7 +190,8 @@ class _Client:
             case 5:
                 self.say("rerouted", endpoint=mine, other=other, route="socket", at_ns=number())
             case 6:
-                self.say("unmatched", endpoint=mine, other=other, lost=bool(script.byte() & 1))
+                is_lost = bool(script.byte() & 1)
+                self.say("unmatched", endpoint=mine, other=other, lost=is_lost, last_seq=number())
             case 7:
                 self.say("dropped", subscription=mine, dropped={"replaced": number(), "x": number()})
             case 8:

@@ -152,6 +152,8 @@ FROM_BROKER: dict[str, m.Message] = {
         uid=1001,
     ),
     "unmatched": m.Unmatched(endpoint=3, other=2),
+    "unmatched_publisher": m.Unmatched(endpoint=3, other=2, last_seq=1 << 33),
+    "unmatched_subscription": m.Unmatched(endpoint=2, other=3, lost=True),
     "attached": m.Attached(publisher=2, subscription=3, slot=1019, process=4, pid=4711),
     "attached_foreign": m.Attached(publisher=2, subscription=3, slot=7, process=4, pid=4711, uid=1001),
     "ring_replaced": m.RingReplaced(subscription=3, source=2),

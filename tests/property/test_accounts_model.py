@@ -161,8 +161,13 @@ class Story:
 
     async def cut(self, at: int, bursts: list[tuple[int, int]]) -> None:
         if self.knows_where_matches_began():
-            await self.world.unblock_all()
-            await self.world.cut([pick(self.world.processes, at)], self.named(bursts), restart=False)
+            process = pick(self.world.processes, at)
+            model = self.world.model
+            # Where messages expire, see `publish`.
+            expires = any(one.qos.lifespan_ns for one in model.publishers.values())
+            if process in model.blocked or expires:
+                await self.world.unblock_all()
+            await self.world.cut([process], self.named(bursts), restart=False)
 
     async def restart(self, bursts: list[tuple[int, int]]) -> None:
         if self.knows_where_matches_began():

@@ -32,8 +32,8 @@ class Heard:
         assert [bytes(payload) for payload, _ in run.records()] == [b"%d" % (seq % 10) for seq in left]
         return left
 
-    def return_as(self, number: int, next_seq: int) -> None:
-        self.sources.forget(7)
+    def return_as(self, number: int, next_seq: int, *, routed_seq: int = 0) -> None:
+        self.sources.forget(self.source.number, routed_seq)
         matched = Matched(endpoint=1, other=number, node="/n", gid=GID, qos=QoSProfile(), next_seq=next_seq)
         source = self.sources.take_back(matched)
         assert source is self.source
@@ -86,7 +86,8 @@ class TestBrokerThatDies:
 
     def test_the_replay_of_the_next_one_fills_a_part(self) -> None:
         heard = Heard()
-        heard.source.last_seq, heard.source.returned_seq = 4, 11
+        heard.source.last_seq = 4
+        heard.source.comes_back(4, 11)
         assert heard.get(9, 2, is_replay=True) == [9, 10]
         assert heard.lost == [("disconnected", 4)]
         assert heard.get(12) == [12]
@@ -108,6 +109,34 @@ class TestPublisherThatReturns:
         assert heard.get(2, 2) == [2, 3]
         assert heard.get(6, number=9) == [6]
         assert heard.lost == [("disconnected", 2)]
+
+    def test_what_the_broker_dropped_of_it_is_not_lost_once_more(self) -> None:
+        heard = Heard()
+        heard.get(1)
+        heard.return_as(9, 9, routed_seq=6)  # 2 to 6 were routed, and dropped; 7 and 8 were never sent
+        heard.get(9, number=9)
+        assert heard.lost == [("disconnected", 2)]
+        assert heard.sources.missing == 5
+
+    def test_what_was_dropped_between_two_returns(self) -> None:
+        heard = Heard()
+        heard.get(1)
+        heard.return_as(9, 5, routed_seq=2)  # 3 and 4 never sent
+        heard.return_as(11, 9, routed_seq=7)  # 5 to 7 routed, 8 never sent
+        assert heard.get(6, 1, number=9) == [6]  # what of these was still queued
+        assert heard.lost == [("disconnected", 2)]
+        assert heard.get(9, 1, number=11) == [9]
+        assert heard.lost == [("disconnected", 2), ("disconnected", 1)]
+        assert heard.sources.missing == 3  # 2, 5 and 7
+
+    def test_it_returns_and_goes_without_a_word(self) -> None:
+        heard = Heard()
+        heard.get(1)
+        for number in range(100, 300):
+            heard.return_as(number, 4, routed_seq=2)
+        assert len(heard.source.gaps) == 1
+        heard.get(4, number=299)
+        assert heard.lost == [("disconnected", 1)]
 
     def test_one_that_has_long_gone_is_forgotten(self) -> None:
         heard = Heard()

@@ -1,8 +1,7 @@
 """The control messages: msgspec Structs, told apart by a tag, as MessagePack maps.
 
-Fields may be added with a default in a later version; a receiver ignores those it doesn't know. A `request`
-number is chosen by the client and comes back in the one answer to it. Ids are given by the broker. Where
-`descriptors` is not 0, that many file descriptors come with the frame.
+A later version may add fields with a default; a receiver ignores those it doesn't know. A `request` number
+is the client's and comes back in the one answer. Ids are the broker's. So many `descriptors` come along.
 """
 
 import msgspec
@@ -269,11 +268,12 @@ class Matched(Message, frozen=True, tag="matched"):
 
 
 class Unmatched(Message, frozen=True, tag="unmatched"):
-    """`lost`: the process of `other` did not take its leave, so that it may still run."""
+    """`lost`: the process of `other` took no leave, may still run. `last_seq`: the last that was routed."""
 
     endpoint: int
     other: int
     lost: bool = False
+    last_seq: Count = 0
 
 
 class Incompatible(Message, frozen=True, tag="incompatible"):

@@ -114,6 +114,16 @@ class TestReconnection:
         (publisher,) = publishers(world, KEPT, "abc")
         assert self.late(world, {publisher.gid: last_seq}) == [*expected]
 
+    @pytest.mark.parametrize("history", ["keep_all", "keep_last"])
+    def test_a_volatile_one_gets_what_it_missed_where_nothing_is_to_be_lost(self, history: str) -> None:
+        world = World()
+        offered = QoSProfile(history=history, durability="transient_local")
+        (publisher,) = publishers(world, offered, "abc")
+        requested = QoSProfile(history=history)
+        back = world.process().subscription("/topic", requested, last_seqs={publisher.gid: 1})
+        assert back.payloads == (["b", "c"] if history == "keep_all" else [])
+        assert world.process().subscription("/topic", requested).payloads == [], "it is new"
+
     def test_of_each_publisher_its_own(self) -> None:
         world = World()
         one, other = publishers(world, KEPT, "abc", "xyz")

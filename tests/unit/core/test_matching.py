@@ -234,3 +234,14 @@ class TestUnmatching:
         talker.die()
         listener.unblock()
         assert subscription.payloads == ["a", "b"]
+
+    def test_a_subscription_hears_what_was_routed_for_it(self) -> None:
+        world = World()
+        talker = world.process(shares=True)
+        publisher = talker.publisher("/topic")
+        by_socket = world.process().subscription("/topic")
+        by_ring = world.process(shares=True).subscription("/topic")
+        publisher.publish("a", "b")
+        talker.die()
+        assert [told.last_seq for told in by_socket.got(m.Unmatched)] == [2]
+        assert [told.last_seq for told in by_ring.got(m.Unmatched)] == [0]
