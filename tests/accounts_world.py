@@ -240,6 +240,22 @@ class World:
         ends[0]._link.send_about(ends[0], refusal)
         self.model.reroute(self.model.publishers[publisher], self.model.subscriptions[subscription])
 
+    async def refuse_late(
+        self, publisher: int, subscription: int, bursts: list[tuple[int, int]], *, by_publisher: bool
+    ) -> None:
+        """The subscription hears late that it is to leave the ring, and has read some of it by then."""
+        expected = self.model.subscriptions[subscription]
+        self.block(expected.process)
+        dropped = expected.dropped.copy()
+        self.refuse(publisher, subscription, by_publisher=by_publisher)
+        for number, count in bursts:
+            self.model.deliver(self.model.publishers[number], self.publish(number, count, 1))
+            await self.settle()
+            self.take_one(subscription)
+        await self.unblock_all()
+        expected.dropped = dropped
+        self.take_over(subscription)
+
     def take(self, subscription: int, count: int) -> None:
         """Up to `count` messages, and they are the model's."""
         expected = self.model.subscriptions[subscription]

@@ -123,7 +123,7 @@ class World:
                     self.pauses.append((peer, pause_ns))
                 case Stop(reason):
                     self.stop_reason = reason
-        for process in self.processes.values():
+        for process in tuple(self.processes.values()):
             if not process.is_blocked:
                 process.read()
 
@@ -139,6 +139,8 @@ class Process:
         self.outbox = Outbox()
         self.is_blocked = False
         self.shares = False
+        self.has_read = 1
+        """Up to which number, where a ring is to be left."""
         self.cut_reason: str | None = None
         self.sent: list[Any] = []  # by the broker, read or not
         self.messages: list[Any] = []
@@ -209,7 +211,8 @@ class Process:
     # --- from the broker
 
     def read(self) -> None:
-        """Take everything that waits."""
+        """Take everything that waits. A subscription leaves the ring where it is told to."""
+        left = list[m.LeaveRing]()
         while (taken := self.outbox.take())[1]:
             if taken[2]:
                 self._from_broker.descriptors.append(taken[2])
@@ -224,6 +227,15 @@ class Process:
                     self.undecodable[item.endpoint] = self.undecodable.get(item.endpoint, 0) + missing
                 else:
                     self.messages.append(item)
+                    if (
+                        isinstance(item, m.Rerouted)
+                        and item.endpoint in self.world.broker.graph.subscriptions
+                    ):
+                        left.append(
+                            m.LeaveRing(subscription=item.endpoint, source=item.other, seq=self.has_read)
+                        )
+        for one in left:
+            self.tell(one)
 
     def unblock(self) -> None:
         """The socket takes bytes again, and the process reads all of them."""

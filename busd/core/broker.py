@@ -95,6 +95,7 @@ class Broker:
             m.Ack: self._on_ack,
             m.Attach: routes.attach,
             m.RefuseRoute: routes.refuse,
+            m.LeaveRing: routes.leave,
             m.CaughtUp: routes.caught_up,
             m.ReplaceRing: routes.replace_ring,
             m.Report: self._on_report,

@@ -168,7 +168,6 @@ class Registrar:
         out.append(Send(peer.id, self._created(message.request, subscription)))
         for publisher in subscription.topic.publishers.values():
             connect(now_ns, self._graph, publisher, subscription, out)
-        subscription.last_seqs = {}
         self._router.bound(now_ns, subscription)
 
     def destroy_endpoint(

@@ -7,6 +7,7 @@ from weakref import WeakSet
 
 from bus.ids import EndpointId, NodeId, PeerId
 from bus.qos import Durability, Liveliness, QoSProfile
+from bus.wire.bounds import MOST_REMEMBERED
 from bus.wire.layout import MAX_COUNT
 from bus.wire.messages import EndpointRecord, EndpointStatistics, NodeRecord, Report
 from bus.wire.runs import Account, RunQueue
@@ -16,8 +17,6 @@ from busd.core.effects import Flush
 
 MessageType = tuple[str, str]
 """A type's name and hash."""
-
-_MOST_REMEMBERED = 1024
 
 SOCKET, SHM = "socket", "shm"
 """The routes of a match."""
@@ -188,9 +187,9 @@ class Endpoint:
 class Publisher(Endpoint):
     """`matches` are all; of these `routed` are on the route socket, `shared` on the route shm.
 
-    Of those in neither, some were rerouted, and the publisher has yet to send them what they have missed.
-    Others have had all up to a number (`behind`), from the publisher as it was before, which is yet to come
-    a second time: they get nothing before that.
+    Of those in neither, some were rerouted: first they have yet to leave the ring (`leaving`), and then the
+    publisher has yet to send them what they have missed. Others have had all up to a number (`behind`), alone
+    or from the publisher as it was before, which is yet to come a second time: they get nothing before that.
 
     `acked` holds, for each routed lossless subscription, the last number that it has taken.
     """
@@ -207,6 +206,7 @@ class Publisher(Endpoint):
     matches: "dict[EndpointId, Subscription]" = field(default_factory=dict)
     routed: "dict[EndpointId, Subscription]" = field(default_factory=dict)
     shared: dict[EndpointId, Sharing] = field(default_factory=dict)
+    leaving: dict[EndpointId, Sharing] = field(default_factory=dict)
     behind: dict[EndpointId, int] = field(default_factory=dict)
     ring: object | None = None
     """A descriptor, opaque here; None where all goes by socket."""
@@ -219,6 +219,10 @@ class Publisher(Endpoint):
     uncredited_bytes: int = 0
 
     kind = "publisher"
+
+    def is_catching_up(self, subscription: EndpointId) -> bool:
+        """It was rerouted and has left the ring; it gets what was sent to it alone, and nothing else yet."""
+        return not any(subscription in some for some in (self.shared, self.leaving, self.routed, self.behind))
 
     def route(self, subscription: EndpointId) -> str:
         """The route of the match with `subscription`."""
@@ -270,10 +274,15 @@ class Subscription(Endpoint):
         if began is None:
             return 0
         self.expected_besides += publisher.next_seq - began
-        last_seq = self.last_seqs[publisher.gid] = publisher.next_seq - 1  # for when it comes back
-        if len(self.last_seqs) > _MOST_REMEMBERED:
-            del self.last_seqs[next(iter(self.last_seqs))]
+        last_seq = publisher.next_seq - 1
+        self.remember(publisher, last_seq)
         return last_seq
+
+    def remember(self, publisher: Publisher, last_seq: int) -> None:
+        """All up to `last_seq` was routed for it, in case that the publisher sends it once more."""
+        self.last_seqs[publisher.gid] = last_seq
+        if len(self.last_seqs) > MOST_REMEMBERED:
+            del self.last_seqs[next(iter(self.last_seqs))]
 
     @property
     def expected(self) -> int:

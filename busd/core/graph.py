@@ -105,25 +105,30 @@ class Graph:
         """A match on the route shm with `sharing`, else on the route socket."""
         publisher.matches[subscription.id] = subscription
         subscription.matches[publisher.id] = publisher
-        known_seq = subscription.last_seqs.get(publisher.gid, 0)
-        if sharing is None and known_seq < publisher.next_seq:
-            publisher.routed[subscription.id] = subscription
-            subscription.begin(publisher)
-            if publisher.gid in subscription.last_seqs:
-                subscription.returned.add(publisher.id)
-        elif sharing is None:
-            publisher.behind[subscription.id] = known_seq
-        else:
+        if sharing is not None:
             publisher.shared[subscription.id] = sharing
+        else:
+            self.begin_routing(publisher, subscription)
+            if subscription.id in publisher.routed and publisher.gid in subscription.last_seqs:
+                subscription.returned.add(publisher.id)
         self._matches += 1
         for holder in _holders(publisher, subscription):
             holder.matches += 1
         self._matches_added.append(_match_record(publisher, subscription.id))
 
+    def begin_routing(self, publisher: Publisher, subscription: Subscription) -> None:
+        """From now on it gets what all get, but for what was routed for it before."""
+        known_seq = subscription.last_seqs.get(publisher.gid, 0)
+        if known_seq < publisher.next_seq:
+            publisher.routed[subscription.id] = subscription
+            subscription.begin(publisher)
+        else:
+            publisher.behind[subscription.id] = known_seq
+
     def reroute(self, publisher: Publisher, subscription: Subscription) -> None:
         """From the route shm to the route socket, by which it gets nothing yet."""
         self._matches_removed.append(_match_record(publisher, subscription.id))
-        del publisher.shared[subscription.id]
+        publisher.leaving[subscription.id] = publisher.shared.pop(subscription.id)
         self._matches_added.append(_match_record(publisher, subscription.id))
 
     def remove_match(self, publisher: Publisher, subscription: Subscription) -> int:
@@ -131,6 +136,7 @@ class Graph:
         self._matches_removed.append(_match_record(publisher, subscription.id))
         publisher.routed.pop(subscription.id, None)
         publisher.shared.pop(subscription.id, None)
+        publisher.leaving.pop(subscription.id, None)
         publisher.behind.pop(subscription.id, None)
         last_seq = subscription.end(publisher)
         del publisher.matches[subscription.id], subscription.matches[publisher.id]

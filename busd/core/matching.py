@@ -92,17 +92,16 @@ def can_share(publisher: Publisher, subscription: Subscription) -> bool:
 def reroute(
     now_ns: int, graph: Graph, publisher: Publisher, subscription: Subscription, out: list[Effect]
 ) -> None:
-    """Put a match on the route socket that was on the route shm, and tell both.
+    """Put a match on the route socket that was on the route shm, and tell the subscription.
 
-    The publisher sends to the subscription alone its history and what it has published since the match
-    began, and when that is said to be done (CaughtUp), it gets what all get. What it has already, it knows
-    by the numbers.
+    When that has left the ring (LeaveRing), the publisher is told. It sends to the subscription alone what
+    that has not had, of its history and of what was published since the match began; when that is said to be
+    done (CaughtUp), the subscription gets what all get. So each sample goes one way, and is counted once.
     """
     sharing = publisher.shared[subscription.id]
     graph.reroute(publisher, subscription)
-    for mine, other in ((publisher, subscription), (subscription, publisher)):
-        message = Rerouted(endpoint=mine.id, other=other.id, route=SOCKET, at_ns=sharing.at_ns)
-        out.append(Send(mine.node.peer.id, message))
+    told = Rerouted(endpoint=subscription.id, other=publisher.id, route=SOCKET, at_ns=sharing.at_ns)
+    out.append(Send(subscription.node.peer.id, told))
     _begin_routing(now_ns, publisher, subscription, None, out)
 
 

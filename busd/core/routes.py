@@ -12,7 +12,7 @@ from bus.wire import messages as m
 from busd.core.access import Access
 from busd.core.declaring import Registrar
 from busd.core.effects import Effect, Note, Send
-from busd.core.entities import Peer, Publisher, Subscription
+from busd.core.entities import SOCKET, Peer, Publisher, Subscription
 from busd.core.graph import Graph
 from busd.core.guard import action_of
 from busd.core.matching import foreign_uid, reroute
@@ -21,7 +21,7 @@ from busd.core.routing import Router
 
 
 class Routes:
-    """Carries out Share, Attach, RefuseRoute, CaughtUp and ReplaceRing.
+    """Carries out Share, Attach, RefuseRoute, LeaveRing, CaughtUp and ReplaceRing.
 
     What is said about a match that is gone, or that the other end has refused, is too late and no mistake.
     """
@@ -77,13 +77,25 @@ class Routes:
         other = endpoint.matches.get(EndpointId(message.other))
         self._reroute_either(now_ns, endpoint, other, f"{peer.describe()}: {message.text}", out)
 
+    def leave(self, now_ns: int, peer: Peer, message: m.LeaveRing, out: list[Effect]) -> None:
+        subscription = self._registrar.own_subscription(peer, message.subscription)
+        publisher = subscription.matches.get(EndpointId(message.source))
+        sharing = publisher.leaving.pop(subscription.id, None) if publisher is not None else None
+        if publisher is not None and sharing is not None:
+            told = m.Rerouted(
+                endpoint=publisher.id,
+                other=subscription.id,
+                route=SOCKET,
+                at_ns=sharing.at_ns,
+                last_seq=message.seq,
+            )
+            out.append(Send(publisher.node.peer.id, told))
+
     def caught_up(self, now_ns: int, peer: Peer, message: m.CaughtUp, out: list[Effect]) -> None:
         publisher = self._registrar.own_publisher(peer, message.publisher)
         subscription = publisher.matches.get(EndpointId(message.subscription))
-        if subscription is not None and subscription.id not in publisher.shared:
-            publisher.routed[subscription.id] = subscription
-            publisher.behind.pop(subscription.id, None)
-            subscription.begin(publisher)
+        if subscription is not None and publisher.is_catching_up(subscription.id):
+            self._graph.begin_routing(publisher, subscription)
 
     def replace_ring(
         self,

@@ -200,8 +200,9 @@ class Router:
 
     def _catch_up(self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect]) -> bool:
         """A run for one subscription, of samples that the others had before; as `route`."""
-        subscription = publisher.matches.get(EndpointId(run.source))
-        if subscription is None or subscription.id in publisher.shared:
+        number = EndpointId(run.source)
+        subscription = publisher.matches.get(number)
+        if subscription is None or number in publisher.shared or number in publisher.leaving:
             return False  # it has left, or was never rerouted
         if run.first_seq + run.count > publisher.next_seq and not publisher.has_shared:
             # Who takes it would acknowledge what was never published, and be cut off for that.
@@ -210,6 +211,8 @@ class Router:
                 f"the last one is {publisher.next_seq - 1}"
             )
         subscription.expected_besides += run.count
+        if publisher.is_catching_up(number):
+            subscription.remember(publisher, run.first_seq + run.count - 1)
         if self._is_too_large(run, publisher.max_message_bytes):
             self.drop(now_ns, subscription, "too_large", run.count)
             return False

@@ -270,8 +270,8 @@ class Outlet:
     def rerouted(self, gid: bytes, qos: QoSProfile, rerouted: m.Rerouted) -> None:
         ring, since_ns = self._ring, rerouted.at_ns
         if ring is not None:
-            ring.unmatched(gid, is_lost=True)  # it reads until it is told
-            missed = ring.missed(qos, since_ns)
+            missed = [one for one in ring.missed(qos, since_ns) if one[0] > rerouted.last_seq]
+            ring.unmatched(gid)
             self._socket.catch_up(rerouted.other, missed, since_ns=since_ns)
             self._socket.matched(rerouted.other, gid, qos, is_here=True)
             self._go_by_socket(rerouted.other, [])

@@ -17,10 +17,10 @@ from bus.shm import core, segments
 from bus.sources import Source
 from bus.transport.memory import keep_freed_memory
 from bus.wire import messages as m
+from bus.wire.bounds import MOST_REMEMBERED
 from bus.wire.session import MISSING
 
 _ALL = 1 << 60
-_MOST_REMEMBERED = 1024
 _LARGE_RING_BYTES = 2 << 20
 """A ring that is larger has grown, by large messages as a rule."""
 
@@ -227,7 +227,7 @@ class RingInput:
 
     def _remember(self, gid: bytes, next_seq: int) -> None:
         self._positions[gid] = next_seq
-        if len(self._positions) > _MOST_REMEMBERED:
+        if len(self._positions) > MOST_REMEMBERED:
             del self._positions[next(iter(self._positions))]
 
     def _replace(self, gid: bytes, descriptor: Descriptor) -> None:

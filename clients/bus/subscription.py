@@ -28,13 +28,13 @@ from bus.sources import Source
 from bus.typesupport import TypeSupport
 from bus.waiters import Waiters
 from bus.wire import messages as m
+from bus.wire.bounds import MOST_REMEMBERED
 from bus.wire.layout import MAX_COUNT
 from bus.wire.runs import Run
 
 M = TypeVar("M", bound=msgspec.Struct)
 
 _ACK_DELAY_S = 0.02
-_MOST_REMEMBERED = 1024
 
 
 class MessageInfo(NamedTuple):
@@ -199,7 +199,7 @@ class Subscription(Endpoint[M]):
         if self._rings is not None:
             self._rings.disconnected()
         heard = {source.gid: source.last_seq for source in self.inbox.sources.values()}
-        self._last_seqs = dict([*self._last_seqs.items(), *heard.items()][-_MOST_REMEMBERED:])
+        self._last_seqs = dict([*self._last_seqs.items(), *heard.items()][-MOST_REMEMBERED:])
         super().disconnected()
         self._accounts.disconnected()
         self.id = 0
@@ -212,7 +212,7 @@ class Subscription(Endpoint[M]):
                 known_seq = self._last_seqs.pop(message.gid, None)
                 known = None
                 if rings is not None:
-                    known = rings.take_up(message, self.inbox.drain_rings)
+                    known = rings.take_up(message, self._drain_rings)
                     known_seq = rings.known_seq(message.gid, known_seq)
                 if known is None and (known := sources.take_back(message)) is not None:
                     known_seq = known.last_seq
@@ -232,9 +232,11 @@ class Subscription(Endpoint[M]):
             case m.Rerouted(other=other):
                 super().handle(message)
                 if rings is not None and other in sources:
-                    # Of what is in the ring, the broker has perhaps seen some before it heard of this.
-                    self.inbox.drain_rings()
+                    self._drain_rings()
                     sources[other].is_rerouted = rings.leave(sources[other].gid)
+                    known_seq = rings.known_seq(sources[other].gid, sources[other].known_seq) or 0
+                    left = m.LeaveRing(subscription=self.id, source=other, seq=min(known_seq, MAX_COUNT))
+                    self._link.send_about(self, left)
             case m.LivelinessChanged(publisher=publisher, alive=alive):
                 heard = self.inbox.sources.get(publisher)
                 if heard is not None and heard.is_alive is not alive:
@@ -279,6 +281,11 @@ class Subscription(Endpoint[M]):
         self.inbox.reader = None  # what it tells the publishers is the parent's word
 
     # --- inside
+
+    def _drain_rings(self) -> None:
+        """What waits in the rings is brought in order with what comes by socket."""
+        self.inbox.drain_rings()
+        self._link.loop.call_soon(self.wake)  # a publisher that has refused to share did not ring
 
     def _dispatch(self) -> None:
         if self._dispatcher is not None and not self._dispatcher.is_async:

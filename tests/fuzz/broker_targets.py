@@ -196,7 +196,7 @@ class _Client:
 
     def share(self, script: Script) -> None:
         source, subscription = self.one_of(script, "pub+"), self.one_of(script, "sub+")
-        match script.byte() % 5:
+        match script.byte() % 6:
             case 0:
                 self.say("attach", subscription=subscription, source=source, slot=script.number())
             case 1:
@@ -205,8 +205,10 @@ class _Client:
                 self.say("noshm", endpoint=subscription, other=source, text="x" * (script.byte() * 8))
             case 3:
                 self.say("caught", publisher=source, subscription=subscription)
-            case _:
+            case 4:
                 self.say("ring", publisher=source, descriptors=script.byte() % 2)
+            case _:
+                self.say("left", subscription=subscription, source=source, seq=script.number())
 
     def publish(self, script: Script) -> None:
         publisher = self.one_of(script, "pub+") & 0xFFFFFFFF

@@ -188,7 +188,8 @@ class _Client:
             case 4:
                 self.say("ring*", brings=1, subscription=mine, source=other)
             case 5:
-                self.say("rerouted", endpoint=mine, other=other, route="socket", at_ns=number())
+                fields = {"at_ns": number(), "last_seq": number()}
+                self.say("rerouted", endpoint=mine, other=other, route="socket", **fields)
             case 6:
                 is_lost = bool(script.byte() & 1)
                 self.say("unmatched", endpoint=mine, other=other, lost=is_lost, last_seq=number())

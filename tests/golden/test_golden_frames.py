@@ -101,6 +101,7 @@ FROM_CLIENT: dict[str, m.Message] = {
     "ack": m.Ack(subscription=3, source=2, seq=1 << 40),
     "attach": m.Attach(subscription=3, source=2, slot=1019),
     "refuse_route": m.RefuseRoute(endpoint=3, other=2, text="the ring is no memfd"),
+    "leave_ring": m.LeaveRing(subscription=3, source=2, seq=1 << 33),
     "caught_up": m.CaughtUp(publisher=2, subscription=3),
     "replace_ring": m.ReplaceRing(publisher=2),
     "report": m.Report(endpoint=3, samples=10, bytes=400, queued=2, dropped={"undecodable": 1}),
@@ -158,6 +159,7 @@ FROM_BROKER: dict[str, m.Message] = {
     "attached_foreign": m.Attached(publisher=2, subscription=3, slot=7, process=4, pid=4711, uid=1001),
     "ring_replaced": m.RingReplaced(subscription=3, source=2),
     "rerouted": m.Rerouted(endpoint=3, other=2, route="socket", at_ns=1_000_000_007),
+    "rerouted_publisher": m.Rerouted(endpoint=2, other=3, route="socket", at_ns=1_000_000_007, last_seq=5),
     "incompatible": m.Incompatible(
         endpoint=3,
         topic="/topic",

@@ -70,7 +70,7 @@ steps = st.one_of(
     _step("create_subscription", indices, requests),
     _step("close", indices),
     _step("die", indices),
-    _step("refuse", indices, st.booleans()),
+    _step("refuse", indices, st.booleans(), st.just([]) | bursts),
     _step("cut", indices, bursts),
     _step("restart", bursts),
 )
@@ -88,6 +88,7 @@ class Story:
     def __init__(self, folder: Path, route: str, beginning: Beginning) -> None:
         shares, self.offers, self.requests = beginning
         self.world = World(folder, [route == "shm" and (one or not at) for at, one in enumerate(shares)])
+        self.has_rerouted = False
 
     async def play(self, story: list[Step]) -> None:
         world = self.world
@@ -145,10 +146,11 @@ class Story:
         await self.world.unblock_all()
         await self.world.die(pick(self.world.processes, at))
 
-    async def refuse(self, at: int, by_publisher: bool) -> None:
+    async def refuse(self, at: int, by_publisher: bool, bursts: list[tuple[int, int]]) -> None:
+        """With `bursts`: these are published before the subscription's process hears of it."""
         await self.world.unblock_all()
-        # Not where messages expire: those that do so at busd, nobody knows by their numbers, and once back on
-        # the route shm they are found in the ring.
+        # Not where messages expire: those that do so at busd are found in the ring once more, when the match
+        # is back on the route shm.
         model = self.world.model
         shared = {
             (publisher, one.id): None
@@ -156,16 +158,19 @@ class Story:
             for publisher, route in one.routes.items()
             if route == "shm" and not model.publishers[publisher].qos.lifespan_ns
         }
-        if shared:
+        self.has_rerouted |= bool(shared)
+        if shared and bursts:
+            await self.world.refuse_late(*pick(shared, at), self.named(bursts), by_publisher=by_publisher)
+        elif shared:
             self.world.refuse(*pick(shared, at), by_publisher=by_publisher)
 
     async def cut(self, at: int, bursts: list[tuple[int, int]]) -> None:
         if self.knows_where_matches_began():
             process = pick(self.world.processes, at)
             model = self.world.model
-            # Where messages expire, see `publish`.
+            # Where messages expire, see `publish`; that a match is on the route shm again, is not heard, either.
             expires = any(one.qos.lifespan_ns for one in model.publishers.values())
-            if process in model.blocked or expires:
+            if process in model.blocked or expires or self.has_rerouted:
                 await self.world.unblock_all()
             await self.world.cut([process], self.named(bursts), restart=False)
 

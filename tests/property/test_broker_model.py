@@ -199,8 +199,11 @@ class Books:
 
     def catch_up(self, at: int, number: int) -> None:
         """With samples that went to the others by their rings."""
-        if self.model.late:
-            ends = self.pick({ends: ends for ends in sorted(self.model.late)}, at)
+        left = [
+            ends for ends in sorted(self.model.late) if not self.subscriptions[ends[1]].process.is_blocked
+        ]
+        if left:
+            ends = self.pick({ends: ends for ends in left}, at)
             publisher, subscription = self.publishers[ends[0]], self.subscriptions[ends[1]]
             payloads = [f"{self.published + one:{self.PADDING}}" for one in range(number)]
             self.published += number

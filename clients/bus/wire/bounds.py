@@ -12,6 +12,9 @@ NextSeq = Annotated[int, Meta(ge=1, le=MAX_COUNT + 1)]
 """One more than the last that there was."""
 Drops = Annotated[dict[Annotated[str, Meta(max_length=32)], Count], Meta(max_length=16)]
 """Samples dropped, by reason."""
+MOST_REMEMBERED = 1024
+"""Publishers that have gone, of which is known up to where they were heard."""
+LastSeqs = Annotated[dict[bytes, int], Meta(max_length=MOST_REMEMBERED)]
 Descriptors = Annotated[int, Meta(ge=0, le=2)]
 """How many file descriptors come with the frame (docs/protocol.md)."""
 Id = Annotated[int, Meta(ge=0, le=(1 << 32) - 1)]

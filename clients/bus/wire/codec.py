@@ -1,6 +1,6 @@
 """Control messages into frames, and out of the bodies of frames.
 
-Owns the refusal of what is none; must not know the messages.
+Owns the refusal of what is none; must not know the messages but for their base.
 """
 
 from typing import Any
@@ -11,6 +11,10 @@ from bus.errors import RemoteProtocolError
 from bus.wire.layout import CONTROL, FRAME_HEAD, FRAME_HEAD_BYTES, LENGTH_BYTES
 
 _encode = msgspec.msgpack.Encoder().encode
+
+
+class Message(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="m", tag=True):
+    """Base of all control messages."""
 
 
 def encode_frame(message: msgspec.Struct) -> bytes:

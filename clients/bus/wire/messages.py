@@ -1,14 +1,17 @@
 """The control messages: msgspec Structs, told apart by a tag, as MessagePack maps.
 
-A later version may add fields with a default; a receiver ignores those it doesn't know. A `request` number
-is the client's and comes back in the one answer. Ids are the broker's. So many `descriptors` come along.
+Fields may be added with a default in a later version; a receiver ignores those it doesn't know. A `request`
+number is chosen by the client and comes back in the one answer to it. Ids are given by the broker. Where
+`descriptors` is not 0, that many file descriptors come with the frame. Those about routes stand in
+`bus.wire.routes`.
 """
 
-import msgspec
+from msgspec import field
 
 from bus.qos import QoSProfile
-from bus.wire.bounds import Capabilities, Count, Descriptors, Drops, Id, Lease, NextSeq, Pid, Seq, Slot, Text
+from bus.wire.bounds import Capabilities, Count, Descriptors, Drops, Id, LastSeqs, Lease, NextSeq, Seq, Text
 from bus.wire.codec import Decoder
+from bus.wire.codec import Message as Message
 from bus.wire.codec import encode_frame as encode_frame
 from bus.wire.layout import SAME_USER
 from bus.wire.records import EndpointRecord as EndpointRecord
@@ -18,11 +21,15 @@ from bus.wire.records import NodeRecord as NodeRecord
 from bus.wire.records import PeerRecord as PeerRecord
 from bus.wire.records import RoutingRecord as RoutingRecord
 from bus.wire.records import UserRecord as UserRecord
-
-
-class Message(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="m", tag=True):
-    """Base of all control messages."""
-
+from bus.wire.routes import Attach as Attach
+from bus.wire.routes import Attached as Attached
+from bus.wire.routes import CaughtUp as CaughtUp
+from bus.wire.routes import LeaveRing as LeaveRing
+from bus.wire.routes import RefuseRoute as RefuseRoute
+from bus.wire.routes import ReplaceRing as ReplaceRing
+from bus.wire.routes import Rerouted as Rerouted
+from bus.wire.routes import RingReplaced as RingReplaced
+from bus.wire.routes import Share as Share
 
 # --- both ways
 
@@ -66,12 +73,6 @@ class DeclareType(Message, frozen=True, tag="type"):
     schema: bytes = b"\xc0"
 
 
-class Share(Message, frozen=True, tag="share"):
-    """Brings this process's doorbell and readers' segment, before the first endpoint that shares memory."""
-
-    descriptors: Descriptors = 2
-
-
 class CreateNode(Message, frozen=True, tag="node+"):
     request: int
     name: str
@@ -109,7 +110,7 @@ class CreateSubscription(Message, frozen=True, tag="sub+"):
     type_hash: str
     qos: QoSProfile
     gid: bytes
-    last_seqs: dict[bytes, int] = {}
+    last_seqs: LastSeqs = field(default_factory=dict)
 
 
 class DestroyEndpoint(Message, frozen=True, tag="end-"):
@@ -128,36 +129,6 @@ class Ack(Message, frozen=True, tag="ack"):
     seq: int
 
 
-class Attach(Message, frozen=True, tag="attach"):
-    """The subscription reads the ring of `source`, and tells of itself in this slot of its segment."""
-
-    subscription: int
-    source: int
-    slot: Slot
-
-
-class RefuseRoute(Message, frozen=True, tag="noshm"):
-    """This end can't share memory in the match of `endpoint` (its own) with `other`, and says why."""
-
-    endpoint: int
-    other: int
-    text: Text
-
-
-class CaughtUp(Message, frozen=True, tag="caught"):
-    """After Rerouted: what that subscription missed was sent, to it alone. Now it gets what all get."""
-
-    publisher: int
-    subscription: int
-
-
-class ReplaceRing(Message, frozen=True, tag="ring"):
-    """The publisher has gone on to another ring, which comes with this."""
-
-    publisher: int
-    descriptors: Descriptors = 1
-
-
 class Report(Message, frozen=True, tag="report"):
     """Totals that only the endpoint's process knows; sent when they change, twice a second at most."""
 
@@ -165,7 +136,7 @@ class Report(Message, frozen=True, tag="report"):
     samples: Count
     bytes: Count
     queued: Count = 0
-    dropped: Drops = {}
+    dropped: Drops = field(default_factory=dict)
     expected: Count = 0
     repeated: Count = 0
 
@@ -268,7 +239,10 @@ class Matched(Message, frozen=True, tag="matched"):
 
 
 class Unmatched(Message, frozen=True, tag="unmatched"):
-    """`lost`: the process of `other` took no leave, may still run. `last_seq`: the last that was routed."""
+    """`lost`: the process of `other` did not take its leave, so that it may still run.
+
+    `last_seq`, to a subscription: the number of the last sample that was routed for it.
+    """
 
     endpoint: int
     other: int
@@ -284,39 +258,6 @@ class Incompatible(Message, frozen=True, tag="incompatible"):
     node: str
     policy: str
     text: str
-
-
-class Attached(Message, frozen=True, tag="attached"):
-    """To a publisher: the subscription reads its ring, and tells of itself in this slot.
-
-    Brings the readers' segment and the doorbell of its process, which `process` names on this connection and
-    `pid` on the machine; `uid` is as in Matched.
-    """
-
-    publisher: int
-    subscription: int
-    slot: Slot
-    process: int
-    pid: Pid
-    descriptors: Descriptors = 2
-    uid: int = SAME_USER
-
-
-class RingReplaced(Message, frozen=True, tag="ring*"):
-    """To a subscription: `source` goes on in another ring, which comes with this."""
-
-    subscription: int
-    source: int
-    descriptors: Descriptors = 1
-
-
-class Rerouted(Message, frozen=True, tag="rerouted"):
-    """The match of `endpoint` (yours) with `other` now goes by `route`. `at_ns`: as in its Matched."""
-
-    endpoint: int
-    other: Id
-    route: str
-    at_ns: Count = 0
 
 
 class LivelinessChanged(Message, frozen=True, tag="liveliness"):
@@ -382,12 +323,12 @@ class Peers(Message, frozen=True, tag="peers"):
     peers: tuple[PeerRecord, ...]
     users: tuple[UserRecord, ...]
     routing: RoutingRecord = RoutingRecord()
-    limits: dict[str, int | float] = {}
+    limits: dict[str, int | float] = field(default_factory=dict)
 
 
 _Both = Hello | Ping | Pong
 _Declaring = DeclareType | CreateNode | DestroyNode | CreatePublisher | CreateSubscription | DestroyEndpoint
-_Sharing = Share | Attach | RefuseRoute | CaughtUp | ReplaceRing
+_Sharing = Share | Attach | RefuseRoute | LeaveRing | CaughtUp | ReplaceRing
 _Asking = GetGraph | GetType | Observe | GetPeers | StopBroker | Reload
 FromClient = _Both | _Declaring | _Sharing | AssertLiveliness | Ack | Report | _Asking
 

@@ -134,12 +134,19 @@ class TestReconnection:
         publishers(world, KEPT, "abc")
         assert self.late(world, {b"unknown": 2}) == [*"abc"]
 
-    def test_it_counts_once(self) -> None:
-        """A publisher that comes later, with the same gid, is heard from its first sample on."""
+    def test_of_a_publisher_that_comes_later(self) -> None:
+        """What it tells of its history again waits nowhere, and is not lost where there is no room."""
         world = World()
-        listener = world.process().subscription("/topic", KEPT, last_seqs={bytes(15) + b"g": 5})
-        world.process().publisher("/topic", KEPT, gid=bytes(15) + b"g").publish("x")
-        assert listener.payloads == ["x"]
+        listener = world.process()
+        back = listener.subscription("/topic", kept(1), last_seqs={bytes(15) + b"g": 3})
+        publisher = world.process().publisher("/topic", KEPT, gid=bytes(15) + b"g")
+        listener.is_blocked = True
+        publisher.publish("a", "b", "c")
+        assert back.statistics().queued == 0
+        publisher.publish("d")
+        listener.unblock()
+        assert back.payloads == ["d"]
+        assert back.statistics().dropped == {}
 
 
 class TestLifespan:

@@ -185,11 +185,14 @@ class TestRefusing:
         if is_attached:
             subscription.attach(publisher)
         pair.world.advance(0.5)
+        pair.listener.has_read = 37
         refuse(who, publisher, subscription)
-        for end, other in ((publisher, subscription), (subscription, publisher)):
-            assert end.got(m.Rerouted) == [
-                m.Rerouted(endpoint=end.id, other=other.id, route="socket", at_ns=matched_ns)
-            ]
+        told = m.Rerouted(endpoint=subscription.id, other=publisher.id, route="socket", at_ns=matched_ns)
+        assert subscription.got(m.Rerouted) == [told]
+        told = m.Rerouted(
+            endpoint=publisher.id, other=subscription.id, route="socket", at_ns=matched_ns, last_seq=37
+        )
+        assert publisher.got(m.Rerouted) == [told]
         assert route(publisher, subscription) == "socket"
         publisher.catch_up(subscription, "x", "y", first_seq=38)
         publisher.resume(40)
@@ -247,6 +250,48 @@ class TestRefusing:
         ends = {"publisher": publisher.id, "subscription": subscription.id}
         assert change.matches_removed == (m.MatchRecord(**ends, route="shm"),)
         assert change.matches_added == (m.MatchRecord(**ends, route="socket"),)
+
+    def test_the_publisher_goes_on_as_long_as_the_ring_is_read(self, who: str) -> None:
+        pair = Pair()
+        publisher, subscription = pair.match()
+        pair.listener.is_blocked = True
+        refuse(who, publisher, subscription)
+        assert publisher.got(m.Rerouted) == []
+        publisher.catch_up(subscription, "too early")
+        publisher.publish("2")
+        pair.listener.unblock()
+        assert len(publisher.got(m.Rerouted)) == 1
+        assert subscription.samples == []
+        assert subscription.statistics().expected == 0
+
+    def test_it_leaves_twice_or_without_being_asked(self, who: str) -> None:
+        pair = Pair()
+        publisher, subscription = pair.match()
+        left = m.LeaveRing(subscription=subscription.id, source=publisher.id, seq=7)
+        pair.listener.tell(left)
+        refuse(who, publisher, subscription)
+        pair.listener.tell(left)
+        assert [told.last_seq for told in publisher.got(m.Rerouted)] == [1]
+        pair.listener.tell(m.LeaveRing(subscription=subscription.id, source=99))
+        assert pair.listener.cut_reason is None
+        pair.talker.tell(left)
+        assert pair.talker.cut_reason == f"endpoint {subscription.id} is not one of yours"
+
+    def test_what_came_alone_does_not_come_again_with_what_goes_to_all(self, who: str) -> None:
+        """Also what the publisher's own queue replaces of it, is not lost to this one."""
+        pair = Pair()
+        publisher, subscription = pair.match()
+        plain = pair.world.process().subscription("/topic")
+        refuse(who, publisher, subscription)
+        publisher.catch_up(subscription, *"12345")
+        publisher.lose(3)
+        publisher.publish("4", "5")
+        publisher.publish("6")
+        assert subscription.payloads == [*"123456"]
+        assert plain.payloads == [*"456"]
+        totals, others = subscription.statistics(), plain.statistics()
+        assert (totals.expected, totals.dropped) == (6, {})
+        assert (others.expected, others.dropped) == (6, {"publisher_queue": 3})
 
     def test_samples_before_the_publisher_knows(self, who: str) -> None:
         """Those went to another on the socket route; this one gets all of them, alone and in order."""
