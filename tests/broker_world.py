@@ -139,7 +139,7 @@ class Process:
         self.outbox = Outbox()
         self.is_blocked = False
         self.shares = False
-        self.has_read = 1
+        self.has_read = 0
         """Up to which number, where a ring is to be left."""
         self.cut_reason: str | None = None
         self.sent: list[Any] = []  # by the broker, read or not

@@ -30,7 +30,7 @@ from busd.core.guard import Guard
 from busd.core.latency import RoutingTimes
 from busd.core.limits import Limits, TopicRule
 from busd.core.liveliness import Leases
-from busd.core.matching import give_credit
+from busd.core.matching import release
 from busd.core.quotas import Quotas
 from busd.core.routes import Routes
 from busd.core.routing import Router
@@ -321,9 +321,7 @@ class Broker:
                     f"the last one is {publisher.next_seq - 1}"
                 )
             # A replayed sample is below what counts as taken, and so may be one before a drop.
-            if message.seq > publisher.acked[subscription.id]:
-                publisher.acked[subscription.id] = message.seq
-                give_credit(publisher, out.append)
+            release(publisher, subscription, message.seq, out.append)
 
     def _on_report(self, now_ns: int, peer: Peer, message: m.Report, out: list[Effect]) -> None:
         self._registrar.own_endpoint(peer, message.endpoint).report = message

@@ -168,6 +168,7 @@ class Registrar:
         out.append(Send(peer.id, self._created(message.request, subscription)))
         for publisher in subscription.topic.publishers.values():
             connect(now_ns, self._graph, publisher, subscription, out)
+        subscription.forget_oldest()
         self._router.bound(now_ns, subscription)
 
     def destroy_endpoint(

@@ -7,7 +7,6 @@ from weakref import WeakSet
 
 from bus.ids import EndpointId, NodeId, PeerId
 from bus.qos import Durability, Liveliness, QoSProfile
-from bus.wire.bounds import MOST_REMEMBERED
 from bus.wire.layout import MAX_COUNT
 from bus.wire.messages import EndpointRecord, EndpointStatistics, NodeRecord, Report
 from bus.wire.runs import Account, RunQueue
@@ -17,6 +16,8 @@ from busd.core.effects import Flush
 
 MessageType = tuple[str, str]
 """A type's name and hash."""
+
+_MOST_REMEMBERED = 128
 
 SOCKET, SHM = "socket", "shm"
 """The routes of a match."""
@@ -271,17 +272,19 @@ class Subscription(Endpoint):
         """The match has ended; returns the number of the last sample that was routed for it, 0 for none."""
         self.returned.discard(publisher.id)
         began = self.began.pop(publisher.id, None)
-        if began is None:
-            return 0
-        self.expected_besides += publisher.next_seq - began
-        last_seq = publisher.next_seq - 1
-        self.remember(publisher, last_seq)
-        return last_seq
+        if began is not None:
+            self.expected_besides += publisher.next_seq - began
+            self.remember(publisher, publisher.next_seq - 1)
+        return self.last_seqs.get(publisher.gid, 0)
 
     def remember(self, publisher: Publisher, last_seq: int) -> None:
-        """All up to `last_seq` was routed for it, in case that the publisher sends it once more."""
-        self.last_seqs[publisher.gid] = last_seq
-        if len(self.last_seqs) > MOST_REMEMBERED:
+        """It has had all up to `last_seq`, or that was routed for it; the publisher may send it once more."""
+        self.last_seqs[publisher.gid] = max(last_seq, self.last_seqs.pop(publisher.gid, 0))
+        self.forget_oldest()
+
+    def forget_oldest(self) -> None:
+        """Of publishers that may come back, so many are remembered."""
+        while len(self.last_seqs) > _MOST_REMEMBERED:
             del self.last_seqs[next(iter(self.last_seqs))]
 
     @property

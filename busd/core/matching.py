@@ -138,6 +138,15 @@ def give_credit(publisher: Publisher, emit: Callable[[Effect], None]) -> None:
         emit(Send(publisher.node.peer.id, Credit(publisher=publisher.id, seq=seq)))
 
 
+def release(
+    publisher: Publisher, subscription: Subscription, seq: int, emit: Callable[[Effect], None]
+) -> None:
+    """Nobody waits for an acknowledgement of what is up to `seq`."""
+    if seq > publisher.acked.get(subscription.id, seq):
+        publisher.acked[subscription.id] = seq
+        give_credit(publisher, emit)
+
+
 def _refuse(
     publisher: Publisher, subscription: Subscription, policy: str, text: str, out: list[Effect]
 ) -> None:

@@ -15,7 +15,7 @@ from busd.core.effects import Effect, Note, Send
 from busd.core.entities import SOCKET, Peer, Publisher, Subscription
 from busd.core.graph import Graph
 from busd.core.guard import action_of
-from busd.core.matching import foreign_uid, reroute
+from busd.core.matching import foreign_uid, release, reroute
 from busd.core.quotas import Quotas
 from busd.core.routing import Router
 
@@ -82,6 +82,9 @@ class Routes:
         publisher = subscription.matches.get(EndpointId(message.source))
         sharing = publisher.leaving.pop(subscription.id, None) if publisher is not None else None
         if publisher is not None and sharing is not None:
+            # It has had these: they do not come again with what goes to all, and nobody waits for them.
+            subscription.remember(publisher, message.seq)
+            release(publisher, subscription, message.seq, out.append)
             told = m.Rerouted(
                 endpoint=publisher.id,
                 other=subscription.id,

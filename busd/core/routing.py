@@ -15,7 +15,7 @@ from bus.wire.messages import Dropped
 from bus.wire.runs import Account, Run
 from busd.core.effects import Effect, Send
 from busd.core.entities import Peer, Publisher, Subscription
-from busd.core.matching import give_credit
+from busd.core.matching import give_credit, release
 from busd.core.quotas import Quotas
 from busd.core.timers import Timers
 
@@ -83,7 +83,7 @@ class Router:
             for subscription in publisher.routed.values():
                 self.drop(now_ns, subscription, "too_large", run.count)
                 if publisher.id not in _sources(subscription):
-                    self._release(publisher, subscription)
+                    release(publisher, subscription, publisher.next_seq - 1, self._emit)
             return False
         run.source = publisher.id
         run.lifespan_ns = publisher.lifespan_ns
@@ -215,6 +215,8 @@ class Router:
             subscription.remember(publisher, run.first_seq + run.count - 1)
         if self._is_too_large(run, publisher.max_message_bytes):
             self.drop(now_ns, subscription, "too_large", run.count)
+            if publisher.id not in _sources(subscription):
+                release(publisher, subscription, run.first_seq + run.count - 1, self._emit)
             return False
         run.source = publisher.id
         run.lifespan_ns = publisher.lifespan_ns
@@ -250,15 +252,10 @@ class Router:
             self.drop(now_ns, subscription, reason, count)
             for run in gone or ():
                 publisher = subscription.matches.get(EndpointId(run.source))
-                if publisher is not None and run.first_seq + run.count == publisher.next_seq:
-                    self._release(publisher, subscription)
-
-    def _release(self, publisher: Publisher, subscription: Subscription) -> None:
-        """The newest samples were dropped, so that no acknowledgement will ever cover them."""
-        if subscription.id in publisher.acked:
-            acked = publisher.acked[subscription.id]
-            publisher.acked[subscription.id] = max(acked, publisher.next_seq - 1)
-            give_credit(publisher, self._emit)
+                last_seq = run.first_seq + run.count - 1
+                # Where the newest were dropped, no acknowledgement will ever cover them.
+                if publisher is not None and last_seq >= publisher.next_seq - 1:
+                    release(publisher, subscription, last_seq, self._emit)
 
     def _miss(self, now_ns: int, publisher: Publisher, gap: int, *, is_loss: bool) -> None:
         if gap < 0:

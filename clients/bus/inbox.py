@@ -109,10 +109,12 @@ class Inbox(Generic[M]):
             self.reader.messages(0, self._decode)
 
     def drain_rings(self) -> None:
-        """Bring what waits in the rings into the queue, in its order."""
+        """Bring what waits in the rings into the queue, in its order; not what comes meanwhile."""
         if self.reader is None:
             return
-        while batch := self.reader.take(_MOST_AT_ONCE, bytes):
+        left = self.reader.waiting()
+        while left > 0 and (batch := self.reader.take(min(left, _MOST_AT_ONCE), bytes)):
+            left -= len(batch)
             for payload, stamp_ns, seq, source, received_ns in batch:
                 body = RECORD_HEAD.pack(len(payload), min(stamp_ns, MAX_COUNT)) + payload  # a liar's is more
                 run = Run(0, source.number, seq, 1, body, lifespan_ns=source.lifespan_ns)

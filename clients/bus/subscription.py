@@ -232,11 +232,7 @@ class Subscription(Endpoint[M]):
             case m.Rerouted(other=other):
                 super().handle(message)
                 if rings is not None and other in sources:
-                    self._drain_rings()
-                    sources[other].is_rerouted = rings.leave(sources[other].gid)
-                    known_seq = rings.known_seq(sources[other].gid, sources[other].known_seq) or 0
-                    left = m.LeaveRing(subscription=self.id, source=other, seq=min(known_seq, MAX_COUNT))
-                    self._link.send_about(self, left)
+                    self._leave_ring(sources[other], rings)
             case m.LivelinessChanged(publisher=publisher, alive=alive):
                 heard = self.inbox.sources.get(publisher)
                 if heard is not None and heard.is_alive is not alive:
@@ -281,6 +277,15 @@ class Subscription(Endpoint[M]):
         self.inbox.reader = None  # what it tells the publishers is the parent's word
 
     # --- inside
+
+    def _leave_ring(self, source: Source, rings: RingInput) -> None:
+        try:
+            self._drain_rings()
+        finally:  # whatever is missing, the publisher sends
+            source.is_rerouted = rings.leave(source.gid)
+            known_seq = min(rings.known_seq(source.gid, source.known_seq) or 0, MAX_COUNT)
+            left = m.LeaveRing(subscription=self.id, source=source.number, seq=known_seq)
+            self._link.send_about(self, left)
 
     def _drain_rings(self) -> None:
         """What waits in the rings is brought in order with what comes by socket."""

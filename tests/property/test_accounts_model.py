@@ -168,7 +168,7 @@ class Story:
         if self.knows_where_matches_began():
             process = pick(self.world.processes, at)
             model = self.world.model
-            # Where messages expire, see `publish`. That a match is back on the route shm, is not heard, either.
+            # Where messages expire, see `publish`. That a match is back on the ring, is not heard, either.
             expires = any(one.qos.lifespan_ns for one in model.publishers.values())
             if process in model.blocked or expires or self.has_rerouted:
                 await self.world.unblock_all()

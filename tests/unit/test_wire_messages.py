@@ -115,6 +115,14 @@ class TestValues:
         assert "$.next_seq" in text
 
     @pytest.mark.parametrize(
+        "known", [{bytes(17): 1}, {number.to_bytes(16, "big"): 1 for number in range(1025)}]
+    )
+    def test_what_a_subscription_knows_cannot_be_long(self, known: dict[bytes, int]) -> None:
+        """busd keeps a part of it."""
+        endpoint = {"request": 1, "node": 1, "topic": "/a", "type_name": "a", "type_hash": "b", "gid": b""}
+        assert "last_seqs" in refusal(m="sub+", qos={}, **endpoint, last_seqs=known)
+
+    @pytest.mark.parametrize(
         ("field", "most"),
         [("capabilities", ("c" * 64,) * 64), ("program", "p" * 1000), ("release", "r" * 1000)],
     )

@@ -134,6 +134,12 @@ class TestReconnection:
         publishers(world, KEPT, "abc")
         assert self.late(world, {b"unknown": 2}) == [*"abc"]
 
+    def test_of_how_many_it_is_kept(self) -> None:
+        world = World()
+        known = {number.to_bytes(16, "big"): 1 for number in range(1000)}
+        back = world.process().subscription("/topic", KEPT, last_seqs=known)
+        assert len(world.broker.graph.subscriptions[back.id].last_seqs) == 128
+
     def test_of_a_publisher_that_comes_later(self) -> None:
         """What it tells of its history again waits nowhere, and is not lost where there is no room."""
         world = World()

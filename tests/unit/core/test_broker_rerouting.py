@@ -55,6 +55,71 @@ class TestHistory:
         assert late.payloads == ["a", "b", "c", "d"]
 
 
+class TestLeavingTheRing:
+    """What a subscription has had by then does not come again, is not lost, and holds up nobody."""
+
+    def test_it_has_had_everything(self) -> None:
+        pair = Pair()
+        publisher, subscription = pair.match()
+        plain = pair.world.process().subscription("/topic")
+        pair.listener.has_read = 5
+        subscription.refuse(publisher)
+        publisher.catch_up(subscription)
+        publisher.lose(3)
+        publisher.publish("4", "5")
+        publisher.publish("6")
+        assert (subscription.payloads, plain.payloads) == (["6"], ["4", "5", "6"])
+        totals = subscription.statistics()
+        assert (totals.expected, totals.dropped) == (1, {})
+
+    def test_it_has_read_on_since_it_came_back(self) -> None:
+        world = World()
+        talker, listener = world.process(shares=True), world.process(shares=True)
+        publisher = talker.publisher("/topic")
+        subscription = listener.node().subscription("/topic", last_seqs={publisher.gid: 100})
+        listener.has_read = 500
+        subscription.refuse(publisher)
+        publisher.catch_up(subscription)
+        publisher.resume(501)
+        publisher.publish("next")
+        totals = subscription.statistics()
+        assert (totals.expected, totals.dropped) == (1, {})
+
+    def test_a_publisher_that_keeps_all_does_not_wait_for_it(self) -> None:
+        pair = Pair(ALL, ALL)
+        publisher, subscription = pair.match()
+        plain = pair.world.process().subscription("/topic", ALL)
+        pair.listener.is_blocked = True
+        subscription.refuse(publisher)
+        publisher.publish("a", "b", "c")
+        plain.ack(publisher, 3)
+        assert publisher.got(m.Credit) == []
+        pair.listener.has_read = 3
+        pair.listener.unblock()
+        assert publisher.got(m.Credit) == [m.Credit(publisher=publisher.id, seq=3)]
+
+    def test_nor_for_what_is_too_large_for_it(self) -> None:
+        pair = Pair(ALL, ALL)
+        publisher, subscription = pair.match()
+        plain = pair.world.process().subscription("/topic", ALL)
+        subscription.refuse(publisher)
+        publisher.publish("a", "b")
+        plain.ack(publisher, 2)
+        pair.world.broker.graph.publishers[publisher.id].max_message_bytes = 10
+        assert publisher.got(m.Credit) == []
+        publisher.catch_up(subscription, "a" * 11, "b" * 11)
+        assert publisher.got(m.Credit) == [m.Credit(publisher=publisher.id, seq=2)]
+        assert subscription.statistics().dropped == {"too_large": 2}
+
+    def test_the_publisher_goes_meanwhile(self) -> None:
+        pair = Pair()
+        publisher, subscription = pair.match()
+        subscription.refuse(publisher)
+        publisher.catch_up(subscription, *"abc")
+        publisher.destroy()
+        assert [told.last_seq for told in subscription.got(m.Unmatched)] == [3]
+
+
 class TestGrowing:
     def grow(self, publisher: Publisher, *ring: str) -> None:
         publisher.process.tell(m.ReplaceRing(publisher=publisher.id), *ring)

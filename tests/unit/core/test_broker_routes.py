@@ -271,7 +271,7 @@ class TestRefusing:
         pair.listener.tell(left)
         refuse(who, publisher, subscription)
         pair.listener.tell(left)
-        assert [told.last_seq for told in publisher.got(m.Rerouted)] == [1]
+        assert [told.last_seq for told in publisher.got(m.Rerouted)] == [0]
         pair.listener.tell(m.LeaveRing(subscription=subscription.id, source=99))
         assert pair.listener.cut_reason is None
         pair.talker.tell(left)
