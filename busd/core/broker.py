@@ -314,7 +314,7 @@ class Broker:
         publisher = subscription.matches.get(EndpointId(message.source))
         # A publisher that has just gone may still be acknowledged.
         if publisher is not None and subscription.id in publisher.acked:
-            known_seq = max(publisher.next_seq - 1, subscription.last_seqs.get(publisher.gid, 0))
+            known_seq = max(publisher.next_seq - 1, publisher.acked[subscription.id])
             if message.seq > known_seq and not publisher.has_shared:
                 raise RemoteProtocolError(
                     f"sample {message.seq} of publisher {publisher.id} acknowledged, "

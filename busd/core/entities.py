@@ -269,7 +269,7 @@ class Subscription(Endpoint):
         self.began.setdefault(publisher.id, publisher.next_seq)
 
     def end(self, publisher: Publisher) -> int:
-        """The match has ended; returns the number of the last sample that was routed for it, 0 for none."""
+        """The match has ended; returns up to which number it has had all, or that was routed for it."""
         self.returned.discard(publisher.id)
         began = self.began.pop(publisher.id, None)
         if began is not None:

@@ -132,7 +132,7 @@ class Graph:
         self._matches_added.append(_match_record(publisher, subscription.id))
 
     def remove_match(self, publisher: Publisher, subscription: Subscription) -> int:
-        """Returns the number of the last sample that was routed for it, 0 for none."""
+        """Returns up to which number the subscription has had all, or that was routed for it."""
         self._matches_removed.append(_match_record(publisher, subscription.id))
         publisher.routed.pop(subscription.id, None)
         publisher.shared.pop(subscription.id, None)

@@ -198,7 +198,9 @@ class Subscription(Endpoint[M]):
     def disconnected(self) -> None:
         if self._rings is not None:
             self._rings.disconnected()
-        heard = {source.gid: source.last_seq for source in self.inbox.sources.values()}
+        # Those that are there come last: where there are many, they are remembered longest.
+        sources = sorted(self.inbox.sources.values(), key=lambda source: source.number in self._matches)
+        heard = {source.gid: min(source.last_seq, MAX_COUNT) for source in sources}  # a ring may lie
         self._last_seqs = dict([*self._last_seqs.items(), *heard.items()][-MOST_REMEMBERED:])
         super().disconnected()
         self._accounts.disconnected()

@@ -115,7 +115,12 @@ class TestValues:
         assert "$.next_seq" in text
 
     @pytest.mark.parametrize(
-        "known", [{bytes(17): 1}, {number.to_bytes(16, "big"): 1 for number in range(1025)}]
+        "known",
+        [
+            {bytes(16): MAX_COUNT + 1},
+            {bytes(17): 1},
+            {number.to_bytes(16, "big"): 1 for number in range(1025)},
+        ],
     )
     def test_what_a_subscription_knows_cannot_be_long(self, known: dict[bytes, int]) -> None:
         """busd keeps a part of it."""

@@ -14,7 +14,7 @@ Drops = Annotated[dict[Annotated[str, Meta(max_length=32)], Count], Meta(max_len
 """Samples dropped, by reason."""
 MOST_REMEMBERED = 1024
 """Publishers that have gone, of which is known up to where they were heard."""
-LastSeqs = Annotated[dict[Annotated[bytes, Meta(max_length=16)], int], Meta(max_length=MOST_REMEMBERED)]
+LastSeqs = Annotated[dict[Annotated[bytes, Meta(max_length=16)], Count], Meta(max_length=MOST_REMEMBERED)]
 """By the gid of a publisher."""
 Descriptors = Annotated[int, Meta(ge=0, le=2)]
 """How many file descriptors come with the frame (docs/protocol.md)."""

@@ -241,7 +241,7 @@ class Matched(Message, frozen=True, tag="matched"):
 class Unmatched(Message, frozen=True, tag="unmatched"):
     """`lost`: the process of `other` did not take its leave, so that it may still run.
 
-    `last_seq`, to a subscription: the number of the last sample that was routed for it.
+    `last_seq`, to a subscription: the number up to which it has had all, or it was routed for it.
     """
 
     endpoint: int
