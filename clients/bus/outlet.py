@@ -324,10 +324,11 @@ class Outlet:
         socket = self._socket
         if socket.is_active and not socket.can_take(sum(map(len, parts))):
             return False
+        payload = joined(parts) if socket.is_active else b""  # first: it may be that there is no memory
         if self._ring is not None and not self._ring.put(parts, stamp_ns):
             return False
         if socket.is_active:
-            self._put_in_socket(joined(parts), stamp_ns)
+            self._put_in_socket(payload, stamp_ns)
         self.last_ns = stamp_ns
         return True
 

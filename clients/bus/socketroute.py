@@ -116,7 +116,12 @@ class SocketRoute:
             link.gather(self._owner)
         else:
             link.last_sent_ns = stamp_ns
-            self.hand_over()
+            try:
+                self.hand_over()
+            except MemoryError:
+                if not self._parts:
+                    raise
+                link.gather(self._owner)  # it was taken: it leaves with what follows, or when the turn ends
 
     def skip(self, count: int) -> None:
         """Samples that were replaced before they came here; the gap in the numbers tells of them."""

@@ -90,6 +90,7 @@ class Speaking:
                 await self.publisher.send(parcel)
         except _STARVED as error:
             self._actor.suffer(error)
+            self.number = parcel.number  # by then, it may have gone one of two ways
             await asyncio.sleep(0.01)
             return
         self.number = parcel.number

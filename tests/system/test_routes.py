@@ -18,6 +18,7 @@ from bus import shm
 from bus.msg.std_msgs import Int32, String
 from bus.sharing import Sharing
 from bus.shm import segments
+from bus.socketroute import SocketRoute
 from conftest import WAIT_S, Daemon
 from semantics import KEEP_ALL, node, send_all, until
 
@@ -248,6 +249,28 @@ class TestBoth:
             await hearing
             assert heard == texts
             assert near.statistics().dropped == distant.statistics().dropped == {}
+
+
+async def test_what_was_taken_is_sent_once_when_there_is_memory(
+    node: bus.Node, open_node: OpenNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else it would be published a second time, and the ring's readers had it already."""
+    publisher = await node.create_publisher(Int32, "t", 10)
+    near = await node.create_subscription(Int32, "t", 10)
+    hand_over, failures = SocketRoute.hand_over, [MemoryError()]
+
+    def fail(route: SocketRoute) -> None:
+        if route.open_samples and failures:
+            raise failures.pop()
+        hand_over(route)
+
+    async with open_node("far", BUS_ROUTE="socket") as far:
+        distant = await far.create_subscription(Int32, "t", 10)
+        monkeypatch.setattr(SocketRoute, "hand_over", fail)
+        for number in range(3):
+            assert publisher.publish(Int32(data=number))
+        assert await take(near, 3) == await take(distant, 3) == [0, 1, 2]
+        assert failures == []
 
 
 def refuse(*_: object) -> Any:
