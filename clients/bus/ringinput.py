@@ -140,6 +140,7 @@ class RingInput:
         """Give back what belonged to rings that the reader has left by itself."""
         for source, reason, next_seq in self.reader.pop_left():
             ring = self._rings.get(source.gid)
+            source.last_seq = source.known_seq = max(source.last_seq, next_seq - 1)
             self._remember(source.gid, next_seq)
             if ring is not None and ring.source is source:
                 del self._rings[source.gid]
@@ -151,6 +152,7 @@ class RingInput:
         """The broker is gone; the rings are read on."""
         self._lost_ns = monotonic_ns()
         self._cancel_return()
+        self.sweep()  # the reader knows no position in what it has left
         for ring in self._rings.values():
             ring.source.last_seq = self.reader.next_seq(ring.source) - 1
             ring.is_stale = True

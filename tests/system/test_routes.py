@@ -251,6 +251,25 @@ class TestBoth:
             assert near.statistics().dropped == distant.statistics().dropped == {}
 
 
+async def test_busd_dies_when_the_ring_of_one_that_has_gone_was_just_taken_to_its_end(
+    daemon: Daemon, node: bus.Node, open_node: OpenNode
+) -> None:
+    async with open_node("far") as far:
+        publisher = await far.create_publisher(Int32, "t", 10)
+        subscription = await node.create_subscription(Int32, "t", 10)
+        await publisher.wait_for_subscriptions()
+        publisher.publish(Int32(data=1))
+    await until(lambda: subscription.get_publisher_count() == 0)
+    assert await take(subscription, 1) == [1]
+    assert subscription.take() is None
+    daemon.kill()
+    daemon.restart()
+    again = await node.create_publisher(Int32, "t", 10)
+    await again.wait_for_subscriptions()
+    again.publish(Int32(data=2))
+    assert await take(subscription, 1) == [2]
+
+
 async def test_what_was_taken_is_sent_once_when_there_is_memory(
     node: bus.Node, open_node: OpenNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
