@@ -200,7 +200,7 @@ class Subscription(Endpoint[M]):
             self._rings.disconnected()
         # Those that are there come last: where there are many, they are remembered longest.
         sources = sorted(self.inbox.sources.values(), key=lambda source: source.number in self._matches)
-        heard = {source.gid: min(source.last_seq, MAX_COUNT) for source in sources}  # a ring may lie
+        heard = {source.gid: max(0, min(source.last_seq, MAX_COUNT)) for source in sources}  # a ring may lie
         self._last_seqs = dict([*self._last_seqs.items(), *heard.items()][-MOST_REMEMBERED:])
         super().disconnected()
         self._accounts.disconnected()
@@ -285,7 +285,7 @@ class Subscription(Endpoint[M]):
             self._drain_rings()
         finally:  # whatever is missing, the publisher sends
             source.is_rerouted = rings.leave(source.gid)
-            known_seq = min(rings.known_seq(source.gid, source.known_seq) or 0, MAX_COUNT)
+            known_seq = max(0, min(rings.known_seq(source.gid, source.known_seq) or 0, MAX_COUNT))
             left = m.LeaveRing(subscription=self.id, source=source.number, seq=known_seq)
             self._link.send_about(self, left)
 
