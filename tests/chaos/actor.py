@@ -6,6 +6,7 @@ faults at once; what it has published stands in a file, which outlives it.
 
 import asyncio
 import contextlib
+import ctypes
 import gc
 import logging
 import os
@@ -33,6 +34,7 @@ from zygote import serve
 BEGUN, DONE = 0, 1
 """Places in a talker's ledger: the numbers that it last began and last ended to publish."""
 
+_LIBC = ctypes.CDLL(None)
 _BLOCK = random.Random(1).randbytes(8 << 20)
 _STARVED = (MemoryError, OSError, bus.BusError)
 """What may go wrong in a limited process."""
@@ -184,6 +186,7 @@ class Actor:
             case "settle":
                 await self._node.graph()  # what came before on this connection has been heard
                 gc.collect()  # of what is held, only what is still needed counts
+                _LIBC.malloc_trim(0)  # and not what the allocator keeps of what was freed
             case "look":
                 return self.look()
             case "make":

@@ -24,9 +24,9 @@ from nursery import holdings, private_bytes
 STORM_S = 4.0
 GRAPH_S = 10.0
 """The graph is to be true within a second; a machine that stalls for a few shall not fail the run."""
-MOST_GROWTH_BYTES = 96 << 20
-"""Memory that a process may hold beyond what it held before the storms: the 64 MiB of freed memory that it
-keeps once it has had to do with large messages (`bus.transport.memory`), and a few messages of 4 MiB."""
+MOST_GROWTH_BYTES = 48 << 20
+"""Memory that a process may hold beyond what it held before the storms: what allocators keep of a few
+messages of 4 MiB, encoded, decoded and waiting."""
 
 _LOOK_S = 0.05
 _QUIET_S = 0.1
