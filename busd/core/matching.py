@@ -63,10 +63,12 @@ def connect(
         lost = LivelinessChanged(subscription=subscription.id, publisher=publisher.id, alive=False)
         out.append(Send(subscription.node.peer.id, lost))
     if not is_shared:
-        # A lossless one that was there before has missed something, if it is volatile, too.
-        is_due = keeps_history(subscription.qos) or (publisher.is_lossless and subscription.is_lossless)
-        last_seq = subscription.last_seqs.get(publisher.gid, 0 if keeps_history(subscription.qos) else None)
-        _begin_routing(now_ns, publisher, subscription, last_seq if is_due else None, out)
+        known_seq = subscription.last_seqs.get(publisher.gid)
+        if keeps_history(subscription.qos):
+            known_seq = known_seq or 0
+        elif not (publisher.is_lossless and subscription.is_lossless):
+            known_seq = None  # only a lossless one, which was there before, has missed something
+        _begin_routing(now_ns, publisher, subscription, known_seq, out)
 
 
 def foreign_uid(mine: Publisher | Subscription, other: Publisher | Subscription) -> int:
