@@ -10,7 +10,7 @@ import asyncio
 import os
 import resource
 import socket
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import Any, Protocol
 
@@ -35,6 +35,7 @@ from bus.wire.outbox import Outbox
 from bus.wire.runs import Account
 from bus.wire.session import Carried, Role, Session
 from busd.core.limits import Limits
+from busd.core.turns import Party
 from busd.credentials import Credentials
 
 _FAULTS: dict[type[Message], tuple[Callable[[int], str], ...]] = {
@@ -47,6 +48,14 @@ _FAULTS: dict[type[Message], tuple[Callable[[int], str], ...]] = {
 
 _SPARE = 32
 """Descriptors for all but connections and what peers share."""
+
+
+_CHOKED_PART = 8
+"""Of the control frames that may wait for a peer, so large a part keeps busd from reading what it sends."""
+_LOOK_S = 1.0
+"""So often busd looks whether a peer that it does not hear takes anything. If not, one for which more waits
+than may is cut off; any other one when that has gone on for `_STALL_PART` of the lease."""
+_STALL_PART = 0.75
 
 
 class PeerHost(Protocol):
@@ -62,18 +71,39 @@ class PeerHost(Protocol):
 
     def greet(self, connection: "PeerConnection", hello: Hello) -> PeerId: ...
 
+    def may_go(self, connection: "PeerConnection") -> bool: ...
+
     def receive(self, connection: "PeerConnection", items: Iterable[Any]) -> None: ...
+
+    def resume(self, connection: "PeerConnection") -> None: ...
+
+    def live(self, connection: "PeerConnection") -> None: ...
 
     def lose(self, connection: "PeerConnection", reason: str, *, is_cut: bool) -> None: ...
 
 
 class PeerConnection:
-    """`id` is None until the peer has said Hello."""
+    """`id` is None until the peer has said Hello. `party` is its process, among those that take turns.
 
-    def __init__(self, host: PeerHost, sock: socket.socket, credentials: Credentials) -> None:
+    While it `is_held`, nothing of it is read and nothing that was read is handled: it has asked too often
+    (`pause`), or it does not take what is sent to it (`put`).
+    """
+
+    def __init__(
+        self, host: PeerHost, sock: socket.socket, credentials: Credentials, party: "Party[Any]"
+    ) -> None:
         self.id: PeerId | None = None
         self.credentials = credentials
+        self.party = party
+        self.items: Iterator[Any] | None = None
+        """What was read and is yet to be handled."""
+        self.is_parked = False
+        """Its socket is not read, because it waits for its turn."""
         self._host = host
+        self._loop = asyncio.get_running_loop()
+        self._pause_end: asyncio.TimerHandle | None = None
+        self._choke: asyncio.TimerHandle | None = None
+        self._choked_bytes = self._choked_looks = 0
         self.stream = Stream(
             sock,
             Session(Role.BROKER, max_message_bytes=host.limits.message_bytes),
@@ -81,15 +111,30 @@ class PeerConnection:
             on_received=self._received,
             on_lost=self._lost,
             takes_descriptors=True,
+            may_go=partial(host.may_go, self),
         )
         self.stream.session.reader.charge_to(host.unknown)
-        self._handshake = asyncio.get_running_loop().call_later(
+        self._handshake = self._loop.call_later(
             host.limits.handshake_s, self.refuse, f"no Hello within {host.limits.handshake_s:g} s"
         )
 
     def send(self, message: Message) -> None:
         """Queue a control message."""
-        self.stream.outbox.put(encode_frame(message))
+        self.put(encode_frame(message))
+
+    def put(self, frame: bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
+        """Queue a control frame. Where many wait, the peer is not heard until it has taken most of them."""
+        outbox = self.stream.outbox
+        outbox.put(frame, descriptors)
+        account = outbox.account
+        if (
+            account is not None
+            and self._choke is None
+            and outbox.control_bytes > account.limit // _CHOKED_PART
+        ):
+            self.stream.hold()
+            self._choked_bytes, self._choked_looks = self.stream.sent_bytes, 0
+            self._choke = self._loop.call_later(_LOOK_S, self._look_at_choke)
 
     def accept(self, carried: Carried) -> tuple[Descriptor, ...]:
         """The descriptors that came with a message; none where busd has too many.
@@ -115,12 +160,25 @@ class PeerConnection:
         self.stream.session.reader.charge_to(unfinished)
 
     @property
+    def is_held(self) -> bool:
+        """Nothing of it is handled now."""
+        return self._pause_end is not None or self._choke is not None
+
+    @property
     def is_choked(self) -> bool:
-        """Whether more control frames wait than the peer, or all of its user, may let wait."""
+        """It is not heard because it does not take what is sent to it."""
+        return self._choke is not None
+
+    def wrote(self) -> None:
+        """The socket has taken bytes; look whether the peer can be heard again."""
         account = self.stream.outbox.account
-        if account is None:
-            return False
-        return account.is_over or (account.parent is not None and account.parent.is_over)
+        if self._choke is None or account is None:
+            return
+        if self.stream.outbox.control_bytes <= account.limit // (2 * _CHOKED_PART):
+            self._choke.cancel()
+            self._choke = None
+            self.stream.release()
+            self._host.resume(self)
 
     def fileno(self) -> int:
         """The number of its socket's descriptor."""
@@ -132,16 +190,27 @@ class PeerConnection:
         self.stream.close()
 
     def pause(self, seconds: float) -> None:
-        """Don't listen to the peer for so long."""
-        self.stream.pause(seconds)
+        """Don't listen to the peer for so long from now."""
+        if self.stream.is_closed:
+            return
+        if self._pause_end is None:
+            self.stream.hold()
+        else:
+            self._pause_end.cancel()
+        self._pause_end = self._loop.call_later(seconds, self.end_pause)
+
+    def end_pause(self) -> None:
+        """Listen to the peer again."""
+        if self._pause_end is not None:
+            self._pause_end.cancel()
+            self._pause_end = None
+            self.stream.release()
+            self._host.resume(self)
 
     def relieve(self) -> None:
-        """Send what waits; a peer that does not take it is cut off."""
-        self.stream.flush()
-        if self.is_choked:
-            self._end(
-                f"{self.stream.outbox.control_bytes} bytes of control frames wait for it; it does not read"
-            )
+        """Cut the peer off: it does not take what waits for it."""
+        waiting = self.stream.outbox.control_bytes
+        self._end(f"{waiting} bytes of control frames wait for it; it does not read")
 
     def refuse(self, reason: str, *, is_known: bool = False) -> None:
         """Tell the peer why, and cut the connection. `is_known`: it is no news for the log."""
@@ -163,8 +232,27 @@ class PeerConnection:
 
     def close(self) -> None:
         """Send what can be sent at once, and close."""
-        self._handshake.cancel()
+        self._let_go()
         self.stream.close()
+
+    def _let_go(self) -> None:
+        self.items = None
+        for timer in (self._handshake, self._pause_end, self._choke):
+            if timer is not None:
+                timer.cancel()
+
+    def _look_at_choke(self) -> None:
+        account, sent_bytes = self.stream.outbox.account, self.stream.sent_bytes
+        self._choked_looks += 1
+        if sent_bytes != self._choked_bytes:
+            self._choked_bytes, self._choked_looks = sent_bytes, 0
+            self._host.live(self)
+        elif (account is not None and account.is_over) or (
+            self._choked_looks * _LOOK_S >= self._host.limits.lease_s * _STALL_PART
+        ):
+            self.relieve()
+            return
+        self._choke = self._loop.call_later(_LOOK_S, self._look_at_choke)
 
     def _received(self, items: Iterable[Any]) -> None:
         """The first read; later ones go to the host directly."""
@@ -196,7 +284,7 @@ class PeerConnection:
         self.stream.outbox.put(encode_frame(hello))
 
     def _lost(self, error: Exception | None) -> None:
-        self._handshake.cancel()
+        self._let_go()
         self._host.lose(self, str(error) if error else "closed its connection", is_cut=False)
 
     def _end(self, reason: str, *, is_known: bool = False) -> None:

@@ -3,9 +3,10 @@
 import asyncio
 import logging
 import os
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable, Iterable, Iterator
+from contextlib import contextmanager
 from time import monotonic_ns
-from typing import Any
+from typing import Any, TypeAlias
 
 from bus.errors import ConfigurationError, RemoteProtocolError
 from bus.ids import PeerId
@@ -15,9 +16,11 @@ from bus.wire.runs import Account, Run
 from bus.wire.session import Carried
 from busd.core.access import Access
 from busd.core.broker import Broker
-from busd.core.effects import Disconnect, Effect, Flush, Note, Pause, Reload, Restart, Send, Stop
+from busd.core.effects import Disconnect, Effect, Flush, Later, Note, Pause, Reload, Restart, Send, Stop
 from busd.core.limits import Limits, TopicRule
 from busd.core.timers import NEVER_NS
+from busd.core.turns import BUDGET, Party, Turns
+from busd.core.work import UNLIMITED
 from busd.credentials import peer_credentials
 from busd.door import Door
 from busd.drain import Drain
@@ -29,6 +32,10 @@ _log = logging.getLogger("busd")
 _LATE_NS = 250_000_000
 """A timer that comes so late says that this process was stopped or starved."""
 _GRACE_NS = 50_000_000
+
+_READ, _WRITE = 5, 4
+"""What it costs to read from a socket, or to look what is to be sent, in the units of busd.core.work."""
+_Job: TypeAlias = PeerConnection | PeerId
 
 _UNKNOWN_BYTES = 64 << 20
 """What may be kept, of all together, of messages that begin before it was said whose they are."""
@@ -65,6 +72,11 @@ class Server:
         self._broker = broker
         self._connections: set[PeerConnection] = set()
         self._peers: dict[PeerId, PeerConnection] = {}
+        self._turns: Turns[_Job] = Turns()
+        self._is_serving = False
+        self._payer: Party[_Job] | None = None
+        self._gone: dict[PeerId, Party[_Job]] = {}
+        """Peers that have gone, and that the broker has yet to forget."""
         self._dirty: set[PeerConnection] = set()
         self._timer: asyncio.TimerHandle | None = None
         self._timer_ns = NEVER_NS
@@ -96,6 +108,8 @@ class Server:
         self._is_ending, self.is_restarting = True, restart
         self._loop.remove_reader(self._listener.socket.fileno())
         self._door.close()
+        for connection in tuple(self._connections):
+            connection.end_pause()
         if not restart:
             self._listener.close()  # first of all: who connects from now on finds no busd, and starts one
         for timer in (self._timer, self._idle_timer):
@@ -118,6 +132,7 @@ class Server:
     def reconfigure(self, limits: Limits, rules: tuple[TopicRule, ...], access: Access) -> None:
         """Go by these from now on."""
         self.limits = limits
+        self._broker.meter.left = UNLIMITED
         for connection in self._connections:
             connection.stream.session.allow(limits.message_bytes)
         self._carry_out(self._broker.reconfigure(monotonic_ns(), limits, rules, access))
@@ -139,27 +154,159 @@ class Server:
         self._arm_timer()
         return peer
 
+    def may_go(self, connection: PeerConnection) -> bool:
+        """Whether the connection's socket may be read or written now; if not, it gets its turn."""
+        is_next = connection.items is None and not self._is_early(connection)
+        if is_next and self._turns.may_go(monotonic_ns(), connection.party):
+            return True
+        self._wait(connection)
+        return False
+
     def receive(self, connection: PeerConnection, items: Iterable[Any]) -> None:
-        broker, peer = self._broker, connection.id
+        """Handle what was read, as far as the party's allowance goes."""
+        party, meter = connection.party, self._broker.meter
+        self._payer = party
+        meter.left = party.left - _READ
+        try:
+            self._handle(connection, items)
+        finally:
+            party.left = meter.left
+            self._payer = None
+
+    def resume(self, connection: PeerConnection) -> None:
+        """The connection is held up no more: go on with what was read before."""
+        if connection.items is not None and not connection.is_held:
+            self._wait(connection)
+
+    def live(self, connection: PeerConnection) -> None:
+        """The peer, which is not heard now, takes what is sent to it."""
+        if connection.id is not None:
+            self._carry_out(self._broker.hear(monotonic_ns(), connection.id))
+            self._flush()
+
+    def lose(self, connection: PeerConnection, reason: str, *, is_cut: bool) -> None:
+        if connection not in self._connections:
+            return
+        self._connections.discard(connection)
+        level, what = (logging.WARNING, "cut off") if is_cut else (logging.DEBUG, "lost")
+        pid = connection.credentials.pid
+        _log.log(level, "%s pid %d: %s", what, pid, reason, extra={"peer": pid})
+        if self._is_ending:
+            return  # what it has sent still goes to the others, as if it were there
+        if connection.id is not None and self._peers.pop(connection.id, None) is not None:
+            self._gone[connection.id] = connection.party
+            with self._metered(connection.party):
+                self._carry_out(self._broker.detach(monotonic_ns(), connection.id))
+                self._flush()
+            self._arm_timer()
+        self._watch_idle()
+
+    # --- turns
+
+    def _wait(self, connection: PeerConnection) -> None:
+        """Have the connection served in the turns of its party; until then its socket is left alone."""
+        if not connection.is_parked:
+            connection.is_parked = True
+            connection.stream.hold()
+        self._line_up(connection.party, connection)
+
+    def _is_early(self, connection: PeerConnection) -> bool:
+        """It has yet to say Hello, and what its process had over an earlier connection is still there."""
+        is_new = bool(self._gone) and connection.id is None
+        return is_new and any(party is connection.party for party in self._gone.values())
+
+    def _line_up(self, party: Party[_Job], job: _Job) -> None:
+        if not self._is_serving:
+            self._is_serving = True
+            self._loop.call_soon(self._serve)
+        self._turns.wait(party, job)
+
+    def _serve(self) -> None:
+        """One turn; before the next one the event loop looks at its sockets."""
+        turns = self._turns
+        party = turns.begin()
+        while (job := turns.next_job(party)) is not None:
+            if isinstance(job, PeerConnection):
+                self._serve_connection(job)
+            else:
+                with self._metered(party):
+                    self._go_on(job)
+                    self._flush()
+        turns.end(party)
+        self._is_serving = bool(turns)
+        if turns:
+            self._loop.call_soon(self._serve)
+        if self._broker.timers.earliest_ns < self._timer_ns:
+            self._arm_timer()
+
+    def _serve_connection(self, connection: PeerConnection) -> None:
+        """First what was begun, then what was read; only then its socket."""
+        party, peer = connection.party, connection.id
+        if peer is not None:
+            with self._metered(party):
+                self._go_on(peer)
+                self._flush(connection)
+        may_be_more = False
+        if self._is_early(connection):
+            self._line_up(party, connection)
+        elif party.left > 0 and not connection.is_held and not self._turns.is_waiting(connection):
+            items, connection.items = connection.items, None
+            if items is None:
+                may_be_more = connection.stream.take_turn()
+            else:
+                with self._metered(party):
+                    self._handle(connection, items)
+                may_be_more = not connection.stream.is_closed
+        else:
+            may_be_more = not connection.is_held
+        if may_be_more:
+            self._line_up(party, connection)
+        elif not self._turns.is_waiting(connection):
+            connection.is_parked = False
+            connection.stream.release()
+
+    def _go_on(self, peer: PeerId) -> None:
+        """Go on with what the broker has begun for a peer, or for one that has gone."""
+        if peer in self._broker.unfinished:
+            now_ns = monotonic_ns()
+            self._carry_out(self._broker.go_on(now_ns, peer))
+            self._trim(now_ns)
+
+    def _trim(self, now_ns: int, last: PeerConnection | None = None) -> bool:
+        """Bound the queues that are too full, after what can be sent was sent; returns whether any was."""
+        if not self._broker.is_overfull:
+            return False
+        self._flush(last)
+        self._carry_out(self._broker.trim(now_ns))
+        return True
+
+    def _handle(self, connection: PeerConnection, items: Iterable[Any]) -> None:
+        """Hand the broker what came, one after the other; what there is no time for now waits."""
+        broker, peer, meter = self._broker, connection.id, self._broker.meter
         assert peer is not None
         now_ns, runs, is_swamped = monotonic_ns(), 0, False
+        is_one = items.__class__ is list
+        left = iter(items)
         try:
-            for item in items:
+            for item in left:
                 if item.__class__ is Run:
                     runs += 1
                     effects = broker.route(now_ns, peer, item)
-                    if effects and not (items.__class__ is list and self._pass_on(effects)):
+                    if effects and not (is_one and self._pass_on(effects)):
                         self._carry_out(effects)
                     if broker.is_overfull:
-                        self._flush(connection)
-                        self._carry_out(broker.trim(now_ns))
-                        is_swamped = True
+                        is_swamped = self._trim(now_ns, connection)
                 elif item.__class__ is Carried:
                     descriptors = connection.accept(item)
                     self._carry_out(broker.handle(now_ns, peer, item.message, descriptors))
                 else:
                     self._carry_out(broker.handle(now_ns, peer, item))
                 if connection.stream.is_closed:
+                    break
+                if meter.left <= 0 or connection.is_held or peer in broker.unfinished:
+                    if not is_one:
+                        connection.items = left
+                        self.resume(connection)
                     break
         except RemoteProtocolError as error:
             connection.refuse(str(error))
@@ -173,20 +320,19 @@ class Server:
             if is_swamped:
                 os.sched_yield()  # more comes than is taken: who wakes up beside us shall not wait
 
-    def lose(self, connection: PeerConnection, reason: str, *, is_cut: bool) -> None:
-        if connection not in self._connections:
+    @contextmanager
+    def _metered(self, party: Party[_Job]) -> Iterator[None]:
+        """What is done costs the party; within what another one pays for, that one."""
+        if self._payer is not None:
+            yield
             return
-        self._connections.discard(connection)
-        level, what = (logging.WARNING, "cut off") if is_cut else (logging.DEBUG, "lost")
-        pid = connection.credentials.pid
-        _log.log(level, "%s pid %d: %s", what, pid, reason, extra={"peer": pid})
-        if self._is_ending:
-            return  # what it has sent still goes to the others, as if it were there
-        if connection.id is not None and self._peers.pop(connection.id, None) is not None:
-            self._carry_out(self._broker.detach(monotonic_ns(), connection.id))
-            self._flush()
-            self._arm_timer()
-        self._watch_idle()
+        meter, self._payer = self._broker.meter, party
+        meter.left = party.left
+        try:
+            yield
+        finally:
+            party.left = meter.left
+            self._payer = None
 
     # --- effects
 
@@ -206,7 +352,7 @@ class Server:
         return True
 
     def _carry_out(self, effects: list[Effect]) -> None:
-        choked: list[PeerConnection] = []
+        overfull: list[PeerConnection] = []
         encoded, frame = None, b""  # what changes in the graph is the same for all that observe it
         for effect in effects:
             if effect.__class__ is Flush:  # the hot one: cheaper to ask for than to match
@@ -217,14 +363,20 @@ class Server:
             match effect:
                 case Send(peer, message, descriptors):
                     if connection := self._peers.get(peer):
-                        if connection.is_choked:  # before this one: a single message may be longer
-                            choked.append(self._most_choked(connection))
                         if message is not encoded:
                             encoded, frame = message, encode_frame(message)
-                        connection.stream.outbox.put(frame, descriptors)
+                        connection.put(frame, descriptors)
                         self._dirty.add(connection)
+                        if _is_over(_user_account(connection)):
+                            overfull.append(connection)
+                case Later(peer):
+                    if connection := self._peers.get(peer):
+                        self._wait(connection)
+                    else:
+                        self._line_up(self._gone[peer], peer)
                 case Disconnect(peer, _):
                     if connection := self._peers.pop(peer, None):
+                        self._gone[peer] = connection.party
                         self._connections.discard(connection)
                         connection.close()
                         self._watch_idle()
@@ -240,30 +392,39 @@ class Server:
                     self._restart = self._loop.create_task(self._try_restart(effect, self._restart))
                 case Reload(peer, request):
                     self._loop.call_soon(self._try_reload, peer, request)  # it has effects of its own
-        for connection in choked:  # only now: its end has effects, which come after these
-            connection.relieve()
+        if self._gone:
+            self._gone = {
+                peer: party for peer, party in self._gone.items() if peer in self._broker.unfinished
+            }
+        for connection in overfull:  # only now: its end has effects, which come after these
+            self._relieve(connection)
 
-    def _most_choked(self, connection: PeerConnection) -> PeerConnection:
-        """Who is to be relieved: `connection`, or where it is its user's frames, whom most wait for."""
-        account = connection.stream.outbox.account
-        if account is None or account.is_over:
-            return connection
-        same_user = (one for one in self._peers.values() if _user_account(one) is account.parent)
-        return max(same_user, key=lambda one: one.stream.outbox.control_bytes)
+    def _relieve(self, connection: PeerConnection) -> None:
+        """More control frames wait for a user's peers than may: cut off the one for which most wait."""
+        account = _user_account(connection)
+        connection.stream.flush()
+        if _is_over(account):
+            same_user = (one for one in self._peers.values() if _user_account(one) is account)
+            max(same_user, key=lambda one: one.stream.outbox.control_bytes, default=connection).relieve()
 
     def _flush(self, last: PeerConnection | None = None) -> None:
         """Send to all that something waits for; to `last`, whose message this is about, after the others.
 
         A subscription that learns that it exists may count on every publisher having been told of it.
         """
-        dirty = self._dirty
+        dirty, meter = self._dirty, self._broker.meter
         is_last_dirty = last in dirty
         if last is not None:
             dirty.discard(last)
         while dirty:
-            dirty.pop().stream.flush()
+            connection = dirty.pop()
+            meter.left -= _WRITE + connection.stream.flush()
+            if connection.is_choked:
+                connection.wrote()
         if last is not None and is_last_dirty:
-            last.stream.flush()
+            meter.left -= _WRITE + last.stream.flush()
+            if last.is_choked:
+                last.wrote()
 
     def _arm_timer(self) -> None:
         due_ns = self._broker.timers.earliest_ns
@@ -288,6 +449,7 @@ class Server:
             return
         self._is_grace_over = False
         self._timer_ns = NEVER_NS
+        self._broker.meter.left = BUDGET  # as for a party: what is due and not done is due again at once
         self._carry_out(self._broker.tick(now_ns))
         self._flush()
         self._arm_timer()
@@ -338,10 +500,10 @@ class Server:
             self._loop.call_later(0.5, self._resume_accepting)
             return
         sock.setblocking(False)
-        connection = PeerConnection(self, sock, peer_credentials(sock))
+        who = peer_credentials(sock)
+        connection = PeerConnection(self, sock, who, self._turns.party((who.uid, who.pid)))
         self._connections.add(connection)
         self._watch_idle()
-        who = connection.credentials
         if reason := self._broker.why_turned_away(who.uid, who.groups):
             connection.refuse(reason, is_known=who.uid in self._turned_away)
             if len(self._turned_away) < _MOST_TURNED_AWAY:
@@ -363,9 +525,11 @@ class Server:
             self._loop.add_reader(self._listener.socket.fileno(), self._accept)
 
     def _before_write(self, connection: PeerConnection) -> None:
+        connection.wrote()
         if connection.id is not None:
-            self._carry_out(self._broker.expire(monotonic_ns(), connection.id))
-            self._flush()
+            with self._metered(connection.party):
+                self._carry_out(self._broker.expire(monotonic_ns(), connection.id))
+                self._flush()
             self._arm_timer()
 
     def _watch_idle(self) -> None:
@@ -383,6 +547,10 @@ class Server:
             self.stop(f"idle for {idle_s:g} s")
 
 
-def _user_account(connection: PeerConnection) -> object:
+def _user_account(connection: PeerConnection) -> Account | None:
     account = connection.stream.outbox.account
     return account.parent if account is not None else None
+
+
+def _is_over(account: Account | None) -> bool:
+    return account is not None and account.is_over

@@ -17,6 +17,7 @@ import msgspec
 
 import accounts_model as model
 import bus
+from broker_world import whole_graph
 from bus.errors import ConnectionClosed
 from bus.link import Link
 from bus.qos import QoSProfile
@@ -304,7 +305,7 @@ class World:
         for process in self.processes.values():
             process.link._reports._tell(list(process.link._declarations))
         await self.settle()
-        graph = self.broker.graph.snapshot(0, statistics=True, pid=1)
+        graph = whole_graph(self.broker.graph, statistics=True)
         records = {one.gid: one.statistics for one in graph.endpoints}
         for number, subscription in self.subscriptions.items():
             expected, found = self.model.subscriptions[number], records[subscription.gid]

@@ -27,14 +27,17 @@ from bus.errors import RemoteProtocolError
 from bus.ids import PeerId
 from bus.qos import QoSProfile
 from bus.wire import messages as m
-from bus.wire.layout import GUESTS, VERSION
+from bus.wire.layout import FRAME_HEAD_BYTES, GUESTS, VERSION
 from bus.wire.outbox import Outbox
 from bus.wire.runs import Run
 from bus.wire.session import Carried, Role, Session
 from busd.core.access import Access, AccessRule
 from busd.core.broker import Broker
-from busd.core.effects import Disconnect, Effect, Flush, Note, Pause, Send, Stop
+from busd.core.effects import Disconnect, Effect, Flush, Later, Note, Pause, Send, Stop
+from busd.core.graph import Graph
 from busd.core.limits import Limits, TopicRule
+from busd.core.snapshot import take_snapshot
+from busd.core.work import UNLIMITED
 from feeding import feed
 
 SECOND = 1_000_000_000
@@ -70,6 +73,17 @@ class Handle:
         self.name = "closed"
 
 
+def whole_graph(graph: Graph, *, statistics: bool = False) -> m.Graph:
+    """All of `graph`, looked at from inside the broker."""
+    steps = take_snapshot(graph, 0, statistics=statistics, pid=1)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            found: m.Graph = m.from_broker.decode(m.encode_frame(end.value)[FRAME_HEAD_BYTES:])
+            return found
+
+
 class World:
     """One broker with a clock that stands still until `advance`."""
 
@@ -85,6 +99,12 @@ class World:
         self.notes: list[str] = []
         self.pauses: list[tuple[PeerId, int]] = []  # who is not to be listened to, and for how long
         self.stop_reason: str | None = None
+        self.budget = UNLIMITED
+        """Work that the broker may do at a time; then others have their turn."""
+        self.between: Callable[[], object] = lambda: None
+        """What happens between two pieces of long work."""
+        self.overdrawn = 0
+        """How much more than the budget was ever done at a time."""
         self.gids = count(1)
 
     def process(self, program: str = "program", *, uid: int = UID, shares: bool = False) -> "Process":
@@ -99,22 +119,35 @@ class World:
         end_ns = self.now_ns + round(seconds * SECOND)
         while (due_ns := self.broker.next_deadline_ns()) is not None and due_ns <= end_ns:
             self.now_ns = max(self.now_ns, due_ns)
+            self.refill()
             self.carry_out(self.broker.tick(self.now_ns))
             again_ns = self.broker.next_deadline_ns()
-            assert again_ns is None or again_ns > self.now_ns, "a tick leaves nothing that is due"
+            is_done = self.broker.meter.left > 0
+            assert not is_done or again_ns is None or again_ns > self.now_ns, "a tick leaves what is due"
         self.now_ns = end_ns
 
+    def whole_graph(self, *, statistics: bool = False) -> m.Graph:
+        """The graph, looked at from inside."""
+        return whole_graph(self.broker.graph, statistics=statistics)
+
     def carry_out(self, effects: list[Effect]) -> None:
-        """Do what the daemon's shell does with the broker's effects, then send."""
+        """Do what the daemon's shell does with the broker's effects, then send; then go on with the rest."""
+        self.overdrawn = max(self.overdrawn, -self.broker.meter.left)
+        late: list[PeerId] = []
         for effect in effects:
             match effect:
                 case Send(peer, message, descriptors):
                     if peer in self.processes:
+                        frame = m.encode_frame(message)
+                        if isinstance(message, m.Graph):  # the broker has encoded parts of it
+                            message = m.from_broker.decode(frame[FRAME_HEAD_BYTES:])
                         self.processes[peer].sent.append(message)
-                        self.processes[peer].outbox.put(m.encode_frame(message), descriptors)
+                        self.processes[peer].outbox.put(frame, descriptors)
                 case Flush(peer, queue):
                     if peer in self.processes:
                         self.processes[peer].outbox.make_ready(queue)
+                case Later(peer):
+                    late.append(peer)
                 case Disconnect(peer, reason):
                     self.processes.pop(peer).cut(reason)
                 case Note(_, text):
@@ -126,6 +159,17 @@ class World:
         for process in tuple(self.processes.values()):
             if not process.is_blocked:
                 process.read()
+        for peer in late:
+            self.between()
+            if peer in self.broker.unfinished:
+                self.refill()
+                self.carry_out(self.broker.go_on(self.now_ns, peer))
+                if self.broker.is_overfull:
+                    self.carry_out(self.broker.trim(self.now_ns))
+
+    def refill(self) -> None:
+        """Somebody's turn begins."""
+        self.broker.meter.left = self.budget
 
 
 class Process:
@@ -187,6 +231,7 @@ class Process:
         world, broker = self.world, self.world.broker
         try:
             for item in feed(self._to_broker, data):
+                world.refill()
                 if isinstance(item, Run):
                     world.carry_out(broker.route(world.now_ns, self.id, item))
                     if broker.is_overfull:
@@ -206,6 +251,7 @@ class Process:
     def die(self) -> None:
         """The process is gone; its socket closes."""
         del self.world.processes[self.id]
+        self.world.refill()
         self.world.carry_out(self.world.broker.detach(self.world.now_ns, self.id))
 
     # --- from the broker

@@ -24,5 +24,7 @@ def feed(receiver: FrameReader | Session, data: bytes, chunks: Iterable[int] = (
         buffer[:count] = data[at : at + count]
         at += count
         yield from receiver.received(count)
+        while isinstance(receiver, FrameReader) and (frames := receiver.cut()):
+            yield from frames
         if isinstance(receiver, FrameReader) and receiver.fault is not None:
             raise receiver.fault

@@ -12,12 +12,14 @@ from bus.errors import ConfigurationError
 from bus.ids import PeerId
 from bus.wire import messages as m
 from busd.core.effects import Effect, Send
-from busd.core.entities import Peer
+from busd.core.entities import GRAPH, Peer
 from busd.core.graph import Graph
 from busd.core.guard import Guard
 from busd.core.latency import RoutingTimes
 from busd.core.quotas import Quotas
+from busd.core.snapshot import take_snapshot
 from busd.core.views import View
+from busd.core.work import LOOKS_PER_UNIT, RECORD, TELL, Meter, Work
 
 
 class Questions:
@@ -26,24 +28,39 @@ class Questions:
     `pid` goes with a graph. What all users hold is for those whom no rule of access is asked for.
     """
 
-    def __init__(self, graph: Graph, quotas: Quotas, guard: Guard, times: RoutingTimes, *, pid: int) -> None:
+    def __init__(
+        self, graph: Graph, quotas: Quotas, guard: Guard, times: RoutingTimes, meter: Meter, *, pid: int
+    ) -> None:
         self._graph = graph
         self._quotas = quotas
         self._guard = guard
         self._times = times
+        self._meter = meter
         self._pid = pid
         self._observers: dict[PeerId, View | None] = {}
         """What each sees; None: everything."""
+        self._filling: dict[PeerId, View] = {}
+        """Views of those that will observe when all that there is was looked at."""
 
-    def get_graph(self, now_ns: int, peer: Peer, message: m.GetGraph, out: list[Effect]) -> None:
-        shown = self._view(peer) or self._graph
-        answer = shown.snapshot(message.request, statistics=message.statistics, pid=self._pid)
+    def get_graph(self, now_ns: int, peer: Peer, message: m.GetGraph, out: list[Effect]) -> Work:
+        view = self._view(peer)
+        if view is not None:
+            yield from view.fill()
+        answer = yield from take_snapshot(
+            self._graph,
+            message.request,
+            statistics=message.statistics,
+            pid=self._pid,
+            shown=None if view is None else view.shown,
+        )
         out.append(Send(peer.id, answer))
 
-    def get_type(self, now_ns: int, peer: Peer, message: m.GetType, out: list[Effect]) -> None:
+    def get_type(self, now_ns: int, peer: Peer, message: m.GetType, out: list[Effect]) -> Work:
         kind = (message.type_name, message.type_hash)
         schema = self._graph.schema(kind)
         view = self._view(peer)
+        if view is not None:
+            yield from view.fill()
         if schema is None or (view is not None and not view.shows_type(kind)):
             raise ConfigurationError(f"no endpoint has the type {message.type_name} ({message.type_hash})")
         out.append(Send(peer.id, m.TypeDescription(request=message.request, schema=schema)))
@@ -51,6 +68,7 @@ class Questions:
     def get_peers(self, now_ns: int, peer: Peer, message: m.GetPeers, out: list[Effect]) -> None:
         sees_all = self._guard.access.is_free(peer.uid)
         peers, users = self._quotas.records(now_ns, None if sees_all else peer.user)
+        self._meter.left -= RECORD * len(peers) + len(self._graph.publishers) // LOOKS_PER_UNIT
         samples, size = self._graph.routed()
         answer = m.Peers(
             request=message.request,
@@ -61,23 +79,39 @@ class Questions:
         )
         out.append(Send(peer.id, answer))
 
-    def observe(self, now_ns: int, peer: Peer, message: m.Observe, out: list[Effect]) -> None:
+    def observe(self, now_ns: int, peer: Peer, message: m.Observe, out: list[Effect]) -> Work:
         self.forget(peer)
         if not message.on:
             out.append(Send(peer.id, m.Done(request=message.request)))
             return
-        view = self._observers[peer.id] = self._view(peer)
-        shown = view or self._graph
-        out.append(Send(peer.id, shown.snapshot(message.request, statistics=False, pid=self._pid)))
+        view = self._view(peer)
+        if view is not None:
+            self._filling[peer.id] = view
+            yield from view.fill()
+            del self._filling[peer.id]
+        self._observers[peer.id] = view
+        peer.withheld = GRAPH  # what changes from here on must not come before the answer
+        answer = yield from take_snapshot(
+            self._graph,
+            message.request,
+            statistics=False,
+            pid=self._pid,
+            shown=None if view is None else view.shown,
+        )
+        out.append(Send(peer.id, answer))
 
     def forget(self, peer: Peer) -> None:
         """Tell `peer` no more of what changes."""
         self._observers.pop(peer.id, None)
+        self._filling.pop(peer.id, None)
 
-    def tell(self, change: m.GraphChanged, out: list[Effect]) -> None:
-        """Tell all observers what has changed, as far as they see it."""
+    def tell(self, change: m.GraphChanged, out: list[Effect]) -> int:
+        """Tell all observers what has changed, as far as they see it; returns the work that this was."""
+        for partial_view in self._filling.values():
+            partial_view.changed(change)
         for peer, view in self._observers.items():
             out.append(Send(peer, change if view is None else view.changed(change)))
+        return TELL * (len(self._observers) + len(self._filling))
 
     def renew(self, out: list[Effect]) -> None:
         """Other rules of access hold: tell those who see more or less by them what that is."""

@@ -2,8 +2,13 @@
 
     effects = broker.handle(now_ns, peer, message)     control messages (and the descriptors they bring)
     effects = broker.route(now_ns, peer, run)          samples (then `trim`, if the broker `is_overfull`)
+    effects = broker.go_on(now_ns, peer)               while a peer is in `broker.unfinished`
     effects = broker.tick(now_ns)                      when `next_deadline_ns()` has come (the hot
                                                        path reads it as `broker.timers.earliest_ns`)
+
+Each takes what it does off `broker.meter`. Where nothing is left, it stops within a step or two: what a peer
+asked for, or what it leaves behind, goes on with `go_on`, before anything else of that peer is handled; what
+is due stays due. With an unlimited meter all is done at once.
 
 A peer's mistake becomes a Refused (the request is not carried out) or a Fault and a Disconnect (the peer
 broke the protocol); it is never an exception. An exception out of the broker is a bug of busd.
@@ -14,7 +19,7 @@ from collections.abc import Callable
 from itertools import count
 from typing import Any
 
-from bus.errors import AccessDenied, ConfigurationError, QuotaExceeded, RemoteProtocolError
+from bus.errors import AccessDenied, BusError, ConfigurationError, QuotaExceeded, RemoteProtocolError
 from bus.ids import EndpointId, PeerId
 from bus.wire import messages as m
 from bus.wire.layout import GUESTS
@@ -23,8 +28,8 @@ from busd.core.access import Access, Subject
 from busd.core.asking import Questions
 from busd.core.bucket import Bucket
 from busd.core.declaring import Registrar
-from busd.core.effects import Disconnect, Effect, Note, Reload, Restart, Send, Stop
-from busd.core.entities import Peer, Publisher
+from busd.core.effects import Disconnect, Effect, Flush, Later, Note, Reload, Restart, Send, Stop
+from busd.core.entities import GRAPH, Peer, Publisher
 from busd.core.graph import Graph
 from busd.core.guard import Guard
 from busd.core.latency import RoutingTimes
@@ -35,6 +40,7 @@ from busd.core.quotas import Quotas
 from busd.core.routes import Routes
 from busd.core.routing import Router
 from busd.core.timers import NEVER_NS, Timers
+from busd.core.work import FRAME, LOOKS_PER_UNIT, QUEUES_PER_UNIT, Meter, Work
 
 _LONGEST_NAME = 64
 """Characters that are kept of what a process calls itself, for the log and for who asks."""
@@ -55,6 +61,10 @@ class Broker:
         self.limits = limits or Limits()
         self.graph = Graph()
         self.routing_times = RoutingTimes()
+        self.meter = Meter()
+        self.unfinished: dict[PeerId, _Task] = {}
+        """What is to be gone on with for a peer, or for one that has gone. Opaque to the shell."""
+        self._withheld: dict[PeerId, list[Effect]] = {}
         self.is_overfull = False
         self._uid = uid
         self._peers: dict[PeerId, Peer] = {}
@@ -67,12 +77,14 @@ class Broker:
             self.timers,
             emit,
             quotas,
+            self.meter,
             window_bytes=self.limits.keep_all_window_bytes,
             window_samples=self.limits.keep_all_window_messages,
         )
         self._leases = Leases(
             self.timers,
             emit,
+            self.meter,
             lease_ns=int(self.limits.lease_s * 1e9),
             peers=self._peers,
             evict=self._cut,
@@ -80,8 +92,10 @@ class Broker:
         self._guard = Guard(self.graph, access or Access(uid))
         self._registrar = Registrar(self.graph, quotas, rules, self._leases, self._router, self._guard)
         routes = self._routes = Routes(self.graph, quotas, self._registrar, self._router)
-        questions = self._questions = Questions(self.graph, quotas, self._guard, self.routing_times, pid=pid)
-        self._handlers: dict[type[m.Message], Callable[..., None]] = {
+        questions = self._questions = Questions(
+            self.graph, quotas, self._guard, self.routing_times, self.meter, pid=pid
+        )
+        self._handlers: dict[type[m.Message], Callable[..., Work | None]] = {
             m.Ping: self._on_ping,
             m.Pong: self._on_nothing,
             m.Share: routes.share,
@@ -197,20 +211,26 @@ class Broker:
         if peer is None:
             return []
         self._leases.hear_peer(now_ns, peer)
-        handler = self._handlers[type(message)]
+        self.meter.left -= FRAME
         try:
             self._quotas.spend(now_ns, peer, message, self.graph, self._out)
-            handler(now_ns, peer, message, self._out, *descriptors)
-        except QuotaExceeded as error:
-            self._quotas.refused(now_ns, peer, error, self._out)
-            quota = {"resource": error.resource, "used": error.used, "limit": error.limit}
-            self._refuse(peer, message, str(error), **quota)
-        except AccessDenied as error:
-            self._refuse(peer, message, str(error), denied=True)
-        except ConfigurationError as error:
-            self._refuse(peer, message, str(error))
-        except RemoteProtocolError as error:
-            self._cut(now_ns, peer, str(error))
+            work = self._handlers[type(message)](now_ns, peer, message, self._out, *descriptors)
+            if work is not None:
+                self._do(now_ns, _Task(peer, work, message))
+        except BusError as error:
+            self._turn_down(now_ns, peer, message, error)
+        return self._take_effects()
+
+    def go_on(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
+        """Go on with what was begun for a peer, present or gone."""
+        task = self.unfinished.pop(peer_id)
+        if peer_id in self._peers:
+            self._leases.hear_peer(now_ns, task.peer)  # it would be heard if it were not us who take so long
+        try:
+            self._do(now_ns, task)
+        except BusError as error:
+            self._turn_down(now_ns, task.peer, task.message, error)
+        self.is_overfull = self._router.is_overfull
         return self._take_effects()
 
     def route(self, now_ns: int, peer_id: PeerId, run: Run) -> list[Effect]:
@@ -230,10 +250,18 @@ class Broker:
                 )
             if publisher.lease_ns:
                 self._leases.assert_publisher(now_ns, publisher)
-            self.is_overfull = self._router.route(now_ns, publisher, run, out)
+            work = self._router.route(now_ns, publisher, run, out)
+            self.is_overfull = self._router.is_overfull
         except RemoteProtocolError as error:
+            work = None
             self._cut(now_ns, peer, str(error))
-        return [*out, *self._take_effects()] if self._out else out
+        if self._out or self._withheld or work is not None:
+            self._out[:0] = out
+            if work is not None:
+                self._do(now_ns, _Task(peer, work))
+                self.is_overfull = self._router.is_overfull
+            return self._take_effects()
+        return out
 
     def trim(self, now_ns: int) -> list[Effect]:
         """Bound the queues that the last run overfilled; call it after the Flush effects were carried out."""
@@ -244,8 +272,17 @@ class Broker:
     def expire(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
         """Drop samples that outlived their lifespan while they waited for this peer."""
         peer = self._peers.get(peer_id)
-        for subscription in peer.perishable if peer else ():
+        if peer is None:
+            return []
+        self.meter.left -= len(peer.perishable) // QUEUES_PER_UNIT
+        for subscription in peer.perishable:
             self._router.expire(now_ns, subscription)
+        return self._take_effects()
+
+    def hear(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
+        """The peer takes what it is sent, while the shell does not read what it sends: it lives."""
+        if peer := self._peers.get(peer_id):
+            self._leases.hear_peer(now_ns, peer)
         return self._take_effects()
 
     def farewell(self) -> list[Effect]:
@@ -262,9 +299,12 @@ class Broker:
         return None if due_ns == NEVER_NS else due_ns
 
     def tick(self, now_ns: int) -> list[Effect]:
-        """Carry out what is due."""
+        """Carry out what is due, as far as the meter goes."""
         for action in self.timers.due(now_ns):
             action(now_ns)
+            self.meter.left -= FRAME
+            if self.meter.left <= 0:
+                break
         return self._take_effects()
 
     def _emit(self, effect: Effect) -> None:
@@ -273,10 +313,57 @@ class Broker:
     def _take_effects(self) -> list[Effect]:
         change = self.graph.take_change()
         if change is not None:
-            self._questions.tell(change, self._out)
-        out, self._out = self._out, []
-        # The handlers hold no reference to the list: each is handed the current one.
+            self.meter.left -= self._questions.tell(change, self._out)
+        if self._withheld:
+            self._withhold()
+        out = self._out.copy()  # work that is not finished goes on with the list
+        self._out.clear()
         return out
+
+    def _do(self, now_ns: int, task: "_Task") -> None:
+        """Do as much of it as the meter lets us; the rest is for `go_on`."""
+        peer, meter = task.peer, self.meter
+        while (price := task.step(now_ns)) is not None:
+            meter.left -= price
+            if meter.left <= 0:
+                self.unfinished[peer.id] = task
+                self._emit(Later(peer.id))
+                if peer.withheld:
+                    self._withheld.setdefault(peer.id, [])
+                return
+        if peer.id in self._withheld:
+            self._withhold()
+            self._out += self._withheld.pop(peer.id)
+        peer.withheld = 0
+
+    def _withhold(self) -> None:
+        """Keep back what is not to be told yet: of an endpoint, before all others know of it."""
+        self._out[:] = [effect for effect in self._out if not self._is_withheld(effect)]
+
+    def _is_withheld(self, effect: Effect) -> bool:
+        if not isinstance(effect, Send | Flush):
+            return False
+        news = self._withheld.get(effect.peer)
+        if news is None or not _concerns(effect, self._peers[effect.peer].withheld):
+            return False
+        news.append(effect)
+        return True
+
+    def _turn_down(self, now_ns: int, peer: Peer, message: Any, error: BusError) -> None:
+        """It was not done; a peer that broke the protocol is cut off."""
+        match error:
+            case QuotaExceeded():
+                self._quotas.refused(now_ns, peer, error, self._out)
+                quota = {"resource": error.resource, "used": error.used, "limit": error.limit}
+                self._refuse(peer, message, str(error), **quota)
+            case AccessDenied():
+                self._refuse(peer, message, str(error), denied=True)
+            case ConfigurationError():
+                self._refuse(peer, message, str(error))
+            case RemoteProtocolError():
+                self._cut(now_ns, peer, str(error))
+            case _:
+                raise error
 
     def _refuse(self, peer: Peer, message: Any, text: str, **reason: Any) -> None:
         """Answer that it was not done. Of a message that asks nothing (DeclareType) the log has heard."""
@@ -292,10 +379,19 @@ class Broker:
 
     def _forget(self, now_ns: int, peer: Peer) -> None:
         del self._peers[peer.id]
+        task = self.unfinished.pop(peer.id, None)
+        self._withheld.pop(peer.id, None)
+        peer.withheld = 0
         self._questions.forget(peer)
+        self._do(now_ns, _Task(peer, self._depart(peer, task)))
+
+    def _depart(self, peer: Peer, task: "_Task | None") -> Work:
+        """Take all that `peer` had out of the graph. What it had asked for is no matter now; a run is."""
+        if task is not None and task.message is None:
+            yield from task.work
         for node in tuple(peer.nodes.values()):
-            self._registrar.remove_node(now_ns, node, self._out, is_lost=True)
-        self.graph.forget_types(peer, list(self._peers.values()))
+            yield from self._registrar.remove_node(node, self._out, is_lost=True)
+        self.graph.forget_types(peer)
         self._quotas.leave(peer)
         peer.doorbell = peer.readers = None  # a timer may still know the peer
 
@@ -312,6 +408,8 @@ class Broker:
     def _on_ack(self, now_ns: int, peer: Peer, message: m.Ack, out: list[Effect]) -> None:
         subscription = self._registrar.own_subscription(peer, message.subscription)
         publisher = subscription.matches.get(EndpointId(message.source))
+        if publisher is not None:
+            self.meter.left -= len(publisher.acked) // LOOKS_PER_UNIT
         # A publisher that has just gone may still be acknowledged.
         if publisher is not None and subscription.id in publisher.acked:
             known_seq = max(publisher.next_seq - 1, publisher.acked[subscription.id])
@@ -354,6 +452,40 @@ class Broker:
     def _check_operator(self, peer: Peer, what: str) -> None:
         if not self._guard.access.is_free(peer.uid):
             raise ConfigurationError(f"user {peer.uid} may not {what} the busd of user {self._uid}")
+
+
+class _Task:
+    """Work for a peer: to carry out `message`, or what comes of a run or of the peer's end."""
+
+    __slots__ = ("has_begun", "message", "peer", "work")
+
+    def __init__(self, peer: Peer, work: Work, message: Any = None) -> None:
+        self.peer = peer
+        self.work = work
+        self.message = message
+        self.has_begun = False
+
+    def step(self, now_ns: int) -> int | None:
+        """What the next piece cost; None where there was none."""
+        try:
+            if self.has_begun:
+                return self.work.send(now_ns)
+            self.has_begun = True
+            return next(self.work)
+        except StopIteration:
+            return None
+
+
+def _concerns(effect: Send | Flush, number: int) -> bool:
+    """Whether it tells a peer of its endpoint `number`, or of changes of the graph (GRAPH)."""
+    if isinstance(effect, Flush):
+        return effect.queue.endpoint == number
+    message = effect.message
+    if number == GRAPH:
+        return isinstance(message, m.GraphChanged)
+    if isinstance(message, m.Created):
+        return message.id == number
+    return any(getattr(message, name, 0) == number for name in ("endpoint", "publisher", "subscription"))
 
 
 def _printable(name: str) -> str:

@@ -2,7 +2,8 @@
 
 Handlers of the broker's control messages. A request that can't be carried out raises ConfigurationError,
 QuotaExceeded or AccessDenied (the broker answers Refused); an id that is not the peer's own raises
-RemoteProtocolError.
+RemoteProtocolError. What may take long is Work, to be done in pieces; while an endpoint is being made, its
+process is told nothing of it (`Peer.withheld`): others first.
 """
 
 import logging
@@ -35,6 +36,7 @@ from busd.core.liveliness import Leases
 from busd.core.matching import connect, disconnect
 from busd.core.quotas import Quotas
 from busd.core.routing import Router
+from busd.core.work import ENDPOINT, MATCH, UNMATCH, Work
 
 _GID_BYTES = 16
 _MAX_TYPE_NAME = 255
@@ -81,12 +83,7 @@ class Registrar:
         if kind in peer.types:
             return
         self._quotas.check_type(peer)
-        # The first that was declared stays, as long as anybody has the type: it is that which is held.
-        graph, is_free = self._graph, self._guard.access.is_free(peer.uid)
-        size = len((graph.types if is_free else graph.guest_types).setdefault(kind, message.schema))
-        peer.types[kind] = size
-        for holder in (peer, peer.user):
-            holder.schema_bytes += size
+        self._graph.add_type(peer, kind, message.schema, is_free=self._guard.access.is_free(peer.uid))
 
     def create_node(self, now_ns: int, peer: Peer, message: m.CreateNode, out: list[Effect]) -> None:
         names.validate_node_name(message.name)
@@ -98,13 +95,13 @@ class Registrar:
         self._graph.add_node(node)
         out.append(Send(peer.id, m.Created(request=message.request, id=node.id)))
 
-    def destroy_node(self, now_ns: int, peer: Peer, message: m.DestroyNode, out: list[Effect]) -> None:
-        self.remove_node(now_ns, self._own_node(peer, message.node), out)
+    def destroy_node(self, now_ns: int, peer: Peer, message: m.DestroyNode, out: list[Effect]) -> Work:
+        return self.remove_node(self._own_node(peer, message.node), out)
 
-    def remove_node(self, now_ns: int, node: Node, out: list[Effect], *, is_lost: bool = False) -> None:
+    def remove_node(self, node: Node, out: list[Effect], *, is_lost: bool = False) -> Work:
         """Take `node` with its endpoints out of the graph. `is_lost`: its process did not say so."""
         for endpoint in tuple(node.endpoints.values()):
-            self._remove_endpoint(endpoint, out, is_lost=is_lost)
+            yield from self._remove_endpoint(endpoint, out, is_lost=is_lost)
         self._graph.remove_node(node)
 
     def create_publisher(
@@ -114,7 +111,7 @@ class Registrar:
         message: m.CreatePublisher,
         out: list[Effect],
         ring: object | None = None,
-    ) -> None:
+    ) -> Work:
         node, kind, rule, verdict = self._check_endpoint(now_ns, peer, message, out)
         qos = self._check_depth(message.topic, rule.cap(message.qos))
         if ring is not None:
@@ -143,12 +140,17 @@ class Registrar:
         self._graph.add_endpoint(publisher)
         out.append(Send(peer.id, self._created(message.request, publisher)))
         self._leases.watch_publisher(now_ns, publisher)
-        for subscription in publisher.topic.subscriptions.values():
-            connect(now_ns, self._graph, publisher, subscription, out)
+        peer.withheld = publisher.id
+        now_ns = yield ENDPOINT
+        subscriptions = publisher.topic.subscriptions
+        for subscription in tuple(subscriptions.values()):
+            if subscription.id in subscriptions:
+                connect(now_ns, self._graph, publisher, subscription, out)
+                now_ns = yield MATCH
 
     def create_subscription(
         self, now_ns: int, peer: Peer, message: m.CreateSubscription, out: list[Effect]
-    ) -> None:
+    ) -> Work:
         node, kind, rule, verdict = self._check_endpoint(now_ns, peer, message, out)
         qos = self._check_depth(message.topic, rule.cap(message.qos))
         number = EndpointId(self._graph.next_id())
@@ -166,15 +168,20 @@ class Registrar:
         subscription.may_share = verdict.shares_memory
         self._graph.add_endpoint(subscription)
         out.append(Send(peer.id, self._created(message.request, subscription)))
-        for publisher in subscription.topic.publishers.values():
-            connect(now_ns, self._graph, publisher, subscription, out)
+        peer.withheld = subscription.id
+        now_ns = yield ENDPOINT
+        publishers = subscription.topic.publishers
+        for publisher in tuple(publishers.values()):
+            if publisher.id in publishers:
+                connect(now_ns, self._graph, publisher, subscription, out)
+                now_ns = yield MATCH
         subscription.forget_oldest()
         self._router.bound(now_ns, subscription)
 
     def destroy_endpoint(
         self, now_ns: int, peer: Peer, message: m.DestroyEndpoint, out: list[Effect]
-    ) -> None:
-        self._remove_endpoint(self.own_endpoint(peer, message.endpoint), out)
+    ) -> Work:
+        return self._remove_endpoint(self.own_endpoint(peer, message.endpoint), out)
 
     def own_endpoint(self, peer: Peer, number: int) -> Publisher | Subscription:
         """The peer's endpoint with that id; RemoteProtocolError where it has none."""
@@ -203,20 +210,26 @@ class Registrar:
 
     def _remove_endpoint(
         self, endpoint: Publisher | Subscription, out: list[Effect], *, is_lost: bool = False
-    ) -> None:
+    ) -> Work:
+        self._graph.withdraw(endpoint)
         if isinstance(endpoint, Publisher):
             for subscription in tuple(endpoint.matches.values()):
-                disconnect(self._graph, endpoint, subscription, out)
+                if subscription.id in endpoint.matches:
+                    disconnect(self._graph, endpoint, subscription, out)
+                    yield UNMATCH
             if endpoint.history is not None:
                 endpoint.history.clear()
             endpoint.ring = None  # a timer may still know the publisher
             endpoint.node.peer.silent.discard(endpoint)
         else:
             for publisher in tuple(endpoint.matches.values()):
-                disconnect(self._graph, publisher, endpoint, out, is_lost=is_lost)
+                if publisher.id in endpoint.matches:
+                    disconnect(self._graph, publisher, endpoint, out, is_lost=is_lost)
+                    yield UNMATCH
             endpoint.queue.clear()
             endpoint.node.peer.perishable.discard(endpoint)
         self._graph.remove_endpoint(endpoint)
+        yield ENDPOINT
 
     def _check_endpoint(
         self,

@@ -27,6 +27,12 @@ class Flush(NamedTuple):
     queue: RunQueue
 
 
+class Later(NamedTuple):
+    """More is to be done for a peer, or for one that has gone: `go_on` in its turns, before what it sends."""
+
+    peer: PeerId
+
+
 class Disconnect(NamedTuple):
     """Send what waits and cut the connection; the core has forgotten the peer already."""
 
@@ -69,4 +75,4 @@ class Reload(NamedTuple):
     request: int
 
 
-Effect: TypeAlias = Send | Flush | Disconnect | Pause | Note | Stop | Restart | Reload
+Effect: TypeAlias = Send | Flush | Later | Disconnect | Pause | Note | Stop | Restart | Reload

@@ -19,6 +19,9 @@ MessageType = tuple[str, str]
 
 _MOST_REMEMBERED = 128
 
+GRAPH = -1
+"""Stands where an endpoint's number may, for the graph."""
+
 SOCKET, SHM = "socket", "shm"
 """The routes of a match."""
 
@@ -95,6 +98,8 @@ class Peer(Holder):
     readers: object | None = None
     """What the process shares, for the route shm: descriptors, opaque here. Both, or none."""
     has_shared: bool = False
+    withheld: int = 0
+    """The endpoint that is being made for it, or GRAPH: news of it wait until that is done. 0: nothing."""
 
     @property
     def subject(self) -> Subject:

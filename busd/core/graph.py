@@ -1,15 +1,14 @@
-"""The graph: every node, endpoint, topic, match and type, with snapshots and deltas for observers.
+"""The graph: every node, endpoint, topic, match and type, with deltas for observers.
 
 Owns the tables and the revision. Knows no rule of matching and sends nothing.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import count
 
 from bus.ids import EndpointId, NodeId
 from bus.wire.messages import EndpointRecord, GraphChanged, MatchRecord, NodeRecord
-from bus.wire.messages import Graph as Snapshot
 from busd.core.entities import Holder, MessageType, Node, Peer, Publisher, Sharing, Subscription, Topic
 
 
@@ -27,6 +26,7 @@ class Graph:
         self._matches = 0
         self._left_samples = self._left_bytes = 0  # of publishers that are gone
         self._names: Counter[str] = Counter()
+        self._declarers: Counter[MessageType] = Counter()  # peers that have declared a type
         self._ids = count(1)
         self._nodes_added: list[NodeRecord] = []
         self._nodes_removed: list[int] = []
@@ -36,7 +36,7 @@ class Graph:
         self._matches_removed: list[MatchRecord] = []
 
     def __len__(self) -> int:
-        """Records in a snapshot."""
+        """Records in a snapshot (`busd.core.snapshot`)."""
         return len(self.nodes) + len(self.publishers) + len(self.subscriptions) + self._matches
 
     def next_id(self) -> int:
@@ -79,17 +79,25 @@ class Graph:
             holder.topics[topic.name] += 1
         self._endpoints_added.append(endpoint.record())
 
-    def remove_endpoint(self, endpoint: Publisher | Subscription) -> None:
-        """The endpoint's matches must have been removed."""
+    def withdraw(self, endpoint: Publisher | Subscription) -> None:
+        """Nothing new matches the endpoint any more; what has been done already is not done again."""
         topic = endpoint.topic
         if isinstance(endpoint, Publisher):
-            del topic.publishers[endpoint.id], self.publishers[endpoint.id]
+            topic.publishers.pop(endpoint.id, None)
+        else:
+            topic.subscriptions.pop(endpoint.id, None)
+        if not topic.publishers and not topic.subscriptions and self.topics.get(topic.name) is topic:
+            del self.topics[topic.name]
+
+    def remove_endpoint(self, endpoint: Publisher | Subscription) -> None:
+        """The endpoint must have been withdrawn, and its matches removed."""
+        topic = endpoint.topic
+        if isinstance(endpoint, Publisher):
+            del self.publishers[endpoint.id]
             self._left_samples += endpoint.samples
             self._left_bytes += endpoint.bytes
         else:
-            del topic.subscriptions[endpoint.id], self.subscriptions[endpoint.id]
-        if not topic.publishers and not topic.subscriptions:
-            del self.topics[topic.name]
+            del self.subscriptions[endpoint.id]
         peer = endpoint.node.peer
         del endpoint.node.endpoints[endpoint.id], peer.endpoints[endpoint.id]
         peer.user.endpoints -= 1
@@ -145,13 +153,24 @@ class Graph:
             holder.matches -= 1
         return last_seq
 
-    def forget_types(self, peer: Peer, others: list[Peer]) -> None:
+    def add_type(self, peer: Peer, kind: MessageType, schema: bytes, *, is_free: bool) -> None:
+        """`peer` has declared a type. What the first of them said stays, as long as anybody has the type."""
+        held = (self.types if is_free else self.guest_types).setdefault(kind, schema)
+        peer.types[kind] = len(held)
+        self._declarers[kind] += 1
+        for holder in (peer, peer.user):
+            holder.schema_bytes += len(held)
+
+    def forget_types(self, peer: Peer) -> None:
         """Forget the schemas that only `peer` had declared."""
         peer.user.schema_bytes -= peer.schema_bytes
         for kind in peer.types:
-            if not any(kind in other.types for other in others):
+            self._declarers[kind] -= 1
+            if not self._declarers[kind]:
+                del self._declarers[kind]
                 self.types.pop(kind, None)
                 self.guest_types.pop(kind, None)
+        peer.types.clear()
 
     def schema(self, kind: MessageType) -> bytes | None:
         """How a type was described: the word of a guest counts where there is no other."""
@@ -201,33 +220,6 @@ class Graph:
         """A revision in which nothing changes but what somebody may see; returns it."""
         self.revision += 1
         return self.revision
-
-    def snapshot(
-        self,
-        request: int,
-        *,
-        statistics: bool,
-        pid: int,
-        shows_node: Callable[[int], bool] | None = None,
-        shows_endpoint: Callable[[int], bool] | None = None,
-    ) -> Snapshot:
-        """Everything, or what `shows_node` and `shows_endpoint` let through, as the answer to `request`."""
-        nodes = [*filter(shows_node, self.nodes)] if shows_node else self.nodes
-        numbers = [*self.publishers, *self.subscriptions]
-        endpoints = [*filter(shows_endpoint, numbers)] if shows_endpoint else numbers
-        matches = self.match_records()
-        if shows_endpoint:
-            matches = (
-                one for one in matches if shows_endpoint(one.publisher) and shows_endpoint(one.subscription)
-            )
-        return Snapshot(
-            request=request,
-            revision=self.revision,
-            nodes=tuple(self.nodes[number].record() for number in nodes),
-            endpoints=tuple(self.endpoint(number).record(statistics=statistics) for number in endpoints),
-            matches=tuple(matches),
-            pid=pid,
-        )
 
     def endpoint(self, number: EndpointId) -> Publisher | Subscription:
         """The endpoint of that number, which must exist."""

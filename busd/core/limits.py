@@ -79,7 +79,7 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     queued_bytes_per_user: _Bytes = 512 * _MiB
     """Bytes of messages that wait for one user's processes; over it, the one with most loses its oldest."""
     control_bytes_per_peer: _Bytes = 8 * _MiB
-    """Bytes of control frames that wait for one process; over it, the process is cut off."""
+    """Bytes of control frames that wait for one process; over it, it is cut off where it takes none."""
     control_bytes_per_user: _Bytes = 128 * _MiB
     """Bytes of control frames that wait for one user's processes; over it, the one with most is cut off."""
     history_bytes_per_peer: _Bytes = 64 * _MiB

@@ -5,13 +5,19 @@ lease), a publisher is alive (asserted within its own lease; ROS 2, "About Quali
 """
 
 import logging
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from itertools import islice
 
 from bus.ids import PeerId
 from bus.wire.messages import LivelinessChanged, LivelinessLost
 from busd.core.effects import Effect, Note, Send
-from busd.core.entities import Peer, Publisher
+from busd.core.entities import Peer, Publisher, Subscription
 from busd.core.timers import NEVER_NS, Timers
+from busd.core.work import TELL, Meter
+
+_FEW = 64
+"""Publishers that come back, or subscriptions that are told of one, between two looks at other work."""
 
 
 class Leases:
@@ -25,6 +31,7 @@ class Leases:
         self,
         timers: Timers,
         emit: Callable[[Effect], None],
+        meter: Meter,
         *,
         lease_ns: int,
         peers: Mapping[PeerId, Peer],
@@ -32,10 +39,14 @@ class Leases:
     ) -> None:
         self._timers = timers
         self._emit = emit
+        self._meter = meter
         self.lease_ns = lease_ns
         self._peers = peers
         self._looks: list[int] = []  # when the silent among them are looked for, the next time at the end
         self._evict = evict
+        self._returning: set[Peer] = set()
+        self._news: deque[tuple[Publisher, bool, Iterator[Subscription]]] = deque()
+        """Publishers whose lease ended or that are back, and whom that is yet to be told."""
 
     def watch_peer(self, now_ns: int, peer: Peer) -> None:
         """Evict `peer` once it has been silent for its lease."""
@@ -49,9 +60,8 @@ class Leases:
     def hear_peer(self, now_ns: int, peer: Peer) -> None:
         """Anything came from `peer`: its automatic publishers are alive."""
         peer.last_heard_ns = now_ns
-        if peer.silent:
-            for publisher in tuple(peer.silent):
-                self._revive(now_ns, publisher)
+        if peer.silent and peer not in self._returning:
+            self._revive_some(now_ns, peer)
 
     def assert_publisher(self, now_ns: int, publisher: Publisher) -> None:
         """`publisher` published, or said that it lives."""
@@ -98,17 +108,39 @@ class Leases:
             Note(logging.INFO, f"{publisher.node.full_name} lost its liveliness on '{publisher.topic.name}'")
         )
         self._emit(Send(peer.id, LivelinessLost(publisher=publisher.id)))
-        self._tell(publisher)
+        self._tell(now_ns, publisher)
+
+    def _revive_some(self, now_ns: int, peer: Peer) -> None:
+        for publisher in tuple(islice(peer.silent, _FEW)):
+            self._revive(now_ns, publisher)
+        self._returning.discard(peer)
+        if peer.silent:
+            self._returning.add(peer)
+            self._timers.add(now_ns, lambda now: self._revive_some(now, peer))
 
     def _revive(self, now_ns: int, publisher: Publisher) -> None:
         publisher.is_alive = True
         publisher.node.peer.silent.discard(publisher)
         self.watch_publisher(now_ns, publisher)
-        self._tell(publisher)
+        self._tell(now_ns, publisher)
 
-    def _tell(self, publisher: Publisher) -> None:
-        for subscription in publisher.matches.values():
-            message = LivelinessChanged(
-                subscription=subscription.id, publisher=publisher.id, alive=publisher.is_alive
-            )
-            self._emit(Send(subscription.node.peer.id, message))
+    def _tell(self, now_ns: int, publisher: Publisher) -> None:
+        self._news.append((publisher, publisher.is_alive, iter(tuple(publisher.matches.values()))))
+        if len(self._news) == 1:
+            self._tell_some(now_ns)
+
+    def _tell_some(self, now_ns: int) -> None:
+        """Tell a few, and the others right after that: a publisher may have thousands of subscriptions."""
+        publisher, is_alive, others = self._news[0]
+        few = list(islice(others, _FEW))
+        for subscription in few:
+            if subscription.id in publisher.matches:
+                message = LivelinessChanged(
+                    subscription=subscription.id, publisher=publisher.id, alive=is_alive
+                )
+                self._emit(Send(subscription.node.peer.id, message))
+        self._meter.left -= TELL * len(few)
+        if len(few) < _FEW:
+            self._news.popleft()
+        if self._news:
+            self._timers.add(now_ns, self._tell_some)

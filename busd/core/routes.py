@@ -18,6 +18,7 @@ from busd.core.guard import action_of
 from busd.core.matching import foreign_uid, release, reroute
 from busd.core.quotas import Quotas
 from busd.core.routing import Router
+from busd.core.work import MATCH, TELL, Work
 
 
 class Routes:
@@ -107,17 +108,21 @@ class Routes:
         message: m.ReplaceRing,
         out: list[Effect],
         ring: object | None = None,
-    ) -> None:
+    ) -> Work:
         publisher = self._registrar.own_publisher(peer, message.publisher)
         publisher.ring = None  # first of all: the new one takes its place
         if ring is not None and self._may_hold(now_ns, peer, (ring,), out):
             publisher.ring = ring
         for subscription in [publisher.matches[one] for one in publisher.shared]:
+            if subscription.id not in publisher.shared:
+                continue
             if publisher.ring is None:
                 self._reroute(now_ns, publisher, subscription, "its new ring was lost", out)
+                now_ns = yield MATCH
             else:
                 replaced = m.RingReplaced(subscription=subscription.id, source=publisher.id)
                 out.append(Send(subscription.node.peer.id, replaced, (ring,)))
+                now_ns = yield TELL
 
     def renew_sharing(self, now_ns: int, peer: Peer, access: Access, out: list[Effect]) -> None:
         """Other rules hold: what `peer` may not share with other users any more goes by socket."""

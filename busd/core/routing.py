@@ -5,7 +5,7 @@ A queue that a run overfills is not trimmed at once: the shell first sends what 
 then calls `trim`, so that a subscriber that keeps up loses nothing to batching.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 
 from bus.errors import RemoteProtocolError
@@ -18,6 +18,7 @@ from busd.core.entities import Peer, Publisher, Subscription
 from busd.core.matching import give_credit, release
 from busd.core.quotas import Quotas
 from busd.core.timers import Timers
+from busd.core.work import FRAME, QUEUES_PER_UNIT, SAMPLES_PER_UNIT, TELL, Meter, Work
 
 DROP_REPORT_NS = 100_000_000
 """Drops are told to a subscription this long after the first one, all at once."""
@@ -33,6 +34,7 @@ class Router:
         timers: Timers,
         emit: Callable[[Effect], None],
         quotas: Quotas,
+        meter: Meter,
         *,
         window_bytes: int,
         window_samples: int,
@@ -40,9 +42,15 @@ class Router:
         self._timers = timers
         self._emit = emit
         self._quotas = quotas
+        self._meter = meter
         self._credit_bytes = window_bytes // 8
         self._credit_samples = window_samples // 8
         self._overfull: list[Subscription] = []
+
+    @property
+    def is_overfull(self) -> bool:
+        """`trim` is to be called."""
+        return bool(self._overfull)
 
     def reconfigure(
         self, now_ns: int, peers: Iterable[Peer], *, window_bytes: int, window_samples: int
@@ -57,8 +65,8 @@ class Router:
             for publisher in peer.publishers()[:1]:
                 self._bound_history(now_ns, publisher)
 
-    def route(self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect]) -> bool:
-        """Queue `run` for every matched subscription; returns whether `trim` is to be called.
+    def route(self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect]) -> Work | None:
+        """Queue `run` for every matched subscription. Where these are many, returns the work that this is.
 
         Raises RemoteProtocolError where the publisher's numbers go back, or a run claims too many samples.
         """
@@ -71,33 +79,42 @@ class Router:
                 f"data frame of {run.count} samples, a run has {MAX_RUN_SAMPLES} at most"
             )
         if run.source:
-            return self._catch_up(now_ns, publisher, run, out)
+            self._catch_up(now_ns, publisher, run, out)
+            return None
         gap = run.first_seq - publisher.next_seq
-        if gap:
-            self._miss(now_ns, publisher, gap, is_loss=not run.is_resumed)
+        if gap < 0:
+            raise RemoteProtocolError(
+                f"publisher {publisher.id} sent sample {run.first_seq} after {publisher.next_seq - 1}"
+            )
         publisher.next_seq = run.first_seq + run.count
         publisher.samples += run.count
         publisher.bytes += payload_bytes
+        routed = publisher.routed
+        self._meter.left -= FRAME + run.count // SAMPLES_PER_UNIT
+        is_resumed, run.is_resumed = run.is_resumed, False  # of no concern to subscriptions
         limit = publisher.max_message_bytes
         if payload_bytes > limit and self._is_too_large(run, limit):
-            for subscription in publisher.routed.values():
-                self.drop(now_ns, subscription, "too_large", run.count)
-                if publisher.id not in _sources(subscription):
-                    release(publisher, subscription, publisher.next_seq - 1, self._emit)
-            return False
+            return self._refuse_all(now_ns, publisher, run.count, gap, is_loss=not is_resumed)
         run.source = publisher.id
         run.lifespan_ns = publisher.lifespan_ns
-        is_resumed, run.is_resumed = run.is_resumed, False  # of no concern to subscriptions
         history = publisher.history
         if history is not None and history.append(run):
             history.trim()
             self._bound_history(now_ns, publisher)
-        for subscription in publisher.routed.values():
-            queue = subscription.queue
-            if queue.append(run):
-                self._overfull.append(subscription)
-            if not queue.is_ready:
-                out.append(subscription.flush)
+        work = None
+        if len(routed) > _MANY_QUEUES:
+            work = self._distribute(
+                now_ns, publisher, run, gap, tuple(routed.values()), is_loss=not is_resumed
+            )
+        else:
+            if gap:
+                self._miss(now_ns, publisher, gap, routed.values(), is_loss=not is_resumed)
+            for subscription in routed.values():
+                queue = subscription.queue
+                if queue.append(run):
+                    self._overfull.append(subscription)
+                if not queue.is_ready:
+                    out.append(subscription.flush)
         if publisher.behind:
             self._admit(now_ns, publisher, run, out, is_loss=not is_resumed)
         if publisher.is_credit_ahead:
@@ -109,7 +126,38 @@ class Router:
                 or publisher.next_seq - publisher.credited > self._credit_samples
             ):
                 give_credit(publisher, out.append)
-        return bool(self._overfull)
+        return work
+
+    def _distribute(
+        self,
+        now_ns: int,
+        publisher: Publisher,
+        run: Run,
+        gap: int,
+        subscriptions: tuple[Subscription, ...],
+        *,
+        is_loss: bool,
+    ) -> Work:
+        """Queue `run` for many `subscriptions`, a few at a time; as `route` does for few."""
+        for few in _pieces(publisher, subscriptions):
+            if gap:
+                self._miss(now_ns, publisher, gap, few, is_loss=is_loss)
+            for subscription in few:
+                if subscription.queue.append(run):
+                    self._overfull.append(subscription)
+                self._emit(subscription.flush)
+            yield len(few) // QUEUES_PER_UNIT
+
+    def _refuse_all(self, now_ns: int, publisher: Publisher, count: int, gap: int, *, is_loss: bool) -> Work:
+        """Of a run of `count` samples one is too large: nobody gets them."""
+        for few in _pieces(publisher, tuple(publisher.routed.values())):
+            if gap:
+                self._miss(now_ns, publisher, gap, few, is_loss=is_loss)
+            for subscription in few:
+                self.drop(now_ns, subscription, "too_large", count)
+                if publisher.id not in _sources(subscription):
+                    release(publisher, subscription, publisher.next_seq - 1, self._emit)
+            yield TELL * len(few)
 
     def trim(self, now_ns: int) -> None:
         """Bring the overfull queues within their bounds: oldest samples first, each counted."""
@@ -198,12 +246,13 @@ class Router:
                 Send(peer.id, Dropped(subscription=subscription.id, dropped=dict(subscription.dropped)))
             )
 
-    def _catch_up(self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect]) -> bool:
+    def _catch_up(self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect]) -> None:
         """A run for one subscription, of samples that the others had before; as `route`."""
+        self._meter.left -= FRAME + run.count // SAMPLES_PER_UNIT
         number = EndpointId(run.source)
         subscription = publisher.matches.get(number)
         if subscription is None or number in publisher.shared or number in publisher.leaving:
-            return False  # it has left, or was never rerouted
+            return  # it has left, or was never rerouted
         if run.first_seq + run.count > publisher.next_seq and not publisher.has_shared:
             # Who takes it would acknowledge what was never published, and be cut off for that.
             raise RemoteProtocolError(
@@ -217,14 +266,13 @@ class Router:
             self.drop(now_ns, subscription, "too_large", run.count)
             if publisher.id not in _sources(subscription):
                 release(publisher, subscription, run.first_seq + run.count - 1, self._emit)
-            return False
+            return
         run.source = publisher.id
         run.lifespan_ns = publisher.lifespan_ns
         run.is_resumed = False
         if subscription.queue.append(run):
             self._overfull.append(subscription)
         out.append(subscription.flush)
-        return bool(self._overfull)
 
     def _admit(
         self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect], *, is_loss: bool
@@ -257,13 +305,16 @@ class Router:
                 if publisher is not None and last_seq >= publisher.next_seq - 1:
                     release(publisher, subscription, last_seq, self._emit)
 
-    def _miss(self, now_ns: int, publisher: Publisher, gap: int, *, is_loss: bool) -> None:
-        if gap < 0:
-            last_seq = publisher.next_seq - 1
-            raise RemoteProtocolError(
-                f"publisher {publisher.id} sent sample {last_seq + 1 + gap} after {last_seq}"
-            )
-        for subscription in publisher.routed.values():
+    def _miss(
+        self,
+        now_ns: int,
+        publisher: Publisher,
+        gap: int,
+        subscriptions: Iterable[Subscription],
+        *,
+        is_loss: bool,
+    ) -> None:
+        for subscription in subscriptions:
             if is_loss:  # the publisher's own queue replaced them before they could be handed over
                 self.drop(now_ns, subscription, "publisher_queue", gap)
             elif publisher.id in subscription.returned:  # it would have got them, but was away
@@ -274,6 +325,13 @@ class Router:
     @staticmethod
     def _is_too_large(run: Run, limit: int) -> bool:
         return any(len(payload) > limit for payload, _ in run.records())
+
+
+def _pieces(publisher: Publisher, subscriptions: tuple[Subscription, ...]) -> Iterator[list[Subscription]]:
+    """A few `subscriptions` at a time, of those that are still matched."""
+    for start in range(0, len(subscriptions), _MANY_QUEUES):
+        some = subscriptions[start : start + _MANY_QUEUES]
+        yield [one for one in some if one.id in publisher.routed]
 
 
 def _slack(account: Account, queues: int) -> int:

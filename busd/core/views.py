@@ -10,13 +10,13 @@ from collections.abc import Callable
 
 from bus.ids import EndpointId, NodeId
 from bus.wire.messages import EndpointRecord, GraphChanged, MatchRecord
-from bus.wire.messages import Graph as Snapshot
 from busd.core.entities import MessageType, Peer, Publisher, Subscription
 from busd.core.graph import Graph
+from busd.core.work import TELL, Work
 
 
 class View:
-    """The part of `graph` that `peer` sees, which is asked once for each endpoint; `renew` asks again."""
+    """The part of `graph` that `peer` sees, once it was told to `fill`; `renew` looks at all again."""
 
     def __init__(self, graph: Graph, peer: Peer, may_observe: Callable[[str], bool]) -> None:
         self._graph = graph
@@ -26,17 +26,25 @@ class View:
         """Those that are shown, with their nodes."""
         self._nodes: Counter[int] = Counter()
         """Those that are shown, with the number of their endpoints that are, and one more for own ones."""
-        self._fill()
 
-    def snapshot(self, request: int, *, statistics: bool, pid: int) -> Snapshot:
-        """All that is seen, as the answer to `request`."""
-        return self._graph.snapshot(
-            request,
-            statistics=statistics,
-            pid=pid,
-            shows_node=self._nodes.__contains__,
-            shows_endpoint=self._endpoints.__contains__,
-        )
+    def fill(self) -> Work:
+        """Look at all that there is; what comes and goes meanwhile is heard of by `changed`."""
+        self._endpoints.clear()
+        self._nodes.clear()
+        self._nodes.update([*self._peer.nodes])
+        tables: tuple[dict[EndpointId, Publisher] | dict[EndpointId, Subscription], ...]
+        tables = (self._graph.publishers, self._graph.subscriptions)
+        for table in tables:
+            for endpoint in tuple(table.values()):
+                if endpoint.id in table and endpoint.id not in self._endpoints:
+                    if endpoint.node.peer is self._peer or self._may_observe(endpoint.topic.name):
+                        self._show(endpoint.id, endpoint.node.id)
+                    yield TELL
+
+    @property
+    def shown(self) -> tuple[set[int], set[int]]:
+        """The nodes and the endpoints that are seen now."""
+        return {*self._nodes}, {*self._endpoints}
 
     def shows_type(self, kind: MessageType) -> bool:
         """Whether an endpoint that is seen has that type, or this process has declared it."""
@@ -50,25 +58,27 @@ class View:
     def changed(self, change: GraphChanged) -> GraphChanged:
         """What this observer sees of `change`, which has just been made: maybe nothing but the revision."""
         nodes_gone, gone = {*change.nodes_removed}, {*change.endpoints_removed}
-        before = set(self._nodes)
-        for node in change.nodes_added:
-            if node.id in self._peer.nodes:
-                self._nodes[node.id] += 1
+        own = [node.id for node in change.nodes_added if node.id in self._peer.nodes]
         added = [one for one in change.endpoints_added if one.id not in gone and self._is_seen(one)]
+        removed = tuple(number for number in change.endpoints_removed if number in self._endpoints)
+        touched = {*own, *nodes_gone, *(one.node for one in added)}
+        touched.update(self._endpoints[number] for number in removed)
+        before = {one for one in touched if one in self._nodes}
+        for number in own:
+            self._nodes[number] += 1
         for endpoint in added:
             self._show(endpoint.id, endpoint.node)
         matches_added = tuple(filter(self._sees_both, change.matches_added))
         matches_removed = tuple(filter(self._sees_both, change.matches_removed))
-        removed = tuple(number for number in change.endpoints_removed if number in self._endpoints)
         for number in removed:
             self._hide(number)
         for number in nodes_gone:
             self._nodes.pop(number, None)
-        nodes = self._graph.nodes
+        nodes, after = self._graph.nodes, {one for one in touched if one in self._nodes}
         return GraphChanged(
             revision=change.revision,
-            nodes_added=tuple(nodes[NodeId(one)].record() for one in sorted(set(self._nodes) - before)),
-            nodes_removed=tuple(sorted(before - set(self._nodes))),
+            nodes_added=tuple(nodes[NodeId(one)].record() for one in sorted(after - before)),
+            nodes_removed=tuple(sorted(before - after)),
             endpoints_added=tuple(added),
             endpoints_removed=removed,
             matches_added=matches_added,
@@ -78,7 +88,8 @@ class View:
     def renew(self, revision: int) -> GraphChanged:
         """Ask for every topic again; returns what has come into sight and what has gone, as `revision`."""
         nodes, endpoints, matches = set(self._nodes), set(self._endpoints), self._matches()
-        self._fill()
+        for _ in self.fill():
+            pass
         graph = self._graph
         fresh = [one for one in self._endpoints if one not in endpoints]
         return GraphChanged(
@@ -90,17 +101,6 @@ class View:
             matches_added=tuple(one for one in self._matches() if one not in matches),
             matches_removed=tuple(one for one in matches if not self._sees_both(one)),
         )
-
-    def _fill(self) -> None:
-        self._endpoints.clear()
-        self._nodes.clear()
-        self._nodes.update([*self._peer.nodes])
-        tables: tuple[dict[EndpointId, Publisher] | dict[EndpointId, Subscription], ...]
-        tables = (self._graph.publishers, self._graph.subscriptions)
-        for table in tables:
-            for endpoint in table.values():
-                if endpoint.node.peer is self._peer or self._may_observe(endpoint.topic.name):
-                    self._show(endpoint.id, endpoint.node.id)
 
     def _is_seen(self, endpoint: EndpointRecord) -> bool:
         return endpoint.id in self._peer.endpoints or self._may_observe(endpoint.topic)

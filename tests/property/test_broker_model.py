@@ -16,6 +16,7 @@ from bus.wire import messages as m
 from bus.wire.runs import Run
 from busd.core import entities
 from busd.core.limits import Limits
+from busd.core.work import UNLIMITED
 
 KIB = 1024
 
@@ -64,6 +65,8 @@ steps = st.one_of(
 )
 beginnings = st.lists(st.tuples(profiles, profiles, st.booleans(), st.booleans()), min_size=3, max_size=3)
 stories = st.lists(steps, min_size=15, max_size=40)
+budgets = st.sampled_from([UNLIMITED, 20])
+"""Of the work that is done at a time: whether it is done in pieces must make no difference."""
 
 
 class Watcher:
@@ -106,9 +109,10 @@ class Books:
     )
     PADDING = 200
 
-    def __init__(self, beginning: list[Beginning]) -> None:
+    def __init__(self, beginning: list[Beginning], budget: int) -> None:
         """Each process begins with a publisher and a subscription; some share memory, some don't read."""
         self.world = World(self.LIMITS)
+        self.world.budget = budget
         self.watcher = Watcher(self.world)
         self.processes: dict[int, Process] = {}
         self.publishers: dict[int, Publisher] = {}
@@ -293,7 +297,7 @@ class Books:
             assert peer.history.used == kept <= peer.history.limit
 
     def check_graph(self) -> None:
-        graph = self.world.broker.graph.snapshot(0, statistics=False, pid=1)
+        graph = self.world.whole_graph()
         routes = {(match.publisher, match.subscription, match.route) for match in graph.matches}
         assert routes == self.model.matches()
         assert {endpoint.id for endpoint in graph.endpoints} == {*self.publishers, *self.subscriptions}
@@ -380,12 +384,14 @@ def _payloads(run: Run, skipped: int) -> list[str]:
 
 
 @settings(max_examples=60, deadline=None)
-@given(beginnings, stories)
-def test_the_books_are_right_when_memory_is_short(beginning: list[Beginning], story: list[Step]) -> None:
-    Books(beginning).play(story)
+@given(beginnings, stories, budgets)
+def test_the_books_are_right_when_memory_is_short(
+    beginning: list[Beginning], story: list[Step], budget: int
+) -> None:
+    Books(beginning, budget).play(story)
 
 
 @settings(max_examples=100, deadline=None)
-@given(beginnings, stories)
-def test_against_the_model(beginning: list[Beginning], story: list[Step]) -> None:
-    AgainstModel(beginning).play(story)
+@given(beginnings, stories, budgets)
+def test_against_the_model(beginning: list[Beginning], story: list[Step], budget: int) -> None:
+    AgainstModel(beginning, budget).play(story)

@@ -10,6 +10,7 @@ from broker_endpoints import Publisher, Subscription
 from broker_world import UID, Process, World
 from bus.wire import messages as m
 from busd.core.access import Access, AccessRule
+from busd.core.work import UNLIMITED
 
 ALICE = 1001
 TOPICS = ("/a", "/b", "/c")
@@ -79,8 +80,9 @@ class Copy:
 
 
 class Story:
-    def __init__(self, seen: frozenset[str]) -> None:
+    def __init__(self, seen: frozenset[str], budget: int) -> None:
         self.world = World(access=rules(seen))
+        self.world.budget = budget
         self.seen = seen
         self.alice = Copy(self.world.process(uid=ALICE, shares=True))
         self.processes = [self.alice.process, *(self.world.process(shares=True) for _ in range(3))]
@@ -132,7 +134,7 @@ class Story:
     def check(self) -> None:
         """Against the whole graph, looked at without any of the code that filters."""
         alice, broker = self.alice, self.world.broker
-        whole = broker.graph.snapshot(0, statistics=False, pid=1)
+        whole = self.world.whole_graph()
         own = set(broker._peers[alice.process.id].nodes)
         endpoints = {one.id: one for one in whole.endpoints if one.topic in self.seen or one.node in own}
         shown = {one.node for one in endpoints.values()} | own
@@ -150,6 +152,6 @@ class Story:
 
 
 @settings(max_examples=80, deadline=None)
-@given(observed, st.lists(steps, min_size=10, max_size=40))
-def test_the_copy_is_what_may_be_seen(seen: frozenset[str], story: list[Step]) -> None:
-    Story(seen).play(story)
+@given(observed, st.lists(steps, min_size=10, max_size=40), st.sampled_from([UNLIMITED, 20]))
+def test_the_copy_is_what_may_be_seen(seen: frozenset[str], story: list[Step], budget: int) -> None:
+    Story(seen, budget).play(story)

@@ -58,6 +58,8 @@ class _World:
         reader = FrameReader(max_control_bytes=MAX_CONTROL_BYTES, max_data_bytes=0)
         reader.get_buffer()[: len(frames)] = frames
         bodies: list[Any] = reader.received(len(frames))
+        while not reader.is_cut:
+            bodies += reader.cut()
         self.batches.append([m.from_client.decode(body).endpoint for body in bodies])
 
 

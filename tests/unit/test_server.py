@@ -10,7 +10,9 @@ from bus.ids import PeerId
 from bus.wire.runs import Run
 from busd import server as server_module
 from busd.core.broker import Broker
+from busd.core.turns import Party
 from busd.listener import Listener, open_listener
+from busd.peer import PeerConnection
 from busd.server import Server
 
 SECOND = 1_000_000_000
@@ -79,14 +81,17 @@ class Deaf:
     """Stands for a connection; says when it is flushed."""
 
     id = PeerId(1)
-    is_closed = False
+    is_closed = is_choked = is_held = False
+    items = None
 
     def __init__(self, flushed: list["Deaf"]) -> None:
         self.stream = self
+        self.party: Party[PeerConnection | PeerId] = Party()
         self._flushed = flushed
 
-    def flush(self) -> None:
+    def flush(self) -> int:
         self._flushed.append(self)
+        return 1
 
 
 async def test_who_asked_is_answered_after_the_others_were_told(listener: Listener) -> None:

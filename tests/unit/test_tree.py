@@ -15,7 +15,7 @@ SOURCES = [
     for folder in ("busd", "clients", "tests", "examples", "benchmarks")
     for path in (ROOT / folder).rglob("*.py")
 ]
-MAX_LINES = 400
+MAX_LINES = 600
 
 
 def test_every_folder_with_sources_is_packaged() -> None:

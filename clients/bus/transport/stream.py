@@ -24,6 +24,9 @@ from bus.wire.runs import Buffer
 from bus.wire.session import Session
 
 _SHORT_BYTES = 4096
+_MOST_WORK = 512
+"""What one `flush` sends at most, in the work that it costs; the rest goes in later turns of the loop."""
+_DESCRIPTORS_WORK = 8
 _RETRY_S = 0.05
 _INT = struct.Struct("i")
 _ANCILLARY_BYTES = socket.CMSG_SPACE(2 * _INT.size)
@@ -37,6 +40,9 @@ class Stream:
     RemoteProtocolError, which is handed to `on_lost` where `on_received` lets it pass. `on_lost(error)` is
     called once when the connection ends for any reason but `close`; None means that the peer closed it.
     Descriptors that come are given to the session where it `takes_descriptors`; else the kernel closes them.
+
+    `may_go`, where there is one, is asked each time that the event loop says that the socket can be read or
+    written again. Where it says no, nothing is read or written before `take_turn`.
     """
 
     def __init__(
@@ -48,15 +54,20 @@ class Stream:
         on_received: Callable[[Iterable[Any]], None],
         on_lost: Callable[[Exception | None], None],
         takes_descriptors: bool = False,
+        may_go: Callable[[], bool] | None = None,
     ) -> None:
         self.session = session
         self.outbox = outbox
         self.is_closed = False
         self.is_blocked = False
+        self.sent_bytes = 0
         self.has_ended = False
         """The other side will send no more, where that is not the end of the connection (`linger`)."""
         self._does_linger = False
         self._pause_end: asyncio.TimerHandle | None = None
+        self._holds = 0
+        self._may_go = may_go
+        self._is_write_put_off = False
         self._is_finishing = False
         self._is_unheard = False
         self._loop = asyncio.get_running_loop()
@@ -67,20 +78,48 @@ class Stream:
         self._rest: list[Buffer] = []
         self._rest_descriptors: tuple[Descriptor, ...] = ()
         self._before_write: Callable[[], None] | None = None
-        self._loop.add_reader(sock.fileno(), self._read)
+        self._loop.add_reader(sock.fileno(), self._on_readable)
 
     def before_write(self, action: Callable[[], None]) -> None:
         """Run `action` each time that the socket takes bytes again, before the next are chosen."""
         self._before_write = action
 
-    def flush(self) -> None:
-        """Send what waits, as far as the socket takes it; the rest goes when it can."""
-        while not self.is_blocked and not self.is_closed:
+    def flush(self) -> int:
+        """Send what waits, as far as the socket takes it and for a bounded time; the rest goes when it can.
+
+        Returns the work that this was, of which a buffer costs one and 4 KiB cost one.
+        """
+        work = 0
+        while not self.is_blocked and not self.is_closed and self.outbox:
+            if work >= _MOST_WORK:
+                self._wait_to_write()
+                break
             buffers, size, descriptors = self.outbox.take()
             if size:
                 self._send(buffers, size, descriptors)
-            if not self.outbox:
-                return
+                work += len(buffers) + (size >> 12) + (_DESCRIPTORS_WORK if descriptors else 0)
+        return work
+
+    def hold(self) -> None:
+        """Don't read before as many `release`: what the other side sends waits, and so does its end."""
+        self._holds += 1
+        if self._holds == 1 and not self.is_closed:
+            self._loop.remove_reader(self._sock.fileno())
+
+    def release(self) -> None:
+        """Read again, if nothing else holds that up."""
+        self._holds -= 1
+        if not self._holds and not self.is_closed and not self.has_ended:
+            self._loop.add_reader(self._sock.fileno(), self._on_readable)
+
+    def take_turn(self) -> bool:
+        """Write and read, after `may_go` said no; returns whether there may be more to read."""
+        if self._is_write_put_off:
+            self._is_write_put_off = False
+            if self.is_blocked and not self.is_closed:
+                self._loop.add_writer(self._sock.fileno(), self._on_writable)
+                self._write()
+        return not self.is_closed and not self.has_ended and self._read()
 
     def fileno(self) -> int:
         """The number of the socket's descriptor."""
@@ -129,18 +168,19 @@ class Stream:
         return self.is_closed or self._is_unheard or not (self.is_blocked or self.outbox)
 
     def pause(self, seconds: float) -> None:
-        """Don't read for so long from now; what the other side sends meanwhile waits, and so does its end."""
+        """`hold` for so long from now; the last word counts."""
         if self.is_closed:
             return
         if self._pause_end is not None:
             self._pause_end.cancel()
-        self._loop.remove_reader(self._sock.fileno())
+        else:
+            self.hold()
         self._pause_end = self._loop.call_later(seconds, self._end_pause)
 
     def close(self) -> None:
         """Send what the socket still takes and close it; what the socket does not take is lost."""
-        if not self.is_closed:
-            self.flush()
+        while not (self.is_closed or self._rest or self._is_unheard) and self.outbox:
+            self._send(*self.outbox.take())
         if not self.is_closed:
             self._close()
 
@@ -149,6 +189,17 @@ class Stream:
         self.is_closed = True
         self._sock.close()
         self._drop_descriptors()
+
+    def _on_readable(self) -> None:
+        if self._may_go is None or self._may_go():
+            self._read()
+
+    def _on_writable(self) -> None:
+        if self._may_go is None or self._may_go():
+            self._write()
+        else:
+            self._is_write_put_off = True
+            self._loop.remove_writer(self._sock.fileno())
 
     def _read(self) -> bool:
         """Take one buffer; returns whether there may be more."""
@@ -204,18 +255,23 @@ class Stream:
             self._rest, self._rest_descriptors = buffers, descriptors
             self._pause()
             return
+        self.sent_bytes += sent
         if sent == size:
             return
         self._rest = _unsent(buffers, sent)
         self._rest_descriptors = () if sent else descriptors
+        self._wait_to_write()
+
+    def _wait_to_write(self) -> None:
         if not self.is_blocked:
             self.is_blocked = True
-            self._loop.add_writer(self._sock.fileno(), self._write)
+            self._loop.add_writer(self._sock.fileno(), self._on_writable)
 
     def _write(self) -> None:
         rest, self._rest = self._rest, []
         descriptors, self._rest_descriptors = self._rest_descriptors, ()
-        self._send(rest, sum(map(len, rest)), descriptors)
+        if rest:
+            self._send(rest, sum(map(len, rest)), descriptors)
         if self._rest or self.is_closed or self._is_unheard:
             return
         if self._is_finishing:
@@ -236,8 +292,7 @@ class Stream:
 
     def _end_pause(self) -> None:
         self._pause_end = None
-        if not self.is_closed and not self.has_ended:
-            self._loop.add_reader(self._sock.fileno(), self._read)
+        self.release()
 
     def _pause(self) -> None:
         """The user has as many descriptors on the way as the kernel allows; no event says when to go on."""
@@ -248,7 +303,7 @@ class Stream:
 
     def _resume(self) -> None:
         if not self.is_closed and not self._is_unheard:
-            self._loop.add_writer(self._sock.fileno(), self._write)
+            self._loop.add_writer(self._sock.fileno(), self._on_writable)
 
     def _be_quiet(self) -> None:
         """The other side has gone. What it sent before, and perhaps why it went, is still to be read."""
@@ -258,7 +313,7 @@ class Stream:
     def _read_rest(self) -> None:
         # Not left to the event loop: libuv reports a socket only once whose other side left bytes unread,
         # and then with an error (SO_ERROR), which a failed attempt to send has perhaps taken off it.
-        if not self.is_closed and self._read():
+        if not self.is_closed and (self._may_go is None or self._may_go()) and self._read():
             self._loop.call_soon(self._read_rest)
 
     def _lose(self, error: Exception | None) -> None:

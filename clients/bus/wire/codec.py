@@ -3,6 +3,7 @@
 Owns the refusal of what is none; must not know the messages but for their base.
 """
 
+from struct import Struct
 from typing import Any
 
 import msgspec
@@ -11,6 +12,10 @@ from bus.errors import RemoteProtocolError
 from bus.wire.layout import CONTROL, FRAME_HEAD, FRAME_HEAD_BYTES, LENGTH_BYTES
 
 _encode = msgspec.msgpack.Encoder().encode
+
+# MessagePack's fixarray and array 32.
+_SHORT_ARRAY, _SHORT_ARRAY_TAG = 16, 0x90
+_ARRAY_HEAD, _ARRAY_TAG = Struct(">BI"), 0xDD
 
 
 class Message(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="m", tag=True):
@@ -21,6 +26,25 @@ def encode_frame(message: msgspec.Struct) -> bytes:
     """The whole control frame that carries `message`."""
     body = _encode(message)
     return FRAME_HEAD.pack(FRAME_HEAD_BYTES - LENGTH_BYTES + len(body), CONTROL, 0, 0) + body
+
+
+class ArrayEncoder:
+    """An array that is encoded a few items at a time, for a field of a message that is long."""
+
+    def __init__(self) -> None:
+        self._body = bytearray()
+        self._count = 0
+
+    def extend(self, items: list[Any]) -> None:
+        """Add `items`, less than 65,536."""
+        self._body += memoryview(_encode(items))[1 if len(items) < _SHORT_ARRAY else 3 :]
+        self._count += len(items)
+
+    def raw(self) -> msgspec.Raw:
+        """The array, to be put in place of what it stands for."""
+        if self._count < _SHORT_ARRAY:
+            return msgspec.Raw(bytes([_SHORT_ARRAY_TAG | self._count]) + self._body)
+        return msgspec.Raw(_ARRAY_HEAD.pack(_ARRAY_TAG, self._count) + self._body)
 
 
 class Decoder:

@@ -2,7 +2,8 @@
 
 The shell reads into `get_buffer()` and says how much came with `received(n)`. Small frames are cut out of one
 buffer; a frame that does not fit gets a buffer of its own, which grows with what really arrives, so that a
-lying length costs its sender's word and not our memory.
+lying length costs its sender's word and not our memory. The frames of one read are cut a few at a time
+(`cut`), so that whoever handles them can stop in between without having paid for all of them.
 
 The first frame that breaks the layout is the reader's `fault`; frames before it are given out.
 """
@@ -25,6 +26,8 @@ from bus.wire.layout import (
 from bus.wire.runs import Account, Buffer, Run
 
 BUFFER_BYTES = 256 << 10
+MOST_CUT = 64
+"""Frames that are cut at a time: enough to make the call cheap, few enough to be left soon."""
 _FIRST_GROWTH_BYTES = 4 << 20
 
 _unpack_short = Struct("<IIIIQII").unpack_from  # DATA_HEAD with kind, flags and zero as one word
@@ -49,6 +52,7 @@ class FrameReader:
         self._buffer = bytearray(BUFFER_BYTES)
         self._view = memoryview(self._buffer)
         self._end = 0  # bytes of a part of a frame at the start of the buffer
+        self._start = self._stop = 0  # what is yet to be cut
         self._large: bytearray | None = None  # the frame that is too long for the buffer
         self._large_length = 0
         self._large_end = 0
@@ -67,31 +71,44 @@ class FrameReader:
         self._forget_large()
         self._buffer = bytearray()
         self._view = memoryview(self._buffer)
-        self._end = 0
+        self._end = self._start = self._stop = 0
 
     def _forget_large(self) -> None:
         self._charge(-self._held)
         self._large = None
 
     def get_buffer(self) -> memoryview:
-        """Where the next bytes of the stream belong; never empty."""
+        """Where the next bytes of the stream belong; never empty. What came before must have been cut."""
         if self._large is None:
             return self._view[self._end :]
         return memoryview(self._large)[self._large_end :]
 
     def received(self, count: int) -> list[bytes | Run]:
-        """The frames that are complete now that `count` bytes have come into the buffer.
+        """The first frames that are complete now that `count` bytes have come; `cut` gives the next ones."""
+        if self._large is not None:
+            return self._received_large(count)
+        self._start, self._stop, self._end = 0, self._end + count, 0
+        return self.cut()
+
+    @property
+    def is_cut(self) -> bool:
+        """Nothing whole is left in the buffer."""
+        return self._start == self._stop
+
+    def cut(self) -> list[bytes | Run]:
+        """The next frames that are complete, MOST_CUT at most; none: more bytes must come first.
 
         Where a frame breaks the layout, those before it are given out and `fault` is set.
         """
-        if self._large is not None:
-            return self._received_large(count)
         frames: list[bytes | Run] = []
-        view, start, end = self._view, 0, self._end + count
+        view, start, end = self._view, self._start, self._stop
+        self._start = self._stop = 0
         most = DATA_HEAD_BYTES - LENGTH_BYTES + self.max_data_bytes
-        self._end = 0
         try:
             while end - start >= FRAME_HEAD_BYTES:
+                if len(frames) == MOST_CUT:
+                    self._start, self._stop = start, end
+                    return frames
                 if end - start >= DATA_HEAD_BYTES:
                     # The short way, for a whole data frame without fault: one look and no call.
                     length, word, endpoint, source, first_seq, number, rest = _unpack_short(view, start)

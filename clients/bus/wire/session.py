@@ -85,6 +85,7 @@ class Session:
     def received(self, count: int) -> Iterable[Any]:
         """What came with the `count` bytes now in the reader's buffer, in order.
 
+        The buffer is in use until the iteration has ended: before that, nothing may be read into it.
         Iterating raises RemoteProtocolError where the peer broke a rule, after all that came before.
         """
         frames = self.reader.received(count)
@@ -92,6 +93,7 @@ class Session:
             self.state is State.OPEN
             and len(frames) == 1
             and frames[0].__class__ is Run
+            and self.reader.is_cut
             and self.reader.fault is None
             and not self.descriptors
         ):
@@ -110,19 +112,21 @@ class Session:
 
     def _interpret(self, frames: list[bytes | Run]) -> Iterator[Any]:
         try:
-            for frame in frames:
-                if isinstance(frame, Run):
-                    self._step(_AFTER_OTHER, "a data frame")
-                    yield frame
-                else:
-                    message = self._decode(frame)
-                    if message.__class__ is Hello:
-                        self._step(_AFTER_HELLO, "a Hello")
-                        self._check(message)
+            while frames:
+                for frame in frames:
+                    if isinstance(frame, Run):
+                        self._step(_AFTER_OTHER, "a data frame")
+                        yield frame
                     else:
-                        self._step(_AFTER_OTHER, f"a {type(message).__name__}")
-                    claimed: int = getattr(message, "descriptors", 0)
-                    yield Carried(message, self._claim(claimed)) if claimed else message
+                        message = self._decode(frame)
+                        if message.__class__ is Hello:
+                            self._step(_AFTER_HELLO, "a Hello")
+                            self._check(message)
+                        else:
+                            self._step(_AFTER_OTHER, f"a {type(message).__name__}")
+                        claimed: int = getattr(message, "descriptors", 0)
+                        yield Carried(message, self._claim(claimed)) if claimed else message
+                frames = self.reader.cut()
             if len(self.descriptors) > MAX_BATCHES:
                 raise RemoteProtocolError("descriptors that no message claims")
             if self.reader.fault is not None:

@@ -1,0 +1,82 @@
+"""The graph as one answer: taken at one moment, put together in pieces.
+
+Only the tables are copied at once, which is quick. Making the records and encoding them is what takes long;
+that is done a few at a time. What a record says never changes, but for the statistics, which are of the
+moment when it is made.
+"""
+
+from collections.abc import Container, Generator, Iterable, Iterator
+from itertools import islice
+from typing import Any, TypeVar
+
+from bus.wire.codec import ArrayEncoder
+from bus.wire.messages import Graph as Snapshot
+from bus.wire.messages import MatchRecord
+from busd.core.entities import SHM, SOCKET, Publisher, Subscription
+from busd.core.graph import Graph
+from busd.core.work import LOOKS_PER_UNIT, RECORD
+
+__all__ = ["take_snapshot"]
+
+_T = TypeVar("_T")
+_PIECE = 32
+
+
+def take_snapshot(
+    graph: Graph,
+    request: int,
+    *,
+    statistics: bool,
+    pid: int,
+    shown: tuple[Container[int], Container[int]] | None = None,
+) -> Generator[int, int, Snapshot]:
+    """Everything, or only the `shown` nodes and endpoints, as the answer to `request`.
+
+    What changes after the first step is not in it.
+    """
+    revision = graph.revision
+    nodes = list(graph.nodes.values())
+    endpoints: list[Publisher | Subscription] = [*graph.publishers.values(), *graph.subscriptions.values()]
+    matches = [(one.id, [*one.matches], {*one.shared}) for one in graph.publishers.values() if one.matches]
+    yield len(graph) // LOOKS_PER_UNIT
+    if shown is not None:
+        seen_nodes, seen = shown
+        nodes = [node for node in nodes if node.id in seen_nodes]
+        endpoints = [one for one in endpoints if one.id in seen]
+        matches = [
+            (one, [other for other in others if other in seen], shared)
+            for one, others, shared in matches
+            if one in seen
+        ]
+        yield len(graph) // LOOKS_PER_UNIT * 2
+    records: Any = [ArrayEncoder(), ArrayEncoder(), ArrayEncoder()]
+    for some in _pieces(nodes):
+        records[0].extend([node.record() for node in some])
+        yield RECORD * len(some)
+    for few in _pieces(endpoints):
+        records[1].extend([one.record(statistics=statistics) for one in few])
+        looks = sum(len(one.matches) for one in few) if statistics else 0
+        yield RECORD * len(few) + looks // LOOKS_PER_UNIT
+    for pairs in _pieces(
+        MatchRecord(publisher=one, subscription=other, route=SHM if other in shared else SOCKET)
+        for one, others, shared in matches
+        for other in others
+    ):
+        records[2].extend(pairs)
+        yield RECORD * len(pairs)
+    encoded = [one.raw() for one in records]
+    yield sum(len(one) for one in encoded) >> 12
+    return Snapshot(
+        request=request,
+        revision=revision,
+        nodes=encoded[0],
+        endpoints=encoded[1],
+        matches=encoded[2],
+        pid=pid,
+    )
+
+
+def _pieces(items: Iterable[_T]) -> Iterator[list[_T]]:
+    left = iter(items)
+    while some := list(islice(left, _PIECE)):
+        yield some
