@@ -163,6 +163,7 @@ class Broker:
             history=Account(0, user.history),
             control=Account(0, user.control),
             declarations=Bucket(1, 1),
+            signals=Bucket(1, 1),
             questions=Bucket(1, 1),
         )
         self._quotas.enter(peer)

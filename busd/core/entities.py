@@ -38,6 +38,8 @@ class Holder:
     control: Account
     """Bytes of control frames that wait for it; the shell charges them."""
     declarations: Bucket
+    signals: Bucket
+    """Control frames of all other kinds: acknowledgements, reports, attachments."""
     topics: Counter[str] = field(default_factory=Counter)
     """Endpoints by topic."""
     matches: int = 0

@@ -26,6 +26,7 @@ _HANDSHAKE_PART = 4
 _QUESTIONS_PART = 2
 """Of what it may ask in a second, a process may ask that part at once."""
 _DECLARATIONS_PER_ENDPOINT = 4
+_SIGNALS_PER_DECLARATION = 10
 _FEW = 32
 """Records of a graph, or matches, that cost as much as one declaration."""
 
@@ -67,6 +68,7 @@ class Quotas:
                 control=Account(0),
                 unfinished=Account(0),
                 declarations=Bucket(1, 1),
+                signals=Bucket(1, 1),
                 arrivals=Bucket(1, 1),
             )
             self._resize(user, "user")
@@ -109,7 +111,7 @@ class Quotas:
         return min(wait_ns, int(self.limits.handshake_s * 1e9) // _HANDSHAKE_PART)
 
     def spend(self, now_ns: int, peer: Peer, message: object, records: Sized, out: list[Effect]) -> None:
-        """Count a declaration, a question or a ping; who asks about the graph has it looked through.
+        """Count a control frame; who asks about the graph has it looked through, which counts as well.
 
         `records` are those of the graph. Of a type a guest may know only if he sees an endpoint that has it.
 
@@ -119,6 +121,8 @@ class Quotas:
         """
         kind = type(message)
         if kind not in _COUNTED:
+            if kind is not m.AssertLiveliness:  # which the library says with each sample that busd can't see
+                self._count_signal(now_ns, peer, out)
             return
         tokens, can_refuse = 1, kind not in _WITHOUT_REFUSAL
         if kind in _FOR_THE_GRAPH or (kind is m.GetType and peer.is_guest):
@@ -137,6 +141,14 @@ class Quotas:
         if can_refuse and not peer.user.declarations.has(now_ns, tokens):
             raise _too_often(peer.user, self.limits.declarations_per_s_per_user)
         peer.user.declarations.take(now_ns, tokens)
+
+    def _count_signal(self, now_ns: int, peer: Peer, out: list[Effect]) -> None:
+        wait_ns = 0
+        for signals in (peer.signals, peer.user.signals):
+            signals.take(now_ns, 1)
+            wait_ns = max(wait_ns, signals.owed_ns(now_ns))
+        if wait_ns:
+            self._pause(now_ns, peer, min(wait_ns, self._longest_pause_ns), out)
 
     def check_node(self, peer: Peer) -> None:
         """Raise QuotaExceeded where there is no room for another node."""
@@ -225,6 +237,9 @@ class Quotas:
         rate = limit("declarations_per_s")
         burst = rate + limit("nodes") + limit("matches") // _FEW
         holder.declarations.resize(rate, burst + _DECLARATIONS_PER_ENDPOINT * limit("endpoints"))
+        # A new match of each endpoint may be attached, acknowledged and reported at once.
+        signals = _SIGNALS_PER_DECLARATION * rate
+        holder.signals.resize(signals, signals + limit("matches"))
         if isinstance(holder, User):
             holder.unfinished.limit = limit("queued_bytes")
             most = self.limits.connections_per_user

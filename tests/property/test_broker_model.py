@@ -173,6 +173,8 @@ class Books:
             origin = self.model.publishers[publisher.id]
             # One with a ring misses no number: those that did not come here went by the ring.
             lost, gone = (0, lost) if origin.has_ring else (lost, 0)
+            if origin.elsewhere:  # one that has caught up with somebody sends all from there on
+                lost = gone = 0
             elsewhere = self.model.publish(origin, lost, gone, payloads, self.world.now_ns)
             for subscription in self.model.subscribers_of(origin):
                 self.due[subscription.id] += lost + number

@@ -5,6 +5,7 @@ import gc
 import pytest
 
 from broker_world import ALL_MAY, SECOND, TEXT, UID, Process, Refusal, World, refused
+from bus.qos import QoSProfile
 from bus.wire import messages as m
 from busd.core.limits import Limits
 
@@ -219,6 +220,25 @@ class TestRate:
         self.flood(process, 100)
         assert len(world.pauses) == 2
 
+    def test_who_acknowledges_too_much_is_made_to_wait(self) -> None:
+        """All other control frames are counted too, ten times as many; none of them is refused."""
+        world = self.world()
+        talker, listener = world.process(), world.process()
+        keep_all = QoSProfile(history="keep_all")
+        publisher = talker.publisher("/t", keep_all)
+        subscription = listener.subscription("/t", keep_all)
+        publisher.publish("x")
+        for _ in range(100 + 31):
+            subscription.ack(publisher, 1)
+        assert world.pauses == []
+        for _ in range(50):
+            subscription.ack(publisher, 1)
+        assert world.pauses[-1] == (listener.id, SECOND // 2)
+        world.advance(0.6)
+        world.pauses.clear()
+        subscription.ack(publisher, 1)
+        assert world.pauses == []
+
     def test_a_short_pause_is_no_shelter(self) -> None:
         """A question in the same read, which is to be paid for with a moment, saves nobody the second."""
         world = self.world()
@@ -328,13 +348,12 @@ class TestRate:
                 process.tell(m.GetType(request=number, type_name=TEXT[0], type_hash=TEXT[1]))
             assert len(process.got(m.TypeDescription)) == (10 + 1000 + 4 * 5) // cost
 
-    def test_what_is_no_declaration_does_not_count(self) -> None:
+    def test_samples_and_signs_of_life_do_not_count(self) -> None:
         world = self.world()
         process = world.process()
         publisher = process.publisher("/topic")
-        for number in range(1000):
+        for _ in range(1000):
             process.tell(m.AssertLiveliness(publisher=publisher.id))
-            process.tell(m.Report(endpoint=publisher.id, samples=number, bytes=1))
             publisher.publish("x")
         process.node()
         assert not world.pauses
