@@ -125,10 +125,10 @@ class Node:
     name: str
     namespace: str
     endpoints: "dict[EndpointId, Publisher | Subscription]" = field(default_factory=dict)
+    full_name: str = field(init=False)
 
-    @property
-    def full_name(self) -> str:
-        return f"{self.namespace.rstrip('/')}/{self.name}"
+    def __post_init__(self) -> None:
+        self.full_name = f"{self.namespace.rstrip('/')}/{self.name}"
 
     def record(self) -> NodeRecord:
         return NodeRecord(id=self.id, name=self.name, namespace=self.namespace, pid=self.peer.pid)

@@ -9,7 +9,7 @@ from itertools import count
 
 from bus.ids import EndpointId, NodeId
 from bus.wire.messages import EndpointRecord, GraphChanged, MatchRecord, NodeRecord
-from busd.core.entities import Holder, MessageType, Node, Peer, Publisher, Sharing, Subscription, Topic
+from busd.core.entities import MessageType, Node, Peer, Publisher, Sharing, Subscription, Topic
 
 
 class Graph:
@@ -120,8 +120,7 @@ class Graph:
             if subscription.id in publisher.routed and publisher.gid in subscription.last_seqs:
                 subscription.returned.add(publisher.id)
         self._matches += 1
-        for holder in _holders(publisher, subscription):
-            holder.matches += 1
+        _count_match(publisher, subscription, 1)
         self._matches_added.append(_match_record(publisher, subscription.id))
 
     def begin_routing(self, publisher: Publisher, subscription: Subscription) -> None:
@@ -149,8 +148,7 @@ class Graph:
         last_seq = subscription.end(publisher)
         del publisher.matches[subscription.id], subscription.matches[publisher.id]
         self._matches -= 1
-        for holder in _holders(publisher, subscription):
-            holder.matches -= 1
+        _count_match(publisher, subscription, -1)
         return last_seq
 
     def add_type(self, peer: Peer, kind: MessageType, schema: bytes, *, is_free: bool) -> None:
@@ -232,11 +230,18 @@ class Graph:
                 yield _match_record(publisher, subscription)
 
 
-def _holders(publisher: Publisher, subscription: Subscription) -> set[Holder]:
-    """Whom a match is counted for, each once: guests must not use up what others may have."""
-    ends = publisher.node.peer, subscription.node.peer
-    charged = [peer for peer in ends if peer.is_guest] or ends
-    return {*charged, *(peer.user for peer in charged)}
+def _count_match(publisher: Publisher, subscription: Subscription, number: int) -> None:
+    """Count it for both processes and users, each once; a guest's for the guest alone, who must not use up
+    what others may have."""
+    one, other = publisher.node.peer, subscription.node.peer
+    if one.is_guest is not other.is_guest:
+        one = other = one if one.is_guest else other
+    one.matches += number
+    one.user.matches += number
+    if other is not one:
+        other.matches += number
+        if other.user is not one.user:
+            other.user.matches += number
 
 
 def _match_record(publisher: Publisher, subscription: EndpointId) -> MatchRecord:
