@@ -24,6 +24,7 @@ from bus.qos import QoSProfile
 from bus.transport.stream import Stream
 from bus.wire import messages as m
 from busd.core.broker import Broker
+from busd.core.limits import Limits
 from busd.listener import open_listener
 from busd.peer import PeerConnection
 from busd.server import Server
@@ -65,9 +66,9 @@ class Process:
 
 
 class World:
-    """`shares` says which of the processes share memory."""
+    """`shares` says which of the processes share memory; `limits` are busd's, None: the usual ones."""
 
-    def __init__(self, folder: Path, shares: list[bool]) -> None:
+    def __init__(self, folder: Path, shares: list[bool], limits: Limits | None = None) -> None:
         self.folder = folder
         self.path = folder / "busd.sock"
         self.processes: dict[int, Process] = {}
@@ -76,6 +77,7 @@ class World:
         self.received: dict[int, list[tuple[int, int]]] = {}
         self.model = model.Model()
         self._shares = shares
+        self._limits = limits
         self._ids = 0
         self._is_large: set[int] = set()
 
@@ -94,7 +96,7 @@ class World:
 
     def start_busd(self) -> None:
         self.listener = open_listener(self.path)
-        self.broker = Broker(uid=os.getuid(), pid=os.getpid())
+        self.broker = Broker(self._limits, uid=os.getuid(), pid=os.getpid())
         self.server = Server(self.listener, self.broker)
 
     def stop_busd(self) -> None:

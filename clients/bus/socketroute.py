@@ -100,7 +100,9 @@ class SocketRoute:
 
         One alone always may, whatever its size. May be asked from any thread.
         """
-        if not self._is_windowed or self._budget >= size or not (self._flying or self._from_threads.count):
+        if not self._is_windowed or (self._budget >= size and len(self._parts) < self._full_parts):
+            return True
+        if not (self._flying or self._parts or self._from_threads.count):
             return True
         return self._room() >= size + RECORD_HEAD_BYTES
 
@@ -112,6 +114,8 @@ class SocketRoute:
         link = self._link
         if stamp_ns - link.last_sent_ns < _GATHER_NS:
             room = self._room() if self._is_windowed else RUN_BYTES
+            if self._is_windowed:
+                self._full_parts = 2 * (self.open_samples + max(0, self._samples_left()))
             self._budget = max(0, min(room, RUN_BYTES, self._max_bytes) - size - 2 * RECORD_HEAD_BYTES)
             link.gather(self._owner)
         else:
@@ -314,10 +318,14 @@ class SocketRoute:
 
     def _room(self) -> int:
         """Bytes that may still be taken before somebody takes something."""
-        waiting = self._from_threads
-        if self.next_seq - 1 - self._credited + self.open_samples + waiting.count >= self._window_samples:
+        if self._samples_left() <= 0:
             return 0
-        return self._window_bytes - self._flying_bytes - self.open_bytes - waiting.held_bytes
+        return self._window_bytes - self._flying_bytes - self.open_bytes - self._from_threads.held_bytes
+
+    def _samples_left(self) -> int:
+        """As `_room`, in samples."""
+        taken = self.next_seq - 1 + self.open_samples + self._from_threads.count
+        return self._window_samples - (taken - self._credited)
 
     def _queue_run(self, run: Run) -> None:
         if self._awaited and self._owner.id and 0 < self.queue.depth < self.queue.count + run.count:

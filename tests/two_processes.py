@@ -1,0 +1,48 @@
+"""A busd and two processes, a talker's and a listener's, in one event loop whose time jumps.
+
+def test_it(two: Play) -> None:
+    async def story(world: World) -> None:
+        talker, listener = nodes(world)
+        ...
+        world.block(LISTENER)       it hears nothing more of busd
+    two(story)
+"""
+
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import bus
+from accounts_world import World
+from busd.core.limits import Limits
+from jumping_loop import play
+
+TALKER, LISTENER = 1, 2
+WINDOW = 16
+"""Messages that a publisher that keeps all may be ahead by socket."""
+
+Play = Callable[[Callable[[World], Coroutine[Any, Any, None]]], None]
+
+
+@pytest.fixture
+def two(tmp_path: Path, route: str) -> Play:
+    """Plays a story with these."""
+
+    def two(story: Callable[[World], Coroutine[Any, Any, None]]) -> None:
+        async def tell() -> None:
+            world = World(tmp_path, [route == "shm"] * 2, Limits(keep_all_window_messages=WINDOW))
+            await world.open()
+            try:
+                await story(world)
+            finally:
+                await world.close()
+
+        play(tell)
+
+    return two
+
+
+def nodes(world: World) -> tuple[bus.Node, bus.Node]:
+    return world.processes[TALKER].node, world.processes[LISTENER].node

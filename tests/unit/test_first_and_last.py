@@ -1,0 +1,48 @@
+"""What is published before its readers know of it, and what the window lets through."""
+
+import asyncio
+
+import pytest
+
+from accounts_world import TOPIC, Numbered, World
+from semantics import KEEP_ALL
+from two_processes import LISTENER, WINDOW, Play, nodes, two
+
+__all__ = ["two"]
+
+by_socket = pytest.mark.parametrize("route", ["socket"], indirect=True)
+
+
+def test_all_of_a_new_publisher_is_claimed_also_what_its_first_reader_comes_too_late_for(two: Play) -> None:
+    """It was matched before the first message; its ring has been round many times before it hears of that."""
+
+    async def story(world: World) -> None:
+        talker, listener = nodes(world)
+        subscription = await listener.create_subscription(Numbered, TOPIC, 10)
+        world.block(LISTENER)
+        publisher = await talker.create_publisher(Numbered, TOPIC, 10)
+        for number in range(5000):
+            publisher.publish(Numbered(1, number))
+        await world.unblock_all()
+        await asyncio.sleep(1)  # busd tells a moment later what it has dropped
+        found = subscription.statistics()
+        assert (found.expected, found.queued, sum(found.dropped.values())) == (5000, 10, 4990)
+        assert [taken[0].number for _ in range(10) if (taken := subscription.take())] == [*range(4990, 5000)]
+
+    two(story)
+
+
+@by_socket
+def test_a_flood_within_one_turn_stops_at_the_window(two: Play) -> None:
+    async def story(world: World) -> None:
+        talker, listener = nodes(world)
+        subscription = await listener.create_subscription(Numbered, TOPIC, KEEP_ALL)
+        publisher = await talker.create_publisher(Numbered, TOPIC, KEEP_ALL)
+        for _ in range(3):
+            taken = [publisher.publish(Numbered()) for _ in range(2 * WINDOW)]
+            assert taken == [True] * WINDOW + [False] * WINDOW
+            for _ in range(WINDOW):
+                await subscription.receive()
+            await world.settle()
+
+    two(story)
