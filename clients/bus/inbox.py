@@ -57,6 +57,8 @@ class Inbox(Generic[M]):
         """Taken out of the queue or a ring already, and not given out."""
         self.reader: Any = None
         """Takes out of the rings: `bus.shm`'s Reader, where memory is shared."""
+        self.stamp_ns = 0
+        """Stamp of the sample that `take` had last out of a ring."""
         self._rejected = 0
         self._on_drop = on_drop
         self._on_reject = on_reject
@@ -171,6 +173,8 @@ class Inbox(Generic[M]):
                     self._reject_from_rings()
                 elif not batch:
                     return None
+                if batch:
+                    self.stamp_ns = batch[-1][1]
                 ahead += batch
                 continue
             run = runs[0]

@@ -153,7 +153,8 @@ class Subscription(Endpoint[M]):
     def receive_run(self, run: Run) -> None:
         """A run has come; it is not delivered before `wake`, but for a callback that would lose it."""
         if self.inbox.put(run):
-            self._dispatch()
+            if self._dispatcher is not None and not self._dispatcher.is_async:
+                self._dispatcher.dispatch()
             self.inbox.trim()
 
     def wake(self) -> None:
@@ -294,10 +295,6 @@ class Subscription(Endpoint[M]):
         self.inbox.drain_rings()
         self._link.loop.call_soon(self.wake)  # a publisher that has refused to share did not ring
 
-    def _dispatch(self) -> None:
-        if self._dispatcher is not None and not self._dispatcher.is_async:
-            self._dispatcher.dispatch()
-
     async def _wait(self) -> None:
         if self.refusal is not None:
             raise again(self.refusal)
@@ -313,6 +310,11 @@ class Subscription(Endpoint[M]):
             self.inbox.delivered,
             source.gid if isinstance(source, Source) else b"",
         )
+
+    def _check_deadline(self) -> None:
+        # `wake` does not hear of what the program takes before the doorbell was heard.
+        self._last_ns = max(self._last_ns, min(self.inbox.stamp_ns, monotonic_ns()))  # a stamp may lie
+        super()._check_deadline()
 
     def _unmatch(self, other: int, *, is_lost: bool = False) -> None:
         super()._unmatch(other)
@@ -360,10 +362,8 @@ class Subscription(Endpoint[M]):
             self._link.send_about(self, ack)
 
     def _reject(self, size: int, error: Exception) -> None:
-        self._logger.warning(
-            f"a message of {size} bytes on '{self.topic_name}' is no {self.support.name}: {error}",
-            throttle_duration_sec=5.0,
-        )
+        text = f"a message of {size} bytes on '{self.topic_name}' is no {self.support.name}: {error}"
+        self._logger.warning(text, throttle_duration_sec=5.0)
 
     def _tell_lost(self) -> None:
         callback = self._events.message_lost

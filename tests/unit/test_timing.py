@@ -1,0 +1,134 @@
+"""What the library does by the clock: deadlines, signs of life, acknowledgements, reports.
+
+In a loop whose time jumps (`tests/jumping_loop.py`), so that a time is told from one that is twice as long,
+on any machine.
+"""
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from accounts_world import TOPIC, Numbered, World
+from bus.events import DeadlineMissed, LivelinessChanged, PublisherEvents, SubscriptionEvents
+from bus.qos import QoSProfile
+from semantics import KEEP_ALL
+from two_processes import Play, nodes, two
+
+__all__ = ["two"]
+
+
+def test_a_deadline_is_noticed_at_its_end_on_both_sides(two: Play) -> None:
+    async def story(world: World) -> None:
+        talker, listener = nodes(world)
+        missed: dict[str, list[DeadlineMissed]] = {"publisher": [], "subscription": []}
+        qos = QoSProfile(deadline=1000)
+        subscription = await listener.create_subscription(
+            Numbered, TOPIC, qos, events=SubscriptionEvents(deadline_missed=missed["subscription"].append)
+        )
+        publisher = await talker.create_publisher(
+            Numbered, TOPIC, qos, events=PublisherEvents(deadline_missed=missed["publisher"].append)
+        )
+        for _ in range(3):
+            publisher.publish(Numbered())
+            await subscription.receive()
+            await asyncio.sleep(900)
+        assert missed == {"publisher": [], "subscription": []}
+        await asyncio.sleep(200)
+        assert missed == {"publisher": [DeadlineMissed(1, 1)], "subscription": [DeadlineMissed(1, 1)]}
+        await asyncio.sleep(1000)
+        assert missed == {who: [DeadlineMissed(1, 1), DeadlineMissed(2, 1)] for who in missed}
+
+    two(story)
+
+
+def test_a_publisher_that_is_held_back_hears_soon_of_the_last_one_that_was_taken(two: Play) -> None:
+    """Of a few at a time nothing is said at once; a moment later it is."""
+
+    async def story(world: World) -> None:
+        talker, listener = nodes(world)
+        subscription = await listener.create_subscription(Numbered, TOPIC, KEEP_ALL)
+        publisher = await talker.create_publisher(Numbered, TOPIC, KEEP_ALL)
+        while publisher.publish(Numbered()):
+            pass
+        assert await subscription.receive()
+        await asyncio.sleep(1)
+        assert publisher.publish(Numbered())
+
+    two(story)
+
+
+def test_one_that_says_nothing_keeps_its_place(two: Play) -> None:
+    """For a hundred leases of busd: its signs of life come of themselves, and often enough."""
+
+    async def story(world: World) -> None:
+        talker, listener = nodes(world)
+        matched = list[Any]()
+        events = SubscriptionEvents(matched=matched.append)
+        await listener.create_subscription(Numbered, TOPIC, 10, events=events)
+        await talker.create_publisher(Numbered, TOPIC, 10)
+        await asyncio.sleep(1000)
+        assert [one.current_count for one in matched] == [1]
+
+    two(story)
+
+
+def test_automatic_liveliness_is_kept_up_however_short_its_lease(two: Play) -> None:
+    async def story(world: World) -> None:
+        talker, listener = nodes(world)
+        told = list[LivelinessChanged]()
+        events = SubscriptionEvents(liveliness_changed=told.append)
+        await listener.create_subscription(Numbered, TOPIC, 10, events=events)
+        lively = await talker.create_publisher(Numbered, TOPIC, QoSProfile(liveliness_lease_duration=0.5))
+        await asyncio.sleep(100)
+        assert told == [LivelinessChanged(1, 0, 1, 0)]
+        await lively.close()
+        await asyncio.sleep(1)
+        assert told[1:] == [LivelinessChanged(0, 0, -1, 0)]
+
+    two(story)
+
+
+@pytest.mark.parametrize("sign", ["publish", "assert_liveliness"])
+def test_manual_liveliness_lasts_for_its_lease(two: Play, sign: str) -> None:
+    async def story(world: World) -> None:
+        talker, listener = nodes(world)
+        told, lost = list[LivelinessChanged](), list[Any]()
+        events = SubscriptionEvents(liveliness_changed=told.append)
+        await listener.create_subscription(Numbered, TOPIC, 10, lambda _: None, events=events)
+        qos = QoSProfile(liveliness="manual_by_topic", liveliness_lease_duration=1000)
+        publisher = await talker.create_publisher(
+            Numbered, TOPIC, qos, events=PublisherEvents(liveliness_lost=lost.append)
+        )
+        for _ in range(3):
+            await asyncio.sleep(900)
+            publisher.publish(Numbered()) if sign == "publish" else publisher.assert_liveliness()
+        assert (told, lost) == ([LivelinessChanged(1, 0, 1, 0)], [])
+        await asyncio.sleep(1100)
+        assert (told[1:], len(lost)) == ([LivelinessChanged(0, 1, -1, 1)], 1)
+
+    two(story)
+
+
+def test_the_graph_hears_of_what_was_counted_within_a_second(two: Play) -> None:
+    """Also of what is taken long after it came, and of what is counted after a report."""
+
+    async def story(world: World) -> None:
+        talker, listener = nodes(world)
+        subscription = await listener.create_subscription(Numbered, TOPIC, 10)
+        publisher = await talker.create_publisher(Numbered, TOPIC, 10)
+
+        async def counted() -> tuple[int, int, int]:
+            await asyncio.sleep(1)
+            graph = await listener.graph(statistics=True)
+            (sent,), (got,) = graph.publishers_of(TOPIC), graph.subscriptions_of(TOPIC)
+            assert sent.statistics is not None and got.statistics is not None
+            return sent.statistics.samples, got.statistics.samples, got.statistics.queued
+
+        for number in range(1, 4):
+            publisher.publish(Numbered())
+            assert await counted() == (number, number - 1, 1)
+            assert subscription.take()
+            assert await counted() == (number, number, 0)
+
+    two(story)
