@@ -90,6 +90,20 @@ class TestComingBack:
         assert back.payloads == ["c"]
         assert back.statistics().expected == 1
 
+    @pytest.mark.parametrize("how", ["endpoint", "process"])
+    def test_a_subscription_that_knows_more_and_goes_first(self, how: str) -> None:
+        """The new publisher passes the number up to which it was to be left out, and all others hear it."""
+        world = World()
+        talker, listener = world.process(), world.process()
+        publisher = talker.publisher("/topic", DURABLE)
+        back = listener.node().subscription("/topic", last_seqs={publisher.gid: 2})
+        other = world.process().subscription("/topic")
+        back.destroy() if how == "endpoint" else listener.die()
+        publisher.publish_many("abcd")
+        assert other.payloads == [*"abcd"]
+        assert talker.graph().matches == other.process.graph().matches
+        assert (talker.cut_reason, back.payloads) == (None, [])
+
     @pytest.mark.parametrize("is_back", [True, False])
     def test_what_went_to_others_by_their_rings_meanwhile(self, is_back: bool) -> None:
         """It is lost to one that was there before, and nothing to one that is new."""

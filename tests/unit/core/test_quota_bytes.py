@@ -101,6 +101,33 @@ class TestBytes:
         two.die()
         assert user.history.used == 0
 
+    @pytest.mark.parametrize("what", ["queued", "history"])
+    def test_where_the_one_with_most_can_not_make_room_alone(self, what: str) -> None:
+        """All that it has is what has just come, which is not dropped: then the next one loses its oldest."""
+        world = world_of(**{**TIGHT, "message_bytes": 8000, "keep_all_window_bytes": 8000})
+        kept = QoSProfile(depth=100, durability="transient_local")
+        talker, asker = world.process(uid=OTHER_UID), world.process()
+        if what == "queued":
+            sleepers = [self.sleeper(world, f"/{name}") for name in "ab"]
+            many, long = (talker.publisher(one) for one in ("/a", "/b"))
+        else:
+            many, long = (world.process().publisher(one, kept) for one in ("/a", "/b"))
+        many.publish_many(f"{at:700}" for at in range(6))
+        long.publish("x" * 7900)
+        user = next(one for one in asker.request(m.GetPeers(request=0), m.Peers).users if one.uid == UID)
+        used = user.queued_bytes if what == "queued" else user.history_bytes
+        assert 11_000 < used <= 12_000
+        if what == "queued":
+            for sleeper in sleepers:
+                sleeper.process.unblock()
+            world.carry_out([])
+            got = [one.payloads for one in sleepers]
+        else:
+            got = [asker.subscription(one, kept).payloads for one in ("/a", "/b")]
+        numbers = [int(text) for text in got[0]]
+        assert (numbers, got[1]) == (list(range(6))[-len(numbers) :], ["x" * 7900])
+        assert 0 < len(numbers) < 6
+
     def test_many_queues_lose_a_little_more_at_once(self) -> None:
         world = world_of(**TIGHT)
         process = world.process()
