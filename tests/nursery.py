@@ -66,6 +66,21 @@ class Actor:
         goal, ears = talker.said + more, range(len(self.role.ears))
         until_at_least(goal, lambda: min(self.heard(talker, ear) for ear in ears))
 
+    def hears_out(self, *talkers: "Actor") -> None:
+        """Of a listener: wait until its first ear, which keeps all, has heard what these have promised.
+
+        And until the others have taken or lost as many: a small depth may lose the last of who died first.
+        """
+        for talker in talkers:
+            until_at_least(talker.said, lambda talker=talker: self.heard(talker))
+
+        def look() -> tuple[int, int]:
+            found = self.ask("accounts")
+            totals = [delivered + dropped for delivered, _, dropped in found]
+            return max(totals) - min(totals), sum(queued for _, queued, _ in found)
+
+        until_equal((0, 0), look)
+
     def goes_on(self, messages: int) -> None:
         """Of a talker: wait until it has promised so many more."""
         until_at_least(self.said + messages, lambda: self.said)

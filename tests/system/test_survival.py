@@ -373,8 +373,7 @@ class TestGrowth:
                 moment(0.08)
                 victim.kill()
             for listener in listeners:
-                for talker in talkers:
-                    listener.hears(talker)
+                listener.hears_out(*talkers)
             nursery.look()
             until_alone(*listeners)
             footprint = footprint or Footprint(daemon, *listeners)
