@@ -8,6 +8,7 @@ def test_it(two: Play) -> None:
     two(story)
 """
 
+import asyncio
 from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
@@ -46,3 +47,16 @@ def two(tmp_path: Path, route: str) -> Play:
 
 def nodes(world: World) -> tuple[bus.Node, bus.Node]:
     return world.processes[TALKER].node, world.processes[LISTENER].node
+
+
+async def restart_busd(world: World, *order: int) -> None:
+    """As kill does it; the processes come back one after the other."""
+    for process in world.processes.values():
+        process.gate.clear()
+    world.stop_busd()
+    while any(process.link._connection is not None for process in world.processes.values()):  # noqa: ASYNC110
+        await asyncio.sleep(0)
+    world.start_busd()
+    for number in order:
+        world.processes[number].gate.set()
+        await world.processes[number].ask()

@@ -170,9 +170,10 @@ def _begin_routing(
 ) -> None:
     """From now on runs are queued for the match; first comes the history after `last_seq` (None: nothing)."""
     if publisher.is_lossless and subscription.is_lossless:
-        publisher.acked[subscription.id] = max(
-            publisher.next_seq - 1, publisher.behind.get(subscription.id, 0)
-        )
+        known_seq, last_seq_here = publisher.behind.get(subscription.id, 0), publisher.next_seq - 1
+        publisher.acked[subscription.id] = max(last_seq_here, known_seq)
+        # Of what it has taken already, and the publisher is yet to send here, nothing will be acknowledged.
+        publisher.is_credit_ahead |= known_seq > last_seq_here
     if publisher.lifespan_ns:
         subscription.node.peer.perishable.add(subscription)
     if publisher.history is not None and last_seq is not None:

@@ -1,12 +1,13 @@
-"""What is published before its readers know of it, and what the window lets through."""
+"""What is published before its readers know of it; what the window of one that keeps all lets through."""
 
 import asyncio
 
 import pytest
 
 from accounts_world import TOPIC, Numbered, World
+from bus.qos import QoSProfile
 from semantics import KEEP_ALL
-from two_processes import LISTENER, WINDOW, Play, nodes, two
+from two_processes import LISTENER, TALKER, WINDOW, Play, nodes, restart_busd, two
 
 __all__ = ["two"]
 
@@ -44,5 +45,34 @@ def test_a_flood_within_one_turn_stops_at_the_window(two: Play) -> None:
             for _ in range(WINDOW):
                 await subscription.receive()
             await world.settle()
+
+    two(story)
+
+
+@by_socket
+@pytest.mark.parametrize("durability", ["volatile", "transient_local"])
+@pytest.mark.parametrize("order", [(TALKER, LISTENER), (LISTENER, TALKER)], ids=["talker", "listener"])
+def test_a_full_window_that_was_taken_holds_up_nobody_when_busd_is_back(
+    two: Play, order: tuple[int, int], durability: str
+) -> None:
+    """The word of it died with the busd before, and nothing of it will be taken once more."""
+
+    async def story(world: World) -> None:
+        talker, listener = nodes(world)
+        qos = QoSProfile(history="keep_all", durability=durability)
+        subscription = await listener.create_subscription(Numbered, TOPIC, qos)
+        publisher = await talker.create_publisher(Numbered, TOPIC, qos)
+        for number in range(WINDOW):
+            assert publisher.publish(Numbered(1, number))
+        assert not publisher.publish(Numbered())
+        for number in range(WINDOW):
+            assert (await subscription.receive())[0].number == number
+        await restart_busd(world, *order)
+        await asyncio.sleep(100)
+        for number in range(5 * WINDOW):
+            assert publisher.publish(Numbered(1, number))
+            assert (await subscription.receive())[0].number == number
+            await asyncio.sleep(1)
+        assert subscription.statistics().dropped == {}
 
     two(story)

@@ -183,6 +183,20 @@ class TestLateJoiners:
         late.ack(publisher, 4)
         assert credits(publisher) == [4]
 
+    @pytest.mark.parametrize("known", [2, 3, 9])
+    def test_what_was_taken_before_is_credited_when_it_comes_again(self, known: int) -> None:
+        """From a publisher that a busd before knew, to a subscription that was back first."""
+        world, gid = World(LIMITS), bytes(15) + b"g"
+        back = world.process().subscription("/topic", self.KEPT, last_seqs={gid: known})
+        publisher = world.process().publisher("/topic", self.KEPT, gid=gid)
+        assert credits(publisher) == []
+        publisher.publish(*"abc")
+        assert credits(publisher) == [min(known, 3)]
+        assert [one.seq for one in back.samples] == [*range(known + 1, 4)]
+        publisher.publish(*"defghijk")
+        back.ack(publisher, 11)
+        assert credits(publisher)[-1] == 11
+
 
 class TestDroppedSamples:
     """What busd had to drop can't be taken any more: the publisher must not wait for it for ever."""
