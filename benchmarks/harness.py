@@ -201,24 +201,34 @@ class Group:
         while child.is_running():
             self._wait(deadline, f"{child.name} did not end within {within_s:g} s", child.exit_fd)
 
+    def kill(self, child: Child) -> None:
+        """End a child as a crash would, and reap it."""
+        os.kill(child.pid, signal.SIGKILL)
+        self.let_go(child)
+
     def let_go(self, child: Child) -> None:
         """Reap a child that has ended, long before the others do."""
         self._children.remove(child)
         child.end(monotonic())
 
-    def start_busd(self) -> Child:
-        """A busd of our own, which the children started later find; returns when it listens."""
+    def start_busd(self, program: str = "", *more: str) -> Child:
+        """A busd of our own, which the children started later find; returns when it listens.
+
+        `program`: that of another checkout. `more`: arguments.
+        """
         path, notify = self.folder / "busd.sock", self.folder / "ready"
         self.environ["BUSD_SOCKET"] = str(path)
+        notify.unlink(missing_ok=True)  # of one that was killed
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ready:
             ready.bind(str(notify))
             ready.setblocking(False)
             # Should we be killed, it leaves by itself once the clients have gone.
-            arguments = ("-m", "busd", "--log-level", "warn", "--idle-exit", str(START_S))
+            command = (program,) if program else (sys.executable, "-m", "busd")
             child = self.start(
                 "busd",
-                sys.executable,
-                *arguments,
+                *command,
+                *("--log-level", "warn", "--idle-exit", str(START_S)),
+                *more,
                 environ={"NOTIFY_SOCKET": str(notify)},
                 stop_signal=signal.SIGTERM,
             )

@@ -226,7 +226,10 @@ def goal(one: Comparison) -> str:
 
 
 def _tables(section: Section) -> list[str]:
-    """The table, cut into as many as WIDTH asks for, each with the names of its rows."""
+    """The table, cut into as many as WIDTH asks for, each with the names of its rows.
+
+    Where it is cut, a part has no rows without a figure in it.
+    """
     names = [row.name for row in section.rows]
     first = ["median (min - max)", *names]
     in_full = section.headings()
@@ -238,10 +241,11 @@ def _tables(section: Section) -> list[str]:
             parts.append([first])
             cells[0] = in_full[column.key]
         parts[-1].append(cells)
-    return [
-        table([cells[0] for cells in part], zip(*(cells[1:] for cells in part), strict=True))
-        for part in parts
-    ]
+    lines = [list(zip(*part, strict=True)) for part in parts]
+    if len(parts) > 1:  # rows may be of several kinds, each with columns of its own
+        lines = [[head, *(line for line in rest if set(line[1:]) != {"-"})] for head, *rest in lines]
+        lines = [part for part in lines if len(part) > 1]
+    return [table(head, rest) for head, *rest in lines]
 
 
 def _names_unit(heading: str) -> bool:

@@ -101,6 +101,11 @@ def _serve_bus(group: Group, module: str) -> list[Child]:
     return [group.start_busd()]
 
 
+def with_busd(system: System, program: str) -> System:
+    """`system` with the busd of another checkout; that of ours where `program` is empty."""
+    return system._replace(serve=lambda group, module: [group.start_busd(program)])
+
+
 def _serve_relay(group: Group, module: str) -> list[Child]:
     relay = group.start_python("relay", "-m", module, "relay", "{}")
     group.expect(relay, "ready", within_s=START_S)

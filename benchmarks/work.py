@@ -26,7 +26,8 @@ class Work(msgspec.Struct, frozen=True, kw_only=True):
     that count. `publish_by` and `take_by` choose between the ways in which a system can be used. For
     `busy_poll_s` after each message the subscriber looks for the next one without sleeping, where it can.
     `gives_turns`: the publisher is a program of asyncio, whose loop gets a turn after each paced message.
-    `subscribers`: so many processes get every message.
+    `subscribers`: so many processes get every message. Of a paced stream of small ones `depth` bounds how far
+    a process may be behind without a loss. `topic` is for measurements of several pairs on one bus.
     """
 
     size: int
@@ -38,6 +39,8 @@ class Work(msgspec.Struct, frozen=True, kw_only=True):
     busy_poll_s: float = 0.0
     gives_turns: bool = True
     subscribers: int = 1
+    depth: int = 1000
+    topic: str = TOPIC
 
     @property
     def total(self) -> int:

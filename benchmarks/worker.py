@@ -51,7 +51,8 @@ class Parent:
 
 def tell(event: str, **values: Any) -> None:
     """Report `event` to the process that started us."""
-    print(json.dumps({"event": event, **values}), flush=True)
+    sys.stdout.write(json.dumps({"event": event, **values}) + "\n")  # in one piece: forks may tell, too
+    sys.stdout.flush()
 
 
 def run(main: Callable[[Parent], Awaitable[None]], *, life_s: int = LIFE_S) -> None:

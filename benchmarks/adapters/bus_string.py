@@ -9,13 +9,12 @@ from typing import Any
 
 import bus
 from benchmarks.adapters.roles import LAST, Stamps, stamped
-from benchmarks.work import AT_ONCE, TOPIC, Work, pace, text_of
+from benchmarks.work import AT_ONCE, Work, pace, text_of
 from benchmarks.worker import Parent, options, run
 from bus.msg.std_msgs import String
 
 LARGE = 1 << 16
 """Bytes from which on a publisher waits for who is behind, and does not keep many messages for it."""
-_DEPTH = 1000
 _TURN = 64
 """Messages that may be lost are published so many at a time, and then the event loop gets a turn."""
 
@@ -26,13 +25,13 @@ def _qos(work: Work) -> bus.QoSProfile:
     if not work.rate or work.size >= LARGE:
         return bus.QoSProfile(history="keep_all")
     # So many that a process which the scheduler forgets for a while loses none.
-    return bus.QoSProfile(depth=_DEPTH)
+    return bus.QoSProfile(depth=work.depth)
 
 
 async def publisher(parent: Parent) -> None:
     work: Work = options(Work)
     async with bus.Node("bench_publisher") as node:
-        pub = await node.create_publisher(String, TOPIC, _qos(work))
+        pub = await node.create_publisher(String, work.topic, _qos(work))
         await pub.wait_for_subscriptions(work.subscribers)
         if work.publish_by == AT_ONCE:
             pub.publish(String(data=stamped(work)))
@@ -126,7 +125,7 @@ async def _take_flood(parent: Parent, node: bus.Node, work: Work) -> None:
             reached.set()
 
     by_callback = work.take_by == "callback"
-    sub = await node.create_subscription(String, TOPIC, _qos(work), count if by_callback else None)
+    sub = await node.create_subscription(String, work.topic, _qos(work), count if by_callback else None)
     parent.tell("ready")
     for event, number in (("warm", work.warm_up), ("received", work.count)):
         left = number
@@ -153,7 +152,7 @@ async def _take_to_the_last(parent: Parent, node: bus.Node, work: Work) -> None:
             parent.tell("received", end_ns=monotonic_ns(), count=count)
             ended.set()
 
-    await node.create_subscription(String, TOPIC, _qos(work), take)
+    await node.create_subscription(String, work.topic, _qos(work), take)
     parent.tell("ready")
     await ended.wait()
 
@@ -172,11 +171,11 @@ async def _take_paced(parent: Parent, node: bus.Node, work: Work) -> None:
 
     ways: Any = {"busy_poll": work.busy_poll_s, "events": bus.SubscriptionEvents(message_lost=fail)}
     if work.take_by == "callback":
-        await node.create_subscription(String, TOPIC, _qos(work), note, **ways)
+        await node.create_subscription(String, work.topic, _qos(work), note, **ways)
         parent.tell("ready")
         await complete.wait()
     else:
-        sub = await node.create_subscription(String, TOPIC, _qos(work), **ways)
+        sub = await node.create_subscription(String, work.topic, _qos(work), **ways)
         parent.tell("ready")
         async for message in sub:
             note(message)

@@ -1,0 +1,224 @@
+"""A client of docs/protocol.md without manners, which knows nothing of busd's own code.
+
+    with Client() as client:                    has said Hello
+        node = client.node()
+        number = client.publisher(endpoint(node, "/t"))
+        client.write(run(number, 1, 1, records([b"..."])))
+        client.barrier()                        busd has handled all that was sent; what came is forgotten
+
+Raises OSError: ConnectionError where busd cuts it off, TimeoutError where busd says nothing for long.
+"""
+
+import array
+import os
+import socket
+import struct
+from collections.abc import Iterable, Iterator
+from itertools import count
+from time import monotonic, monotonic_ns, sleep
+from typing import Any, Self
+
+import msgspec
+
+Fields = dict[str, Any]
+
+CONTROL, DATA = 1, 2
+QOS: Fields = {
+    "depth": 10,
+    "history": "keep_last",
+    "reliability": "reliable",
+    "durability": "volatile",
+    "deadline": None,
+    "lifespan": None,
+    "liveliness": "automatic",
+    "liveliness_lease_duration": None,
+}
+TYPE: Fields = {"type_name": "hostile/msg/Bytes", "type_hash": "none"}
+
+_TIMEOUT_S = 20.0
+_AGAIN_S = 0.005
+_READ_BYTES = 1 << 18
+_LENGTH_BYTES = 4
+_HEAD = struct.Struct("<IBBH")
+_RUN_HEAD = struct.Struct("<IBBHIIQII")
+_RECORD_HEAD = struct.Struct("<Iq")
+_gids = count(1)
+
+
+def control(tag: str, **fields: Any) -> bytes:
+    """A control frame."""
+    body = msgspec.msgpack.encode({"m": tag, **fields})
+    return _HEAD.pack(_HEAD.size - _LENGTH_BYTES + len(body), CONTROL, 0, 0) + body
+
+
+def records(payloads: Iterable[bytes]) -> bytes:
+    """What is in a run: these samples, stamped now."""
+    now_ns = monotonic_ns()
+    return b"".join(_RECORD_HEAD.pack(len(payload), now_ns) + payload for payload in payloads)
+
+
+def run(publisher: int, first_seq: int, samples: int, body: bytes) -> bytes:
+    """A data frame of so many `samples`, whose records are `body`."""
+    length = _RUN_HEAD.size - _LENGTH_BYTES + len(body)
+    return _RUN_HEAD.pack(length, DATA, 0, 0, publisher, 0, first_seq, samples, 0) + body
+
+
+def endpoint(node: int, topic: str, qos: Fields | None = None, **changes: Any) -> Fields:
+    """The fields of a declaration, but for its request's number."""
+    gid = struct.pack("<QQ", os.getpid(), next(_gids))
+    return {"node": node, "topic": topic, **TYPE, "qos": {**QOS, **(qos or {})}, "gid": gid, **changes}
+
+
+def _connect(client: socket.socket) -> None:
+    """While more come than busd takes in, the kernel refuses without waiting."""
+    end_s = monotonic() + _TIMEOUT_S
+    while True:
+        try:
+            client.connect(os.environ["BUSD_SOCKET"])
+            return
+        except BlockingIOError:
+            if monotonic() > end_s:
+                raise
+            sleep(_AGAIN_S)
+
+
+class Client:
+    """One connection."""
+
+    def __init__(self) -> None:
+        self.socket = socket.socket(socket.AF_UNIX)
+        self._buffer, self._at = bytearray(), 0
+        self._requests = count(1)
+        try:
+            self.socket.settimeout(_TIMEOUT_S)
+            _connect(self.socket)
+            self.write(control("hello", version=1, pid=os.getpid(), program="hostile"))
+            self._expect("hello")
+        except BaseException:
+            self.socket.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self.socket.close()
+
+    def fileno(self) -> int:
+        return self.socket.fileno()
+
+    # --- out
+
+    def write(self, data: bytes) -> None:
+        """All of it; waits until there is room."""
+        self.socket.sendall(data)
+
+    def write_some(self, data: bytes | memoryview) -> int:
+        """As much as the socket takes at once."""
+        try:
+            return self.socket.send(data, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return 0
+
+    def send(self, tag: str, **fields: Any) -> None:
+        self.write(control(tag, **fields))
+
+    def carry(self, data: bytes, *descriptors: int) -> None:
+        """A frame with descriptors."""
+        rights = array.array("i", descriptors)
+        self.socket.sendmsg([data], [(socket.SOL_SOCKET, socket.SCM_RIGHTS, rights)])
+
+    # --- in
+
+    def forget(self, limit: int = _READ_BYTES) -> int:
+        """Read what is there, `limit` bytes at most, and look at nothing; returns how much it was.
+
+        Who forgets something can understand nothing that comes later.
+        """
+        try:
+            size = len(self.socket.recv(limit, socket.MSG_DONTWAIT))
+        except BlockingIOError:
+            return 0
+        if not size:
+            raise ConnectionResetError("busd has ended the connection")
+        return size
+
+    def barrier(self) -> None:
+        """Wait until busd has handled all that was sent, and pass over all that it said meanwhile."""
+        self.send("ping", number=1)
+        self._expect("pong")
+
+    def ask(self, *requests: tuple[str, Fields]) -> list[Fields]:
+        """All of them at once; returns the answers, in order. What else comes is passed over."""
+        numbers = [next(self._requests) for _ in requests]
+        pairs = zip(numbers, requests, strict=True)
+        self.write(b"".join(control(tag, request=number, **fields) for number, (tag, fields) in pairs))
+        return self.answers(numbers)
+
+    def answers(self, numbers: list[int]) -> list[Fields]:
+        """Those to the requests of these numbers, in order. What else comes is passed over."""
+        waiting, answers = set(numbers), dict[int, Fields]()
+        for body in self._bodies():
+            message = msgspec.msgpack.decode(body)
+            if message["m"] == "fault":
+                raise ConnectionResetError(message["text"])
+            if (number := message.get("request")) in waiting:
+                answers[number] = message
+                if len(answers) == len(numbers):
+                    break
+        return [answers[number] for number in numbers]
+
+    def _expect(self, tag: str) -> None:
+        mark = msgspec.msgpack.encode(tag)  # most that comes need not be decoded
+        for body in self._bodies():
+            if mark in body and msgspec.msgpack.decode(body)["m"] == tag:
+                return
+
+    def _bodies(self) -> Iterator[bytearray]:
+        """Those of control frames, as they come; the rest of what is read waits for the next one who asks.
+
+        Descriptors that come with them are closed by the kernel, as there is no room for them.
+        """
+        while True:
+            while len(self._buffer) - self._at >= _HEAD.size:
+                length, kind, _, _ = _HEAD.unpack_from(self._buffer, self._at)
+                begin, end = self._at + _HEAD.size, self._at + _LENGTH_BYTES + length
+                if end > len(self._buffer):
+                    break
+                self._at = end
+                if kind == CONTROL:
+                    yield self._buffer[begin:end]
+            del self._buffer[: self._at]
+            self._at = 0
+            data = self.socket.recv(_READ_BYTES)
+            if not data:
+                raise ConnectionResetError("busd has ended the connection")
+            self._buffer += data
+
+    # --- what most begin with
+
+    def node(self, name: str = "hostile", **kind: str) -> int:
+        """Declare a node and a type (`TYPE` unless it is given); returns the node's id."""
+        self.send("type", **{**TYPE, **kind}, schema=b"\xc0")
+        (answer,) = self.ask(("node+", {"name": name, "namespace": "/"}))
+        return self._id(answer)
+
+    def publisher(self, fields: Fields) -> int:
+        """Declare a publisher, of the fields of `endpoint`; returns its id."""
+        (answer,) = self.ask(("pub+", fields))
+        return self._id(answer)
+
+    def subscription(self, fields: Fields) -> int:
+        """Declare a subscription, of the fields of `endpoint`; returns its id."""
+        (answer,) = self.ask(("sub+", fields))
+        return self._id(answer)
+
+    @staticmethod
+    def _id(answer: Fields) -> int:
+        """Raises ConnectionRefusedError where it was refused."""
+        if answer["m"] != "created":
+            raise ConnectionRefusedError(answer["text"])
+        return int(answer["id"])
