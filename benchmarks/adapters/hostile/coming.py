@@ -90,16 +90,17 @@ def garbage(attack: Attack, tally: Tally) -> None:
     chance = random.Random(1)
     held: list[socket.socket] = []
     for number in count():
-        with contextlib.suppress(OSError):
-            client = socket.socket(socket.AF_UNIX)
-            client.settimeout(_TIMEOUT_S)
-            with client:
-                client.connect(os.environ["BUSD_SOCKET"])
-                if _insult(client, number % 6, chance):
-                    held.append(client.dup())
+        is_in = False
+        client = socket.socket(socket.AF_UNIX)
+        client.settimeout(_TIMEOUT_S)
+        with client, contextlib.suppress(OSError):
+            client.connect(os.environ["BUSD_SOCKET"])
+            is_in = True
+            if _insult(client, number % 6, chance):
+                held.append(client.dup())
         if len(held) > _HELD:
             held.pop(0).close()
-        if not tally.add(1):
+        if not tally.add(is_in, not is_in):
             return
 
 
