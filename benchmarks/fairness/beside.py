@@ -16,8 +16,10 @@ from benchmarks.work import Arrivals, Work
 
 RATE = 1000.0
 _WARM_UP = 100
-_DEPTH = 20_000
+_DEPTH_BY_SOCKET = 20_000
 """So many that busd may stand still for long, and the pair by socket still tells for how long."""
+_DEPTH_BY_MEMORY = 400
+"""So few that the ring need not grow: its readers hear from busd of one that does."""
 _ADAPTER = "benchmarks.adapters.hostile"
 _PREFIXES = {BUS_SOCKET.name: "socket_", BUS.name: "shm_"}
 
@@ -25,9 +27,16 @@ _PREFIXES = {BUS_SOCKET.name: "socket_", BUS.name: "shm_"}
 def pairs(seconds: float) -> list[tuple[System, Work]]:
     """The pair by socket, and the one by shared memory where there is such a thing, for half as long."""
     work = Work(size=64, count=int(RATE * seconds), warm_up=_WARM_UP, rate=RATE, take_by=BUS.takes_by)
-    found = [(BUS_SOCKET, msgspec.structs.replace(work, topic="by_socket", depth=_DEPTH))]
+    found = [(BUS_SOCKET, msgspec.structs.replace(work, topic="by_socket", depth=_DEPTH_BY_SOCKET))]
     if not BUS.missing():
-        found.append((BUS, msgspec.structs.replace(work, topic="by_memory", count=work.count // 2)))
+        found.append(
+            (
+                BUS,
+                msgspec.structs.replace(
+                    work, topic="by_memory", depth=_DEPTH_BY_MEMORY, count=work.count // 2
+                ),
+            )
+        )
     return found
 
 

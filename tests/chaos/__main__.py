@@ -8,10 +8,13 @@ import tempfile
 import time
 from pathlib import Path
 
+from chaos import cgroup
+from chaos.deeds import LEASE_S
 from chaos.director import Broker, Director, Failed
-from chaos.plan import LEASE_S, Plan
+from chaos.plan import Plan
 from chaos.report import Tally
 from chaos.stage import Stage
+from chaos.stories import CGROUP, STORIES
 
 
 def main() -> int:
@@ -19,13 +22,24 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=60, help="how long (default 60)")
     parser.add_argument("--seed", type=int, default=0, help="repeats the faults of a run (default: another)")
     parser.add_argument("--folder", type=Path, help="where logs are left (default: a temporary folder)")
+    parser.add_argument(
+        "--without",
+        action="append",
+        choices=STORIES,
+        default=[],
+        help="leave out this story (can be repeated)",
+    )
     args = parser.parse_args()
     seed = args.seed or time.time_ns() % 1_000_000_000
     print(f"chaos for {args.seconds:g} s, seed {seed}", flush=True)
+    stories = set(STORIES).difference(args.without)
+    if CGROUP in stories and (reason := cgroup.why_not()):
+        print(f"nobody in a memory cgroup: {reason}", flush=True)
+        stories.discard(CGROUP)
     folder = args.folder or Path(tempfile.mkdtemp(prefix="chaos-"))
     tally = Tally(seed)
     try:
-        _run(folder, args.seconds, tally)
+        _run(folder, args.seconds, frozenset(stories), tally)
     except Failed as failure:
         _explain(folder, tally, failure)
         return 1
@@ -40,7 +54,7 @@ def main() -> int:
     return status
 
 
-def _run(folder: Path, time_s: float, tally: Tally) -> None:
+def _run(folder: Path, time_s: float, stories: frozenset[str], tally: Tally) -> None:
     place = folder / "socket"  # not bus: its processes run in the folder, and would import that
     place.mkdir(parents=True, exist_ok=True)
     path = place / "busd.sock"
@@ -56,7 +70,7 @@ def _run(folder: Path, time_s: float, tally: Tally) -> None:
     daemon = Broker(path, "--config", str(config))
     try:
         with Stage(folder, environment) as stage:
-            director = Director(Plan(tally.seed), stage, daemon, tally)
+            director = Director(Plan(tally.seed, stories), stage, daemon, tally)
             director.run(time_s)
             director.end()
     finally:

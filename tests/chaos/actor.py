@@ -26,6 +26,7 @@ import bus
 from bus.logger import TOP_NAME
 from bus.runner import loop_factory
 from bus.typesupport import type_support
+from chaos import cgroup
 from chaos.proxy import Proxy
 from chaos.roles import Ear, EarLook, Heard, Look, Parcel, Role, Talker, checksum
 from survivors import Ledger
@@ -179,7 +180,8 @@ class Actor:
             case "rest":
                 if self._proxy is not None:
                     self._proxy.spare()
-                return {number: await one.rest() for number, one in self._speaking.items()}
+                totals = await asyncio.gather(*(one.rest() for one in self._speaking.values()))
+                return dict(zip(self._speaking, totals, strict=True))
             case "speak":
                 for one in self._speaking.values():
                     await one.speak_once()
@@ -304,6 +306,8 @@ def _proxy(name: str) -> Proxy:
 
 
 def _limit(role: Role) -> None:
+    if role.cgroup:
+        cgroup.enter(Path(role.cgroup))
     if role.files:
         used = max(int(entry.name) for entry in Path("/proc/self/fd").iterdir())
         _set_limit(resource.RLIMIT_NOFILE, used + 1 + role.files)

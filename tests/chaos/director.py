@@ -10,23 +10,21 @@ import subprocess
 import time
 from collections import Counter
 from collections.abc import Callable
-from pathlib import Path
 
 from bus.cli.query import Query
 from bus.errors import BusError
-from chaos import judge, plan
+from chaos import deeds, judge
+from chaos.footprint import Footprint
+from chaos.leaver import Leaver
+from chaos.plan import Plan
 from chaos.report import Tally
 from chaos.roles import Ear, Look, Role, Talker
 from chaos.stage import PATIENCE_S, Actor, Gone, Stage
 from conftest import Daemon
-from nursery import holdings, private_bytes
 
 STORM_S = 4.0
 GRAPH_S = 10.0
 """The graph is to be true within a second; a machine that stalls for a few shall not fail the run."""
-MOST_GROWTH_BYTES = 48 << 20
-"""Memory that a process may hold beyond what it held before the storms: what allocators keep of a few
-messages of 4 MiB, encoded, decoded and waiting."""
 
 _LOOK_S = 0.05
 _QUIET_S = 0.1
@@ -50,7 +48,7 @@ class Failed(Exception):
 
 
 class Director:
-    def __init__(self, written: plan.Plan, stage: Stage, daemon: Broker, tally: Tally) -> None:
+    def __init__(self, written: Plan, stage: Stage, daemon: Broker, tally: Tally) -> None:
         self._plan = written
         self._stage = stage
         self._daemon = daemon
@@ -61,6 +59,9 @@ class Director:
         self._deaths = 0
         self._asleep_s: Counter[str] = Counter()  # in the present storm
         self._stopped: dict[str, float] = {}  # since when
+        self._dozing: set[str] = set()  # stopped, and connected until then since the last calm
+        self._leaving: dict[str, Leaver] = {}
+        self._is_broker_stopped = False
         self._cuts: dict[str, int] = {}
         self._baseline: dict[str, Footprint] = {}
 
@@ -88,7 +89,7 @@ class Director:
 
     # --- a storm
 
-    def _storm(self, script: plan.Script) -> None:
+    def _storm(self, script: deeds.Script) -> None:
         self._order_all("go")
         self._asleep_s.clear()
         begin = time.monotonic()
@@ -97,50 +98,74 @@ class Director:
                 break
             while (left_s := begin + at_s - time.monotonic()) > 0:
                 self._look_at_faults()
+                self._look_at_leavers()
                 time.sleep(min(left_s, _LOOK_S))
             if deed is not None:
                 with contextlib.suppress(Gone):
                     self._do(deed)
 
-    def _do(self, deed: plan.Deed) -> None:
+    def _do(self, deed: deeds.Deed) -> None:
         self._stage.note(repr(deed))
         match deed:
-            case plan.Enter(role):
+            case deeds.Enter(role):
                 self._enter(role).order("go")
-            case plan.Kill(name):
+            case deeds.Kill(name):
                 self._kill(name)
-            case plan.Stop(name):
-                self._stage.actors[name].signal(signal.SIGSTOP)
-                self._stopped[name] = time.monotonic()
-            case plan.Resume(name):
+            case deeds.Leave(name):
+                self._leaving[name] = Leaver(self._stage.actors[name])
+            case deeds.Stop(name):
+                self._stop(name)
+            case deeds.Doze(name):
+                actor = self._stage.actors[name]
+                if not self._is_broker_stopped:
+                    actor.ask("settle")
+                    if actor.look().losses == self._scene.losses[name]:
+                        self._dozing.add(name)
+                self._stop(name)
+            case deeds.Resume(name):
                 self._resume(name)
-            case plan.Nap(name, time_s):
+            case deeds.Nap(name, time_s):
                 self._asleep_s[name] += time_s
                 self._stage.actors[name].order("nap", time_s)
-            case plan.Remake(name, old, new):
+            case deeds.Remake(name, old, new):
                 actor = self._stage.actors[name]
                 actor.order("end", old)
                 actor.order("make", new)
                 self._ears.pop(old, None)
                 self._know(new, name)
-            case plan.Cut(name, after_bytes, seed):
+            case deeds.Cut(name, after_bytes, seed):
                 self._stage.actors[name].order("cut", (after_bytes, seed))
-            case plan.KillBroker():
+            case deeds.KillBroker():
                 self._daemon.kill()
                 self._deaths += 1
-            case plan.StartBroker():
+            case deeds.StartBroker():
                 self._daemon.restart()
-            case plan.RestartBroker():
+            case deeds.RestartBroker():
                 self._daemon.stop()
                 self._deaths += 1
                 self._daemon.restart()
-            case plan.StopBroker():
+            case deeds.StopBroker():
                 self._daemon.process.send_signal(signal.SIGSTOP)
-            case plan.ResumeBroker():
+                self._is_broker_stopped = True
+            case deeds.ResumeBroker():
                 self._daemon.process.send_signal(signal.SIGCONT)
+                self._is_broker_stopped = False
         self._tally.deeds[type(deed).__name__] += 1
 
+    def _look_at_leavers(self) -> None:
+        """Who has left, while those that doze were still connected? Who sleeps can't connect anew."""
+        for leaver in self._leaving.values():
+            if leaver.is_seen or self._is_broker_stopped or not leaver.has_ended():
+                continue
+            with contextlib.suppress(BusError):  # busd may be away
+                there = {node[0] for node in self._graph() if len(node) == 1}
+                if leaver.name not in there:  # busd has heard all of it
+                    leaver.is_seen, leaver.witnesses = True, frozenset(self._dozing & there)
+                    self._tally.farewells += len(leaver.witnesses)
+
     def _look_at_faults(self) -> None:
+        if self._stage.starved:
+            raise Failed("where a cgroup's memory ends, nobody is killed", self._stage.starved)
         if faults := self._stage.faults():
             raise Failed("what arrives is whole, in order, and arrives once", faults)
 
@@ -148,7 +173,11 @@ class Director:
 
     def _calm(self) -> None:
         self._stage.note("calm")
+        self._look_at_leavers()
         self._awake()
+        for name, leaver in self._leaving.items():
+            leaver.close()
+            self._leave(name)
         for name, actor in tuple(self._stage.actors.items()):
             if actor.role.is_limited:
                 self._kill(name)  # it may be waiting for what it can't have
@@ -173,6 +202,7 @@ class Director:
                 self._leave(name)
         self._check_footprints()
         self._look_at_faults()
+        self._leaving.clear()
         self._talkers = {n: pair for n, pair in self._talkers.items() if pair[1] in self._stage.actors}
         self._ears = {n: pair for n, pair in self._ears.items() if pair[1] in self._stage.actors}
 
@@ -192,18 +222,24 @@ class Director:
     def _awake(self) -> None:
         for name in self._stage.actors:
             self._resume(name)
+        self._is_broker_stopped = False
         if self._daemon.process.poll() is None:
             self._daemon.process.send_signal(signal.SIGCONT)
         else:
             self._daemon.restart()
 
+    def _stop(self, name: str) -> None:
+        self._stage.actors[name].signal(signal.SIGSTOP)
+        self._stopped[name] = time.monotonic()
+
     def _resume(self, name: str) -> None:
+        self._dozing.discard(name)
         if name in self._stage.actors and name in self._stopped:
             self._asleep_s[name] += time.monotonic() - self._stopped.pop(name)
             self._stage.actors[name].signal(signal.SIGCONT)
 
     def _look(self) -> judge.Scene:
-        sleepers = {name for name, time_s in self._asleep_s.items() if time_s > plan.LEASE_S / 2}
+        sleepers = {name for name, time_s in self._asleep_s.items() if time_s > deeds.LEASE_S / 2}
         scene = judge.Scene(deaths=self._deaths, sleepers=sleepers)
         for name, actor in tuple(self._stage.actors.items()):
             look = self._told(actor)
@@ -216,7 +252,10 @@ class Director:
                 scene.ears[number] = (self._ears[number][0], name, ear)
         for number, (talker, name) in self._talkers.items():
             if number not in scene.talkers:
-                scene.talkers[number] = judge.Said(talker, name, *self._stage.published(number), lives=False)
+                witnesses = self._leaving[name].witnesses if name in self._leaving else frozenset[str]()
+                scene.talkers[number] = judge.Said(
+                    talker, name, *self._stage.published(number), lives=False, witnesses=witnesses
+                )
         return scene
 
     def _is_away(self) -> list[str]:
@@ -231,13 +270,9 @@ class Director:
 
         def wrong() -> list[str]:
             try:
-                with Query(self._daemon.path, may_start=False) as query:
-                    graph = query.graph()
+                found = self._graph()
             except BusError as error:
                 return [str(error)]
-            found: Counter[tuple[str, ...]] = Counter((node.name,) for node in graph.nodes)
-            for one in (*graph.publishers, *graph.subscriptions):
-                found[one.node.name, one.kind, one.topic] += 1
             return [
                 *(f"the graph lacks {' '.join(what)}" for what in truth - found),
                 *(f"the graph has {' '.join(what)}, which is no more" for what in found - truth),
@@ -246,6 +281,15 @@ class Director:
         quiet = time.monotonic()
         self._until_right("the graph equals the truth", wrong, GRAPH_S)
         self._tally.graph_s.append(time.monotonic() - quiet)
+
+    def _graph(self) -> Counter[tuple[str, ...]]:
+        """Nodes, and endpoints with their kind and topic. Raises BusError."""
+        with Query(self._daemon.path, may_start=False) as query:
+            graph = query.graph()
+        found: Counter[tuple[str, ...]] = Counter((node.name,) for node in graph.nodes)
+        for one in (*graph.publishers, *graph.subscriptions):
+            found[one.node.name, one.kind, one.topic] += 1
+        return found
 
     def _check_history(self, scene: judge.Scene) -> None:
         role = self._plan.visitor()
@@ -278,7 +322,7 @@ class Director:
 
         self._until_right("nothing grows", wrong)
 
-    def _footprints(self) -> dict[str, "Footprint"]:
+    def _footprints(self) -> dict[str, Footprint]:
         pids = {name: actor.pid for name, actor in self._stage.actors.items()}
         return {name: Footprint(pid) for name, pid in {"busd": self._daemon.pid, **pids}.items()}
 
@@ -343,23 +387,3 @@ class Director:
             self._tally.dropped.update(look.dropped)
             if then is not None:
                 self._tally.dropped.subtract(then.dropped)
-
-
-class Footprint:
-    """What a process holds: descriptors and mappings by kind, threads, memory of its own."""
-
-    def __init__(self, pid: int) -> None:
-        found = holdings(pid)  # without files of the test, which have other names each time
-        self.holdings = Counter({what: n for what, n in found.items() if not what.endswith(".ledger")})
-        status = Path(f"/proc/{pid}/status").read_text()
-        self.threads = int(status.partition("Threads:")[2].split()[0])
-        self.memory_bytes = private_bytes(pid)
-
-    def beyond(self, before: "Footprint") -> list[str]:
-        """What it holds more than `before`."""
-        more = [f"has {count} {what} more" for what, count in (self.holdings - before.holdings).items()]
-        if self.threads > before.threads:
-            more.append(f"has {self.threads} threads, had {before.threads}")
-        if (grown := self.memory_bytes - before.memory_bytes) > MOST_GROWTH_BYTES:
-            more.append(f"has grown by {grown >> 20} MiB")
-        return more

@@ -6,6 +6,8 @@ all processes that live are awake. The accounts are closed from one scene to the
 - A pair of a talker and an ear that was matched before the storm and whose two ends lived through it is
   *steady*. What is published in it is delivered, or dropped with a reason. busd may have died meanwhile, any
   number of times.
+- A talker that came in the storm and left in order, while the ear was connected to a busd that lived, owes
+  as much, also where the ear was cut off later: what waited for it then has a reason.
 - Of other pairs the ear accounts for what it got at least, and for what was published at most: where one of
   the two came, went or died, or where its own connection broke while busd lived, by a cut or at the end of
   its lease. Then it has left, and come back as another.
@@ -33,6 +35,8 @@ class Said:
     least: int
     most: int
     lives: bool = True
+    witnesses: frozenset[str] = frozenset()
+    """Actors that were connected from its begin to its end, which came before the quiet moment."""
 
 
 @dataclass
@@ -93,9 +97,9 @@ def _accounts(before: Scene, now: Scene) -> Iterator[str]:
             known = before.talkers.get(said.talker.number)
             upper = said.most - (known.most if known else 0)
             is_steady = _is_steady(before, now, said, actor)
-            least += upper if is_steady else got
+            least += upper if is_steady or actor in said.witnesses else got
             most += upper
-            if _is_by_socket(now, said, actor):
+            if now.deaths > before.deaths and _is_by_socket(now, said, actor):
                 is_unsure |= any(_losses(before, now, name) for name in (said.actor, actor))
             parts.append(f"{_name(said)}{'' if is_steady else ' (not steady)'}: {got} of {upper}")
         got = look.delivered - then.delivered

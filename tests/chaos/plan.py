@@ -6,106 +6,32 @@ Pure: the same seed gives the same plan. What comes of it, the scheduler decides
 import random
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import TypeAlias
 
 from msgspec.structs import replace
 
+from chaos.deeds import (
+    LEASE_S,
+    Cut,
+    Deed,
+    Enter,
+    Kill,
+    KillBroker,
+    Leave,
+    Nap,
+    Remake,
+    RestartBroker,
+    Resume,
+    ResumeBroker,
+    Script,
+    StartBroker,
+    Stop,
+    StopBroker,
+)
 from chaos.roles import Ear, Quality, Role, Talker
-
-LEASE_S = 3.0
-"""busd's, short enough that some who are stopped or asleep outlast it."""
+from chaos.stories import DOZERS, STORIES, Stories
 
 LOSSLESS = Quality()
 _KIB, _MIB = 1 << 10, 1 << 20
-
-
-@dataclass(frozen=True)
-class Enter:
-    role: Role
-
-
-@dataclass(frozen=True)
-class Kill:
-    name: str
-
-
-@dataclass(frozen=True)
-class Stop:
-    name: str
-
-
-@dataclass(frozen=True)
-class Resume:
-    name: str
-
-
-@dataclass(frozen=True)
-class Nap:
-    """Its event loop stands still for so long."""
-
-    name: str
-    time_s: float
-
-
-@dataclass(frozen=True)
-class Remake:
-    """One of its endpoints ends, and another like it comes."""
-
-    name: str
-    old: int
-    new: Talker | Ear
-
-
-@dataclass(frozen=True)
-class Cut:
-    """Its connection ends after so many more bytes."""
-
-    name: str
-    after_bytes: int
-    seed: int
-
-
-@dataclass(frozen=True)
-class KillBroker:
-    pass
-
-
-@dataclass(frozen=True)
-class StartBroker:
-    pass
-
-
-@dataclass(frozen=True)
-class RestartBroker:
-    """In order."""
-
-
-@dataclass(frozen=True)
-class StopBroker:
-    pass
-
-
-@dataclass(frozen=True)
-class ResumeBroker:
-    pass
-
-
-Deed: TypeAlias = (
-    Enter
-    | Kill
-    | Stop
-    | Resume
-    | Nap
-    | Remake
-    | Cut
-    | KillBroker
-    | StartBroker
-    | RestartBroker
-    | StopBroker
-    | ResumeBroker
-)
-Script: TypeAlias = list[tuple[float, Deed]]
-"""Deeds with the time of each, in seconds from the storm's begin, in order."""
 
 
 @dataclass
@@ -167,6 +93,7 @@ class Plan:
     """`cast` lives through the whole run. `storm` writes what happens in the next one."""
 
     seed: int
+    stories: frozenset[str] = frozenset(STORIES)
     cast: list[Role] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -174,6 +101,7 @@ class Plan:
         self._numbers = 0
         self._guests = 0
         self._fragile: set[str] = set()
+        self._limited: set[str] = set()
         self.cast = [
             self._role("shared", self._one_of_each()),
             self._role("sockets", self._one_of_each(), by_socket=True),
@@ -181,6 +109,8 @@ class Plan:
             self._role("frail", self._some(6), is_fragile=True, by_socket=True),
             self._role("loops", self._some(6), loop="asyncio"),
         ]
+        self._stories = Stories(self.seed, self.stories, self._next)
+        self.cast += self._stories.cast()
 
     def storm(self, time_s: float, pace_s: float = 0.12, *, spares_broker: bool = False) -> Script:
         """About one deed each `pace_s`; who comes in it may be alive at its end, as may busd or not.
@@ -200,7 +130,8 @@ class Plan:
                 script.append((at_s + later_s, deed))
                 name = getattr(deed, "name", "" if "Broker" in type(deed).__name__ else None)
                 if name is not None:
-                    busy_until[name] = at_s + later_s
+                    busy_until[name] = max(busy_until.get(name, 0), at_s + later_s)
+        script += self._stories.script(time_s, spares_broker=spares_broker)
         return sorted(script, key=lambda pair: pair[0])
 
     def visitor(self) -> Role:
@@ -220,11 +151,14 @@ class Plan:
         chance = self._chance
         name = chance.choice(free) if free else ""
         match chance.choices(
-            ("kill", "enter", "stop", "nap", "remake", "cut", "broker"), (3, 3, 4, 2, 3, 3, 1.5)
+            ("kill", "leave", "enter", "stop", "nap", "remake", "cut", "broker"), (3, 2, 3, 4, 2, 3, 3, 1.5)
         )[0]:
             case "kill" if name in guests:
                 guests.remove(name)
                 yield 0.0, Kill(name)
+            case "leave" if name in guests and name not in self._limited:
+                guests.remove(name)
+                yield 0.0, Leave(name)
             case "enter" if len(guests) < 6:
                 (role,) = self._guests_at_once(1)
                 guests.append(role.name)
@@ -262,7 +196,7 @@ class Plan:
         return chance.uniform(LEASE_S, 1.5 * LEASE_S) if chance.random() < 0.1 else chance.expovariate(3)
 
     def _names(self, guests: list[str]) -> list[str]:
-        return [*(role.name for role in self.cast), *guests]
+        return [*(role.name for role in self.cast if role.name not in DOZERS), *guests]
 
     def _of_cast(self, name: str) -> Role | None:
         return next((role for role in self.cast if role.name == name), None)
@@ -282,6 +216,8 @@ class Plan:
                 is_fragile=chance.random() < 0.3,
                 loop=chance.choice(("asyncio", "uvloop")),
             )
+            if files or memory_bytes:
+                self._limited.add(role.name)
             roles.append(replace(role, files=files, memory_bytes=memory_bytes))
         return roles
 

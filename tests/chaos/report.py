@@ -13,6 +13,7 @@ class Tally:
     storms: int = 0
     actors: int = 0
     cuts: int = 0
+    farewells: int = 0
     published: int = 0
     delivered: int = 0
     dropped: Counter[str] = field(default_factory=Counter)
@@ -27,6 +28,7 @@ class Tally:
             f"messages: {self.published:,} published, {self.delivered:,} delivered and looked at",
             f"dropped: {_counts(self.dropped)}",
             f"deeds: {_counts(self.deeds)}; {self.cuts} connections cut after a random byte",
+            f"subscriptions' processes that slept while a publisher left in order: {self.farewells}",
             f"failed for want of descriptors or memory: {_counts(self.suffered)}",
             f"held: {_counts(self.checks)}",
             f"graph true after a storm: {times[len(times) // 2]:.2f} s median, {times[-1]:.2f} s at most",

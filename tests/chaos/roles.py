@@ -68,7 +68,10 @@ class Ear(msgspec.Struct, frozen=True, tag="ear"):
 
 
 class Role(msgspec.Struct, frozen=True):
-    """A process with one node. Limits are what it may have beyond what it has at its start; 0 = no limit."""
+    """A process with one node. Limits are what it may have beyond what it has at its start; 0 = no limit.
+
+    `cgroup_bytes`: so much memory of any kind, in a cgroup of the kernel, which is `cgroup` once it is made.
+    """
 
     name: str
     endpoints: tuple[Talker | Ear, ...]
@@ -77,11 +80,13 @@ class Role(msgspec.Struct, frozen=True):
     loop: str = "uvloop"
     files: int = 0
     memory_bytes: int = 0
+    cgroup_bytes: int = 0
+    cgroup: str = ""
     seed: int = 0
 
     @property
     def is_limited(self) -> bool:
-        return bool(self.files or self.memory_bytes)
+        return bool(self.files or self.memory_bytes or self.cgroup_bytes)
 
 
 class Heard(msgspec.Struct):

@@ -13,7 +13,9 @@ from types import TracebackType
 from typing import Any, Self
 
 import msgspec
+from msgspec.structs import replace
 
+from chaos import cgroup
 from chaos.actor import BEGUN, DONE
 from chaos.roles import Look, Role
 from survivors import WORD_BYTES
@@ -84,6 +86,8 @@ class Stage:
         self._environment = environment
         self._faults = folder / "faults"
         self._faults.touch()
+        self.starved: list[str] = []
+        """Whom the kernel has killed because a cgroup had no memory left."""
 
     def __enter__(self) -> Self:
         self._line, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -109,6 +113,8 @@ class Stage:
         self._process.wait(PATIENCE_S)
 
     def enter(self, role: Role) -> Actor:
+        if role.cgroup_bytes:
+            role = replace(role, cgroup=str(cgroup.make(role.name, role.cgroup_bytes)))
         ours, theirs = socket.socketpair()
         ours.settimeout(PATIENCE_S)
         with theirs:
@@ -131,6 +137,13 @@ class Stage:
         self._line.send(b"%d" % actor.pid)
         status = int(self._line.recv(64))
         actor.close()
+        if actor.role.cgroup:
+            place = Path(actor.role.cgroup)
+            if kills := cgroup.kills(place):
+                self.starved.append(
+                    f"{name}: {kills} killed where {actor.role.cgroup_bytes >> 20} MiB are all"
+                )
+            cgroup.remove(place)
         return status
 
     def published(self, talker: int) -> tuple[int, int]:

@@ -1,13 +1,16 @@
 """The plan and the judge of `tests/chaos`: a judge who never complains would pass everything."""
 
 from copy import deepcopy
+from dataclasses import replace
 
 import pytest
 
 from chaos import judge
+from chaos.deeds import Cut, Doze, Enter, Kill, Leave, Resume
 from chaos.judge import Said, Scene
-from chaos.plan import Enter, Plan
+from chaos.plan import Plan
 from chaos.roles import Ear, EarLook, Heard, Quality, Role, Talker
+from chaos.stories import CGROUP, CROWD, DOZERS, FAREWELL
 
 STREAM, LATCHED = Quality(), Quality(10, is_durable=True)
 
@@ -36,16 +39,67 @@ class TestPlan:
         scripts = [[one.storm(5) for _ in range(3)] for one in (first, second, other)]
         assert scripts[0] == scripts[1] != scripts[2]
 
-    def test_what_is_done_is_done_to_those_that_are_there(self) -> None:
+    @pytest.mark.parametrize("spares_broker", [True, False])
+    def test_what_is_done_is_done_to_those_that_are_there(self, spares_broker: bool) -> None:
         for seed in range(50):
             plan = Plan(seed)
             there = {role.name for role in plan.cast}
-            for _, deed in plan.storm(20):
+            for _, deed in plan.storm(20, spares_broker=spares_broker):
                 if isinstance(deed, Enter):
                     assert deed.role.name not in there
                     there.add(deed.role.name)
                 elif (name := getattr(deed, "name", None)) is not None:
                     assert name in there
+                if isinstance(deed, Kill | Leave):
+                    there.remove(deed.name)
+
+
+class TestStories:
+    def test_a_crowd_comes_is_killed_and_comes_back(self) -> None:
+        script = [deed for _, deed in Plan(7, frozenset({CROWD})).storm(4, spares_broker=False)]
+
+        first, second = (one for one in script if isinstance(one, Enter) and "crowd" in one.role.name)
+        ends = first.role.endpoints
+        ears = [one for one in ends if isinstance(one, Ear)]
+        assert len(ears) * (len(ends) - len(ears)) == 2500
+        (killed,) = (one for one in script if isinstance(one, Kill) and "crowd" in one.name)
+        assert killed.name == first.role.name
+        assert script.index(first) < script.index(killed) < script.index(second)
+
+    def test_some_leave_while_listeners_sleep_which_are_cut_off_later(self) -> None:
+        woken = 0
+        for seed in range(50):
+            plan = Plan(seed, frozenset({FAREWELL}))
+            assert {role.name for role in plan.cast} >= {*DOZERS}
+            script = plan.storm(4, spares_broker=True)
+            leavers = [one.role for _, one in script if isinstance(one, Enter) and "leaver" in one.role.name]
+            assert {role.by_socket for role in leavers} == {True, False}
+            left_s = [at_s for at_s, one in script if isinstance(one, Leave) and "leaver" in one.name]
+            assert len(left_s) == 2
+            for name in DOZERS:
+                deeds = [(at_s, one) for at_s, one in script if getattr(one, "name", "") == name]
+                (slept_s, slept), *later = deeds
+                assert isinstance(slept, Doze)
+                assert slept_s < min(left_s)
+                assert max(left_s) < min([at_s for at_s, _ in later] or [4])
+                assert [type(one) for _, one in later] in ([], [Cut, Resume])
+                woken += bool(later)
+        assert 10 < woken < 90
+
+    def test_one_has_little_memory_of_any_kind(self) -> None:
+        script = Plan(7, frozenset({CGROUP})).storm(4)
+        (confined,) = (one.role for _, one in script if isinstance(one, Enter) and one.role.cgroup_bytes)
+        assert confined.is_limited
+
+    def test_without_stories_nothing_of_them_happens(self) -> None:
+        plan = Plan(7, frozenset())
+        names = {role.name for role in plan.cast}
+        for spares_broker in (True, False):
+            script = plan.storm(4, spares_broker=spares_broker)
+            names |= {one.role.name for _, one in script if isinstance(one, Enter)}
+        assert not [
+            name for name in names if name in DOZERS or name.startswith(("crowd", "leaver", "confined"))
+        ]
 
 
 class TestJudge:
@@ -100,6 +154,29 @@ class TestJudge:
         assert judge.judge(before, now) == []
         now.talkers[1] = Said(now.talkers[1].talker, "mouth", 20, 21, lives=False)
         assert judge.judge(before, now)  # it got more than there were
+
+    @pytest.mark.parametrize(("delivered", "dropped"), [(5, 0), (5, 14), (5, 16)])
+    def test_who_left_in_order_owes_all_to_whom_it_was_connected(self, delivered: int, dropped: int) -> None:
+        lossy = Quality(5)
+        before, now = scene(0, 0, quality=lossy), scene(20, delivered, dropped=dropped, quality=lossy)
+        del before.talkers[1]
+        now.losses["ears"] = 1  # later
+        now.talkers[1] = Said(now.talkers[1].talker, "mouth", 20, 20, lives=False)
+        assert bool(judge.judge(before, now)) is (delivered + dropped > 20)
+        now.talkers[1] = replace(now.talkers[1], witnesses=frozenset({"ears"}))
+        assert judge.judge(before, now)
+        right = scene(20, 5, dropped=15, quality=lossy)
+        now.ears = right.ears
+        assert judge.judge(before, now) == []
+
+    def test_who_was_cut_off_by_a_busd_that_lived_has_no_more_than_there_was(self) -> None:
+        lossy = Quality(5)
+        before, now = scene(10, 10, quality=lossy), scene(30, 25, dropped=6, quality=lossy)
+        now.losses["ears"] = 1
+        now.roles["ears"] = Role("ears", (), by_socket=True)
+        assert judge.judge(before, now)
+        now.deaths = now.losses["mouth"] = 1  # nobody knows what a busd that is killed had counted
+        assert judge.judge(before, now) == []
 
     def test_the_graph(self) -> None:
         found = scene(0, 0).graph()
