@@ -14,7 +14,7 @@ from time import monotonic, sleep
 import msgspec
 
 import bus
-from benchmarks.worker import options, tell
+from benchmarks.worker import LIFE_S, options, tell
 from bus.msg.std_msgs import String
 from bus.runner import loop_factory
 from bus.typesupport import type_support
@@ -46,15 +46,19 @@ def _be_program(index: int) -> None:
 
 def main() -> None:
     programs: Programs = options(Programs)
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for them
     type_support(String)
     tell("ready")
+    begun = []
     if sys.stdin.readline():
         for index in range(programs.number):
-            if os.fork() == 0:
+            begun.append(os.fork())
+            if not begun[-1]:
+                signal.alarm(LIFE_S)
                 _be_program(index)
             sleep(programs.pause_s)
         sys.stdin.readline()
+    for pid in begun:  # nobody has waited for them, so that the numbers are still theirs
+        os.kill(pid, signal.SIGKILL)
 
 
 if __name__ == "__main__":
