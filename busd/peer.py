@@ -71,7 +71,9 @@ class PeerHost(Protocol):
 
     def greet(self, connection: "PeerConnection", hello: Hello) -> PeerId: ...
 
-    def may_go(self, connection: "PeerConnection") -> bool: ...
+    def may_read(self, connection: "PeerConnection") -> bool: ...
+
+    def may_write(self, connection: "PeerConnection") -> bool: ...
 
     def receive(self, connection: "PeerConnection", items: Iterable[Any]) -> None: ...
 
@@ -111,7 +113,8 @@ class PeerConnection:
             on_received=self._received,
             on_lost=self._lost,
             takes_descriptors=True,
-            may_go=partial(host.may_go, self),
+            may_read=partial(host.may_read, self),
+            may_write=partial(host.may_write, self),
         )
         self.stream.session.reader.charge_to(host.unknown)
         self._handshake = self._loop.call_later(

@@ -154,10 +154,16 @@ class Server:
         self._arm_timer()
         return peer
 
-    def may_go(self, connection: PeerConnection) -> bool:
-        """Whether the connection's socket may be read or written now; if not, it gets its turn."""
-        is_next = connection.items is None and not self._is_early(connection)
-        if is_next and self._turns.may_go(monotonic_ns(), connection.party):
+    def may_read(self, connection: PeerConnection) -> bool:
+        """Whether the connection's socket may be read now; if not, it gets its turn."""
+        if connection.items is None and not self._is_early(connection):
+            return self.may_write(connection)
+        self._wait(connection)
+        return False
+
+    def may_write(self, connection: PeerConnection) -> bool:
+        """Whether its party may be served now; if not, it gets its turn."""
+        if self._turns.may_go(monotonic_ns(), connection.party):
             return True
         self._wait(connection)
         return False
@@ -240,8 +246,9 @@ class Server:
             self._arm_timer()
 
     def _serve_connection(self, connection: PeerConnection) -> None:
-        """First what was begun, then what was read; only then its socket."""
+        """First what waits for it and what was begun, then what was read; only then its socket is read."""
         party, peer = connection.party, connection.id
+        connection.stream.write_on()
         if peer is not None:
             with self._metered(party):
                 self._go_on(peer)
@@ -252,7 +259,7 @@ class Server:
         elif party.left > 0 and not connection.is_held and not self._turns.is_waiting(connection):
             items, connection.items = connection.items, None
             if items is None:
-                may_be_more = connection.stream.take_turn()
+                may_be_more = connection.stream.read_on()
             else:
                 with self._metered(party):
                     self._handle(connection, items)

@@ -41,8 +41,8 @@ class Stream:
     called once when the connection ends for any reason but `close`; None means that the peer closed it.
     Descriptors that come are given to the session where it `takes_descriptors`; else the kernel closes them.
 
-    `may_go`, where there is one, is asked each time that the event loop says that the socket can be read or
-    written again. Where it says no, nothing is read or written before `take_turn`.
+    `may_read` and `may_write`, where they are given, are asked each time that the event loop says that the
+    socket can be read or written again. Where they say no, that waits for `read_on` and `write_on`.
     """
 
     def __init__(
@@ -54,7 +54,8 @@ class Stream:
         on_received: Callable[[Iterable[Any]], None],
         on_lost: Callable[[Exception | None], None],
         takes_descriptors: bool = False,
-        may_go: Callable[[], bool] | None = None,
+        may_read: Callable[[], bool] | None = None,
+        may_write: Callable[[], bool] | None = None,
     ) -> None:
         self.session = session
         self.outbox = outbox
@@ -66,7 +67,8 @@ class Stream:
         self._does_linger = False
         self._pause_end: asyncio.TimerHandle | None = None
         self._holds = 0
-        self._may_go = may_go
+        self._may_read = may_read
+        self._may_write = may_write
         self._is_write_put_off = False
         self._is_finishing = False
         self._is_unheard = False
@@ -112,13 +114,16 @@ class Stream:
         if not self._holds and not self.is_closed and not self.has_ended:
             self._loop.add_reader(self._sock.fileno(), self._on_readable)
 
-    def take_turn(self) -> bool:
-        """Write and read, after `may_go` said no; returns whether there may be more to read."""
+    def write_on(self) -> None:
+        """Write now, where `may_write` has put it off."""
         if self._is_write_put_off:
             self._is_write_put_off = False
             if self.is_blocked and not self.is_closed:
                 self._loop.add_writer(self._sock.fileno(), self._on_writable)
                 self._write()
+
+    def read_on(self) -> bool:
+        """Read once, whatever `may_read` says; returns whether there may be more to read."""
         return not self.is_closed and not self.has_ended and self._read()
 
     def fileno(self) -> int:
@@ -191,11 +196,11 @@ class Stream:
         self._drop_descriptors()
 
     def _on_readable(self) -> None:
-        if self._may_go is None or self._may_go():
+        if self._may_read is None or self._may_read():
             self._read()
 
     def _on_writable(self) -> None:
-        if self._may_go is None or self._may_go():
+        if self._may_write is None or self._may_write():
             self._write()
         else:
             self._is_write_put_off = True
@@ -313,7 +318,7 @@ class Stream:
     def _read_rest(self) -> None:
         # Not left to the event loop: libuv reports a socket only once whose other side left bytes unread,
         # and then with an error (SO_ERROR), which a failed attempt to send has perhaps taken off it.
-        if not self.is_closed and (self._may_go is None or self._may_go()) and self._read():
+        if not self.is_closed and (self._may_read is None or self._may_read()) and self._read():
             self._loop.call_soon(self._read_rest)
 
     def _lose(self, error: Exception | None) -> None:
