@@ -27,7 +27,9 @@ class Work(msgspec.Struct, frozen=True, kw_only=True):
     `busy_poll_s` after each message the subscriber looks for the next one without sleeping, where it can.
     `gives_turns`: the publisher is a program of asyncio, whose loop gets a turn after each paced message.
     `subscribers`: so many processes get every message. Of a paced stream of small ones `depth` bounds how far
-    a process may be behind without a loss. `topic` is for measurements of several pairs on one bus.
+    a process may be behind without a loss. `topic` is for measurements of several pairs on one bus. So many
+    messages as `prefill` come before the publisher is ready, so that what grows with them has grown; when
+    they are over, the subscriber says `warm`.
     """
 
     size: int
@@ -41,6 +43,7 @@ class Work(msgspec.Struct, frozen=True, kw_only=True):
     subscribers: int = 1
     depth: int = 1000
     topic: str = TOPIC
+    prefill: int = 0
 
     @property
     def total(self) -> int:

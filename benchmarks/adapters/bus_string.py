@@ -15,6 +15,7 @@ from bus.msg.std_msgs import String
 
 LARGE = 1 << 16
 """Bytes from which on a publisher waits for who is behind, and does not keep many messages for it."""
+_FEW, _PAUSE_S = 10, 0.001
 _TURN = 64
 """Messages that may be lost are published so many at a time, and then the event loop gets a turn."""
 
@@ -37,6 +38,8 @@ async def publisher(parent: Parent) -> None:
             pub.publish(String(data=stamped(work)))
             parent.tell("ready")
             await asyncio.Event().wait()
+        if work.prefill:
+            await _prefill(pub, work)
         parent.tell("ready", route=pub.matches[0].route)
         if work.rate and work.publish_by == "timer":
             await parent.wait_for("go")
@@ -58,6 +61,14 @@ async def publisher(parent: Parent) -> None:
             await flood(pub, text, work.count)
             parent.tell("sent", begin_ns=begin_ns)
         await asyncio.Event().wait()
+
+
+async def _prefill(pub: bus.Publisher[String], work: Work) -> None:
+    for number in range(work.prefill):
+        pub.publish(String(data=text_of(work.size)))
+        if not number % _FEW:
+            await asyncio.sleep(_PAUSE_S)
+    pub.publish(String(data=LAST))
 
 
 def _publish_or_wait(pub: bus.Publisher[String], text: str) -> Awaitable[None] | None:
@@ -164,12 +175,22 @@ def fail(lost: bus.MessageLost) -> None:
 
 async def _take_paced(parent: Parent, node: bus.Node, work: Work) -> None:
     stamps, complete = Stamps(work), asyncio.Event()
+    is_filling = bool(work.prefill)
 
     def note(message: String) -> None:
-        if stamps.note(message.data):
+        nonlocal is_filling
+        if is_filling:
+            if message.data == LAST:
+                is_filling = False
+                parent.tell("warm")
+        elif stamps.note(message.data):
             complete.set()
 
-    ways: Any = {"busy_poll": work.busy_poll_s, "events": bus.SubscriptionEvents(message_lost=fail)}
+    def lose(lost: bus.MessageLost) -> None:
+        if not is_filling:
+            fail(lost)
+
+    ways: Any = {"busy_poll": work.busy_poll_s, "events": bus.SubscriptionEvents(message_lost=lose)}
     if work.take_by == "callback":
         await node.create_subscription(String, work.topic, _qos(work), note, **ways)
         parent.tell("ready")

@@ -18,8 +18,8 @@ RATE = 1000.0
 _WARM_UP = 100
 _DEPTH_BY_SOCKET = 20_000
 """So many that busd may stand still for long, and the pair by socket still tells for how long."""
-_DEPTH_BY_MEMORY = 400
-"""So few that the ring need not grow: its readers hear from busd of one that does."""
+_DEPTH_BY_MEMORY = 1000
+"""The ring has grown for them when the neighbour comes: its readers hear from busd of one that grows."""
 _ADAPTER = "benchmarks.adapters.hostile"
 _PREFIXES = {BUS_SOCKET.name: "socket_", BUS.name: "shm_"}
 
@@ -29,14 +29,8 @@ def pairs(seconds: float) -> list[tuple[System, Work]]:
     work = Work(size=64, count=int(RATE * seconds), warm_up=_WARM_UP, rate=RATE, take_by=BUS.takes_by)
     found = [(BUS_SOCKET, msgspec.structs.replace(work, topic="by_socket", depth=_DEPTH_BY_SOCKET))]
     if not BUS.missing():
-        found.append(
-            (
-                BUS,
-                msgspec.structs.replace(
-                    work, topic="by_memory", depth=_DEPTH_BY_MEMORY, count=work.count // 2
-                ),
-            )
-        )
+        grown = {"depth": _DEPTH_BY_MEMORY, "prefill": _DEPTH_BY_MEMORY, "count": work.count // 2}
+        found.append((BUS, msgspec.structs.replace(work, topic="by_memory", **grown)))
     return found
 
 
@@ -103,11 +97,13 @@ def _start_busd(group: Group, rules: str, program: str) -> Child:
 
 def _start_pair(group: Group, system: System, work: Work) -> tuple[Child, Child]:
     """The publisher and the subscriber."""
-    route = system.environ.get("BUS_ROUTE", "")
-    group.environ["BUS_ROUTE"] = route
+    group.environ["BUS_ROUTE"] = system.environ.get("BUS_ROUTE", "")
     name = system.route
     subscriber = system.start_role(group, "subscriber", work, name=f"subscriber_{name}")
-    return system.start_role(group, "publisher", work, name=f"publisher_{name}"), subscriber
+    publisher = system.start_role(group, "publisher", work, name=f"publisher_{name}")
+    if work.prefill:
+        group.expect(subscriber, "warm", within_s=START_S)
+    return publisher, subscriber
 
 
 def _report(group: Group, child: Child) -> tuple[int, int]:
