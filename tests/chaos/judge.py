@@ -15,8 +15,8 @@ all processes that live are awake. The accounts are closed from one scene to the
 So an ear's delivered + dropped lies between two bounds, which are the same where all of its pairs are steady.
 Of steady pairs that are lossless, nothing is dropped at all. By socket, what a busd that is killed had
 dropped and not yet told nobody knows, and what it had told may be found missing once more: where an end of a
-pair by socket has lost busd in the storm, the ear's own account must close, and is not compared with the
-talkers'.
+pair by socket has lost busd in a storm in which that died, the ear's own account must close, and is not
+compared with the talkers'.
 """
 
 from collections import Counter
@@ -65,9 +65,13 @@ class Scene:
         return found
 
 
-def judge(before: Scene, now: Scene) -> list[str]:
-    """Everything that is wrong `now`, in words."""
-    return [*_waiting(now), *_accounts(before, now), *_streams(before, now)]
+def judge(before: Scene, now: Scene, *, trusts_cut_off: bool = True) -> list[str]:
+    """Everything that is wrong `now`, in words.
+
+    `trusts_cut_off`: the account of an ear that was cut off, by a busd that lived, is compared with what the
+    talkers say.
+    """
+    return [*_waiting(now), *_accounts(before, now, trusts_cut_off), *_streams(before, now)]
 
 
 def _waiting(now: Scene) -> Iterator[str]:
@@ -82,7 +86,8 @@ def _waiting(now: Scene) -> Iterator[str]:
             yield f"{_ear(number, ear, actor)}: {look.expected} expected, {accounted} accounted for"
 
 
-def _accounts(before: Scene, now: Scene) -> Iterator[str]:
+def _accounts(before: Scene, now: Scene, trusts_cut_off: bool) -> Iterator[str]:
+    has_died = now.deaths > before.deaths
     for number, (ear, actor, look) in now.ears.items():
         if number not in before.ears or now.roles[actor].is_limited:
             continue
@@ -99,7 +104,7 @@ def _accounts(before: Scene, now: Scene) -> Iterator[str]:
             is_steady = _is_steady(before, now, said, actor)
             least += upper if is_steady or actor in said.witnesses else got
             most += upper
-            if now.deaths > before.deaths and _is_by_socket(now, said, actor):
+            if (has_died or not trusts_cut_off) and _is_by_socket(now, said, actor):
                 is_unsure |= any(_losses(before, now, name) for name in (said.actor, actor))
             parts.append(f"{_name(said)}{'' if is_steady else ' (not steady)'}: {got} of {upper}")
         got = look.delivered - then.delivered

@@ -175,6 +175,7 @@ class TestJudge:
         now.losses["ears"] = 1
         now.roles["ears"] = Role("ears", (), by_socket=True)
         assert judge.judge(before, now)
+        assert judge.judge(before, now, trusts_cut_off=False) == []
         now.deaths = now.losses["mouth"] = 1  # nobody knows what a busd that is killed had counted
         assert judge.judge(before, now) == []
 
