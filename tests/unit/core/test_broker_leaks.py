@@ -1,0 +1,156 @@
+"""What came and went leaves nothing in the broker, whatever it did meanwhile."""
+
+import gc
+import sys
+from collections.abc import Callable
+from types import BuiltinFunctionType, FunctionType, ModuleType
+
+import pytest
+
+from broker_world import ALL_MAY, UID, Refusal, World
+from bus.qos import QoSProfile
+from bus.wire import messages as m
+from busd.core.access import AccessRule
+
+GUEST = UID + 1
+ALL = QoSProfile(history="keep_all")
+KEPT = QoSProfile(depth=3, durability="transient_local")
+SHORT = QoSProfile(depth=3, lifespan=0.5, liveliness_lease_duration=0.5)
+SETTLING = 160
+"""Of some things the last ones are remembered: of 128 publishers, say."""
+TIMES = 300
+
+
+class Stage:
+    """A world in which one talker and one listener stay, with both routes between them."""
+
+    def __init__(self) -> None:
+        hidden = AccessRule(
+            topics=("/hidden",), actions=frozenset(("observe",)), is_for_all=True, allow=False
+        )
+        self.world = World(access=(hidden, ALL_MAY))
+        self.talker = self.world.process("talker", shares=True)
+        self.listener = self.world.process("listener")
+        self.publisher = self.talker.publisher("/topic", ALL)
+        self.subscription = self.listener.subscription("/topic", QoSProfile(depth=3))
+
+    def weight(self) -> int:
+        """Bytes of all that can be reached from the broker."""
+        gc.collect()
+        seen, waiting, total = set[int](), [self.world.broker], 0
+        while waiting:
+            one = waiting.pop()
+            if id(one) in seen or isinstance(one, type | ModuleType | BuiltinFunctionType):
+                continue
+            seen.add(id(one))
+            total += sys.getsizeof(one)
+            waiting += (one.__closure__ or ()) if isinstance(one, FunctionType) else gc.get_referents(one)
+        return total
+
+
+def come_and_go(stage: Stage) -> None:
+    process = stage.world.process()
+    process.subscription("/topic").destroy()
+    process.subscription("/topic", ALL)
+    process.publisher("/topic", KEPT).publish(*"abcde")
+    process.node("second").destroy()
+    process.die()
+
+
+def be_ahead(stage: Stage) -> None:
+    process = stage.world.process()
+    ahead = process.node().subscription("/topic", ALL, last_seqs={stage.publisher.gid: 1 << 40})
+    stage.publisher.publish("x")
+    ahead.destroy()
+    process.die()
+
+
+def leave_a_ring_half_way(stage: Stage) -> None:
+    process = stage.world.process(shares=True)
+    subscription = process.subscription("/topic", ALL)
+    process.is_blocked = True
+    subscription.refuse(stage.publisher)
+    process.die()
+
+
+def leave_a_ring_and_the_bus(stage: Stage) -> None:
+    process = stage.world.process(shares=True)
+    subscription = process.subscription("/topic", ALL)
+    subscription.refuse(stage.publisher)
+    stage.publisher.catch_up(subscription, "x")
+    process.die()
+
+
+def come_back(stage: Stage) -> None:
+    """A publisher that the subscription knows, and that goes on with its numbers."""
+    process = stage.world.process()
+    publisher = process.node().publisher("/topic", KEPT, gid=bytes(15) + b"g", next_seq=10 * process.id)
+    publisher.publish(*"abc")
+    process.die()
+
+
+def expire(stage: Stage) -> None:
+    process = stage.world.process()
+    perishable = process.subscription("/topic", SHORT)
+    publisher = process.publisher("/topic", SHORT)
+    stage.listener.is_blocked = True
+    publisher.publish("x")
+    stage.world.advance(1)
+    perishable.destroy()
+    process.die()
+
+
+def lose_some(stage: Stage) -> None:
+    process = stage.world.process()
+    process.subscription("/topic", QoSProfile(depth=1))
+    process.is_blocked = True
+    stage.publisher.publish_many("abc")
+    stage.publisher.lose(2)
+    process.die()
+
+
+def watch(stage: Stage) -> None:
+    process = stage.world.process(uid=GUEST)
+    process.request(m.Observe(request=0), m.Graph)
+    process.publisher("/topic", kind=("test_msgs/msg/Guest", f"of guest {process.id}"))
+    stage.world.advance(1)
+    process.die()
+
+
+def be_refused(stage: Stage) -> None:
+    process = stage.world.process(uid=GUEST)
+    for action in (process.publisher, process.subscription):
+        with pytest.raises(Refusal):
+            action("no topic")
+    process.tell(m.DestroyNode(node=1 << 30))
+
+
+STORIES = (
+    come_and_go,
+    be_ahead,
+    leave_a_ring_half_way,
+    leave_a_ring_and_the_bus,
+    come_back,
+    expire,
+    lose_some,
+    watch,
+    be_refused,
+)
+
+
+@pytest.mark.parametrize("story", STORIES, ids=lambda story: story.__name__)
+def test_nothing_is_left_of(story: Callable[[Stage], None]) -> None:
+    stage = Stage()
+
+    def play(times: int) -> int:
+        for _ in range(times):
+            story(stage)
+            stage.listener.unblock()
+            stage.world.advance(0.2)
+            for process in (stage.talker, stage.listener):
+                process.tell(m.Ping())
+        stage.world.advance(5)
+        return stage.weight()
+
+    weight = play(SETTLING)
+    assert play(TIMES) - weight < 20 * TIMES, "something is left each time"
