@@ -231,6 +231,16 @@ class TestOtherRules:
         later = alice.subscription("/a")
         assert later.got(m.Matched)[0].route == "socket"
 
+    def test_memory_that_may_be_shared_still_is(self) -> None:
+        shared = rule("/a", SUBSCRIBE, shared_memory=True)
+        world = World(access=(shared,))
+        talker, alice = world.process(shares=True), world.process(uid=ALICE, shares=True)
+        publisher, subscription = talker.publisher("/a"), alice.subscription("/a")
+        subscription.attach(publisher)
+        renew(world, shared, rule("/b", SUBSCRIBE))
+        assert not subscription.got(m.Rerouted)
+        assert [one.route for one in talker.graph().matches] == ["shm"]
+
     def test_what_is_seen_changes_with_the_rules(self) -> None:
         world = World(access=(rule("/a", OBSERVE),))
         own, alice = world.process(), world.process(uid=ALICE)
@@ -285,6 +295,16 @@ class TestIdentity:
         alice.tell(m.DeclareType(type_name=TEXT[0], type_hash=TEXT[1], schema=b"more lies"))
         asked = own.request(m.GetType(request=0, type_name=TEXT[0], type_hash=TEXT[1]), m.TypeDescription)
         assert asked.schema == b"truth"
+
+    def test_types_that_others_do_not_have_they_describe_as_long_as_they_are_there(self) -> None:
+        world = World(access=(rule("/a", ("publish", "observe")),))
+        own, alice = world.process(), world.process(uid=ALICE)
+        alice.tell(m.DeclareType(type_name=TEXT[0], type_hash=TEXT[1], schema=b"hers"))
+        asks = m.GetType(request=0, type_name=TEXT[0], type_hash=TEXT[1])
+        assert own.request(asks, m.TypeDescription).schema == b"hers"
+        alice.die()
+        with pytest.raises(Refusal, match="no endpoint has the type"):
+            own.request(asks, m.TypeDescription)
 
 
 def test_the_door() -> None:

@@ -76,6 +76,16 @@ class TestAlone:
         assert isinstance(effect, Flush)
         assert not effect.queue.runs[0].is_resumed
 
+    def test_history_that_it_had_read_is_not_forgotten_by_what_is_older(self) -> None:
+        pair = Pair(QoSProfile(depth=9, durability="transient_local"))
+        pair.listener.has_read = 5
+        pair.subscription.refuse(pair.publisher)
+        run = Run(pair.publisher.id, pair.subscription.id, 2, 1, frame_record(b"2", 0), is_replay=True)
+        pair.world.carry_out(pair.world.broker.route(pair.world.now_ns, pair.talker.id, run))
+        pair.publisher.catch_up(pair.subscription)
+        pair.publisher.publish(*"123456")
+        assert [one.seq for one in pair.subscription.samples] == [2, 6]
+
 
 class TestAhead:
     """It knows numbers that its publisher, which a busd before knew too, sends once more."""
