@@ -13,7 +13,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from bus.errors import BrokerUnavailable
-from bus.trust import check_folder, check_server
+from bus.reach import NotNow, Patience, try_to_connect
+from bus.trust import check_folder
 
 BUSD = (sys.executable, "-P", "-m", "busd")
 """What starts busd: the one that is installed, whatever lies in the folder that we are in."""
@@ -22,7 +23,6 @@ IDLE_EXIT_S = 30
 """A busd that was started in the background leaves after so long without a connection."""
 
 _START_S = 10.0
-_RETRY_S = 0.01
 _ALREADY_RUNNING = 3  # busd.run.EXIT_ALREADY_RUNNING
 
 _started: set[int] = set()
@@ -34,13 +34,13 @@ def is_allowed(environ: Mapping[str, str] = os.environ) -> bool:
     return environ.get("BUSD_AUTOSTART", "1") not in ("0", "no", "off", "false")
 
 
-async def open_socket(path: Path, *, may_start: bool = True) -> socket.socket:
+async def open_socket(path: Path, patience: Patience, *, may_start: bool = True) -> socket.socket:
     """A non-blocking socket connected to the broker at `path`; one is started, if it `may_start`.
 
-    Raises BrokerUnavailable where none answers and none may be or could be started.
+    Raises BrokerUnavailable where none answers and none may be or could be started, or where `patience` ends.
     """
     try:
-        return await _connect(path)
+        return await _connect(path, patience)
     except (FileNotFoundError, ConnectionRefusedError):
         if not may_start:
             raise BrokerUnavailable(f"no busd listens on {path}") from None
@@ -49,20 +49,15 @@ async def open_socket(path: Path, *, may_start: bool = True) -> socket.socket:
                 f"no busd listens on {path}; start one with: busd --socket {path}"
                 " (or let programs start it: unset BUSD_AUTOSTART)"
             ) from None
-    except BrokerUnavailable:
-        raise
-    except OSError as error:
-        raise BrokerUnavailable(f"cannot connect to busd at {path}: {error.strerror or error}") from None
     await start(path)
-    try:
-        return await _connect_when_ready(path)
-    except BrokerUnavailable:
-        raise
-    except TimeoutError:
-        reason = f"nothing listens there after {_START_S:g} s"
-    except OSError as error:
-        reason = error.strerror or str(error)
-    raise BrokerUnavailable(f"busd was started at {path} but does not answer: {reason}")
+    patience.renew()
+    while True:
+        try:
+            return await _connect(path, patience)
+        except (FileNotFoundError, ConnectionRefusedError):
+            # Another process's busd was first: it holds the lock, but may not listen yet.
+            why = f"busd was started at {path} but does not answer: nothing listens there"
+        await asyncio.sleep(patience.pause_s(why))
 
 
 async def start(path: Path, options: Sequence[str] = ("--idle-exit", str(IDLE_EXIT_S))) -> None:
@@ -165,26 +160,13 @@ def _settle(future: asyncio.Future[None]) -> None:
         future.set_result(None)
 
 
-async def _connect(path: Path) -> socket.socket:
-    sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    sock.setblocking(False)
-    try:
-        await asyncio.get_running_loop().sock_connect(sock, str(path))
-        check_server(sock, path)
-    except BaseException:
-        sock.close()
-        raise
-    return sock
-
-
-async def _connect_when_ready(path: Path) -> socket.socket:
-    # Where another process's busd was first, it holds the lock but may not listen yet.
-    async with asyncio.timeout(_START_S):
-        while True:
-            try:
-                return await _connect(path)
-            except (FileNotFoundError, ConnectionRefusedError):
-                await asyncio.sleep(_RETRY_S)
+async def _connect(path: Path, patience: Patience) -> socket.socket:
+    while True:
+        try:
+            return try_to_connect(path)
+        except NotNow as error:
+            why = str(error)
+        await asyncio.sleep(patience.pause_s(why))
 
 
 def _last_line(log: Path) -> str:

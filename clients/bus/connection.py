@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Iterable
 from itertools import count
 from pathlib import Path
+from time import monotonic_ns
 from typing import Any, TypeVar
 
 import msgspec
@@ -21,6 +22,7 @@ from bus.errors import (
     ConnectionClosed,
     RemoteProtocolError,
 )
+from bus.reach import NotNow, Patience
 from bus.release import RELEASE
 from bus.sharing import Sharing
 from bus.transport.stream import Stream
@@ -34,11 +36,21 @@ from bus.wire.session import Role, Session
 A = TypeVar("A", bound=m.Message)
 
 ANSWER_S = 10.0
-"""How long a broker may take to answer before it counts as hung."""
+"""How long a broker that owes an answer may say nothing at all before it counts as hung."""
+
+_UNREAD_S = 0.05
+"""How long until another look where this process has not yet read what has come."""
 
 
-class BrokerLeft(BrokerUnavailable):
-    """It closed the connection without a word, as one does that ends with connections in its backlog."""
+class _Request:
+    """What the broker owes an answer to."""
+
+    __slots__ = ("answer", "since_ns", "timer")
+
+    def __init__(self, answer: asyncio.Future[Any]) -> None:
+        self.answer = answer
+        self.since_ns = monotonic_ns()
+        self.timer: asyncio.TimerHandle | None = None
 
 
 class Connection:
@@ -68,19 +80,22 @@ class Connection:
         self._stream: Stream | None = None
         self._loss: ConnectionClosed | None = None
         self._was_silent = False
+        self._is_for_now = False
         self._farewell = ""
-        self._requests: dict[int, asyncio.Future[Any]] = {}
+        self.heard_ns = 0
+        """When anything last came from the broker; for whoever hands out what comes to keep."""
+        self._requests: dict[int, _Request] = {}
         self._numbers = count(1)
         self._types: set[tuple[str, str]] = set()
         self._heartbeat: asyncio.TimerHandle | None = None
         self._greeted: asyncio.Future[m.Hello] = self._loop.create_future()
 
-    async def open(self, path: Path, *, may_start: bool = True) -> None:
+    async def open(self, path: Path, patience: Patience, *, may_start: bool = True) -> None:
         """Connect to the broker at `path` (or start one, if this `may_start` one) and exchange Hellos.
 
-        Raises BrokerUnavailable. Cancellation: closed.
+        Raises BrokerUnavailable; of that NotNow where another try may help. Cancellation: closed.
         """
-        sock = await open_socket(path, may_start=may_start)
+        sock = await open_socket(path, patience, may_start=may_start)
         self._stream = Stream(
             sock,
             Session(Role.CLIENT),
@@ -104,18 +119,23 @@ class Connection:
                 hello = await self._greeted
         except TimeoutError:
             raise BrokerUnavailable(f"busd at {path} took the connection but does not answer") from None
-        except ConnectionClosed as error:
-            if self._was_silent:
-                raise BrokerLeft(f"busd at {path} closed the connection without a word") from None
-            raise BrokerUnavailable(f"busd at {path} refused this process: {error}") from None
+        except ConnectionClosed:
+            raise self._refusal(path) from None
         finally:
             if not self._greeted.done() or self._greeted.cancelled() or self._greeted.exception():
                 self.close()
         if self._stream is None:  # its last word came right behind its Hello
-            raise BrokerUnavailable(f"busd at {path} refused this process: {self._loss}")
+            raise self._refusal(path)
         self.hello = hello
         if self._sharing is not None and GUESTS in hello.capabilities:
             self._sharing.readers.is_wary = True
+
+    def _refusal(self, path: Path) -> BrokerUnavailable:
+        """Why the connection has ended before it could be used."""
+        if self._was_silent:  # as one that ends with connections in its backlog
+            return NotNow(f"busd at {path} closed the connection without a word")
+        kind = NotNow if self._is_for_now else BrokerUnavailable
+        return kind(f"busd at {path} refused this process: {self._loss}")
 
     def send(self, message: m.Message | bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
         """Send a control message, or a frame in turn with these; nothing happens where this has ended."""
@@ -156,21 +176,38 @@ class Connection:
         """Send the message that `make` gives for a request number; returns the answer, which is a `kind`.
 
         Raises ConfigurationError, QuotaExceeded or AccessDenied where the broker refuses, TimeoutError where
-        it does not answer within ANSWER_S, RemoteProtocolError where it answers something else,
+        it says nothing at all for ANSWER_S, RemoteProtocolError where it answers something else,
         ConnectionClosed where the connection ends first.
         """
         if self._stream is None:
             raise ConnectionClosed("the connection to busd is closed")
         number = next(self._numbers)
-        answer = self._requests[number] = self._loop.create_future()
+        request = self._requests[number] = _Request(self._loop.create_future())
         try:
             self.send(make(number), descriptors)
-            async with asyncio.timeout(ANSWER_S):
-                return expect(await answer, kind)
-        except TimeoutError:
-            raise TimeoutError(f"busd (pid {self.hello.pid}) did not answer within {ANSWER_S:g} s") from None
+            self._watch(request)
+            return expect(await request.answer, kind)
         finally:
+            if request.timer is not None:
+                request.timer.cancel()
             self._requests.pop(number, None)
+
+    def _watch(self, request: _Request) -> None:
+        """End the wait for an answer where the broker says nothing for ANSWER_S, whatever it might say.
+
+        One that is busy, with what this process has asked for or with others, answers others meanwhile, and
+        is not given up.
+        """
+        if request.answer.done():
+            return
+        left_s = ANSWER_S - (monotonic_ns() - max(request.since_ns, self.heard_ns)) / 1e9
+        if left_s <= 0:
+            if self.is_quiet:
+                error = TimeoutError(f"busd (pid {self.hello.pid}) has said nothing for {ANSWER_S:g} s")
+                request.answer.set_exception(error)
+                return
+            left_s = _UNREAD_S
+        request.timer = self._loop.call_later(left_s, self._watch, request)
 
     def declare_type(self, support: TypeSupport[Any]) -> None:
         """Make a message type known, once for each connection."""
@@ -193,15 +230,16 @@ class Connection:
             case m.Pong():
                 pass
             case m.Fault(text=text):
+                self._is_for_now = message.again
                 raise RemoteProtocolError(text)
             case m.Leaving(text=text):
                 self._farewell = text
                 if self._stream is not None:
                     self._stream.finish()
             case m.Refused() | m.Created() | m.Done() | m.TypeDescription() | m.Graph():
-                waiting = self._requests.get(message.request)
-                if waiting is not None and not waiting.done():
-                    waiting.set_result(message)
+                request = self._requests.get(message.request)
+                if request is not None and not request.answer.done():
+                    request.answer.set_result(message)
             case _:
                 return False
         return True
@@ -241,11 +279,12 @@ class Connection:
     def _finish(self, reason: BusError) -> None:
         if self._heartbeat is not None:
             self._heartbeat.cancel()
-        for waiting in [*self._requests.values(), self._greeted]:
+        waits = [*(request.answer for request in self._requests.values()), self._greeted]
+        for waiting in waits:
             if not waiting.done():
                 waiting.set_exception(reason)
         # Nobody may be waiting any more; the error must not be reported as one that was never looked at.
-        for waiting in [*self._requests.values(), self._greeted]:
+        for waiting in waits:
             if not waiting.cancelled():
                 waiting.exception()
         self._requests.clear()

@@ -185,6 +185,10 @@ class Declarations:
         if self._waiting:
             self._ask_again_later(connection)
 
+    def progress(self) -> tuple[int, int]:
+        """How many endpoints the broker knows, and how many there are."""
+        return sum(bool(endpoint.id) for endpoint in self), sum(map(len, self._nodes.values()))
+
     def admit(self, answer: m.Created) -> None:
         """The broker made something. To be called before anything that came after is handled."""
         admission = self._admissions.pop(answer.request, None)

@@ -13,12 +13,13 @@ from threading import get_ident
 from time import monotonic_ns, time_ns
 from typing import Any, ClassVar, TypeVar
 
-from bus.connection import BrokerLeft, Connection
+from bus.connection import Connection
 from bus.declarations import Declarations, Declared, Endpoint, Node, lease_s
 from bus.descriptor import Descriptor
 from bus.errors import BrokerUnavailable, BusError, ConnectionClosed, ForkError, RemoteProtocolError, again
 from bus.guardedloop import GuardedLoop
 from bus.logger import get_logger
+from bus.reach import NotNow, Patience
 from bus.reports import Reports
 from bus.sharing import Sharing
 from bus.waiters import Waiters
@@ -36,6 +37,7 @@ RETURN_S = 10.0
 _SHORTEST_BEAT_S = 0.01
 _USERS_TURN_NS = 5_000_000_000
 _RETRY_S = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+_TELL_S = 3.0
 
 _log = get_logger("bus")
 
@@ -234,6 +236,8 @@ class Link:
 
     def _received(self, items: Iterable[Any]) -> None:
         received_ns = monotonic_ns()
+        if self._connection is not None:
+            self._connection.heard_ns = received_ns
         endpoints, touched = self._declarations.by_id, set[Endpoint]()
         self._is_receiving = True
         try:
@@ -296,21 +300,21 @@ class Link:
             self._opening = None
 
     async def _connect_first(self) -> None:
-        for pause_s in _RETRY_S:
+        patience = Patience()
+        while True:
             try:
-                await self._connect()
+                await self._connect(patience)
                 return
-            except BrokerLeft:
-                await asyncio.sleep(pause_s)  # one that was idle was just ending: then start another
-        await self._connect()
+            except NotNow as error:
+                await asyncio.sleep(patience.pause_s(str(error)))
 
-    async def _connect(self, *, may_start: bool = True) -> Connection:
+    async def _connect(self, patience: Patience, *, may_start: bool = True) -> Connection:
         connection = Connection(
             self.sharing, on_received=self._received, on_lost=self._lost, on_wrote=self.wrote
         )
         self._connection = connection
         try:
-            await connection.open(self.path, may_start=may_start)
+            await connection.open(self.path, patience, may_start=may_start)
         except BaseException:
             self._connection = None
             raise
@@ -337,7 +341,7 @@ class Link:
                 # A daemon that its user started is his to start again, with his options: leave him the time.
                 may_start = self._hello.background or monotonic_ns() - lost_ns > _USERS_TURN_NS
                 try:
-                    await self._declare_again(await self._connect(may_start=may_start))
+                    await self._declare_again(await self._connect(Patience(), may_start=may_start))
                 except (OSError, BusError) as error:
                     log = _log.debug if str(error) == known_reason else _log.warning
                     known_reason = str(error)
@@ -375,13 +379,24 @@ class Link:
                     raise
 
     async def _declare_again(self, connection: Connection) -> None:
-        await self._declarations.declare_again(connection)
+        telling = self.loop.create_task(self._tell_progress(), name="tell how far the way back to busd is")
+        try:
+            await self._declarations.declare_again(connection)
+        finally:
+            telling.cancel()
         if self._observers:
             await connection.request(lambda number: m.Observe(request=number), m.Graph)
         for tell in tuple(self._observers):
             tell()
         self.flush()
         self._drains.release()
+
+    async def _tell_progress(self) -> None:
+        """To be cancelled when all is declared; which with many endpoints and matches takes a while."""
+        while True:
+            await asyncio.sleep(_TELL_S)
+            done, total = self._declarations.progress()
+            _log.info(f"busd is back: {done} of {total} endpoints declared again")
 
     def _set_heartbeat(self) -> None:
         connection = self._connection

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from bus import autostart
+from bus import autostart, reach
 from bus.errors import BrokerUnavailable
+from bus.reach import Patience
 from bus.wire.messages import Hello
 from conftest import WAIT_S, Daemon
 from raw_peer import HELLO, RawPeer
@@ -61,7 +62,7 @@ async def test_cancelled_while_it_starts(path: Path, turns: int) -> None:
 
 async def started_again(path: Path) -> bool:
     async with asyncio.timeout(WAIT_S):
-        (await autostart.open_socket(path)).close()
+        (await autostart.open_socket(path, Patience())).close()
     return bool(autostart._started)
 
 
@@ -99,19 +100,29 @@ async def test_a_new_daemon_begins_a_new_log(path: Path) -> None:
 
 async def test_not_where_the_caller_forbids_it(path: Path) -> None:
     with pytest.raises(BrokerUnavailable) as caught:
-        await autostart.open_socket(path, may_start=False)
+        await autostart.open_socket(path, Patience(), may_start=False)
     assert str(caught.value) == f"no busd listens on {path}"
     assert not autostart._started
 
 
 async def test_a_start_without_a_socket_gives_its_reason(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The time for it begins when busd was started."""
+    now_s = 0.0
+    patience = Patience(0.05, lambda: now_s)
+
     async def nothing(path: Path) -> None:
-        pass
+        nonlocal now_s
+        now_s += 1
+
+    async def sleep(seconds: float) -> None:
+        nonlocal now_s
+        now_s += seconds
 
     monkeypatch.setattr(autostart, "start", nothing)
-    monkeypatch.setattr(autostart, "_START_S", 0.05)
-    with pytest.raises(BrokerUnavailable, match=r"does not answer: nothing listens there after 0\.05 s"):
-        await autostart.open_socket(path)
+    monkeypatch.setattr(asyncio, "sleep", sleep)
+    with pytest.raises(BrokerUnavailable, match=r"does not answer: nothing listens there; tried for 0\.05 s"):
+        await autostart.open_socket(path, patience)
+    assert now_s == pytest.approx(1.05)
 
 
 async def test_a_stranger_s_socket_is_named_as_it_is(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -120,9 +131,9 @@ async def test_a_stranger_s_socket_is_named_as_it_is(path: Path, monkeypatch: py
     def refuse(*_: object) -> None:
         raise BrokerUnavailable("served by a stranger")
 
-    monkeypatch.setattr(autostart, "check_server", refuse)
+    monkeypatch.setattr(reach, "check_server", refuse)
     with pytest.raises(BrokerUnavailable) as caught:
-        await autostart.open_socket(path)
+        await autostart.open_socket(path, Patience())
     assert str(caught.value) == "served by a stranger"
 
 

@@ -2,6 +2,8 @@
 
 import asyncio
 import logging
+import re
+import time
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,7 @@ import bus
 import bus.connection
 import bus.link
 from bus.msg.std_msgs import Int32
+from bus.reach import Patience
 from bus.wire import messages as m
 from bus.wire.layout import VERSION
 from bus.wire.runs import Run
@@ -39,7 +42,11 @@ async def opened(broker: FakeBroker, name: str = "node", id: int = 1) -> tuple[b
 
 class TestOpening:
     @pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n"])
-    async def test_something_else_listens(self, broker: FakeBroker, answer: bytes) -> None:
+    async def test_something_else_listens(
+        self, broker: FakeBroker, answer: bytes, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(bus.link, "Patience", lambda: Patience(0.1))
+
         async def answer_all() -> None:
             while True:
                 client = await broker.meet()
@@ -102,6 +109,84 @@ class TestOpening:
         client = await broker.accept()
         await client.create(m.CreateNode, 1)
         await opening
+
+    async def test_one_that_has_no_place_now(self, broker: FakeBroker) -> None:
+        node = bus.Node("node", arguments=[], rosout=False)
+        opening = asyncio.ensure_future(node.open())
+        for _ in range(3):
+            client = await broker.accept()
+            client.send(m.Fault(text="not now", again=True))
+            await client.close()
+        client = await broker.accept()
+        await client.create(m.CreateNode, 1)
+        await opening
+        await node.close()
+
+    async def test_one_that_never_has_a_place(
+        self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(bus.link, "Patience", lambda: Patience(0.05))
+
+        async def turn_all_away() -> None:
+            while True:
+                client = await broker.meet()
+                client.send(m.Hello(version=VERSION), m.Fault(text="not now", again=True))
+                await client.close()
+
+        turning = asyncio.ensure_future(turn_all_away())
+        with pytest.raises(bus.BrokerUnavailable, match=r"refused this process: not now; tried for 0\.05 s"):
+            await bus.Node("node", arguments=[]).open()
+        turning.cancel()
+
+
+class TestWaiting:
+    """For an answer: as long as anything at all comes, the broker lives."""
+
+    async def test_while_there_are_signs_of_life(
+        self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        node, client = await opened(broker)
+        monkeypatch.setattr(bus.connection, "ANSWER_S", 0.5)
+        asking = asyncio.ensure_future(node.graph())
+        request = await client.expect(m.GetGraph)
+        answer = m.encode_frame(
+            m.Graph(request=request.request, revision=0, nodes=(), endpoints=(), matches=())
+        )
+        for at in range(0, len(answer) - 1, 4):  # a sign of life may be a part of the answer
+            client.write(answer[at : min(at + 4, len(answer) - 1)])
+            await asyncio.sleep(0.1)
+        assert len(answer) // 4 * 0.1 > 2 * bus.connection.ANSWER_S
+        client.write(answer[-1:])
+        assert (await asking).nodes == ()
+        await node.close()
+
+    async def test_not_for_one_that_says_nothing(
+        self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """What it said before does not count: the time runs from the question."""
+        node, client = await opened(broker)
+        monkeypatch.setattr(bus.connection, "ANSWER_S", 0.2)
+        began_s = time.monotonic()
+        with pytest.raises(TimeoutError, match=r"has said nothing for 0\.2 s"):
+            await node.graph()
+        assert time.monotonic() - began_s >= 0.2
+        await client.close()
+        client = await broker.accept()
+        await client.create(m.CreateNode, 2)
+        await node.close()
+
+    async def test_what_was_not_read_yet_counts(
+        self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """This process was held up, not the broker."""
+        node, client = await opened(broker)
+        monkeypatch.setattr(bus.connection, "ANSWER_S", 0.1)
+        asking = asyncio.ensure_future(node.graph())
+        request = await client.expect(m.GetGraph)
+        client.send(m.Graph(request=request.request, revision=0, nodes=(), endpoints=(), matches=()))
+        time.sleep(0.2)  # noqa: ASYNC251 - the loop's timers come before its sockets
+        assert (await asking).nodes == ()
+        await node.close()
 
 
 class TestCreating:
@@ -270,6 +355,32 @@ class TestComingBack:
         await until(lambda: "busd is back" in caplog.text and publisher.id == 32)
         publisher.publish(Int32(data=1))
         assert (await client.expect(Run)).endpoint == 32
+        await node.close()
+
+    async def test_a_broker_that_takes_its_time(
+        self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        """All are asked for at once; the log says how far it is; it takes longer than one answer may."""
+        caplog.set_level(logging.INFO, "bus")
+        monkeypatch.setattr(bus.link, "_TELL_S", 0.1)
+        node, client = await opened(broker)
+        for id in range(2, 12):
+            creating = asyncio.ensure_future(node.create_subscription(Int32, "t"))
+            await client.create(m.CreateSubscription, id)
+            await creating
+        monkeypatch.setattr(bus.connection, "ANSWER_S", 0.5)
+        await client.close()
+        client = await broker.accept()
+        await client.create(m.CreateNode, 21)
+        requests = [await client.expect(m.CreateSubscription) for _ in range(10)]
+        for id, request in enumerate(requests, 22):
+            await asyncio.sleep(0.1)
+            client.send(m.Created(request=request.request, id=id))
+        await until(lambda: "busd is back (pid" in caplog.text)
+        told = re.findall(r"busd is back: (\d+) of 10 endpoints declared again", caplog.text)
+        assert len(told) >= 3
+        assert sorted(map(int, told)) == list(map(int, told))
+        assert broker.connections == 2
         await node.close()
 
     async def test_nonsense_from_the_broker(self, broker: FakeBroker) -> None:

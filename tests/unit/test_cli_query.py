@@ -2,13 +2,14 @@
 
 import socket
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
 from bus.cli import query as module
 from bus.cli.query import Query
-from bus.errors import BrokerUnavailable, BusError, ConnectionClosed, RemoteProtocolError
+from bus.errors import BrokerUnavailable, BusError, RemoteProtocolError
 from bus.wire import messages as m
 from bus.wire.layout import VERSION
 
@@ -18,13 +19,27 @@ GRAPH = m.Graph(request=1, revision=0, nodes=(), endpoints=(), matches=())
 
 
 @pytest.fixture
-def broker(monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
-    """The other end of the next query."""
+def brokers(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[socket.socket]]:
+    """The other ends of the next two queries; all after them find somebody who has gone."""
+    with ExitStack() as stack:
+        pairs = [socket.socketpair() for _ in range(2)]
+        for ours, theirs in pairs:
+            stack.enter_context(ours)
+            stack.enter_context(theirs)
+        left = [theirs for _, theirs in pairs]
+        monkeypatch.setattr(module, "try_to_connect", lambda path: left.pop(0) if left else one_that_went())
+        yield [ours for ours, _ in pairs]
+
+
+def one_that_went() -> socket.socket:
     ours, theirs = socket.socketpair()
-    theirs.settimeout(20)
-    monkeypatch.setattr(module, "_connect", lambda path, answer_s: theirs)
-    with ours, theirs:
-        yield ours
+    ours.close()
+    return theirs
+
+
+@pytest.fixture
+def broker(brokers: list[socket.socket]) -> socket.socket:
+    return brokers[0]
 
 
 def say(broker: socket.socket, *messages: m.Message) -> None:
@@ -39,10 +54,29 @@ def test_who_is_turned_away_is_told_why(broker: socket.socket) -> None:
         query.graph()
 
 
-def test_one_that_went_without_a_word(broker: socket.socket) -> None:
-    broker.close()
-    with pytest.raises(ConnectionClosed, match="busd at x closed the connection"):
-        Query(Path("x"))
+def test_one_that_goes_without_a_word_may_be_followed_by_another(brokers: list[socket.socket]) -> None:
+    """As one does that ends with connections in its backlog."""
+    brokers[0].close()
+    say(brokers[1], HELLO, GRAPH)
+    with Query(Path("x")) as query:
+        assert query.graph().nodes == ()
+
+
+@pytest.mark.parametrize("words", [(), (HELLO, m.Fault(text="not now", again=True))], ids=["silent", "busy"])
+def test_one_that_goes_again_and_again(brokers: list[socket.socket], words: tuple[m.Message, ...]) -> None:
+    say(brokers[0], *words)
+    brokers[0].close()
+    brokers[1].close()
+    why = "busd at x (closed the connection|refused this process: not now); tried for 0.05 s"
+    with pytest.raises(BrokerUnavailable, match=why):
+        Query(Path("x"), answer_s=0.05)
+
+
+def test_who_is_turned_away_for_now_tries_again(brokers: list[socket.socket]) -> None:
+    say(brokers[0], HELLO, m.Fault(text="not now", again=True))
+    say(brokers[1], HELLO, GRAPH)
+    with Query(Path("x")) as query:
+        assert query.graph().nodes == ()
 
 
 def test_one_that_says_nothing(broker: socket.socket) -> None:

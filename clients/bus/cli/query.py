@@ -2,6 +2,7 @@
 
 import os
 import socket
+import time
 from argparse import Namespace
 from collections.abc import Callable, Iterator
 from itertools import count
@@ -18,8 +19,8 @@ from bus.errors import (
     RemoteProtocolError,
 )
 from bus.graph import Graph
+from bus.reach import NotNow, Patience, try_to_connect
 from bus.release import RELEASE
-from bus.trust import check_server
 from bus.wire import messages as m
 from bus.wire.answers import expect
 from bus.wire.layout import VERSION
@@ -43,17 +44,19 @@ class Query:
 
     def __init__(self, path: Path, *, may_start: bool = True, answer_s: float = ANSWER_S) -> None:
         self.path = path
-        self._socket = _connect(path, answer_s) or _start(path, may_start=may_start)
-        self._socket.settimeout(answer_s)
+        self._answer_s = answer_s
         self._session = Session(Role.CLIENT)
         self._items: Iterator[Any] = iter(())
         self._numbers = count(1)
-        try:
-            self._send(m.Hello(version=VERSION, pid=os.getpid(), program="bus", release=RELEASE))
-            self.broker: m.Hello = self._receive()
-        except BaseException:
-            self.close()
-            raise
+        patience = Patience(answer_s)
+        while True:
+            try:
+                self._socket = _connect(path) or _start(path, patience, may_start=may_start)
+                self.broker: m.Hello = self._greet()
+                return
+            except NotNow as error:
+                why = str(error)
+            time.sleep(patience.pause_s(why))
 
     def request(self, make: Callable[[int], m.Message], kind: type[A]) -> A:
         """Send the message that `make` gives for a request number; returns the answer, which is a `kind`.
@@ -101,6 +104,28 @@ class Query:
     ) -> None:
         self.close()
 
+    def _greet(self) -> m.Hello:
+        """Exchange Hellos. Raises NotNow where the broker ends the connection for something that passes."""
+        self._socket.settimeout(self._answer_s)
+        self._session, self._items = Session(Role.CLIENT), iter(())
+        try:
+            self._send(m.Hello(version=VERSION, pid=os.getpid(), program="bus", release=RELEASE))
+            hello: m.Hello = self._receive()
+            behind = list(self._items)
+            self._items = iter(behind)
+            if behind and isinstance(behind[0], m.Fault) and behind[0].again:
+                raise NotNow(f"busd at {self.path} refused this process: {behind[0].text}")
+            return hello
+        except BrokerUnavailable:
+            self.close()
+            raise
+        except ConnectionClosed as error:  # as one does that ends with connections in its backlog
+            self.close()
+            raise NotNow(str(error)) from None
+        except BaseException:
+            self.close()
+            raise
+
     def _send(self, message: m.Message) -> None:
         try:
             self._socket.sendall(m.encode_frame(message))
@@ -146,30 +171,19 @@ def full_type_name(text: str) -> str:
     return text if len(parts) == 3 else f"{parts[0]}/msg/{parts[1]}"
 
 
-def _connect(path: Path, answer_s: float) -> socket.socket | None:
+def _connect(path: Path) -> socket.socket | None:
     """None where no broker listens."""
-    sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
-        sock.settimeout(answer_s)
-        sock.connect(str(path))
-        check_server(sock, path)
-        return sock
+        return try_to_connect(path)
     except (FileNotFoundError, ConnectionRefusedError):
-        sock.close()
         return None
-    except BrokerUnavailable:
-        sock.close()
-        raise
-    except OSError as error:
-        sock.close()
-        raise BrokerUnavailable(f"cannot connect to busd at {path}: {error.strerror or error}") from None
 
 
-def _start(path: Path, *, may_start: bool) -> socket.socket:
+def _start(path: Path, patience: Patience, *, may_start: bool) -> socket.socket:
     if not may_start:
         raise NotRunning(f"no busd listens on {path}")
     import asyncio
 
     from bus.autostart import open_socket
 
-    return asyncio.run(open_socket(path))
+    return asyncio.run(open_socket(path, patience))

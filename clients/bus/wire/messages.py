@@ -208,9 +208,10 @@ class Refused(Message, frozen=True, tag="refused"):
 
 
 class Fault(Message, frozen=True, tag="fault"):
-    """Last word before the connection is cut."""
+    """Last word before the connection is cut. `again`: what was in the way passes, so try again."""
 
     text: str
+    again: bool = False
 
 
 class Leaving(Message, frozen=True, tag="leaving"):
