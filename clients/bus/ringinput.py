@@ -194,18 +194,18 @@ class RingInput:
             if not segments.same_segment(before.descriptor, ring):
                 self._replace(matched.gid, ring)
             return before.slot
-        memory = segments.map_ring(ring)
-        _make_ready_for(memory.size)
         slot = self._sharing.allot_slot()
-        if slot is None:
+        if slot is None:  # first: mapping costs more
             raise OSError("all slots of this process's readers' segment are in use")
-        history = 0
-        if self._wants_history and matched.qos.durability is Durability.TRANSIENT_LOCAL:
-            history = min(self.reader.depth or _ALL, _depth(matched.qos) or _ALL)
-        next_seq = max(known_seq + 1 if known_seq else 0, self._positions.pop(matched.gid, 0))
-        # All of a publisher that was made later is for us, also what is lapped by now: that is counted then.
-        is_new = matched.next_seq == 1 and matched.at_ns > self._declared_ns
         try:
+            memory = segments.map_ring(ring)
+            _make_ready_for(memory.size)
+            history = 0
+            if self._wants_history and matched.qos.durability is Durability.TRANSIENT_LOCAL:
+                history = min(self.reader.depth or _ALL, _depth(matched.qos) or _ALL)
+            next_seq = max(known_seq + 1 if known_seq else 0, self._positions.pop(matched.gid, 0))
+            # All of a publisher that was made later is for us, also what is lapped by now: counted then.
+            is_new = matched.next_seq == 1 and matched.at_ns > self._declared_ns
             keep = self._sharing.writer_doorbell(doorbell) if self._is_lossless else None
             first_seq = self.reader.attach(
                 source,

@@ -6,7 +6,9 @@ written once, however many read it. On the event loop's thread only.
 
 import asyncio
 from bisect import bisect_left
+from collections import Counter
 from collections.abc import Callable, Sequence
+from heapq import heappop, heappush
 from itertools import count
 
 from bus.bulk import LONG_TEXT, bytes_fields, text_fields
@@ -41,10 +43,11 @@ _keys = count(1)
 class _Gate:
     """One match as the publisher knows it: first only that there will be a reader, then where it tells."""
 
-    __slots__ = ("hold", "is_attached", "is_held", "is_lost", "is_stale", "key", "process", "slot")
+    __slots__ = ("depth", "hold", "is_attached", "is_held", "is_lost", "is_stale", "key", "process", "slot")
 
     def __init__(self, hold: int, *, is_held: bool) -> None:
         self.key = next(_keys)
+        self.depth = 0
         self.hold = hold  # until it reads, nothing from here on may be given up
         self.is_held = is_held  # its subscription is reliable and keeps all
         self.is_attached = False
@@ -82,10 +85,14 @@ class RingRoute:
         self.can_publish = not bytes_fields(support.cls)
         if keeps_all and qos.durability is Durability.TRANSIENT_LOCAL:
             self.writer.keep = FOR_EVER
+        # With thousands of matches, each that comes or goes must not mean a look at all of them.
         self._gates: dict[bytes, _Gate] = {}
-        self._depths: dict[bytes, int] = {}
-        self._left: list[_Gate] = []  # without a match, but messages may still be held
-        self._forget: asyncio.TimerHandle | None = None
+        self._depths: Counter[int] = Counter()  # of the gates, each with how many have it
+        self._unattached: dict[int, _Gate] = {}  # by key
+        self._holds: list[tuple[int, int]] = []  # of the held ones of these, a heap: what it holds, its key
+        # Without a match, but messages may still be held; by where it told of itself.
+        self._left: dict[tuple[ReaderProcess, int], _Gate] = {}
+        self._forget: asyncio.Handle | None = None
         self._return: asyncio.TimerHandle | None = None
         self._largest_bytes = 0  # what a ring may grow to for depth's sake, but for a single message
         self._guard = 0
@@ -173,6 +180,7 @@ class RingRoute:
         for gate in self._gates.values():
             writer.make_lossy(gate.key)
             gate.is_held = False
+        self._holds.clear()
         self._set_hold()
         return True
 
@@ -195,7 +203,7 @@ class RingRoute:
     @property
     def expected(self) -> int:
         """Matches whose reader has not yet said where it tells of itself."""
-        return sum(not gate.is_attached for gate in self._gates.values())
+        return len(self._unattached)
 
     def expect(self, matched: m.Matched) -> None:
         """A match by this route: hold what its reader is to find, until it says where it tells of itself."""
@@ -203,8 +211,14 @@ class RingRoute:
         gate = self._gates.get(matched.gid)
         if gate is None:
             gate = self._gates[matched.gid] = _Gate(self.writer.seq_since(matched.at_ns), is_held=is_held)
+            self._unattached[gate.key] = gate
+            if is_held:
+                heappush(self._holds, (gate.hold, gate.key))
+        else:
+            self._forget_depth(gate)
         gate.is_stale = False
-        self._depths[matched.gid] = matched.qos.depth if matched.qos.history is History.KEEP_LAST else 1
+        gate.depth = matched.qos.depth if matched.qos.history is History.KEEP_LAST else 1
+        self._depths[gate.depth] += 1
         self._set_hold()
 
     def attach(self, gid: bytes, attached: m.Attached, descriptors: tuple[Descriptor, ...]) -> None:
@@ -219,26 +233,29 @@ class RingRoute:
             raise OSError(MISSING)
         segment, doorbell = descriptors
         process = self._sharing.reader_process(segment, doorbell, attached.pid, attached.uid)
+        first_key = gate.key
         if (gate.process, gate.slot) != (process, attached.slot):  # else it has read on, while busd was away
-            for before in self._left:
-                if (before.process, before.slot) == (process, attached.slot):
-                    gate.key = before.key  # it comes back, and may have pins: the same gate goes on
-                    self._left.remove(before)
-                    break
+            before = self._left.pop((process, attached.slot), None)
+            if before is not None:
+                gate.key = before.key  # it comes back, and may have pins: the same gate goes on
             self.writer.add_gate(gate.key, process.bell, attached.slot, is_lossless=gate.is_held)
             gate.process, gate.slot = process, attached.slot
+        self._unattached.pop(first_key, None)
         gate.is_attached = True
         self._set_hold()
 
     def unmatched(self, gid: bytes, *, is_lost: bool = False) -> None:
         """The match is gone. `is_lost`: but its reader perhaps is not, and may read and pin until it ends."""
         gate = self._gates.pop(gid, None)
-        self._depths.pop(gid, None)
-        if gate is not None and gate.process is not None:
+        if gate is None:
+            return
+        self._forget_depth(gate)
+        self._unattached.pop(gate.key, None)
+        if gate.process is not None:
             gate.is_lost = is_lost
-            self._left.append(gate)
+            self._left[gate.process, gate.slot] = gate
             self.writer.make_lossy(gate.key)
-        self._forget_left()
+            self._forget_later(0)  # a look at all that go at once
         self._set_hold()
 
     def missed(self, qos: QoSProfile, since_ns: int) -> list[tuple[int, int, bytes]]:
@@ -285,6 +302,7 @@ class RingRoute:
     def close(self) -> None:
         """Let go of the ring; those who read it read it to its end."""
         self._gates.clear()
+        self._unattached.clear()
         self._left.clear()
         self._sharing.stop_waiting(self)
         for timer in (self._return, self._forget):
@@ -307,25 +325,39 @@ class RingRoute:
 
     def _forget_left(self) -> None:
         """Drop the gates that hold nothing any more; a process that has ended holds nothing."""
-        for gate in tuple(self._left):
-            assert gate.process is not None
+        is_alive: dict[ReaderProcess, bool] = {}
+        for place, gate in tuple(self._left.items()):
+            process, _ = place
             holds = gate.is_lost or self.writer.has_pins(gate.key)
-            if not holds or not gate.process.is_alive():
+            if holds and process not in is_alive:
+                is_alive[process] = process.is_alive()
+            if not holds or not is_alive[process]:
                 self.writer.remove_gate(gate.key)
-                self._left.remove(gate)
+                del self._left[place]
+        self._forget_later(_FORGET_S)
+
+    def _forget_later(self, seconds: float) -> None:
         if self._forget is not None:
             self._forget.cancel()
         self._forget = None
         if self._left:
-            self._forget = self._link.loop.call_later(_FORGET_S, self._forget_left)
+            self._forget = self._link.loop.call_later(seconds, self._forget_left)
+
+    def _forget_depth(self, gate: _Gate) -> None:
+        self._depths[gate.depth] -= 1
+        if not self._depths[gate.depth]:
+            del self._depths[gate.depth]
 
     def _set_hold(self) -> None:
-        holds = [gate.hold for gate in self._gates.values() if gate.is_held and not gate.is_attached]
+        holds = self._holds
+        while holds and holds[0][1] not in self._unattached:
+            heappop(holds)
+        first = holds[0][0] if holds else FOR_EVER
         if self._is_lossless:
-            holds.append(self._guard + 1)
-        self.writer.hold = min(holds, default=0)
+            first = min(first, self._guard + 1)
+        self.writer.hold = 0 if first == FOR_EVER else first
         if self.writer.keep != FOR_EVER:
-            self.writer.keep = max(self._depth, *self._depths.values(), 1)
+            self.writer.keep = max(self._depth, *self._depths, 1)
 
     def _grow(self, size: int, *, must: bool) -> bool:
         """Go on in a larger ring, with room for a message of `size` bytes; returns whether there is one.

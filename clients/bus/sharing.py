@@ -75,6 +75,7 @@ class Sharing:
         self._poll_ns = 0
         self._poll_until_ns = 0
         self._is_polling = False
+        self._is_look_due = False
         self._watch: asyncio.TimerHandle | None = None
         self._is_closed = False
         # On a loop that threads share, whoever waits for the news goes on before the rest is seen to.
@@ -169,8 +170,10 @@ class Sharing:
         self._waiting.pop(writer, None)
 
     def look_soon(self) -> None:
-        """A ring was added, and what is in it has rung nobody."""
-        self._loop.call_soon(self._rung)
+        """A ring was added, and what is in it has rung nobody. One look is for all that are added at once."""
+        if not self._is_look_due:
+            self._is_look_due = True
+            self._loop.call_soon(self._look_at_added)
 
     def poll(self, owner: Any, time_ns: int) -> None:
         """For `owner`, look without sleeping for up to `time_ns` after each message; 0: not any more."""
@@ -180,6 +183,10 @@ class Sharing:
         self._poll_ns = max(self._polls.values(), default=0)
         if self._poll_ns:
             self._look_on()
+
+    def _look_at_added(self) -> None:
+        self._is_look_due = False
+        self._rung()
 
     def _rung(self) -> None:
         # Few steps from here to the callback: after a sleep each of them is slow.

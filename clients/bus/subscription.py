@@ -85,6 +85,7 @@ class Subscription(Endpoint[M]):
         self._last_seqs: dict[bytes, int] = {}
         self._accounts = Accounts(self.inbox)
         self._lost_told = 0
+        self._not_alive: set[int] = set()  # of the matches
         self._left_broker = link.broker
         self._ack_bytes = 1
         self._ack_samples = 1
@@ -240,6 +241,10 @@ class Subscription(Endpoint[M]):
                 heard = self.inbox.sources.get(publisher)
                 if heard is not None and heard.is_alive is not alive:
                     heard.is_alive = alive
+                    if alive or publisher not in self._matches:
+                        self._not_alive.discard(publisher)
+                    else:
+                        self._not_alive.add(publisher)
                     self._tell_liveliness(1 if alive else -1, -1 if alive else 1)
             case m.Dropped(dropped=dropped):
                 self._accounts.tell(dropped)
@@ -318,6 +323,7 @@ class Subscription(Endpoint[M]):
 
     def _unmatch(self, other: int, *, is_lost: bool = False) -> None:
         super()._unmatch(other)
+        self._not_alive.discard(other)
         source = self.inbox.sources.get(other)
         if source is not None:
             self._tell_liveliness(*((-1, 0) if source.is_alive else (0, -1)))
@@ -375,8 +381,7 @@ class Subscription(Endpoint[M]):
                 self._tell(callback, MessageLost(total, change, reasons))
 
     def _tell_liveliness(self, alive_change: int, not_alive_change: int) -> None:
-        sources = self.inbox.sources
-        lost = sum(not sources[other].is_alive for other in self._matches if other in sources)
+        lost = len(self._not_alive)
         alive = len(self._matches) - lost
         event = LivelinessChanged(alive, lost, alive_change, not_alive_change)
         self._tell(self._events.liveliness_changed, event)

@@ -1,0 +1,109 @@
+"""bus.ringroute against a plain look at all its matches: what a publisher's ring must hold."""
+
+import asyncio
+import os
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bus import shm
+from bus.msg.std_msgs import Int32
+from bus.qos import QoSProfile
+from bus.ringroute import FOR_EVER, RingRoute
+from bus.sharing import Sharing
+from bus.typesupport import type_support
+from bus.wire import messages as m
+
+pytestmark = pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
+
+LOSSLESS = QoSProfile(history="keep_all")
+PROFILES = [QoSProfile(depth=depth) for depth in (1, 3, 3, 7)] + [LOSSLESS]
+GIDS = st.integers(0, 4)
+ACTIONS = st.lists(
+    st.one_of(
+        st.tuples(st.just("expect"), GIDS, st.integers(0, len(PROFILES) - 1)),
+        st.tuples(st.just("attach"), GIDS, st.integers(0, 3)),
+        st.tuples(st.just("unmatched"), GIDS, st.booleans()),
+        st.tuples(st.just("publish"), st.integers(1, 3), st.none()),
+        st.tuples(st.just("disconnected"), st.none(), st.none()),
+        st.tuples(st.just("look"), st.none(), st.none()),
+    ),
+    max_size=40,
+)
+
+
+class World:
+    def __init__(self, qos: QoSProfile) -> None:
+        self.loop = asyncio.get_running_loop()
+        self.sharing = Sharing(lambda owners: None)
+        link: Any = SimpleNamespace(guard=None, loop=self.loop, report=lambda _: None, is_quiet=lambda: True)
+        support = type_support(Int32)
+        owner: Any = SimpleNamespace(qos=qos, support=support, topic_name="/t", id=0)
+        self.route = RingRoute(link, self.sharing, owner)
+
+    def close(self) -> None:
+        self.route.close()
+        self.sharing.close()
+
+    def expect(self, gid: int, profile: int) -> None:
+        writer = self.route.writer
+        at_ns = writer.since(0)[-1][1] if writer.latest else 0  # the newest is for it
+        qos = PROFILES[profile]
+        matched = m.Matched(
+            endpoint=1,
+            other=gid + 2,
+            node="/n",
+            gid=bytes([gid]),
+            qos=qos,
+            route="shm",
+            next_seq=1,
+            at_ns=at_ns,
+        )
+        self.route.expect(matched)
+
+    def attach(self, gid: int, slot: int) -> None:
+        attached = m.Attached(
+            publisher=1, subscription=gid + 2, slot=slot, process=1, pid=os.getpid(), descriptors=2
+        )
+        self.route.attach(bytes([gid]), attached, (self.sharing.segment, self.sharing.doorbell))
+
+    def unmatched(self, gid: int, is_lost: bool) -> None:
+        self.route.unmatched(bytes([gid]), is_lost=is_lost)
+
+    def publish(self, number: int, _: None) -> None:
+        for _ in range(number):
+            self.route.put((b"x",), 0)
+
+    def disconnected(self, *_: None) -> None:
+        self.route.disconnected()
+
+    def look(self, *_: None) -> None:
+        self.route._forget_left()
+
+    def check(self) -> None:
+        route, gates = self.route, list(self.route._gates.values())
+        holds = [gate.hold for gate in gates if gate.is_held and not gate.is_attached]
+        if route._is_lossless:
+            holds.append(route._guard + 1)
+        assert route.writer.hold == min(holds, default=0)
+        assert route.expected == sum(not gate.is_attached for gate in gates)
+        if route.writer.keep != FOR_EVER:
+            assert route.writer.keep == max(route._depth, *(gate.depth for gate in gates), 1)
+
+
+@given(ACTIONS, st.booleans())
+@settings(max_examples=150)
+def test_what_is_held_is_what_the_matches_need(actions: list[tuple[Any, ...]], is_lossless: bool) -> None:
+    async def run() -> None:
+        world = World(LOSSLESS if is_lossless else QoSProfile(depth=2))
+        try:
+            for name, *arguments in actions:
+                getattr(world, name)(*arguments)
+                world.check()
+        finally:
+            world.close()
+
+    asyncio.run(run())

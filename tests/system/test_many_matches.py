@@ -1,0 +1,73 @@
+"""Many matches in one process: each of them costs it the same, however many there are."""
+
+import sys
+from types import FrameType
+from typing import Any, TypeAlias
+
+import pytest
+
+import bus
+from bus.link import Link
+from bus.msg.std_msgs import Int32
+from bus.wire import messages as m
+from bus.wire.session import Carried
+from conftest import Daemon
+from semantics import until
+
+MANY, FEW = 240, 40
+
+Costs: TypeAlias = dict[tuple[type, str], list[int]]
+
+
+@pytest.fixture
+def costs(monkeypatch: pytest.MonkeyPatch) -> Costs:
+    """Lines of Python that each message from busd made this process run, by what it is and what it is for."""
+    costs: Costs = {}
+    handle = Link._handle
+
+    def counted(link: Link, message: Any) -> None:
+        lines, before = 0, sys.gettrace()
+
+        def trace(frame: FrameType, event: str, argument: Any) -> Any:
+            nonlocal lines
+            lines += 1
+            return trace
+
+        sys.settrace(trace)
+        try:
+            handle(link, message)
+        finally:
+            sys.settrace(before)
+        message = message.message if isinstance(message, Carried) else message
+        endpoint = link._declarations.concerned(message)
+        if endpoint is not None:
+            costs.setdefault((type(message), endpoint.kind), []).append(lines)
+
+    monkeypatch.setattr(Link, "_handle", counted)
+    return costs
+
+
+@pytest.mark.parametrize("many", ["subscriptions", "publishers"])
+async def test_the_last_is_as_cheap_as_the_first(daemon: Daemon, costs: Costs, many: str, route: str) -> None:
+    async with bus.Node("hub", rosout=False, arguments=[]) as node:
+        publishers = [
+            await node.create_publisher(Int32, "t") for _ in range(1 if many == "subscriptions" else MANY)
+        ]
+        subscriptions = [
+            await node.create_subscription(Int32, "t") for _ in range(MANY if many == "subscriptions" else 1)
+        ]
+        hub = subscriptions[0] if many == "publishers" else publishers[0]
+        await until(lambda: hub.ready_matches() == MANY)
+        for endpoint in (publishers if many == "publishers" else subscriptions)[:-1]:
+            await endpoint.close()
+        await until(lambda: len(hub.matches) == 1)
+    kinds = [m.Matched, m.Unmatched]
+    if route == "shm" and many == "subscriptions":
+        kinds.append(m.Attached)
+    for kind in kinds:
+        lines = costs[kind, hub.kind]
+        assert len(lines) >= MANY - 1, kind
+        first, last = sum(lines[:FEW]), sum(lines[-FEW:])
+        assert last <= 1.25 * first, (
+            f"{kind.__name__}: {first} lines for the first {FEW}, {last} for the last"
+        )
