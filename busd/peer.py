@@ -1,4 +1,4 @@
-"""One connection of the daemon: from accept over Hello to the end. Makes no routing decision.
+"""One connection of the daemon, from its Hello to the end. Makes no routing decision.
 
 Descriptors that a peer sends are looked at here, before the core sees them: nobody shall map what could
 shrink under him. Of each peer busd holds one for each publisher, which are limited, its doorbell and its
@@ -34,6 +34,7 @@ from bus.wire.messages import (
 from bus.wire.outbox import Outbox
 from bus.wire.runs import Account
 from bus.wire.session import Carried, Role, Session
+from busd.core.anteroom import PLACES
 from busd.core.limits import Limits
 from busd.core.turns import Party
 from busd.credentials import Credentials
@@ -64,12 +65,9 @@ class PeerHost(Protocol):
     limits: Limits
     is_background: bool
     began_ns: int
-    unknown: Account
 
     @property
     def capabilities(self) -> tuple[str, ...]: ...
-
-    def greet(self, connection: "PeerConnection", hello: Hello) -> PeerId: ...
 
     def may_read(self, connection: "PeerConnection") -> bool: ...
 
@@ -84,23 +82,49 @@ class PeerHost(Protocol):
     def lose(self, connection: "PeerConnection", reason: str, *, is_cut: bool) -> None: ...
 
 
+def greeting(host: PeerHost) -> bytes:
+    """The frame of busd's Hello, which comes first, also on a connection that ends with the next one."""
+    return encode_frame(
+        Hello(
+            version=VERSION,
+            pid=os.getpid(),
+            program="busd",
+            lease_s=host.limits.lease_s,
+            background=host.is_background,
+            capabilities=host.capabilities,
+            release=RELEASE,
+            began_ns=host.began_ns,
+        )
+    )
+
+
 class PeerConnection:
-    """`id` is None until the peer has said Hello. `party` is its process, among those that take turns.
+    """Takes over `sock`, on which `hello` was read. `id` is the peer's in the core.
+
+    `party` is its process, among those that take turns.
 
     While it `is_held`, nothing of it is read and nothing that was read is handled: it has asked too often
     (`pause`), or it does not take what is sent to it (`put`).
     """
 
     def __init__(
-        self, host: PeerHost, sock: socket.socket, credentials: Credentials, party: "Party[Any]"
+        self,
+        host: PeerHost,
+        sock: socket.socket,
+        credentials: Credentials,
+        hello: Hello,
+        id: PeerId,
+        party: "Party[Any]",
     ) -> None:
-        self.id: PeerId | None = None
+        self.id = id
         self.credentials = credentials
         self.party = party
         self.items: Iterator[Any] | None = None
         """What was read and is yet to be handled."""
         self.is_parked = False
         """Its socket is not read, because it waits for its turn."""
+        self.is_early = False
+        """What its process had over an earlier connection is still there; it is not read before that goes."""
         self._host = host
         self._loop = asyncio.get_running_loop()
         self._pause_end: asyncio.TimerHandle | None = None
@@ -110,16 +134,18 @@ class PeerConnection:
             sock,
             Session(Role.BROKER, max_message_bytes=host.limits.message_bytes),
             Outbox(),
-            on_received=self._received,
+            on_received=partial(host.receive, self),
             on_lost=self._lost,
             takes_descriptors=True,
             may_read=partial(host.may_read, self),
             may_write=partial(host.may_write, self),
         )
-        self.stream.session.reader.charge_to(host.unknown)
-        self._handshake = self._loop.call_later(
-            host.limits.handshake_s, self.refuse, f"no Hello within {host.limits.handshake_s:g} s"
-        )
+        self.stream.session.open(hello)
+
+    def greet(self) -> None:
+        """Answer its Hello."""
+        self.stream.outbox.put(greeting(self._host))
+        self.stream.flush()
 
     def send(self, message: Message) -> None:
         """Queue a control message."""
@@ -154,7 +180,7 @@ class PeerConnection:
             if fault := find_fault(descriptor.fileno()):
                 raise RemoteProtocolError(f"{kind.__name__} with a bad descriptor: {fault}")
         # Numbers are given lowest first, so a high one says that there are as many.
-        room = resource.getrlimit(resource.RLIMIT_NOFILE)[0] - self._host.limits.connections - _SPARE
+        room = resource.getrlimit(resource.RLIMIT_NOFILE)[0] - self._host.limits.connections - PLACES - _SPARE
         return carried.descriptors if all(one.fileno() < room for one in carried.descriptors) else ()
 
     def charge_to(self, control: Account, unfinished: Account) -> None:
@@ -183,15 +209,6 @@ class PeerConnection:
             self.stream.release()
             self._host.resume(self)
 
-    def fileno(self) -> int:
-        """The number of its socket's descriptor."""
-        return self.stream.fileno()
-
-    def let_go(self) -> None:
-        """It has hung up before anything of it was read."""
-        self._lost(None)
-        self.stream.close()
-
     def pause(self, seconds: float) -> None:
         """Don't listen to the peer for so long from now."""
         if self.stream.is_closed:
@@ -215,13 +232,11 @@ class PeerConnection:
         waiting = self.stream.outbox.control_bytes
         self._end(f"{waiting} bytes of control frames wait for it; it does not read")
 
-    def refuse(self, reason: str, *, is_known: bool = False) -> None:
-        """Tell the peer why, and cut the connection. `is_known`: it is no news for the log."""
+    def refuse(self, reason: str) -> None:
+        """Tell the peer why, and cut the connection."""
         if not self.stream.is_closed:
-            if self.id is None:
-                self._greet()  # the first frame is a Hello, also for one that goes again
             self.stream.outbox.put(encode_frame(Fault(text=reason)))
-            self._end(reason, is_known=is_known)
+            self._end(reason)
 
     def leave(self, text: str) -> None:
         """busd ends: have the peer end what it sends, and see to it that all that it has sent is heard."""
@@ -240,7 +255,7 @@ class PeerConnection:
 
     def _let_go(self) -> None:
         self.items = None
-        for timer in (self._handshake, self._pause_end, self._choke):
+        for timer in (self._pause_end, self._choke):
             if timer is not None:
                 timer.cancel()
 
@@ -257,40 +272,11 @@ class PeerConnection:
             return
         self._choke = self._loop.call_later(_LOOK_S, self._look_at_choke)
 
-    def _received(self, items: Iterable[Any]) -> None:
-        """The first read; later ones go to the host directly."""
-        items = iter(items)
-        try:
-            hello = next(items, None)
-        except RemoteProtocolError as error:
-            self.refuse(str(error))
-            return
-        if hello is not None:
-            self._handshake.cancel()
-            self.id = self._host.greet(self, hello)
-            self.stream.on_received = partial(self._host.receive, self)
-            self._greet()
-            self.stream.flush()
-            self._host.receive(self, items)
-
-    def _greet(self) -> None:
-        hello = Hello(
-            version=VERSION,
-            pid=os.getpid(),
-            program="busd",
-            lease_s=self._host.limits.lease_s,
-            background=self._host.is_background,
-            capabilities=self._host.capabilities,
-            release=RELEASE,
-            began_ns=self._host.began_ns,
-        )
-        self.stream.outbox.put(encode_frame(hello))
-
     def _lost(self, error: Exception | None) -> None:
         self._let_go()
         self._host.lose(self, str(error) if error else "closed its connection", is_cut=False)
 
-    def _end(self, reason: str, *, is_known: bool = False) -> None:
+    def _end(self, reason: str) -> None:
         if not self.stream.is_closed:
-            self._host.lose(self, reason, is_cut=not is_known)
+            self._host.lose(self, reason, is_cut=True)
             self.close()

@@ -3,8 +3,10 @@
 import asyncio
 import logging
 import os
+import socket
 from collections.abc import Awaitable, Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from time import monotonic_ns
 from typing import Any, TypeAlias
 
@@ -14,6 +16,7 @@ from bus.wire.layout import GUESTS
 from bus.wire.messages import Done, Hello, Message, Refused, encode_frame
 from bus.wire.runs import Account, Run
 from bus.wire.session import Carried
+from busd.admission import Admission
 from busd.core.access import Access
 from busd.core.broker import Broker
 from busd.core.effects import Disconnect, Effect, Flush, Later, Note, Pause, Reload, Restart, Send, Stop
@@ -21,11 +24,10 @@ from busd.core.limits import Limits, TopicRule
 from busd.core.timers import NEVER_NS
 from busd.core.turns import BUDGET, Party, Turns
 from busd.core.work import UNLIMITED
-from busd.credentials import peer_credentials
-from busd.door import Door
+from busd.credentials import Credentials
 from busd.drain import Drain
 from busd.listener import Listener
-from busd.peer import PeerConnection
+from busd.peer import PeerConnection, greeting
 
 _log = logging.getLogger("busd")
 
@@ -36,11 +38,6 @@ _GRACE_NS = 50_000_000
 _READ, _WRITE = 5, 4
 """What it costs to read from a socket, or to look what is to be sent, in the units of busd.core.work."""
 _Job: TypeAlias = PeerConnection | PeerId
-
-_UNKNOWN_BYTES = 64 << 20
-"""What may be kept, of all together, of messages that begin before it was said whose they are."""
-_MOST_TURNED_AWAY = 1024
-"""Users of whom the log tells once that they were turned away."""
 
 
 class Server:
@@ -64,11 +61,9 @@ class Server:
         self.limits: Limits = broker.limits
         self.is_background = idle_s is not None
         self.began_ns = monotonic_ns()
-        self.unknown = Account(_UNKNOWN_BYTES)
         self.stopped: asyncio.Future[str] = asyncio.get_running_loop().create_future()
         self._loop = asyncio.get_running_loop()
         self._listener = listener
-        self._door = Door()
         self._broker = broker
         self._connections: set[PeerConnection] = set()
         self._peers: dict[PeerId, PeerConnection] = {}
@@ -82,7 +77,6 @@ class Server:
         self._timer_ns = NEVER_NS
         self._wake_ns = 0
         self._is_grace_over = False
-        self._turned_away: set[int] = set()
         self._idle_s = idle_s
         self._idle_timer: asyncio.TimerHandle | None = None
         self.is_restarting = False
@@ -91,7 +85,7 @@ class Server:
         self._restart: asyncio.Task[None] | None = None
         self._is_ending = False
         self._drain: Drain | None = None
-        self._loop.add_reader(listener.socket.fileno(), self._accept)
+        self._admission = Admission(listener.socket, self)
         self._watch_idle()
 
     def stop(self, reason: str, *, restart: bool = False) -> None:
@@ -106,8 +100,7 @@ class Server:
                 self._listener.close()
             return
         self._is_ending, self.is_restarting = True, restart
-        self._loop.remove_reader(self._listener.socket.fileno())
-        self._door.close()
+        self._admission.close()
         for connection in tuple(self._connections):
             connection.end_pause()
         if not restart:
@@ -145,15 +138,6 @@ class Server:
     def capabilities(self) -> tuple[str, ...]:
         return (GUESTS,) if self._broker.has_guests else ()
 
-    def greet(self, connection: PeerConnection, hello: Hello) -> PeerId:
-        who = connection.credentials
-        peer = self._broker.attach(monotonic_ns(), hello, pid=who.pid, uid=who.uid, gids=who.groups)
-        self._peers[peer] = connection
-        connection.charge_to(*self._broker.accounts(peer))
-        _log.debug("%s (pid %d) connected", hello.program, who.pid, extra={"peer": who.pid})
-        self._arm_timer()
-        return peer
-
     def may_read(self, connection: PeerConnection) -> bool:
         """Whether the connection's socket may be read now; if not, it gets its turn."""
         if connection.items is None and not self._is_early(connection):
@@ -186,9 +170,8 @@ class Server:
 
     def live(self, connection: PeerConnection) -> None:
         """The peer, which is not heard now, takes what is sent to it."""
-        if connection.id is not None:
-            self._carry_out(self._broker.hear(monotonic_ns(), connection.id))
-            self._flush()
+        self._carry_out(self._broker.hear(monotonic_ns(), connection.id))
+        self._flush()
 
     def lose(self, connection: PeerConnection, reason: str, *, is_cut: bool) -> None:
         if connection not in self._connections:
@@ -199,7 +182,7 @@ class Server:
         _log.log(level, "%s pid %d: %s", what, pid, reason, extra={"peer": pid})
         if self._is_ending:
             return  # what it has sent still goes to the others, as if it were there
-        if connection.id is not None and self._peers.pop(connection.id, None) is not None:
+        if self._peers.pop(connection.id, None) is not None:
             self._gone[connection.id] = connection.party
             with self._metered(connection.party):
                 self._carry_out(self._broker.detach(monotonic_ns(), connection.id))
@@ -217,9 +200,10 @@ class Server:
         self._line_up(connection.party, connection)
 
     def _is_early(self, connection: PeerConnection) -> bool:
-        """It has yet to say Hello, and what its process had over an earlier connection is still there."""
-        is_new = bool(self._gone) and connection.id is None
-        return is_new and any(party is connection.party for party in self._gone.values())
+        """What its process had over an earlier connection is still there, and has to go first."""
+        if connection.is_early:
+            connection.is_early = any(party is connection.party for party in self._gone.values())
+        return connection.is_early
 
     def _line_up(self, party: Party[_Job], job: _Job) -> None:
         if not self._is_serving:
@@ -247,12 +231,11 @@ class Server:
 
     def _serve_connection(self, connection: PeerConnection) -> None:
         """First what waits for it and what was begun, then what was read; only then its socket is read."""
-        party, peer = connection.party, connection.id
+        party = connection.party
         connection.stream.write_on()
-        if peer is not None:
-            with self._metered(party):
-                self._go_on(peer)
-                self._flush(connection)
+        with self._metered(party):
+            self._go_on(connection.id)
+            self._flush(connection)
         may_be_more = False
         if self._is_early(connection):
             self._line_up(party, connection)
@@ -290,7 +273,6 @@ class Server:
     def _handle(self, connection: PeerConnection, items: Iterable[Any]) -> None:
         """Hand the broker what came, one after the other; what there is no time for now waits."""
         broker, peer, meter = self._broker, connection.id, self._broker.meter
-        assert peer is not None
         now_ns, runs, is_swamped = monotonic_ns(), 0, False
         is_one = items.__class__ is list
         left = iter(items)
@@ -493,51 +475,51 @@ class Server:
         self._carry_out(self._broker.farewell())
         self._flush()
 
-    # --- connections
+    # --- AdmissionHost
 
-    def _accept(self) -> None:
-        try:
-            sock, _ = self._listener.socket.accept()
-        except (BlockingIOError, InterruptedError, ConnectionAbortedError):
-            return
-        except OSError as error:
-            # Out of descriptors: let those who are connected go on, and look again a little later.
-            _log.error("cannot accept a connection: %s", error)
-            self._loop.remove_reader(self._listener.socket.fileno())
-            self._loop.call_later(0.5, self._resume_accepting)
-            return
-        sock.setblocking(False)
-        who = peer_credentials(sock)
-        connection = PeerConnection(self, sock, who, self._turns.party((who.uid, who.pid)))
-        self._connections.add(connection)
-        self._watch_idle()
-        if reason := self._broker.why_turned_away(who.uid, who.groups):
-            connection.refuse(reason, is_known=who.uid in self._turned_away)
-            if len(self._turned_away) < _MOST_TURNED_AWAY:
-                self._turned_away.add(who.uid)
-            return
+    @property
+    def handshake_s(self) -> float:
+        return self.limits.handshake_s
+
+    def greeting(self) -> bytes:
+        return greeting(self)
+
+    def why_turned_away(self, who: Credentials) -> str:
+        return self._broker.why_turned_away(who.uid, who.groups)
+
+    def arrive(self, who: Credentials, said_ns: int) -> int:
+        return self._broker.arrive(monotonic_ns(), who.uid, said_ns)
+
+    def why_no_room(self, who: Credentials) -> tuple[str, bool]:
         of_user = sum(one.credentials.uid == who.uid for one in self._connections)
-        reason, is_known = self._broker.turn_away(
-            monotonic_ns(), who.uid, connections=len(self._connections), of_user=of_user
+        return self._broker.turn_away(
+            monotonic_ns(), who.uid, connections=len(self._connections) + 1, of_user=of_user + 1
         )
-        if reason:
-            connection.refuse(reason, is_known=is_known)
-            return
-        if delay_ns := self._broker.arrive(monotonic_ns(), who.uid):
-            self._door.hold(connection, delay_ns / 1e9)
-        connection.stream.before_write(lambda: self._before_write(connection))
 
-    def _resume_accepting(self) -> None:
-        if not self._is_ending:
-            self._loop.add_reader(self._listener.socket.fileno(), self._accept)
+    def come_to_nothing(self, who: Credentials, *, for_want_of_room: bool) -> tuple[bool, int]:
+        return self._broker.come_to_nothing(monotonic_ns(), who.uid, for_want_of_room=for_want_of_room)
+
+    def let_in(self, sock: socket.socket, who: Credentials, hello: Hello) -> None:
+        peer = self._broker.attach(monotonic_ns(), hello, pid=who.pid, uid=who.uid, gids=who.groups)
+        party = self._turns.party((who.uid, who.pid))
+        connection = self._peers[peer] = PeerConnection(self, sock, who, hello, peer, party)
+        connection.is_early = bool(self._gone)
+        self._connections.add(connection)
+        connection.charge_to(*self._broker.accounts(peer))
+        connection.stream.before_write(partial(self._before_write, connection))
+        _log.debug("%s (pid %d) connected", hello.program, who.pid, extra={"peer": who.pid})
+        connection.greet()
+        self._arm_timer()
+        self._watch_idle()
+
+    # --- connections
 
     def _before_write(self, connection: PeerConnection) -> None:
         connection.wrote()
-        if connection.id is not None:
-            with self._metered(connection.party):
-                self._carry_out(self._broker.expire(monotonic_ns(), connection.id))
-                self._flush()
-            self._arm_timer()
+        with self._metered(connection.party):
+            self._carry_out(self._broker.expire(monotonic_ns(), connection.id))
+            self._flush()
+        self._arm_timer()
 
     def _watch_idle(self) -> None:
         if self._idle_s is None or self._is_ending:
@@ -549,8 +531,10 @@ class Server:
             self._idle_timer = self._loop.call_later(self._idle_s, self._end_idleness, self._idle_s)
 
     def _end_idleness(self, idle_s: float) -> None:
-        self._accept()  # who came while this process was held up: libuv looks at timers first
-        if not self._connections:
+        # Who came while this process was held up: libuv looks at timers first.
+        if self._admission.accept_some(1) or not self._admission.is_empty:
+            self._watch_idle()
+        elif not self._connections:
             self.stop(f"idle for {idle_s:g} s")
 
 

@@ -105,7 +105,7 @@ class World:
             connection.close()
         if self.server._timer is not None:
             self.server._timer.cancel()
-        asyncio.get_running_loop().remove_reader(self.listener.socket.fileno())
+        self.server._admission.close()
         self.listener.close()
 
     def peer(self, process: int) -> PeerConnection:

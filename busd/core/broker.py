@@ -185,9 +185,13 @@ class Broker:
         """Why there is no room for one more process of a user, and whether it was told before."""
         return self._quotas.turn_away(now_ns, uid, connections=connections, of_user=of_user)
 
-    def arrive(self, now_ns: int, uid: int) -> int:
-        """One more process of a user, for which there is room; returns how long it waits at the door."""
-        return self._quotas.arrive(now_ns, uid)
+    def arrive(self, now_ns: int, uid: int, said_ns: int) -> int:
+        """One more process of a user, which said Hello then; 0: it may come in, else how long it waits."""
+        return self._quotas.arrive(now_ns, uid, said_ns)
+
+    def come_to_nothing(self, now_ns: int, uid: int, *, for_want_of_room: bool) -> tuple[bool, int]:
+        """A connection of a user ended before it was let in; see `busd.core.quotas`."""
+        return self._quotas.come_to_nothing(now_ns, uid, for_want_of_room=for_want_of_room)
 
     def accounts(self, peer_id: PeerId) -> tuple[Account, Account]:
         """What is to be charged for a peer: control frames that wait for it, messages that are not whole."""

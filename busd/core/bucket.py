@@ -27,6 +27,10 @@ class Bucket:
         owed_ns = max(self._full_ns - now_ns, 0)
         return owed_ns + min(tokens * self._step_ns, self._burst_ns) <= self._burst_ns
 
+    def wait_ns(self, now_ns: int) -> int:
+        """How long it takes until there is a token."""
+        return max(self._full_ns + self._step_ns - self._burst_ns - now_ns, 0)
+
     def owed_ns(self, now_ns: int) -> int:
         """How long it takes until what was taken too much is back."""
         return max(self._full_ns - now_ns - self._burst_ns, 0)

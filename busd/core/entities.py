@@ -62,7 +62,11 @@ class User(Holder):
     unfinished: Account
     """Bytes of messages that have not come whole; the shell charges them."""
     arrivals: Bucket
-    """Processes that may come now, before they have to wait at the door."""
+    """Processes that may come now, before they have to wait to be let in."""
+    mishaps: Bucket
+    """Connections that came to nothing of which the log may still tell now."""
+    untold: int = 0
+    """And those of which it did not."""
 
 
 @dataclass(slots=True, eq=False, kw_only=True)

@@ -41,9 +41,9 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """
 
     connections: _Count = 256
-    """Processes connected at the same time."""
+    """Processes that have said Hello, connected at the same time."""
     connections_per_user: _Count = 224
-    """Processes of one user connected at the same time, and so many more heard in a second, for long."""
+    """Processes of one user that have said Hello, and so many more heard in a second, for long."""
     nodes_per_peer: _Count = 1024
     """Nodes of one process."""
     nodes_per_user: _Count = 8192

@@ -23,6 +23,8 @@ TELL_AGAIN_NS = 10_000_000_000
 _LONGEST_PAUSE_NS = 1_000_000_000
 _LEASE_PART = 4
 _HANDSHAKE_PART = 4
+_MISHAPS = 10
+"""Lines at once about connections of a user that came to nothing; for long, one in a second."""
 _QUESTIONS_PART = 2
 """Of what it may ask in a second, a process may ask that part at once."""
 _DECLARATIONS_PER_ENDPOINT = 4
@@ -70,6 +72,7 @@ class Quotas:
                 declarations=Bucket(1, 1),
                 signals=Bucket(1, 1),
                 arrivals=Bucket(1, 1),
+                mishaps=Bucket(1, _MISHAPS),
             )
             self._resize(user, "user")
         return user
@@ -100,15 +103,35 @@ class Quotas:
         user.refused += 1
         return str(error), not _is_news(now_ns, user, error.resource)
 
-    def arrive(self, now_ns: int, uid: int) -> int:
-        """One more process of a user comes; returns how long it waits at the door: 0 unless too many came.
+    def arrive(self, now_ns: int, uid: int, said_ns: int) -> int:
+        """One more process of a user wants to come in, which said Hello at `said_ns`.
 
-        So who comes without end, and wants to be heard, takes little time from busd and from those beside it.
+        Returns 0 where it may, and it is counted; else for how long it is to wait before it is asked for
+        again. So who comes without end, and wants to be heard, takes little time from busd and from those
+        beside it; but nobody waits longer than a second, or a part of the time for the handshake.
         """
         arrivals = self.user(now_ns, uid).arrivals
+        longest_ns = min(_LONGEST_PAUSE_NS, int(self.limits.handshake_s * 1e9) // _HANDSHAKE_PART)
+        wait_ns = min(arrivals.wait_ns(now_ns), said_ns + longest_ns - now_ns)
+        if wait_ns > 0:
+            return wait_ns
         arrivals.take(now_ns, 1)
-        wait_ns = arrivals.owed_ns(now_ns)
-        return min(wait_ns, int(self.limits.handshake_s * 1e9) // _HANDSHAKE_PART)
+        return 0
+
+    def come_to_nothing(self, now_ns: int, uid: int, *, for_want_of_room: bool) -> tuple[bool, int]:
+        """A connection of a user has ended before it was let in: it brought garbage, or lost its place.
+
+        Returns whether the log is to be told, because there were not many lately, and how many there were of
+        which it was not.
+        """
+        user = self.user(now_ns, uid)
+        user.refused += for_want_of_room
+        if not user.mishaps.has(now_ns, 1):
+            user.untold += 1
+            return False, 0
+        user.mishaps.take(now_ns, 1)
+        untold, user.untold = user.untold, 0
+        return True, untold
 
     def spend(self, now_ns: int, peer: Peer, message: object, records: Sized, out: list[Effect]) -> None:
         """Count a control frame; who asks about the graph has it looked through, which counts as well.
@@ -283,7 +306,8 @@ def _descriptors(holder: Holder) -> int:
 
 
 def _is_forgettable(now_ns: int, user: User) -> bool:
-    is_rested = user.declarations.is_full(now_ns) and user.arrivals.is_full(now_ns)
+    buckets = user.declarations, user.arrivals, user.mishaps
+    is_rested = all(bucket.is_full(now_ns) for bucket in buckets)
     return is_rested and not user.peers and not user.descriptors
 
 

@@ -334,7 +334,10 @@ class TestShortOfThings:
             limit = descriptors_of(daemon.pid) + 3
             resource.prlimit(daemon.pid, resource.RLIMIT_NOFILE, (limit, limit))
             with contextlib.ExitStack() as crowd:
-                peers = [crowd.enter_context(RawPeer(daemon.path)) for _ in range(10)]
+                peers = []
+                for _ in range(10):
+                    peers.append(crowd.enter_context(RawPeer(daemon.path)))
+                    peers[-1].write(HELLO)
                 wait_until(lambda: "cannot accept a connection" in daemon.log.read_text())
                 for seq in range(1, 100):
                     talker.write(data(publisher, frame_record(b"x", 1), first_seq=seq))
@@ -344,7 +347,7 @@ class TestShortOfThings:
                 assert cpu_ticks(daemon.pid) - before <= 5, "busd spins"
                 for peer in peers[:9]:
                     peer.close()
-                peers[9].hello()
+                peers[9].expect(m.Hello)
             listener.barrier()
 
     def test_idle_is_idle(self, loop: str, start_daemon: Start) -> None:

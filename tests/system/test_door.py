@@ -1,16 +1,152 @@
-"""Connections that wait until they are heard, because too many came lately."""
+"""The way in: storms of connections, a full backlog, and who waits until he is heard."""
 
+import asyncio
 import contextlib
 import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
 
 import pytest
 
+import bus
+from bus import autostart
+from bus.cli import query
+from bus.cli.query import Query
+from bus.errors import BrokerUnavailable
 from bus.wire import messages as m
+from busd.core.anteroom import PLACES
 from conftest import WAIT_S, Daemon
 from neighbours import resident_bytes, with_limits
 from raw_peer import HELLO, RawPeer
+from semantics import until
 
 MiB = 1 << 20
+
+STORM = """
+import os, socket, struct, sys
+garbage = [os.urandom(3000), struct.pack("<I", 0xffffffff) + bytes(100), b"GET / HTTP/1.1"]
+words = [*garbage, b"", bytes.fromhex(sys.argv[2])]
+held, at = [], 0
+while True:
+    one, at = socket.socket(socket.AF_UNIX), at + 1
+    one.setblocking(False)
+    try:
+        one.connect(sys.argv[1])
+        one.send(words[at % len(words)])
+    except OSError:
+        pass
+    if at % 7 == 0:
+        held.append(one)
+    if len(held) > 100:
+        held.pop(0).close()
+"""
+"""Garbage, silence, Hellos that nobody waits for: as many as it can, some of them held."""
+
+
+@contextlib.contextmanager
+def storms(daemon: Daemon, number: int) -> Iterator[None]:
+    command = [sys.executable, "-c", STORM, str(daemon.path), HELLO.hex()]
+    processes = [subprocess.Popen(command) for _ in range(number)]
+    try:
+        yield
+    finally:
+        for process in processes:
+            assert process.poll() is None
+            process.kill()
+            process.wait()
+
+
+@contextlib.contextmanager
+def full_backlog(daemon: Daemon) -> Iterator[None]:
+    """A busd that stands still, with no place left in its backlog."""
+    daemon.process.send_signal(signal.SIGSTOP)
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                guest = stack.enter_context(socket.socket(socket.AF_UNIX))
+                guest.setblocking(False)
+                guest.connect(str(daemon.path))
+        try:
+            yield
+        finally:
+            daemon.process.send_signal(signal.SIGCONT)
+
+
+@pytest.mark.usefixtures("neighbours")
+async def test_programs_get_in_through_a_storm(daemon: Daemon) -> None:
+    """And their neighbours, by socket, lose nothing; the log stays readable."""
+    with storms(daemon, 2):
+        await until(lambda: "turned away" in daemon.log.read_text())
+        for at in range(10):
+            async with bus.Node(f"late{at}", arguments=[], rosout=False) as node:
+                await node.create_publisher(bus.msg.std_msgs.String, "t")
+    lines = daemon.log.read_text().splitlines()
+    assert any("more of user" in line for line in lines)
+    assert len([line for line in lines if "turned away" in line]) < 10 + 2 * WAIT_S
+
+
+def test_silent_ones_take_no_place_inside_and_little_memory(daemon: Daemon) -> None:
+    with contextlib.ExitStack() as stack:
+        peer = stack.enter_context(RawPeer(daemon.path)).hello()
+        before = resident_bytes(daemon.pid)
+        silent = [stack.enter_context(RawPeer(daemon.path)) for _ in range(PLACES + 40)]
+        for guest in silent[:40]:
+            assert "no place left" in guest.fault()
+        answer = peer.ask(m.GetPeers(request=peer.request()))
+        assert len(answer.peers) == 1
+        assert answer.users[0].refused == 40
+        assert resident_bytes(daemon.pid) - before < 2 * MiB
+        silent[-1].hello()
+
+
+class TestFullBacklog:
+    async def test_a_program_waits_until_there_is_room(
+        self, daemon: Daemon, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        tries = count_tries(monkeypatch, autostart)
+        with full_backlog(daemon):
+            node = bus.Node("patient", arguments=[], rosout=False)
+            opening = asyncio.ensure_future(node.open())
+            await until(lambda: len(tries) > 3)
+        await opening
+        await node.close()
+
+    def test_so_does_a_tool(self, daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
+        tries = count_tries(monkeypatch, query)
+        pauses = list[float]()
+
+        def pause(seconds: float) -> None:
+            pauses.append(seconds)
+            if len(pauses) == 5:
+                daemon.process.send_signal(signal.SIGCONT)
+
+        monkeypatch.setattr(query.time, "sleep", pause)
+        with full_backlog(daemon), Query(daemon.path, may_start=False, answer_s=WAIT_S) as asked:
+            assert asked.graph().nodes == ()
+        assert len(tries) > 5
+
+    async def test_neither_waits_for_ever(self, daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(bus.reach.Patience.__init__, "__defaults__", (0.05, bus.reach.monotonic))
+        reason = f"busd at {daemon.path} takes no connection: too many wait to be accepted; tried for 0.05 s"
+        with full_backlog(daemon):
+            with pytest.raises(BrokerUnavailable, match=reason):
+                await bus.Node("impatient", arguments=[]).open()
+            with pytest.raises(BrokerUnavailable, match=reason):
+                Query(daemon.path, answer_s=0.05)
+
+
+def count_tries(monkeypatch: pytest.MonkeyPatch, module: object) -> list[None]:
+    """One for each try to connect, from now on."""
+    tries, attempt = list[None](), bus.reach.try_to_connect
+
+    def counted(path: object) -> object:
+        tries.append(None)
+        return attempt(path)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(module, "try_to_connect", counted)
+    return tries
 
 
 @with_limits(connections_per_user=40)

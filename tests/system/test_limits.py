@@ -51,6 +51,7 @@ async def test_connections_of_a_user(daemon: Daemon) -> None:
     text = f"connections of user {UID}: 4 of 4 in use; busd's limit can be raised in busd.toml"
     with crowd(daemon, 3):
         with RawPeer(daemon.path) as late:
+            late.write(HELLO)
             assert late.fault() == text
         with pytest.raises(bus.BrokerUnavailable, match=f"connections of user {UID}: 4 of 4 in use"):
             await bus.Node("late", arguments=[]).open()
@@ -216,12 +217,14 @@ def test_messages_that_never_come_whole(daemon: Daemon, other: RawPeer) -> None:
 
 
 def test_long_messages_before_hello(daemon: Daemon) -> None:
-    """Nobody is there yet whom they could be charged to: all together are bounded."""
+    """Nobody is there yet whom they could be charged to: nothing is kept of them."""
     with contextlib.ExitStack() as stack:
         peers = [stack.enter_context(RawPeer(daemon.path)) for _ in range(5)]
+        before = resident_bytes(daemon.pid)
         for peer in peers:
             peer.write(struct.pack("<I", 32 * MiB) + data(1, b"")[4:] + bytes(20 * MiB))
-        wait_until(lambda: "messages that have not come whole" in daemon.log.read_text())
+            assert peer.fault() == "a data frame came before Hello"
+        assert resident_bytes(daemon.pid) - before < MiB
     with RawPeer(daemon.path) as peer:
         body = frame_record(bytes(8 * MiB), 1)
         peer.write(HELLO + data(1, body))

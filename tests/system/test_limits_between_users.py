@@ -8,7 +8,7 @@ import pytest
 from bus.qos import History, QoSProfile
 from bus.wire import messages as m
 from feeding import frame_record
-from raw_peer import RawPeer, data
+from raw_peer import HELLO, RawPeer, data
 from users import GUEST, OWNER, Guests, acting_as, needs_users, rule
 
 pytestmark = needs_users
@@ -43,7 +43,9 @@ def busd_with(stack: ExitStack, **limits: int) -> Guests:
 def test_what_is_counted(stack: ExitStack, come: Callable[[Guests, int], RawPeer]) -> None:
     busd = busd_with(stack, connections_per_user=3, endpoints_per_peer=4, endpoints_per_user=4)
     guests = [come(busd, GUEST).hello() for _ in range(3)]
-    assert come(busd, GUEST).fault() == (
+    late = come(busd, GUEST)
+    late.write(HELLO)
+    assert late.fault() == (
         f"connections of user {GUEST}: 3 of 3 in use; busd's limit can be raised in busd.toml"
     )
     nodes = [guest.node() for guest in guests]

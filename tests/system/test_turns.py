@@ -70,7 +70,7 @@ class TestLongWork:
     def test_a_process_that_comes_back_finds_nothing_of_its_own(
         self, daemon: Daemon, peer: RawPeer, other: RawPeer
     ) -> None:
-        """Its Hello is answered when what it had before is gone, so that nobody sees it twice."""
+        """What it asks is answered when what it had before is gone, so that nobody sees it twice."""
         node = peer.hello().node("many")
         peer.write(endpoints(node, "/many", MANY))
         while peer.expect(m.Created).request != 1000 + MANY - 1:

@@ -100,6 +100,10 @@ class Session:
             return frames  # the common case at a moderate rate, without a generator's cost
         return self._interpret(frames)
 
+    def open(self, hello: Hello) -> None:
+        """Begin behind the peer's Hello, which was read by itself (`bus.wire.greeting`)."""
+        self.state, self.peer = State.OPEN, hello
+
     def allow(self, max_message_bytes: int) -> None:
         """Let messages be as long, if that is longer than until now."""
         most = RUN_BYTES + RECORD_HEAD_BYTES + max_message_bytes
@@ -121,7 +125,8 @@ class Session:
                         message = self._decode(frame)
                         if message.__class__ is Hello:
                             self._step(_AFTER_HELLO, "a Hello")
-                            self._check(message)
+                            check_version(message, self._role)
+                            self.peer = message
                         else:
                             self._step(_AFTER_OTHER, f"a {type(message).__name__}")
                         claimed: int = getattr(message, "descriptors", 0)
@@ -148,17 +153,18 @@ class Session:
         except KeyError:
             raise RemoteProtocolError(f"{what} came {_WHEN[self.state]}") from None
 
-    def _check(self, hello: Hello) -> None:
-        if hello.version != VERSION:
-            is_theirs_older = hello.version < VERSION
-            if (self._role is Role.CLIENT) is is_theirs_older:
-                remedy = "the busd that runs is older: update it, then bus daemon stop"
-            else:
-                remedy = "the program has an older busd than runs: update the one that it imports"
-            raise RemoteProtocolError(
-                f"protocol version {hello.version} offered, this side speaks {VERSION}; {remedy}"
-            )
-        self.peer = hello
+
+def check_version(hello: Hello, role: Role) -> None:
+    """Raise RemoteProtocolError where the other side speaks another version than we do, in that `role`."""
+    if hello.version != VERSION:
+        is_theirs_older = hello.version < VERSION
+        if (role is Role.CLIENT) is is_theirs_older:
+            remedy = "the busd that runs is older: update it, then bus daemon stop"
+        else:
+            remedy = "the program has an older busd than runs: update the one that it imports"
+        raise RemoteProtocolError(
+            f"protocol version {hello.version} offered, this side speaks {VERSION}; {remedy}"
+        )
 
 
 def _close(batch: tuple[Descriptor, ...]) -> None:

@@ -1,0 +1,354 @@
+"""The way in: connections from their accept to their Hello, and then, when it is their user's turn, inside.
+
+Owns the listening socket's readiness and the connections that have not been let in. Of such a one busd holds
+its descriptor, and bytes only while a part of its Hello is missing; it has one of a fixed number of places
+(`busd.core.anteroom`), never one of those who are inside. All of them together may take a part of the
+processor's time, above which new ones wait in the backlog; so a storm of them leaves the rest to the others.
+Must not know what is said after Hello, nor what anybody may do.
+"""
+
+import asyncio
+import errno
+import logging
+import select
+import socket
+from contextlib import suppress
+from time import monotonic_ns, thread_time_ns
+from typing import Protocol
+
+from bus.errors import RemoteProtocolError
+from bus.wire.greeting import Greeting
+from bus.wire.messages import Fault, Hello, encode_frame
+from busd.core.anteroom import Anteroom
+from busd.core.bucket import Bucket
+from busd.credentials import Credentials, peer_credentials
+
+__all__ = ["Admission", "AdmissionHost"]
+
+_log = logging.getLogger("busd")
+
+_AT_ONCE = 16
+"""Connections that are accepted, or heard, before the loop looks after the others again."""
+_SHARE_US_PER_S = 250_000
+"""Time that newcomers may take of each second, and how much of it at once."""
+_BURST_US = 10_000
+_RETRY_S = 0.5
+_TELL_AGAIN_NS = 1_000_000_000
+_NO_PLACE = "busd has no place left for another connection that waits to be let in; try again"
+_HELD = select.EPOLLRDHUP | select.EPOLLHUP | select.EPOLLERR
+_SCRAP_READS = 16
+_MOST_TURNED_AWAY = 1024
+"""Users of whom the log tells once that they were turned away."""
+
+_scrap = bytearray(64 << 10)
+
+
+class AdmissionHost(Protocol):
+    """What is asked about who comes."""
+
+    @property
+    def handshake_s(self) -> float: ...
+
+    def greeting(self) -> bytes:
+        """The frame of busd's own Hello."""
+
+    def why_turned_away(self, who: Credentials) -> str:
+        """Why that user may not connect at all; "" where he may."""
+
+    def arrive(self, who: Credentials, said_ns: int) -> int:
+        """For how many ns one that said Hello at `said_ns` is to wait; 0: it may come in, and is counted."""
+
+    def why_no_room(self, who: Credentials) -> tuple[str, bool]:
+        """Why there is no room inside, "" where there is; and whether the log has heard of it."""
+
+    def come_to_nothing(self, who: Credentials, *, for_want_of_room: bool) -> tuple[bool, int]:
+        """Whether the log is to be told of it, and how many there were of which it was not."""
+
+    def let_in(self, sock: socket.socket, who: Credentials, hello: Hello) -> None:
+        """Take over a connection: non-blocking, and read up to the end of its Hello."""
+
+
+class _Newcomer:
+    """`number` is that of its descriptor while busd looks at it (epoll), else -1."""
+
+    __slots__ = ("greeting", "hello", "number", "sock", "who")
+
+    def __init__(self, sock: socket.socket, who: Credentials) -> None:
+        self.sock = sock
+        self.who = who
+        self.number = -1
+        self.greeting = Greeting()
+        self.hello: Hello | None = None
+
+    def listen(self) -> bool:
+        """Read what has come of its Hello; False where it has hung up. Raises RemoteProtocolError."""
+        try:
+            while self.hello is None:
+                more = self.sock.recv(self.greeting.wanted, socket.MSG_DONTWAIT)
+                if not more:
+                    return False
+                self.hello = self.greeting.received(more)
+        except (BlockingIOError, InterruptedError):
+            pass
+        except OSError:
+            return False
+        return True
+
+
+class Admission:
+    """Lets in who connects to `listening` until `close`, which leaves that open."""
+
+    def __init__(self, listening: socket.socket, host: AdmissionHost) -> None:
+        self._listening = listening
+        self._host = host
+        self._loop = asyncio.get_running_loop()
+        self._anteroom: Anteroom[_Newcomer] = Anteroom()
+        self._by_number: dict[int, _Newcomer] = {}
+        # One of its own: cheaper for connections that come and go, and it tells of an end without reading.
+        self._epoll = select.epoll()
+        self._cost = Bucket(_SHARE_US_PER_S, _BURST_US)
+        self._rest: asyncio.TimerHandle | None = None
+        self._timer: asyncio.TimerHandle | None = None
+        self._timer_ns = 0
+        self._failed_ns = -_TELL_AGAIN_NS
+        self._turned_away: set[int] = set()
+        self._is_closed = False
+        self._resume()
+
+    @property
+    def is_empty(self) -> bool:
+        """Nobody waits to be let in, but perhaps in the backlog."""
+        return not self._anteroom
+
+    def accept_some(self, most: int) -> int:
+        """Accept connections out of the backlog, `most` of them at most; returns how many there were."""
+        for count in range(most):
+            try:
+                sock, _ = self._listening.accept()
+            except (BlockingIOError, InterruptedError):
+                return count
+            except ConnectionAbortedError:
+                continue
+            except OSError as error:
+                self._fail_to_accept(error)
+                return count
+            self._meet(sock)
+        return most
+
+    def close(self) -> None:
+        """Accept no more, and close those that were not let in, without a word: another busd may serve them.
+
+        The clients of a busd that ends know this from the backlog, and try again.
+        """
+        if self._is_closed:
+            return
+        self._is_closed = True
+        for timer in (self._rest, self._timer):
+            if timer is not None:
+                timer.cancel()
+        if self._rest is None:
+            self._stop_listening()
+        self._epoll.close()
+        for newcomer in self._by_number.values():
+            newcomer.sock.close()
+        self._by_number.clear()
+
+    # --- readiness
+
+    def _resume(self) -> None:
+        self._rest = None
+        self._loop.add_reader(self._listening.fileno(), self._come)
+        self._loop.add_reader(self._epoll.fileno(), self._hear)
+
+    def _stop_listening(self) -> None:
+        self._loop.remove_reader(self._listening.fileno())
+        self._loop.remove_reader(self._epoll.fileno())
+
+    def _pause(self, seconds: float) -> None:
+        if self._rest is None and not self._is_closed:
+            self._stop_listening()
+            self._rest = self._loop.call_later(seconds, self._resume)
+
+    def _come(self) -> None:
+        began_ns = thread_time_ns()
+        self.accept_some(_AT_ONCE)
+        self._charge(began_ns)
+
+    def _hear(self) -> None:
+        began_ns = thread_time_ns()
+        self._look()
+        self._charge(began_ns)
+
+    def _charge(self, began_ns: int) -> None:
+        """Count what newcomers have cost since, and let them wait where it was too much."""
+        now_ns = monotonic_ns()
+        self._cost.take(now_ns, (thread_time_ns() - began_ns) // 1000)
+        if owed_ns := self._cost.owed_ns(now_ns):
+            self._pause(owed_ns / 1e9)
+
+    def _fail_to_accept(self, error: OSError) -> None:
+        """Out of descriptors or memory. Who is inside goes on; newcomers make room for newcomers."""
+        now_ns = monotonic_ns()
+        if now_ns - self._failed_ns >= _TELL_AGAIN_NS:
+            self._failed_ns = now_ns
+            _log.error("cannot accept a connection: %s", error)
+        if error.errno in (errno.EMFILE, errno.ENFILE) and self._anteroom:
+            self._displace()
+        else:
+            self._pause(_RETRY_S)
+
+    # --- newcomers
+
+    def _meet(self, sock: socket.socket) -> None:
+        newcomer = _Newcomer(sock, peer_credentials(sock))
+        who = newcomer.who
+        if reason := self._host.why_turned_away(who):
+            is_known = who.uid in self._turned_away
+            if len(self._turned_away) < _MOST_TURNED_AWAY:
+                self._turned_away.add(who.uid)
+            self._refuse(newcomer, reason, is_news=not is_known)
+        else:
+            self._listen_to(newcomer)
+
+    def _listen_to(self, newcomer: _Newcomer) -> None:
+        """Hear what has come of it, and do what follows from that."""
+        try:
+            is_there = newcomer.listen()
+        except RemoteProtocolError as error:
+            self._give_up(newcomer, str(error))
+            return
+        now_ns = monotonic_ns()
+        if not is_there:
+            self._take_out(newcomer)
+            newcomer.sock.close()
+        elif newcomer.hello is None:
+            if newcomer.number < 0:
+                self._give_place(newcomer, now_ns)
+                self._wake_by(now_ns + self._handshake_ns)
+        elif not self._anteroom.first_waiting(newcomer.who.uid) and self._may_come_in(
+            newcomer, now_ns, now_ns
+        ):
+            self._take_out(newcomer)
+            self._let_in(newcomer)
+        elif newcomer.number >= 0 or self._give_place(newcomer, now_ns):
+            self._anteroom.hear(now_ns, newcomer)
+            self._epoll.modify(newcomer.number, _HELD)
+
+    def _give_place(self, newcomer: _Newcomer, now_ns: int) -> bool:
+        """Returns whether it still has it then: where too many have one, some lose theirs."""
+        newcomer.number = newcomer.sock.fileno()
+        self._by_number[newcomer.number] = newcomer
+        self._epoll.register(newcomer.number, select.EPOLLIN | _HELD)
+        self._anteroom.enter(now_ns, newcomer, newcomer.who.uid, newcomer.who.pid)
+        while self._anteroom.is_overfull:
+            self._displace()
+        return newcomer.number >= 0
+
+    def _displace(self) -> None:
+        """Turn away who is the first to lose its place, unless it says Hello just now."""
+        newcomer = self._anteroom.first_to_lose()
+        if newcomer.hello is not None or self._is_silent(newcomer):
+            self._give_up(newcomer, _NO_PLACE, for_want_of_room=True)
+
+    def _is_silent(self, newcomer: _Newcomer) -> bool:
+        """Whether it, who has a place, has not said Hello, also not in what came since it was last heard."""
+        self._listen_to(newcomer)
+        return newcomer.number >= 0 and newcomer.hello is None
+
+    def _may_come_in(self, newcomer: _Newcomer, said_ns: int, now_ns: int) -> bool:
+        """Ask for its user's turn; where that is later, look again then."""
+        wait_ns = self._host.arrive(newcomer.who, said_ns)
+        if wait_ns:
+            self._wake_by(now_ns + wait_ns)
+        return not wait_ns
+
+    def _let_in(self, newcomer: _Newcomer) -> None:
+        assert newcomer.hello is not None
+        reason, is_known = self._host.why_no_room(newcomer.who)
+        if reason:
+            self._refuse(newcomer, reason, is_news=not is_known)
+        else:
+            newcomer.sock.setblocking(False)
+            self._host.let_in(newcomer.sock, newcomer.who, newcomer.hello)
+
+    def _look(self) -> None:
+        """Hear those of whom the kernel has news."""
+        for number, _ in self._epoll.poll(0, _AT_ONCE):
+            newcomer = self._by_number.get(number)
+            if newcomer is None:
+                continue  # let in a moment ago
+            if newcomer.hello is None:
+                self._listen_to(newcomer)
+            else:  # all that is looked for is its end
+                self._take_out(newcomer)
+                newcomer.sock.close()
+
+    def _take_out(self, newcomer: _Newcomer) -> None:
+        """It has no place any more. To be called before its descriptor is closed or handed over."""
+        if newcomer.number >= 0:
+            self._epoll.unregister(newcomer.number)
+            del self._by_number[newcomer.number]
+            newcomer.number = -1
+            self._anteroom.leave(newcomer)
+
+    # --- those who are turned away
+
+    def _give_up(self, newcomer: _Newcomer, reason: str, *, for_want_of_room: bool = False) -> None:
+        """It has brought something else than a Hello, or none in time, or there is no place for it."""
+        self._take_out(newcomer)
+        who = newcomer.who
+        is_news, untold = self._host.come_to_nothing(who, for_want_of_room=for_want_of_room)
+        more = f" ({untold} more of user {who.uid} were not told of)" if untold else ""
+        self._refuse(newcomer, reason, is_news=is_news, again=for_want_of_room, more=more)
+
+    def _refuse(
+        self, newcomer: _Newcomer, reason: str, *, is_news: bool, again: bool = False, more: str = ""
+    ) -> None:
+        """Tell it why, and close. `more` is for the log alone."""
+        with suppress(OSError), newcomer.sock as sock:
+            last_words = self._host.greeting() + encode_frame(Fault(text=reason, again=again))
+            sock.send(last_words, socket.MSG_DONTWAIT)
+            # Nothing unread may be left: the other side's libuv would perhaps not see the end.
+            sock.shutdown(socket.SHUT_RDWR)
+            for _ in range(_SCRAP_READS):
+                if not sock.recv_into(_scrap):
+                    break
+        level = logging.WARNING if is_news else logging.DEBUG
+        pid = newcomer.who.pid
+        _log.log(level, "turned away pid %d: %s%s", pid, reason, more, extra={"peer": pid})
+
+    # --- time
+
+    @property
+    def _handshake_ns(self) -> int:
+        return int(self._host.handshake_s * 1e9)
+
+    def _wake_by(self, due_ns: int) -> None:
+        if self._timer is not None:
+            if due_ns >= self._timer_ns:
+                return
+            self._timer.cancel()
+        self._timer_ns = due_ns
+        self._timer = self._loop.call_later(max(0, due_ns - monotonic_ns()) / 1e9, self._tick)
+
+    def _tick(self) -> None:
+        """Turn away who has been silent for too long, and let in those whose turn it is."""
+        began_ns = thread_time_ns()
+        self._timer = None
+        self._look()  # who has hung up is not let in, and who has said Hello is not too late
+        now_ns = monotonic_ns()
+        while (first := self._anteroom.silent()) is not None:
+            newcomer, since_ns = first
+            if now_ns < since_ns + self._handshake_ns:
+                self._wake_by(since_ns + self._handshake_ns)
+                break
+            if self._is_silent(newcomer):
+                self._give_up(newcomer, f"no Hello within {self._host.handshake_s:g} s")
+        for uid in self._anteroom.users_waiting():
+            while (next_one := self._anteroom.first_waiting(uid)) is not None:
+                newcomer, said_ns = next_one
+                if not self._may_come_in(newcomer, said_ns, now_ns):
+                    break
+                self._take_out(newcomer)
+                self._let_in(newcomer)
+        self._charge(began_ns)
