@@ -88,7 +88,7 @@ class TestLongWork:
             nodes = [one.node("more") for one in more]
             for one, number in zip([peer, *more], [node, *nodes], strict=True):
                 one.write(endpoints(number, "/many", 100))
-            last = {one: 0 for one in [peer, *more]}
+            last = dict.fromkeys([peer, *more], 0)
             while min(last.values()) < 1099:
                 for one in last:
                     if has_more(one):
