@@ -56,6 +56,7 @@ class TestLongWork:
         assert answered == 5 and len(created) < MANY  # it was far from being done
         while len(created) < MANY:
             created.add(peer.expect(m.Created).request)
+            other.barrier()
         peer.close()
         for _ in range(5):
             other.barrier()
