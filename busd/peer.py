@@ -153,6 +153,8 @@ class PeerConnection:
 
     def put(self, frame: bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
         """Queue a control frame. Where many wait, the peer is not heard until it has taken most of them."""
+        if self.stream.is_unheard:
+            return
         outbox = self.stream.outbox
         outbox.put(frame, descriptors)
         account = outbox.account
@@ -203,7 +205,8 @@ class PeerConnection:
         account = self.stream.outbox.account
         if self._choke is None or account is None:
             return
-        if self.stream.outbox.control_bytes <= account.limit // (2 * _CHOKED_PART):
+        is_drained = self.stream.outbox.control_bytes <= account.limit // (2 * _CHOKED_PART)
+        if is_drained or self.stream.is_unheard:  # it has gone, and nobody waits for it any more
             self._choke.cancel()
             self._choke = None
             self.stream.release()

@@ -140,6 +140,8 @@ class Server:
 
     def may_read(self, connection: PeerConnection) -> bool:
         """Whether the connection's socket may be read now; if not, it gets its turn."""
+        if connection.is_choked:
+            connection.wrote()  # it may have gone meanwhile, so that this is the end of what it has sent
         if connection.items is None and not self._is_early(connection):
             return self.may_write(connection)
         self._wait(connection)
@@ -233,6 +235,7 @@ class Server:
         """First what waits for it and what was begun, then what was read; only then its socket is read."""
         party = connection.party
         connection.stream.write_on()
+        connection.wrote()
         with self._metered(party):
             self._go_on(connection.id)
             self._flush(connection)

@@ -42,6 +42,12 @@ def written(peer: RawPeer, raw: bytes) -> Iterator[None]:
         writer.join()
 
 
+def peers(asker: RawPeer) -> tuple[m.PeerRecord, ...]:
+    """What busd holds of each process."""
+    answer: m.Peers = asker.ask(m.GetPeers(request=asker.request()))
+    return answer.peers
+
+
 class TestOneThatNeverReads:
     @with_limits(queued_bytes_per_peer=2 * MiB, message_bytes=MiB, keep_all_window_bytes=MiB, lease_s=60)
     @pytest.mark.parametrize(
@@ -73,6 +79,18 @@ class TestOneThatNeverReads:
         assert peer.was_cut_off()
         wait_until(lambda: "it does not read" in daemon.log.read_text())
         other.barrier()
+
+    @with_limits(lease_s=3600)
+    def test_one_that_dies_before_it_has_read(self, daemon: Daemon, other: RawPeer) -> None:
+        """It leaves the graph at once: nobody waits for it to take what waits for it."""
+        for number in range(300):
+            other.ask(m.CreateNode(request=other.request(), name=f"n{number}"))
+        with RawPeer(daemon.path) as peer:
+            peer.hello().node("mortal")
+            questions = m.encode_frame(m.GetGraph(request=1)) * 10_000
+            peer.write_some(questions)
+            wait_until(lambda: MiB < max(one.control_bytes for one in peers(other)))
+        wait_until(lambda: len(peers(other)) == 1)
 
     @with_limits(control_bytes_per_peer=MiB)
     def test_news(self, daemon: Daemon, peer: RawPeer, other: RawPeer) -> None:

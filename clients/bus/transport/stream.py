@@ -131,6 +131,11 @@ class Stream:
         return self._sock.fileno()
 
     @property
+    def is_unheard(self) -> bool:
+        """The other side takes nothing any more; what it has sent may still be there to read."""
+        return self._is_unheard
+
+    @property
     def is_idle(self) -> bool:
         """Nothing waits to be sent."""
         return not (self.is_blocked or self.is_closed or self.outbox)
