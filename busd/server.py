@@ -13,7 +13,17 @@ from typing import Any, TypeAlias
 from bus.errors import ConfigurationError, RemoteProtocolError
 from bus.ids import PeerId
 from bus.wire.layout import GUESTS
-from bus.wire.messages import Done, Hello, Message, Refused, encode_frame
+from bus.wire.messages import (
+    Done,
+    GetGraph,
+    GetPeers,
+    GetType,
+    Hello,
+    Message,
+    Observe,
+    Refused,
+    encode_frame,
+)
 from bus.wire.runs import Account, Run
 from bus.wire.session import Carried
 from busd.admission import Admission
@@ -37,6 +47,8 @@ _GRACE_NS = 50_000_000
 
 _READ, _WRITE = 5, 4
 """What it costs to read from a socket, or to look what is to be sent, in the units of busd.core.work."""
+_QUESTIONS = frozenset({GetGraph, GetType, GetPeers, Observe})
+"""What need not be done for a process that has gone; what it has published is still routed."""
 _Job: TypeAlias = PeerConnection | PeerId
 
 
@@ -291,7 +303,7 @@ class Server:
                 elif item.__class__ is Carried:
                     descriptors = connection.accept(item)
                     self._carry_out(broker.handle(now_ns, peer, item.message, descriptors))
-                else:
+                elif not (connection.stream.is_unheard and item.__class__ in _QUESTIONS):
                     self._carry_out(broker.handle(now_ns, peer, item))
                 if connection.stream.is_closed:
                     break
@@ -373,7 +385,8 @@ class Server:
                         connection.close()
                         self._watch_idle()
                 case Pause(peer, pause_ns):
-                    if connection := self._peers.get(peer):
+                    connection = self._peers.get(peer)
+                    if connection is not None and not connection.stream.is_unheard:
                         connection.pause(pause_ns / 1e9)
                 case Note(level, text):
                     _log.log(level, "%s", text)
