@@ -52,6 +52,11 @@ class _Request:
         self.since_ns = monotonic_ns()
         self.timer: asyncio.TimerHandle | None = None
 
+    def end(self) -> None:
+        """Nobody waits any more."""
+        if self.timer is not None:
+            self.timer.cancel()
+
 
 class Connection:
     """Made by `Connection.open`.
@@ -114,14 +119,16 @@ class Connection:
                 release=RELEASE,
             )
         )
+        greeting = _Request(self._greeted)
+        self._watch(greeting)
         try:
-            async with asyncio.timeout(ANSWER_S):
-                hello = await self._greeted
+            hello = await self._greeted
         except TimeoutError:
             raise BrokerUnavailable(f"busd at {path} took the connection but does not answer") from None
         except ConnectionClosed:
             raise self._refusal(path) from None
         finally:
+            greeting.end()
             if not self._greeted.done() or self._greeted.cancelled() or self._greeted.exception():
                 self.close()
         if self._stream is None:  # its last word came right behind its Hello
@@ -188,8 +195,7 @@ class Connection:
             self._watch(request)
             return expect(await request.answer, kind)
         finally:
-            if request.timer is not None:
-                request.timer.cancel()
+            request.end()
             self._requests.pop(number, None)
 
     def _watch(self, request: _Request) -> None:
