@@ -84,14 +84,11 @@ class Stories:
                 yield 2.6, Resume(name)
 
     def _confined(self) -> Role:
-        """It may have so much memory that its rings can't grow as far as they would."""
-        chance = self._chance
-        talkers = [
-            Talker(self._number(), "/huge", Quality(50), (_MIB, 4 * _MIB), 1, 0.05)
-            for _ in range(chance.randint(1, 2))
-        ]
-        role = self._role("confined", talkers)
-        return replace(role, cgroup_bytes=chance.randint(48, 100) * _MIB)
+        """It may have so much memory that its ring can't grow as far as it would, for one who reads it."""
+        topic, limit_bytes = "/confined", self._chance.randint(32, 64) * _MIB
+        talker = Talker(self._number(), topic, Quality(100), (64 * _KIB, _MIB), 3, 0.02)
+        role = self._role("confined", [talker, Ear(self._number(), topic, Quality(5))], by_socket=False)
+        return replace(role, cgroup_bytes=limit_bytes)
 
     def _leavers(self) -> list[Talker]:
         return [
