@@ -203,6 +203,22 @@ def test_section_shows_figures_troubles_goals_and_notes() -> None:
     ]
 
 
+def test_a_table_in_parts_has_in_each_the_rows_that_have_a_figure_there() -> None:
+    first, second = ([f"{kind}{number}" for number in range(10)] for kind in ("latency", "time"))
+    columns = [Column(key, f"the {key} of all that came") for key in (*first, *second)]
+    one = Row("one", dict.fromkeys(first, Spread(1, 1, 1)))
+    other = Row("other", dict.fromkeys(second, Spread(2, 2, 2)))
+
+    parts = report.render(
+        Section("n", "t", columns, [one, other, Row("neither", trouble="failed: x")], [])
+    ).split("\n\n")
+
+    assert all("one " in part or "other " in part for part in parts)
+    assert not any("one " in part for part in parts if "latency" not in part)
+    assert not any("other " in part for part in parts if "time" not in part)
+    assert parts[-1].count("neither") == 1  # what is wrong with it
+
+
 def test_result_is_saved_and_read_again(tmp_path: Path) -> None:
     section = Section(
         "idle", "Idle", [Column("n", "n")], [Row("a", {"n": Spread(1, 0, 2)}), Row("b", trouble="x")]
