@@ -21,8 +21,7 @@ _COLUMNS = [
 _NOTES = [
     f"growth by {_NUMBER} of the default QoS on as many topics, nothing published, divided by {_NUMBER}; of "
     "a process, the pages that are its own and no shared memory",
-    "shared memory as it was reserved: a publisher's ring; a process also has one readers' segment, and its "
-    "node a ring for the log",
+    "shared memory as it was reserved: a publisher's ring; a process also has one readers' segment",
 ]
 
 

@@ -185,10 +185,11 @@ class Nursery:
         seed = self._chance.getrandbits(32)
         return self._start(Talk(**self._common(name), talker=self._talkers, seed=seed, **options))
 
-    def listener(self, *ears: Ear) -> Actor:
-        """A process that subscribes."""
+    def listener(self, *ears: Ear, keeps_rings: bool = False) -> Actor:
+        """A process that subscribes; `keeps_rings`: and holds on to all descriptors that it gets of rings."""
         self._listeners += 1
-        return self._start(Listen(**self._common(f"listener{self._listeners}"), ears=list(ears)))
+        common = self._common(f"listener{self._listeners}")
+        return self._start(Listen(**common, ears=list(ears), keeps_rings=keeps_rings))
 
     def _common(self, name: str) -> dict[str, Any]:
         return {

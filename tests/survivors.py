@@ -22,7 +22,9 @@ from typing import Any, Literal, NoReturn
 import msgspec
 
 import bus
+from bus.descriptor import Descriptor
 from bus.runner import loop_factory
+from bus.shm import segments
 from bus.typesupport import type_support
 from zygote import serve
 
@@ -88,6 +90,7 @@ class Listen(msgspec.Struct, tag="listen"):
     ledger: str
     faults: str
     ears: list[Ear]
+    keeps_rings: bool = False  # the descriptors of those that it reads
     loop: str = "uvloop"
 
 
@@ -174,8 +177,11 @@ class Listener:
         self._subscriptions: list[bus.Subscription[Parcel]] = []
         self._newest: list[deque[int]] = [deque(maxlen=NEWEST) for _ in role.ears]
         self._tasks: list[asyncio.Task[None]] = []
+        self._rings: list[Descriptor] = []
 
     async def open(self, node: bus.Node) -> None:
+        if self.role.keeps_rings:
+            self._keep_rings()
         for place, ear in enumerate(self.role.ears):
             hear = self._hearing(place, ear)
             callback = hear if ear.calls_back else None
@@ -194,9 +200,18 @@ class Listener:
             case "newest":  # numbers, of each subscription
                 return [list(one) for one in self._newest]
             case "rings":
-                return [_what_can_be_done_to(number) for number in _rings()]
+                return [_what_can_be_done_to(one.number) for one in self._rings]
             case _:
                 raise AssertionError(question)
+
+    def _keep_rings(self) -> None:
+        map_ring = segments.map_ring
+
+        def keep(descriptor: Descriptor) -> Any:
+            self._rings.append(descriptor)
+            return map_ring(descriptor)
+
+        segments.map_ring = keep
 
     @staticmethod
     async def _iterate(
@@ -260,19 +275,6 @@ def complain(role: Role, text: str) -> None:
 
 
 # --- what a process may do to the rings that it reads
-
-
-def _rings() -> list[int]:
-    """Descriptors of this process that are rings."""
-    found = []
-    for name in os.listdir("/proc/self/fd"):  # noqa: PTH208
-        try:
-            target = os.readlink(f"/proc/self/fd/{name}")  # noqa: PTH115
-        except OSError:
-            continue
-        if target.startswith("/memfd:") and os.pread(int(name), 8, 0) == b"busdring":
-            found.append(int(name))
-    return found
 
 
 def _what_can_be_done_to(number: int) -> list[str]:

@@ -149,6 +149,17 @@ class Node(ServiceHost):
         On return every subscription that existed is matched. Raises ConfigurationError for a bad name, type
         or QoS, QuotaExceeded above busd's limits, AccessDenied. Cancellation: not created.
         """
+        return await self._create_publisher(message_type, topic, qos, events)
+
+    async def _create_publisher(
+        self,
+        message_type: type[M],
+        topic: str,
+        qos: QoS,
+        events: PublisherEvents | None = None,
+        *,
+        by_socket: bool = False,
+    ) -> Publisher[M]:
         link = self._opened()
         publisher: Publisher[M] = Publisher(
             link,
@@ -159,6 +170,7 @@ class Node(ServiceHost):
             events or PublisherEvents(),
             self._logger,
             self._fail,
+            by_socket=by_socket,
         )
         await self._declare(link, publisher)
         return publisher
@@ -376,7 +388,8 @@ class Node(ServiceHost):
         from bus.msg.rcl_interfaces import Log
 
         try:
-            publisher = await self.create_publisher(Log, "/rosout", rosout_default)
+            # Each node has one, few say much, and busd keeps the history anyway: no ring is worth its memory.
+            publisher = await self._create_publisher(Log, "/rosout", rosout_default, by_socket=True)
         except AccessDenied as denied:
             self._logger.warning(f"the log of this node stays here: {denied}")
             return

@@ -39,9 +39,9 @@ _LOOK_S = 1.0
 
 
 class Outlet:
-    """`owner` is the publisher that the link knows."""
+    """`owner` is the publisher that the link knows; without a `ring` all goes by socket."""
 
-    def __init__(self, link: Link, owner: Endpoint, logger: Logger) -> None:
+    def __init__(self, link: Link, owner: Endpoint, logger: Logger, ring: RingRoute | None) -> None:
         qos = owner.qos
         self._link = link
         self._owner = owner
@@ -54,7 +54,7 @@ class Outlet:
         self._room = Waiters(link.loop)
         self._from_threads = ThreadQueue(QUEUE_BYTES)
         self._socket = SocketRoute(link, owner, self._from_threads)
-        self._ring = RingRoute.make(link, owner, logger)
+        self._ring = ring
         self._by_socket: set[int] = set()  # the matches of that route
         self._last_by_socket_ns = 0
         self._is_returning = False  # there were some before the broker left

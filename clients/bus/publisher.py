@@ -21,6 +21,7 @@ from bus.loan import Loan
 from bus.logger import Logger
 from bus.outlet import NOTED, Outlet
 from bus.qos import QoSProfile
+from bus.ringroute import RingRoute
 from bus.transport.memory import LARGE_BYTES, keep_freed_memory
 from bus.typesupport import ENCODE_ERRORS, TypeSupport, wrong_class
 from bus.wire import messages as m
@@ -64,6 +65,8 @@ class Publisher(Endpoint[M]):
         events: PublisherEvents,
         logger: Logger,
         on_error: Callable[[BaseException], None],
+        *,
+        by_socket: bool = False,
     ) -> None:
         super().__init__(link, node, topic, support, qos, events, logger, on_error)
         self._encode = support.encode
@@ -71,9 +74,10 @@ class Publisher(Endpoint[M]):
         self._max_bytes = MAX_MESSAGE_BYTES
         self._refused = 0
         self._lost_liveliness = 0
-        self._outlet = Outlet(link, self, logger)
+        ring = None if by_socket else RingRoute.make(link, self, logger)
+        self._outlet = Outlet(link, self, logger, ring)
         self._long_fields = bytes_fields(support.cls)
-        if link.sharing is not None:  # by socket, text had to be copied once more to be joined with the rest
+        if ring is not None:  # by socket, text had to be copied once more to be joined with the rest
             self._long_fields += text_fields(support.cls)
         self._watch_deadline()
 

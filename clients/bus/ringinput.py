@@ -28,14 +28,14 @@ _LARGE_RING_BYTES = 2 << 20
 class _Ring:
     """One publisher's."""
 
-    __slots__ = ("descriptor", "doorbell", "is_finishing", "is_stale", "slot", "source")
+    __slots__ = ("doorbell", "identity", "is_finishing", "is_stale", "slot", "source")
 
     def __init__(
-        self, source: Source, slot: int, descriptor: Descriptor, doorbell: Descriptor | None
+        self, source: Source, slot: int, identity: tuple[int, int], doorbell: Descriptor | None
     ) -> None:
         self.source = source
         self.slot = slot
-        self.descriptor = descriptor
+        self.identity = identity  # of the newest segment; its descriptor is of no use once it is mapped
         self.doorbell = doorbell
         self.is_finishing = False  # its publisher has gone; it may come back
         self.is_stale = False  # an earlier broker made the match, and the present one has not yet
@@ -191,7 +191,7 @@ class RingInput:
         before = self._rings.get(matched.gid)
         if before is not None:
             before.is_stale = False
-            if not segments.same_segment(before.descriptor, ring):
+            if before.identity != segments.identity(ring):
                 self._replace(matched.gid, ring)
             return before.slot
         slot = self._sharing.allot_slot()
@@ -223,7 +223,7 @@ class RingInput:
             self._sharing.give_back(slot)
             raise
         source.last_seq = first_seq - 1
-        self._rings[matched.gid] = _Ring(source, slot, ring, keep)
+        self._rings[matched.gid] = _Ring(source, slot, segments.identity(ring), keep)
         self._sharing.look_soon()
         return slot
 
@@ -238,7 +238,7 @@ class RingInput:
             memory = segments.map_ring(descriptor)
             _make_ready_for(memory.size)
             self.reader.extend(ring.source, memory)
-            ring.descriptor = descriptor
+            ring.identity = segments.identity(descriptor)
             self._sharing.look_soon()
 
     def _refuse(self, source: Source, text: str) -> None:

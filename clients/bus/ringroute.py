@@ -8,6 +8,7 @@ import asyncio
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Sequence
+from errno import EMFILE
 from heapq import heappop, heappush
 from itertools import count
 
@@ -18,22 +19,14 @@ from bus.errors import PayloadTooLarge, SharedMemoryError
 from bus.link import RETURN_S, Link
 from bus.logger import Logger, get_logger
 from bus.qos import Durability, History, Liveliness, QoSProfile
+from bus.ringsize import FIRST_CAPACITY, FIRST_INDEX, FOR_EVER, LAP_S, RingSize, is_filled_by_few, laps_slowly
 from bus.sharing import ReaderProcess, Sharing
 from bus.shm import core, segments
-from bus.shm.segments import RECORD_HEAD_BYTES
+from bus.shm.openfiles import check_room
 from bus.wire import messages as m
 from bus.wire.runs import Buffer
 from bus.wire.session import MISSING
 
-FOR_EVER = 1 << 60
-"""A depth without bound."""
-
-_CAPACITY = 64 << 10
-_INDEX = 512
-_LONG_CAPACITY = 1 << 20
-_LONG_CAPACITY_MOST = 8 << 20
-_LONG_INDEX = 8192
-_FEW_RECORDS = 64
 _FORGET_S = 1.0
 
 _log = get_logger("bus")
@@ -70,9 +63,9 @@ class RingRoute:
         self._is_manual = qos.liveliness is Liveliness.MANUAL_BY_TOPIC
         keeps_all = qos.history is History.KEEP_ALL
         self._depth = 1 if keeps_all else qos.depth
-        capacity, index = (_LONG_CAPACITY, _LONG_INDEX) if keeps_all else (_CAPACITY, _INDEX)
-        index = max(index, _power_of_two(min(self._depth, _LONG_INDEX) + 1))  # and more when it is needed
-        self.descriptor, memory = segments.make_ring(capacity, index, 1)
+        self._keeps_history = keeps_all and qos.durability is Durability.TRANSIENT_LOCAL
+        self._size = RingSize(keeps_all=keeps_all)
+        self.descriptor, memory = segments.make_ring(FIRST_CAPACITY, FIRST_INDEX, 1)
         self._announced: Descriptor | None = None
         self.writer = self._core.Writer(memory, self._depth)
         self.writer.is_noted = False
@@ -83,8 +76,6 @@ class RingRoute:
             self.writer.longest = LONG_TEXT
         # A long field of bytes shall not be encoded with the rest.
         self.can_publish = not bytes_fields(support.cls)
-        if keeps_all and qos.durability is Durability.TRANSIENT_LOCAL:
-            self.writer.keep = FOR_EVER
         # With thousands of matches, each that comes or goes must not mean a look at all of them.
         self._gates: dict[bytes, _Gate] = {}
         self._depths: Counter[int] = Counter()  # of the gates, each with how many have it
@@ -94,18 +85,24 @@ class RingRoute:
         self._left: dict[tuple[ReaderProcess, int], _Gate] = {}
         self._forget: asyncio.Handle | None = None
         self._return: asyncio.TimerHandle | None = None
-        self._largest_bytes = 0  # what a ring may grow to for depth's sake, but for a single message
+        self._rest: asyncio.TimerHandle | None = None  # while it runs, laps of the first ring don't matter
+        self._why_not = ""  # the ring could not grow
         self._guard = 0
         self._set_hold()
 
     @classmethod
     def make(cls, link: Link, owner: Endpoint, logger: Logger) -> "RingRoute | None":
-        """None where nothing is shared, or no memory is left; the log says so."""
+        """None where nothing is shared, or no memory or descriptor is left; the log says so."""
         if link.sharing is None:
             return None
         try:
+            check_room()
             return cls(link, link.sharing, owner)
         except OSError as error:
+            if error.errno == EMFILE:  # and all that come after it
+                text = f"publishers go by socket, '{owner.topic_name}' first: {error.strerror}"
+                _log.warning(text, once=True)
+                return None
             logger.warning(f"'{owner.topic_name}' goes by socket: no shared memory: {error.strerror}")
             return None
 
@@ -154,12 +151,18 @@ class RingRoute:
         """Grow for a message of `size` bytes; returns whether depth must be given up instead."""
         if size > self.writer.most:  # of a broker that has come meanwhile
             raise PayloadTooLarge(self._owner.topic_name, size_bytes=size, limit_bytes=self.writer.most)
+        if status == self._core.SHORT and self._watches_laps:
+            # All the depth is there still: a larger ring is only to give up records less often.
+            if laps_slowly(self.writer) or not self._grow(size, must=False):
+                self._rest = self._link.loop.call_later(LAP_S, self._watch_laps)
+                self._set_hold()
+            return False
         if self._grow(size, must=status != self._core.SHORT):
             return False
         if status == self._core.SHORT:
             return True
         raise SharedMemoryError(
-            f"no shared memory for a message of {size} bytes on '{self._owner.topic_name}'"
+            f"no shared memory for a message of {size} bytes on '{self._owner.topic_name}': {self._why_not}"
         )
 
     def _make_way(self) -> bool:
@@ -171,9 +174,8 @@ class RingRoute:
             self._set_hold()
             return True
         if self._is_lossless:
-            # A few long messages fill it: a larger one lets both sides work at the same time.
-            few = writer.latest - writer.oldest < _FEW_RECORDS
-            return few and 2 * writer.capacity <= _LONG_CAPACITY_MOST and self._grow(0, must=False)
+            # Not without a broker: readers would not hear of it, and the ring that they have would stay full.
+            return bool(self._owner.id) and is_filled_by_few(writer) and self._grow(0, must=False)
         # Keep last, for subscriptions that keep all: memory instead of time, and where that ends, loss.
         if self._grow(0, must=False):
             return True
@@ -276,11 +278,12 @@ class RingRoute:
             self._return.cancel()
         for gate in self._gates.values():
             gate.is_stale = True
+        self._set_hold()
 
     def declared(self, answer: m.Created) -> None:
         """A broker knows the publisher now; who does not come back to it within a while has gone."""
         self._depth = answer.depth or 1
-        self._largest_bytes = answer.ring_bytes
+        self._size.allow(answer.ring_bytes)
         self.writer.most = answer.max_message_bytes
         if self._announced is not self.descriptor:  # it grew before the broker knew the publisher
             self._link.send_about(self._owner, m.ReplaceRing(publisher=self._owner.id), (self.announce(),))
@@ -305,7 +308,7 @@ class RingRoute:
         self._unattached.clear()
         self._left.clear()
         self._sharing.stop_waiting(self)
-        for timer in (self._return, self._forget):
+        for timer in (self._return, self._forget, self._rest):
             if timer is not None:
                 timer.cancel()
 
@@ -356,8 +359,24 @@ class RingRoute:
         if self._is_lossless:
             first = min(first, self._guard + 1)
         self.writer.hold = 0 if first == FOR_EVER else first
-        if self.writer.keep != FOR_EVER:
-            self.writer.keep = max(self._depth, *self._depths, 1)
+        self.writer.keep = FOR_EVER if self._watches_laps else self._keep
+
+    @property
+    def _keep(self) -> int:
+        """Records that must stay: the largest depth."""
+        return FOR_EVER if self._keeps_history else max(self._depth, *self._depths, 1)
+
+    @property
+    def _watches_laps(self) -> bool:
+        """Whether this ring is the first one, and is to be exchanged when its records go round.
+
+        Without a broker readers could not be told of another.
+        """
+        return self.writer.capacity == FIRST_CAPACITY and self._rest is None and bool(self._owner.id)
+
+    def _watch_laps(self) -> None:
+        self._rest = None
+        self._set_hold()
 
     def _grow(self, size: int, *, must: bool) -> bool:
         """Go on in a larger ring, with room for a message of `size` bytes; returns whether there is one.
@@ -365,46 +384,24 @@ class RingRoute:
         `must`: also beyond the limit, which is for depth.
         """
         writer = self.writer
-        need = _power_of_two(4 * (size + RECORD_HEAD_BYTES))
-        capacity = max(2 * writer.capacity, need)
-        if not must:
-            if capacity > self._largest_bytes:
-                return False
-            capacity = max(capacity, self._capacity_for_depth())
+        sizes = self._size.larger(writer, size, self._keep, must=must)
+        if sizes is None:
+            return False
         self._forget_left()
-        index = max(capacity >> 7, writer.index_length)
-        if writer.keep != FOR_EVER:
-            index = max(index, _power_of_two(writer.keep + 1))
         try:
-            descriptor, memory = segments.make_ring(capacity, index, writer.carry_from(FOR_EVER))
+            descriptor, memory = segments.make_ring(*sizes, writer.carry_from(FOR_EVER))
             writer.move(memory)
         except (OSError, ValueError) as error:
-            _log.warning(
-                f"the ring of '{self._owner.topic_name}' can't grow to {capacity >> 10} KiB: {error}",
-                throttle_duration_sec=5.0,
+            self._size.failed()
+            self._why_not = (error.strerror if isinstance(error, OSError) else None) or str(error)
+            text = (
+                f"the ring of '{self._owner.topic_name}' can't grow to {sizes[0] >> 10} KiB: {self._why_not}"
             )
+            _log.warning(text, throttle_duration_sec=5.0)
             return False
         self.descriptor = descriptor
+        self._set_hold()
         self._sharing.wake_waiting(self)
         if self._owner.id:
             self._link.send_about(self._owner, m.ReplaceRing(publisher=self._owner.id), (self.announce(),))
         return True
-
-    def _capacity_for_depth(self) -> int:
-        """What a ring that is full needs for all its depth, if it goes on like that.
-
-        So it grows once, and not at each doubling, of which each holds messages up; 0: not known.
-        """
-        writer = self.writer
-        held = writer.latest - writer.oldest + 1
-        if writer.keep == FOR_EVER or held < 1:
-            return 0
-        capacity = _power_of_two(writer.capacity * writer.keep // held)
-        while capacity > self._largest_bytes:
-            capacity >>= 1
-        return capacity
-
-
-def _power_of_two(number: int) -> int:
-    """The smallest that is not less than `number`."""
-    return 1 << (number - 1).bit_length()

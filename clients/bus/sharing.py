@@ -119,8 +119,7 @@ class Sharing:
 
         `uid` is its user, if it is another one. Raises OSError or ValueError, saying what is wrong with it.
         """
-        status = os.fstat(segment.number)
-        key = (uid, status.st_dev, status.st_ino)  # nobody passes a segment off as his that is another's
+        key = uid, *segments.identity(segment)  # nobody passes a segment off as his that is another's
         process = self._processes.get(key)
         if process is None:
             foreign = self.beware(uid)

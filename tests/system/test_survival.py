@@ -129,7 +129,7 @@ class TestPublishers:
         victims = [nursery.talker().ready() for _ in range(VICTIMS)]
         for victim in victims:
             listener.hears(victim, 1)
-        assert len(listener.ask("rings")) == VICTIMS
+        until_equal(VICTIMS, lambda: holdings(listener.pid)["mapped /memfd:busd-ring (deleted)"])
         for victim in victims:
             victim.kill()
         alone.assert_is_all()
@@ -259,10 +259,10 @@ class TestSubscriptions:
 
     @by_shared_memory
     def test_a_ring_can_only_be_read(self, nursery: Nursery) -> None:
-        listener = nursery.listener(Ear()).ready()
+        listener = nursery.listener(Ear(), keeps_rings=True).ready()
         talker = nursery.talker(depth=50, is_certain=False).ready()
         listener.hears(talker, 1)
-        assert listener.ask("rings") == [[]]
+        assert {*map(tuple, listener.ask("rings"))} == {()}
 
 
 class TestBroker:

@@ -59,8 +59,8 @@ def test_segments_as_they_are_made() -> None:
     doorbell = segments.make_doorbell()
     assert descriptors.doorbell_fault(doorbell.number) == ""
     assert not any(os.get_inheritable(one.number) for one in (ring, readers, doorbell))
-    assert segments.same_segment(ring, Descriptor(os.dup(ring.number)))
-    assert not segments.same_segment(ring, readers)
+    assert segments.identity(ring) == segments.identity(Descriptor(os.dup(ring.number)))
+    assert segments.identity(ring) != segments.identity(readers)
 
 
 def test_sizes_out_of_bounds() -> None:

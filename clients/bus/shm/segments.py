@@ -12,18 +12,19 @@ from typing import TYPE_CHECKING
 from bus.descriptor import Descriptor
 from bus.shm import core
 from bus.shm.descriptors import SEALS, readers_fault, ring_fault
+from bus.shm.openfiles import set_aside
 
 if TYPE_CHECKING:
     from bus.shm._core import Mapping
 
 __all__ = [
     "RECORD_HEAD_BYTES",
+    "identity",
     "make_doorbell",
     "make_readers",
     "make_ring",
     "map_readers",
     "map_ring",
-    "same_segment",
 ]
 
 RECORD_HEAD_BYTES = 32
@@ -60,15 +61,16 @@ def make_doorbell() -> Descriptor:
     return Descriptor(os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK))
 
 
-def same_segment(a: Descriptor, b: Descriptor) -> bool:
-    """Whether both are descriptors of one segment."""
-    return os.path.sameopenfile(a.fileno(), b.fileno())
+def identity(descriptor: Descriptor) -> tuple[int, int]:
+    """Of its segment, whatever the descriptor; its own as long as somebody has the segment mapped."""
+    status = os.fstat(descriptor.number)
+    return status.st_dev, status.st_ino
 
 
 def _make(name: str, size: int, lay_out: "Callable[[Mapping], None]") -> "tuple[Descriptor, Mapping]":
     if not size:
         raise ValueError(f"{name}: a size is out of bounds")
-    descriptor = Descriptor(os.memfd_create(name, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING))
+    descriptor = Descriptor(set_aside(os.memfd_create(name, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)))
     try:
         os.fchmod(descriptor.number, 0o600)  # a memfd is open to all: who is given it could open it anew
         os.ftruncate(descriptor.number, size)

@@ -1,0 +1,89 @@
+"""How large a publisher's rings are: the first one, when a larger one is wanted, and how large that is.
+
+Knows of a ring what its writer tells. Must not know how rings are made, nor who reads them.
+"""
+
+from time import monotonic_ns
+from typing import TYPE_CHECKING
+
+from bus.shm.segments import RECORD_HEAD_BYTES
+
+if TYPE_CHECKING:
+    from bus.shm._core import Writer
+
+FOR_EVER = 1 << 60
+"""A depth without bound."""
+
+FIRST_CAPACITY = 4 << 10
+"""A program may have hundreds of publishers that say little: this is what all begin with."""
+FIRST_INDEX = 64
+
+LAP_S = 1.0
+"""A first ring in which records go round in less time is exchanged for one of the usual size."""
+
+_CAPACITY = 64 << 10
+_LONG_CAPACITY = 1 << 20
+_LONG_CAPACITY_MOST = 8 << 20
+_FEW_RECORDS = 64
+_LEAST_RECORD_BYTES = 64
+_GROW_AGAIN_NS = 1_000_000_000
+
+
+class RingSize:
+    """Of the rings of one publisher, which `keeps_all` or the last ones."""
+
+    def __init__(self, *, keeps_all: bool) -> None:
+        self._usual_capacity = _LONG_CAPACITY if keeps_all else _CAPACITY
+        self._most_bytes = self._usual_capacity  # for depth's sake; for a message that has no place, more
+        self._no_growth_ns = 0  # until then, after it could not grow
+
+    def allow(self, ring_bytes: int) -> None:
+        """What the broker lets a ring grow to for depth's sake."""
+        self._most_bytes = max(ring_bytes, self._usual_capacity)
+
+    def larger(self, writer: "Writer", size: int, keep: int, *, must: bool) -> tuple[int, int] | None:
+        """Capacity and index length of the next ring, with room for a message of `size` bytes.
+
+        `keep`: records that are to stay. `must`: also beyond what is for depth's sake. None: not to be made.
+        """
+        capacity = max(
+            2 * writer.capacity, _power_of_two(4 * (size + RECORD_HEAD_BYTES)), self._usual_capacity
+        )
+        if not must:
+            if capacity > self._most_bytes or monotonic_ns() < self._no_growth_ns:
+                return None
+            capacity = max(capacity, self._capacity_for(writer, keep))
+        usual, most = capacity >> 7, capacity // _LEAST_RECORD_BYTES
+        return capacity, max(usual, most if keep >= most else _power_of_two(keep + 1))
+
+    def failed(self) -> None:
+        """There was no memory for it: for depth's sake it is not asked for again for a while."""
+        self._no_growth_ns = monotonic_ns() + _GROW_AGAIN_NS
+
+    def _capacity_for(self, writer: "Writer", keep: int) -> int:
+        """What a ring that is full needs for all its depth, if it goes on like that.
+
+        So it grows once, and not at each doubling, of which each holds messages up; 0: not known.
+        """
+        held = writer.latest - writer.oldest + 1
+        if keep == FOR_EVER or held < 1:
+            return 0
+        capacity = _power_of_two(writer.capacity * keep // held)
+        while capacity > self._most_bytes:
+            capacity >>= 1
+        return capacity
+
+
+def is_filled_by_few(writer: "Writer") -> bool:
+    """Whether a few long messages fill the ring: a larger one lets both sides work at the same time."""
+    return writer.latest - writer.oldest < _FEW_RECORDS and 2 * writer.capacity <= _LONG_CAPACITY_MOST
+
+
+def laps_slowly(writer: "Writer") -> bool:
+    """Whether something in the ring is older than a lap may take."""
+    return writer.seq_since(monotonic_ns() - int(LAP_S * 1e9)) > writer.oldest
+
+
+def _power_of_two(number: int) -> int:
+    """The smallest that is not less than `number`."""
+    return 1 << (number - 1).bit_length()

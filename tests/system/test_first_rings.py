@@ -1,0 +1,251 @@
+"""What a publisher begins with: little, and what it needs as soon as it needs it."""
+
+import asyncio
+import gc
+import os
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import bus
+from benchmarks.adapters.holding import usage_of
+from bus import ringroute, ringsize
+from bus.msg.rcl_interfaces import Log
+from bus.msg.std_msgs import Int32, String
+from bus.shm import segments
+from conftest import Daemon
+from semantics import KEEP_ALL, LATCHED, accounted, node, send_all, until
+
+__all__ = ["node"]
+
+pytestmark = pytest.mark.usefixtures("route")
+
+by_shared_memory = pytest.mark.parametrize("route", ["shm"], indirect=True)
+
+FIRST, USUAL, USUAL_KEEP_ALL = 4 << 10, 64 << 10, 1 << 20
+LAP = FIRST // 64
+"""So many short messages fill the first ring."""
+
+
+@pytest.fixture
+def made(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The capacity of each ring that is made from here on."""
+    made: list[int] = []
+    make_ring = segments.make_ring
+
+    def note(capacity: int, index_length: int, first_seq: int) -> Any:
+        made.append(capacity)
+        return make_ring(capacity, index_length, first_seq)
+
+    monkeypatch.setattr(segments, "make_ring", note)
+    return made
+
+
+@pytest.fixture
+def later(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """Makes all that was published seem to be long ago."""
+    clock = ringsize.monotonic_ns
+
+    def pass_by() -> None:
+        monkeypatch.setattr(ringsize, "monotonic_ns", lambda: clock() + 10**12)
+
+    return pass_by
+
+
+def numbers(first: int, end: int) -> list[Int32]:
+    return [Int32(data=number) for number in range(first, end)]
+
+
+async def take(subscription: bus.Subscription[Int32], count: int) -> list[int]:
+    return [(await subscription.receive())[0].data for _ in range(count)]
+
+
+def rings() -> Counter[str]:
+    """Those that this process has mapped, and those that it has open."""
+    found: Counter[str] = Counter()
+    for entry in Path("/proc/self/fd").iterdir():
+        try:
+            found["open"] += "busd-ring" in str(entry.readlink())
+        except OSError:
+            continue
+    found["mapped"] = Path("/proc/self/maps").read_text().count("busd-ring")
+    return found
+
+
+@by_shared_memory
+class TestSize:
+    @pytest.mark.parametrize(
+        ("qos", "grown"),
+        [(10, USUAL), (1100, 2 * USUAL), (KEEP_ALL, USUAL_KEEP_ALL)],
+        ids=["10", "1100", "all"],
+    )
+    async def test_it_grows_once_its_records_go_round(
+        self, node: bus.Node, made: list[int], qos: bus.QoS, grown: int
+    ) -> None:
+        subscription = await node.create_subscription(Int32, "t", qos)
+        publisher = await node.create_publisher(Int32, "t", qos)
+        while made == [FIRST]:
+            publisher.publish(Int32(data=publisher.statistics().published))
+            await asyncio.sleep(0)
+        assert made == [FIRST, grown]
+        assert LAP // 2 < publisher.statistics().published <= LAP + 1
+        await send_all(publisher, numbers(publisher.statistics().published, 20 * LAP))
+        assert len(made) == 2
+        await until(lambda: accounted(subscription) == 20 * LAP)  # it has found its way to the larger one
+        depth = qos if isinstance(qos, int) else 20 * LAP
+        assert await take(subscription, depth) == list(range(20 * LAP - depth, 20 * LAP))
+
+    async def test_nothing_is_lost_on_the_way(self, node: bus.Node, made: list[int]) -> None:
+        """Not even where the reader has not yet heard of the larger one."""
+        subscription = await node.create_subscription(Int32, "t", 10_000)
+        publisher = await node.create_publisher(Int32, "t", 10_000)
+        for message in numbers(0, 10_000):
+            publisher.publish(message)
+        assert await take(subscription, 10_000) == list(range(10_000))
+        assert subscription.statistics().dropped == {}
+        assert len(made) <= 4  # not at each doubling
+
+    async def test_one_that_says_little_stays_small(
+        self, node: bus.Node, made: list[int], later: Callable[[], None]
+    ) -> None:
+        """It goes round and round, and its depth is there all the same."""
+        publisher = await node.create_publisher(Int32, "t", bus.QoSProfile(10, durability="transient_local"))
+        later()
+        for message in numbers(0, 3 * LAP):
+            publisher.publish(message)
+        assert made == [FIRST]
+        late = await node.create_subscription(Int32, "t", bus.QoSProfile(10, durability="transient_local"))
+        assert await take(late, 10) == list(range(3 * LAP - 10, 3 * LAP))
+
+    async def test_it_grows_when_that_one_says_more(
+        self, node: bus.Node, made: list[int], monkeypatch: pytest.MonkeyPatch, later: Callable[[], None]
+    ) -> None:
+        publisher = await node.create_publisher(Int32, "t", 10)
+        with monkeypatch.context() as context:
+            context.setattr(ringroute, "LAP_S", 0.001)
+            later()
+            for message in numbers(0, 2 * LAP):
+                publisher.publish(message)
+        monkeypatch.undo()
+        assert made == [FIRST]
+        made_later: list[int] = []
+        make_ring = segments.make_ring
+        monkeypatch.setattr(
+            segments, "make_ring", lambda *sizes: (made_later.append(sizes[0]), make_ring(*sizes))[1]
+        )
+
+        def talk() -> bool:
+            for message in numbers(0, 2 * LAP):
+                publisher.publish(message)
+            return bool(made_later)
+
+        await until(talk)
+        assert made_later == [USUAL]
+
+    async def test_depth_is_no_matter_of_pace(
+        self, node: bus.Node, made: list[int], later: Callable[[], None]
+    ) -> None:
+        publisher = await node.create_publisher(Int32, "t", bus.QoSProfile(500, durability="transient_local"))
+        later()
+        for message in numbers(0, 1000):
+            publisher.publish(message)
+        assert made == [FIRST, USUAL]
+        late = await node.create_subscription(Int32, "t", bus.QoSProfile(500, durability="transient_local"))
+        assert await take(late, 500) == list(range(500, 1000))
+
+    async def test_where_there_is_no_memory_for_the_usual_one(
+        self, node: bus.Node, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """The first one is enough for its depth: nothing is lost, and memory is not asked for each time."""
+        subscription = await node.create_subscription(Int32, "t", 10)
+        publisher = await node.create_publisher(Int32, "t", 10)
+        asked = 0
+
+        def refuse(*_: object) -> Any:
+            nonlocal asked
+            asked += 1
+            raise OSError(12, "Cannot allocate memory")
+
+        monkeypatch.setattr(segments, "make_ring", refuse)
+        for first in range(0, 20 * LAP, 10):
+            for message in numbers(first, first + 10):
+                publisher.publish(message)
+            assert await take(subscription, 10) == list(range(first, first + 10))
+        assert asked == 1
+        assert subscription.statistics().dropped == {}
+
+
+@by_shared_memory
+class TestWithoutBroker:
+    """Readers hear of a larger ring by busd: until it is back, the one that they have must do."""
+
+    @pytest.mark.parametrize("qos", [10, KEEP_ALL], ids=["keep last", "keep all"])
+    async def test_messages_flow(self, node: bus.Node, daemon: Daemon, made: list[int], qos: bus.QoS) -> None:
+        subscription = await node.create_subscription(Int32, "t", qos)
+        publisher = await node.create_publisher(Int32, "t", qos)
+        await publisher.wait_for_subscriptions()
+        daemon.kill()
+        await until(lambda: not publisher.id)
+        for first in range(0, 10 * LAP, 10):
+            await send_all(publisher, numbers(first, first + 10))
+            assert await take(subscription, 10) == list(range(first, first + 10))
+        assert made == [FIRST]
+        daemon.restart()
+        await until(lambda: publisher.id and subscription.id)
+        while made == [FIRST]:  # what was published before it was back may seem slow
+            await send_all(publisher, numbers(0, 10))
+            assert await take(subscription, 10) == list(range(10))
+            await asyncio.sleep(0.001)
+
+
+class TestCost:
+    @by_shared_memory
+    async def test_who_reads_keeps_no_descriptor_of_a_ring(self, node: bus.Node) -> None:
+        publishers = [await node.create_publisher(String, f"t{index}") for index in range(5)]
+        subscriptions = [await node.create_subscription(String, f"t{index}") for index in range(5)]
+        for publisher, subscription in zip(publishers, subscriptions, strict=True):
+            await publisher.wait_for_subscriptions()
+            publisher.publish(String(data="here"))
+            assert (await subscription.receive())[0].data == "here"
+        assert rings() == {"open": 5, "mapped": 10}
+
+    @by_shared_memory
+    async def test_what_a_node_logs_needs_no_ring(self, node: bus.Node) -> None:
+        before = rings()
+        node.get_logger().info("one")
+        late = await node.create_subscription(Log, "/rosout", LATCHED)
+        node.get_logger().info("two")
+        assert [(await late.receive())[0].msg for _ in range(2)] == ["one", "two"]
+        assert rings() == before
+        (match,) = (await node.graph()).matches
+        assert match.route == "socket"
+
+    @by_shared_memory
+    async def test_many_nodes(self, daemon: Daemon) -> None:
+        """Each has a publisher, a subscription and its log: 51 KiB and 1.2 descriptors, 500 have 25 MiB."""
+        number = 100
+
+        def now() -> tuple[int, int]:
+            gc.collect()
+            usage = usage_of("self")
+            return usage.private + usage.shared, len(os.listdir("/proc/self/fd"))  # noqa: PTH208
+
+        async def make(name: str) -> bus.Node:
+            one = bus.Node(name, arguments=[])
+            await one.open()
+            await one.create_publisher(String, name)
+            await one.create_subscription(String, name)
+            return one
+
+        nodes = [await make("first")]
+        try:
+            kib, descriptors = now()
+            nodes += [await make(f"node{index}") for index in range(number)]
+            kib_now, descriptors_now = now()
+        finally:
+            await asyncio.gather(*(one.close() for one in nodes))
+        assert kib_now - kib < 51 * number
+        assert descriptors_now - descriptors < 1.2 * number
