@@ -25,6 +25,10 @@ _Cap = TypeVar("_Cap", int, float)
 _KiB = 1024
 _MiB = 1024 * _KiB
 
+_CONNECTION_BYTES = 256 * _KiB  # what is read into, above all
+_ENDPOINT_BYTES = 5 * _KiB // 2
+_MATCH_BYTES = 320
+
 _MessageBytes = Annotated[int, Meta(ge=_KiB, le=MAX_MESSAGE_BYTES)]
 _Bytes = Annotated[int, Meta(ge=_KiB, le=2**40)]
 _Count = Annotated[int, Meta(ge=1, le=2**20)]
@@ -100,6 +104,25 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Seconds of silence after which a process counts as hung and leaves the graph."""
     drain_s: _Seconds = 1.0
     """Seconds that busd, when it ends, gives processes to take what waits for them."""
+
+    @property
+    def bytes_per_user(self) -> int:
+        """What one user's processes can make busd hold, whatever they do.
+
+        Messages that wait or have not come whole, history, control frames, schemas; and, by an estimate, what
+        it takes to keep the books of it.
+        """
+        counted = (
+            2 * self.queued_bytes_per_user + self.history_bytes_per_user + 2 * self.control_bytes_per_user
+        )
+        return counted + sum(
+            most * size
+            for most, size in (
+                (self.connections_per_user, _CONNECTION_BYTES),
+                (self.nodes_per_user + self.endpoints_per_user, _ENDPOINT_BYTES),
+                (self.matches_per_user, _MATCH_BYTES),
+            )
+        )
 
     def __post_init__(self) -> None:
         _settle("limits", self)

@@ -17,6 +17,7 @@ from bus import shm
 from bus.cli import doctor
 from bus.cli.doctor import examine, machine, place, procfs, versions
 from bus.cli.doctor.finding import Finding
+from bus.shm.headroom import Room
 
 
 @pytest.fixture
@@ -246,23 +247,54 @@ def test_a_machine_without_descriptors(path: Path, monkeypatch: pytest.MonkeyPat
     assert not [one for one in machine.limits() if "whole machine" in one.text]
 
 
+HELD = {"queued_bytes_per_user": 512 << 20, "history_bytes_per_user": 256 << 20}
+
+
+def of_machine(left_mib: int, limit_mib: int = 4096) -> Room:
+    return Room("the machine", limit_mib << 20, left_mib << 20)
+
+
+def of_cgroup(name: str, left_mib: int, limit_mib: int) -> Room:
+    return Room(f"memory cgroup /{name}", limit_mib << 20, left_mib << 20)
+
+
 @pytest.mark.parametrize(
-    ("free_mib", "limits", "mark", "text"),
+    ("here", "limits", "mark", "text"),
     [
-        (300, {}, "ok", "300 MiB are free"),
-        (200, {}, "warn", "200 MiB are free"),
-        (700, {"queued_bytes_per_user": 512 << 20, "history_bytes_per_user": 256 << 20}, "warn",
-         "700 MiB are free; busd may hold 768 MiB for one user"),
-        (800, {"queued_bytes_per_user": 512 << 20, "history_bytes_per_user": 256 << 20}, "ok",
-         "800 MiB are free"),
+        ([of_machine(300)], {}, "ok", "300 of 4096 MiB of the machine are free"),
+        ([of_machine(200)], {}, "warn", "200 of 4096 MiB of the machine are free"),
+        ([of_machine(200, 512)], {}, "ok", "200 of 512 MiB of the machine are free"),
+        ([of_machine(700)], HELD, "warn",
+         "700 of 4096 MiB of the machine are free; busd may hold 768 MiB for one user"),
+        ([of_machine(800)], HELD, "ok", "800 of 4096 MiB of the machine are free"),
+        ([of_cgroup("a", 8, 30), of_machine(800)], {}, "warn", "8 of 30 MiB of memory cgroup /a are free"),
+        ([of_cgroup("a", 80, 100), of_machine(800)], {}, "ok", "80 of 100 MiB of memory cgroup /a are free"),
+        ([of_cgroup("a", 900, 1000), of_machine(800)], HELD, "ok", "800 of 4096 MiB of the machine are free"),
     ],
 )  # fmt: skip
 def test_memory(
-    monkeypatch: pytest.MonkeyPatch, free_mib: int, limits: dict[str, int], mark: str, text: str
+    monkeypatch: pytest.MonkeyPatch, here: list[Room], limits: dict[str, int], mark: str, text: str
 ) -> None:
-    monkeypatch.setattr(procfs, "number_in", lambda path, name="": free_mib << 10)
-    (found,) = machine.memory(limits)
-    assert (found.mark, found.text) == (mark, text)
+    for daemon in (None, 4711):
+        monkeypatch.setattr(machine, "rooms", lambda process: iter(here))
+        (found,) = machine.memory(limits, daemon)
+        assert (found.mark, found.text) == (mark, text)
+
+
+def test_memory_of_a_daemon_in_another_cgroup(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it may hold is of its own memory."""
+    of = {"self": of_cgroup("robot", 300, 400), 4711: of_cgroup("busd", 600, 2048)}
+    monkeypatch.setattr(machine, "rooms", lambda process: iter([of[process], of_machine(4000, 8000)]))
+    assert [(one.mark, one.subject, one.text) for one in machine.memory(HELD, 4711)] == [
+        ("ok", "memory", "300 of 400 MiB of memory cgroup /robot are free"),
+        ("warn", "memory",
+         "the daemon: 600 of 2048 MiB of memory cgroup /busd are free; busd may hold 768 MiB for one user"),
+    ]  # fmt: skip
+
+
+def test_memory_of_which_nothing_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "rooms", lambda process: iter(()))
+    assert [*machine.memory(HELD, 4711)] == []
 
 
 def test_a_clock_that_is_set_while_we_look(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from bus.descriptor import Descriptor
 from bus.shm import core
 from bus.shm.descriptors import SEALS, readers_fault, ring_fault
+from bus.shm.headroom import claim
 from bus.shm.openfiles import set_aside
 
 if TYPE_CHECKING:
@@ -26,6 +27,8 @@ __all__ = [
     "map_readers",
     "map_ring",
 ]
+
+_STEP_BYTES = 4 << 20
 
 RECORD_HEAD_BYTES = 32
 """Of a record in a ring, before its payload; a payload is at most a quarter of the ring less this."""
@@ -70,11 +73,15 @@ def identity(descriptor: Descriptor) -> tuple[int, int]:
 def _make(name: str, size: int, lay_out: "Callable[[Mapping], None]") -> "tuple[Descriptor, Mapping]":
     if not size:
         raise ValueError(f"{name}: a size is out of bounds")
+    claim(size)
     descriptor = Descriptor(set_aside(os.memfd_create(name, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)))
     try:
         os.fchmod(descriptor.number, 0o600)  # a memfd is open to all: who is given it could open it anew
         os.ftruncate(descriptor.number, size)
-        os.posix_fallocate(descriptor.number, 0, size)  # a full machine says so here, not by a signal later
+        for start in range(0, size, _STEP_BYTES):
+            if start:
+                claim(size - start)  # others may take memory at the same time
+            os.posix_fallocate(descriptor.number, start, min(_STEP_BYTES, size - start))
         memory: Mapping = core().Mapping(descriptor.number, size, writable=True)
         lay_out(memory)
         fcntl.fcntl(descriptor.number, fcntl.F_ADD_SEALS, SEALS)  # after the one writable mapping

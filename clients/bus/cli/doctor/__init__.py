@@ -37,7 +37,7 @@ def main(args: Namespace) -> int:
 def examine(args: Namespace) -> Iterator[Finding]:
     """All findings, most basic first."""
     clocks = machine.ClockWatch()
-    charges = None
+    charges, pid = None, None
     try:
         path = socket_path(args.socket, args.domain)
     except BusError as error:
@@ -54,11 +54,11 @@ def examine(args: Namespace) -> Iterator[Finding]:
             yield from place.leftovers(path, is_default=is_default)
         if isinstance(seen, Seen):
             yield from configuration.examine(path, seen.hello.pid)
-            charges = seen.charges
+            charges, pid = seen.charges, seen.hello.pid
             yield from processes.examine(seen)
     yield from versions.examine()
     yield versions.shared_memory()
     yield from versions.native_core()
     yield from machine.limits()
-    yield from machine.memory(charges.limits if charges else {})
+    yield from machine.memory(charges.limits if charges else {}, pid)
     yield clocks.finding()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from bus.cli.doctor import procfs
 from bus.cli.doctor.finding import FULL, Finding, ok, warn
+from bus.shm.headroom import Room, rooms
 
 __all__ = ["ClockWatch", "limits", "memory"]
 
@@ -41,19 +42,34 @@ def limits() -> Iterator[Finding]:
         yield ok("socket buffer", f"{size} bytes")
 
 
-def memory(limits: Mapping[str, int | float]) -> Iterator[Finding]:
-    """Whether busd may hold more for a user, by its `limits`, than there is."""
-    free_kib = procfs.number_in("/proc/meminfo", "MemAvailable:")
-    if free_kib is None:
-        return
-    free = free_kib << 10
+def memory(limits: Mapping[str, int | float], daemon: int | None = None) -> Iterator[Finding]:
+    """What programs may take here, and the daemon, process `daemon`, where that is another memory cgroup.
+
+    Also whether busd may hold more for a user, by its `limits`, than there is.
+    """
     held = int(limits.get("queued_bytes_per_user", 0) + limits.get("history_bytes_per_user", 0))
-    if free < max(held, _MIN_FREE):
-        need = f"; busd may hold {held >> 20} MiB for one user" if held > free else ""
-        advice = "lower limits.queued_bytes_per_user in busd.toml" if held > free else "end what needs it"
-        yield warn("memory", f"{free >> 20} MiB are free{need}", advice)
-    else:
-        yield ok("memory", f"{free >> 20} MiB are free")
+    here = _narrowest("self")
+    there = _narrowest(daemon) if daemon is not None else None
+    is_one = there is None or here is None or there.where == here.where
+    if here is not None:
+        yield _left("", here, held if is_one else 0)
+    if there is not None and not is_one:
+        yield _left("the daemon: ", there, held)
+
+
+def _narrowest(process: int | str) -> Room | None:
+    return min(rooms(process), key=lambda room: room.left, default=None)
+
+
+def _left(whose: str, room: Room, held: int) -> Finding:
+    """`held`: what busd may hold of it for one user."""
+    text = f"{whose}{room.left >> 20} of {room.limit >> 20} MiB of {room.where} are free"
+    if room.left < held:
+        text += f"; busd may hold {held >> 20} MiB for one user"
+        return warn("memory", text, "lower limits.queued_bytes_per_user in busd.toml")
+    if room.left <= max(room.reserve, min(_MIN_FREE, room.limit // 4)):
+        return warn("memory", text, "end what needs it, or give it more")
+    return ok("memory", text)
 
 
 class ClockWatch:

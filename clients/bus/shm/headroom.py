@@ -1,0 +1,204 @@
+"""How much memory a process may still take: of its memory cgroups, as in a container, and of the machine.
+
+At such a limit the kernel kills a process without a word; only one that looks before gets an error. So
+segments are made of what is left above a reserve, which is for everything else that programs do meanwhile.
+"""
+
+import errno
+import math
+import os
+import re
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path, PurePosixPath
+from time import monotonic_ns
+from typing import NamedTuple
+
+__all__ = ["Room", "claim", "rooms"]
+
+PROC = Path("/proc")
+
+_RESERVE_PART = 16
+_RESERVE_LEAST = 8 << 20
+_RESERVE_MOST = 64 << 20
+
+_SMALL_BYTES = 1 << 20
+"""Segments below that are made without a look, where one a moment ago has found plenty."""
+_GRANT_PART = 16
+_GRANT_NS = 1_000_000_000
+
+_UNLIMITED = 1 << 60
+_MOST_BYTES = 1 << 16
+
+
+class Room(NamedTuple):
+    """What `where` has: bytes that it may hold, and of these not in use, or in use as a cache of files."""
+
+    where: str
+    limit: int
+    left: int
+
+    @property
+    def reserve(self) -> int:
+        """Bytes that no segment is made of."""
+        return min(max(self.limit // _RESERVE_PART, _RESERVE_LEAST), _RESERVE_MOST)
+
+
+class _Kind(NamedTuple):
+    """The names of a kind of cgroup."""
+
+    limits: tuple[str, ...]
+    usage: str
+    caches: tuple[tuple[str, int], ...]  # in memory.stat: one part in so many can be had back easily
+
+
+_V1 = _Kind(
+    ("memory.limit_in_bytes",),
+    "memory.usage_in_bytes",
+    (("total_inactive_file", 1), ("total_active_file", 2)),
+)
+_V2 = _Kind(("memory.max", "memory.high"), "memory.current", (("inactive_file", 1), ("active_file", 2)))
+
+
+class _Grant:
+    """What may be taken without another look, by all segments of this process."""
+
+    left = 0
+    until_ns = 0
+
+
+def claim(size: int) -> None:
+    """Raise OSError (ENOMEM), saying where and what is left, if `size` bytes more would be of a reserve."""
+    now_ns = monotonic_ns()
+    if size < _SMALL_BYTES and size <= _Grant.left and now_ns < _Grant.until_ns:
+        _Grant.left -= size
+        return
+    free = _UNLIMITED
+    for room in rooms(need=size):
+        free = min(free, room.left - room.reserve)
+        if free < size:
+            left, limit, kept = (
+                round(number / (1 << 20)) for number in (room.left, room.limit, room.reserve)
+            )
+            text = f"{room.where} has {left} of {limit} MiB left, of which {kept} are kept for other things"
+            raise OSError(errno.ENOMEM, text)
+    _Grant.left, _Grant.until_ns = (free - size) // _GRANT_PART, now_ns + _GRANT_NS
+
+
+def rooms(process: int | str = "self", *, need: float = math.inf) -> Iterator[Room]:
+    """Of each memory cgroup with a limit that `process` is in, and of the machine, as far as they are known.
+
+    Caches are only looked at where `need` bytes are not free without them.
+    """
+    try:
+        cgroups = _read(PROC / str(process) / "cgroup")
+        places = _places(cgroups, PROC)
+    except OSError:  # another system, or no /proc
+        places = ()
+    for folder, kind in places:
+        room = _of_cgroup(folder, kind, need)
+        if room is not None:
+            yield room
+    room = _of_machine()
+    if room is not None:
+        yield room
+
+
+def _of_cgroup(folder: Path, kind: _Kind, need: float) -> Room | None:
+    limit = min((_number(folder / name) for name in kind.limits), default=_UNLIMITED)
+    if limit >= _UNLIMITED:
+        return None
+    used = _number(folder / kind.usage)
+    if used >= _UNLIMITED:
+        return None
+    room = Room(f"memory cgroup {folder}", limit, max(limit - used, 0))
+    if room.left - room.reserve < need:
+        fields = _fields(folder / "memory.stat")
+        caches = sum(fields.get(name, 0) // part for name, part in kind.caches)
+        room = room._replace(left=max(limit - used + caches, 0))
+    return room
+
+
+def _of_machine() -> Room | None:
+    fields = _fields(PROC / "meminfo")
+    total, available = fields.get("MemTotal:"), fields.get("MemAvailable:")
+    if total is None or available is None:
+        return None
+    return Room("the machine", total << 10, available << 10)
+
+
+def _number(path: Path) -> int:
+    """What stands there; _UNLIMITED where that is no number, or nothing."""
+    try:
+        return int(_read(path))
+    except (OSError, ValueError):
+        return _UNLIMITED
+
+
+def _fields(path: Path) -> dict[str, int]:
+    """The first number of each line, by the word before it."""
+    try:
+        lines = _read(path).splitlines()
+    except OSError:
+        return {}
+    return {
+        words[0]: int(words[1]) for line in lines if len(words := line.split()) > 1 and words[1].isdigit()
+    }
+
+
+def _read(path: Path) -> str:
+    """A file of the kernel's, which is short. Raises OSError. (Half of what `Path.read_text` takes.)"""
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        return os.read(descriptor, _MOST_BYTES).decode()
+    finally:
+        os.close(descriptor)
+
+
+# --- where the files are
+
+
+@lru_cache(maxsize=4)
+def _places(cgroups: str, proc: Path) -> tuple[tuple[Path, _Kind], ...]:
+    """The folders of the memory cgroups that /proc/PID/cgroup names, and of all that these are in.
+
+    Raises OSError.
+    """
+    paths: dict[_Kind, str] = {}
+    for line in cgroups.splitlines():
+        _, controllers, path = line.split(":", 2)
+        if not controllers:
+            paths[_V2] = path
+        elif "memory" in controllers.split(","):
+            paths[_V1] = path
+    found: list[tuple[Path, _Kind]] = []
+    for line in (proc / "self" / "mountinfo").read_text().splitlines():
+        before, _, after = line.partition(" - ")
+        fields, (system, _, options) = before.split(), after.split(maxsplit=2)
+        kind = {"cgroup2": _V2, "cgroup": _V1}.get(system)
+        if kind is _V1 and "memory" not in options.split(","):
+            continue
+        if kind is not None and kind in paths:
+            root, place = (_unescaped(field) for field in fields[3:5])
+            found += [(folder, kind) for folder in _with_parents(Path(place), root, paths.pop(kind))]
+    return tuple(found)
+
+
+def _with_parents(mount: Path, root: str, path: str) -> list[Path]:
+    """The folder of the cgroup `path`, where the cgroup `root` is mounted at `mount`, and those it is in."""
+    try:
+        parts = PurePosixPath(path).relative_to(root).parts
+    except ValueError:  # not to be seen from here, but for the topmost
+        parts = ()
+    folders = [mount.joinpath(*parts[:depth]) for depth in range(len(parts), -1, -1)]
+    # In a cgroup of the first kind, what is in it may not count.
+    alone = next((at for at, one in enumerate(folders) if at and _is_alone(one)), len(folders))
+    return folders[:alone]
+
+
+def _is_alone(folder: Path) -> bool:
+    return _number(folder / "memory.use_hierarchy") == 0
+
+
+def _unescaped(text: str) -> str:
+    return re.sub(r"\\([0-7]{3})", lambda match: chr(int(match[1], 8)), text)
