@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from errno import EMFILE
 from heapq import heappop, heappush
 from itertools import count
+from typing import ClassVar
 
 from bus.bulk import LONG_TEXT, bytes_fields, text_fields
 from bus.declarations import Endpoint
@@ -19,7 +20,16 @@ from bus.errors import PayloadTooLarge, SharedMemoryError
 from bus.link import RETURN_S, Link
 from bus.logger import Logger, get_logger
 from bus.qos import Durability, History, Liveliness, QoSProfile
-from bus.ringsize import FIRST_CAPACITY, FIRST_INDEX, FOR_EVER, LAP_S, RingSize, is_filled_by_few, laps_slowly
+from bus.ringsize import (
+    EARLY,
+    FIRST_CAPACITY,
+    FIRST_INDEX,
+    FOR_EVER,
+    LAP_S,
+    RingSize,
+    is_filled_by_few,
+    laps_slowly,
+)
 from bus.sharing import ReaderProcess, Sharing
 from bus.shm import core, segments
 from bus.shm.openfiles import check_room
@@ -52,6 +62,8 @@ class _Gate:
 
 class RingRoute:
     """Makes the ring of `owner`. Raises OSError where there is no memory or descriptor for it."""
+
+    _early: ClassVar[int] = 0  # those that grew at their first match
 
     def __init__(self, link: Link, sharing: Sharing, owner: Endpoint) -> None:
         qos = owner.qos
@@ -87,6 +99,7 @@ class RingRoute:
         self._return: asyncio.TimerHandle | None = None
         self._rest: asyncio.TimerHandle | None = None  # while it runs, laps of the first ring don't matter
         self._why_not = ""  # the ring could not grow
+        self._is_early = False
         self._guard = 0
         self._set_hold()
 
@@ -210,6 +223,10 @@ class RingRoute:
     def expect(self, matched: m.Matched) -> None:
         """A match by this route: hold what its reader is to find, until it says where it tells of itself."""
         is_held = matched.qos.is_lossless
+        if self._watches_laps and RingRoute._early < EARLY and self._grow(0, must=True):
+            # Now it holds nothing up yet. Later, busd may be slow or gone, and readers wait for its word.
+            self._is_early = True
+            RingRoute._early += 1
         gate = self._gates.get(matched.gid)
         if gate is None:
             gate = self._gates[matched.gid] = _Gate(self.writer.seq_since(matched.at_ns), is_held=is_held)
@@ -307,6 +324,7 @@ class RingRoute:
         self._gates.clear()
         self._unattached.clear()
         self._left.clear()
+        RingRoute._early -= self._is_early
         self._sharing.stop_waiting(self)
         for timer in (self._return, self._forget, self._rest):
             if timer is not None:

@@ -18,6 +18,9 @@ FIRST_CAPACITY = 4 << 10
 """A program may have hundreds of publishers that say little: this is what all begin with."""
 FIRST_INDEX = 64
 
+EARLY = 16
+"""So many publishers of a process have a ring of the usual size from their first match on."""
+
 LAP_S = 1.0
 """A first ring in which records go round in less time is exchanged for one of the usual size."""
 

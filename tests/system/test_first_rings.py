@@ -45,6 +45,12 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 @pytest.fixture
+def none_early(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if this process had many publishers already."""
+    monkeypatch.setattr(ringroute, "EARLY", 0)
+
+
+@pytest.fixture
 def later(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     """Makes all that was published seem to be long ago."""
     clock = ringsize.monotonic_ns
@@ -76,6 +82,46 @@ def rings() -> Counter[str]:
 
 
 @by_shared_memory
+class TestMatch:
+    @pytest.mark.parametrize(
+        ("qos", "grown"), [(1000, USUAL), (KEEP_ALL, USUAL_KEEP_ALL)], ids=["1000", "all"]
+    )
+    async def test_it_grows_with_the_first_one(
+        self, node: bus.Node, made: list[int], qos: bus.QoS, grown: int
+    ) -> None:
+        """So that busd is not needed for it once messages flow. What was published before counts no more."""
+        publisher = await node.create_publisher(Int32, "t", qos)
+        for message in numbers(0, 3):
+            publisher.publish(message)
+        assert made == [FIRST]
+        subscription = await node.create_subscription(Int32, "t", qos)
+        await publisher.wait_for_subscriptions()
+        assert made == [FIRST, grown]
+        await send_all(publisher, numbers(3, 500))
+        assert await take(subscription, 497) == list(range(3, 500))
+        async with asyncio.TaskGroup() as group:
+            for _ in range(3):
+                group.create_task(node.create_subscription(Int32, "t", qos))
+        assert len(made) == 2
+
+    async def test_of_many_only_some(
+        self, node: bus.Node, made: list[int], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(ringroute, "EARLY", ringroute.RingRoute._early + 2)
+        publishers = [await node.create_publisher(Int32, f"t{index}") for index in range(5)]
+        for index in range(5):
+            await node.create_subscription(Int32, f"t{index}")
+            await publishers[index].wait_for_subscriptions()
+        assert made == [FIRST] * 5 + [USUAL] * 2
+        await publishers[0].close()  # another one may have its place
+        await publishers.pop().close()
+        publishers.append(await node.create_publisher(Int32, "t4"))
+        await publishers[-1].wait_for_subscriptions()
+        assert made[7:] == [FIRST, USUAL]
+
+
+@by_shared_memory
+@pytest.mark.usefixtures("none_early")
 class TestSize:
     @pytest.mark.parametrize(
         ("qos", "grown"),
@@ -179,6 +225,7 @@ class TestSize:
 
 
 @by_shared_memory
+@pytest.mark.usefixtures("none_early")
 class TestWithoutBroker:
     """Readers hear of a larger ring by busd: until it is back, the one that they have must do."""
 

@@ -385,13 +385,13 @@ class TestRerouted:
     ) -> None:
         publisher = await node.create_publisher(Int32, "t", KEEP_ALL)
         near = await node.create_subscription(Int32, "t", KEEP_ALL)
-        await send_all(publisher, numbers(0, 100))  # its ring has its usual size now, and does not change
-        assert await take(near, 100) == list(range(100))
+        publisher.publish(Int32(data=0))
+        assert await take(near, 1) == [0]
         monkeypatch.setattr(segments, "map_ring", refuse)
         async with open_node("far") as far:
             distant = await far.create_subscription(Int32, "t", KEEP_ALL)
-            await send_all(publisher, numbers(100, 200))
-            assert await take(near, 100) == await take(distant, 100) == list(range(100, 200))
+            await send_all(publisher, numbers(1, 100))
+            assert await take(near, 99) == await take(distant, 99) == list(range(1, 100))
             assert (route_of(near), route_of(distant)) == (["shm"], ["socket"])
-        publisher.publish(Int32(data=200))
-        assert await take(near, 1) == [200]
+        publisher.publish(Int32(data=100))
+        assert await take(near, 1) == [100]
