@@ -23,6 +23,7 @@ from typing import Self
 
 from bus.address import is_default_folder, socket_path
 from bus.errors import ConfigurationError
+from bus.trust import prepare_folder
 from busd.access import SocketTable
 from busd.credentials import peer_credentials, process_name
 
@@ -129,7 +130,9 @@ def open_listener(
     if inherited is not None:
         inherited.let_in(table)
         return inherited
-    _prepare_folder(path.parent, table, is_default=is_default_folder(path.parent, environ))
+    prepare_folder(
+        path.parent, is_default=is_default_folder(path.parent, environ), may_enter=_may_enter(table)
+    )
     lock = _Lock(path)
     try:
         return Listener(_bind(path, table), path, lock)
@@ -175,53 +178,9 @@ def _inherited(path: Path, environ: MutableMapping[str, str]) -> Listener | None
     return None
 
 
-def _prepare_folder(folder: Path, table: SocketTable, *, is_default: bool) -> None:
-    """Make the default folder where it is missing; refuse one in which a stranger could replace our files.
-
-    The default one must be a real folder, ours, and open to nobody whom `table` does not let in. A folder
-    that the user named may be shared as its owner wants, as long as that is this user or root; a symbolic
-    link to it is followed.
-    """
-    try:
-        if is_default:
-            folder.mkdir(mode=0o700, exist_ok=True)
-        found = folder.lstat() if is_default else folder.stat()
-        above = folder.absolute().parent.stat()
-    except FileExistsError:
-        raise ConfigurationError(f"'{folder}' is in the way of busd's folder: it is not a folder") from None
-    except OSError as error:
-        raise ConfigurationError(f"no socket can be made in '{folder}': {error.strerror}") from None
-    # From here on nobody can exchange the folder: it is ours, and so is the entry in the folder above.
-    reason = _distrust(found, table, is_default=is_default)
-    if reason is None and is_default and _is_open_to_all(above):
-        reason = "anybody can exchange it: the folder above is world-writable without the sticky bit"
-    if reason is not None:
-        owner = f"uid {found.st_uid}, mode {stat.S_IMODE(found.st_mode):04o}"
-        raise ConfigurationError(f"busd refuses to open its socket in '{folder}' (owner {owner}): {reason}")
-
-
-def _distrust(folder: os.stat_result, table: SocketTable, *, is_default: bool) -> str | None:
-    us = os.geteuid()
-    if stat.S_ISLNK(folder.st_mode):
-        return "it is a symbolic link"
-    if not stat.S_ISDIR(folder.st_mode):
-        return "it is not a folder"
-    if folder.st_uid != us and (is_default or folder.st_uid != 0):
-        return f"it belongs to another user than uid {us}"
-    if is_default and folder.st_mode & 0o077 & ~_may_enter(table):
-        return "others may enter it; if you trust what is in it, chmod 700 it"
-    if _is_open_to_all(folder):
-        return "anybody can replace files in it: it is world-writable without the sticky bit"
-    return None
-
-
 def _may_enter(table: SocketTable) -> int:
     """What the default folder's mode may have beyond 0700: who is let in must get there."""
     return (0o050 if table.mode & stat.S_IWGRP else 0) | (0o055 if table.mode & stat.S_IWOTH else 0)
-
-
-def _is_open_to_all(folder: os.stat_result) -> bool:
-    return bool(folder.st_mode & stat.S_IWOTH) and not folder.st_mode & stat.S_ISVTX
 
 
 def _bind(path: Path, table: SocketTable) -> socket.socket:

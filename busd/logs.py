@@ -1,12 +1,27 @@
 """The daemon's log on stderr: as text or JSON lines, bounded whatever peers put into it.
 
-Owns how a record looks and how many there may be. Must not know what is logged, nor when.
+Owns how a record looks, how many there may be, and the thread that writes them. So a pipe that nobody reads,
+a stopped terminal or a slow disk holds up that thread, and never the daemon. Must not know what is logged,
+nor when.
 """
 
 import json
 import logging
+import os
+import select
 import sys
+import threading
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
 from datetime import UTC, datetime
+from errno import EBADF, EFBIG
+from pathlib import Path
+from typing import Any
+
+from bus.errors import ConfigurationError
+from bus.logfile import MOST_BYTES, empty, is_log, open_log
+from bus.printable import printable
 
 __all__ = ["LOG_FORMATS", "LOG_LEVELS", "set_up"]
 
@@ -18,60 +33,206 @@ LOG_FORMATS = ("text", "json")
 _LONGEST_LINE = 1000
 _LONGEST_TRACE = 16_000
 _MOST_LINES = 100
+_MOST_WAITING = 1000
+"""Lines that wait for the thread; beyond it they are left out, whatever their severity."""
+_TELL_S = 1.0
+"""How long after the last line it is told how many were left out; a further line tells it at once."""
+_FLUSH_S = 2.0
+"""How long busd waits at its end for what is not written yet."""
 _TEXT = "[%(levelname)s] [%(created).9f] [%(name)s]: %(message)s"
 _FIELDS = ("peer", "left_out")
-"""What a record may say beside its message: of which process (pid) it is, and `_Bounds`'s count."""
+"""What a record may say beside its message: of which process (pid) it is, and how many are not there."""
 
 
-def set_up(level: str, form: str) -> None:
+def set_up(level: str, form: str, path: Path | None = None) -> None:
     """Log to stderr from now on: from `level` on, one of LOG_LEVELS, in the LOG_FORMATS's `form`.
 
-    May be called again, for other ones.
+    May be called again, for other ones. `path`: of the log file, if stderr is one (`bus.logfile`); at the
+    first call.
     """
     logging.addLevelName(logging.WARNING, "WARN")
     logging.addLevelName(logging.CRITICAL, "FATAL")
-    handler = logging.StreamHandler(sys.stderr)
-    handler.addFilter(_Bounds())
+    root = logging.getLogger()
+    handler = next((one for one in root.handlers if isinstance(one, _Lines)), None)
+    if handler is None:
+        handler = _Lines(_Stderr(path).write)
+        root.handlers[:] = [handler]
     handler.setFormatter(_JsonLines() if form == "json" else _Text(_TEXT))
-    logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
+    root.setLevel(level.upper())
 
 
-class _Bounds(logging.Filter):
-    """Bounds what peers can make of the log: short printable lines, and not too many in a second.
+class _Lines(logging.Handler):
+    """Gives lines to a thread, which calls `write` for each; and bounds them.
 
-    Errors always come through, and debug lines are for somebody who wants all of them.
+    What peers can make of the log are short printable lines, and not too many in a second. Errors always come
+    through, and debug lines are for somebody who wants all of them; but of no line more wait than there is
+    room for. What is left out is counted, and so is what `write` raises OSError for.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, write: Callable[[bytes], None]) -> None:
         super().__init__()
+        self._write = write
+        self._changed = threading.Condition()
+        self._waiting: deque[tuple[bytes, int]] = deque()
+        self._is_writing = False
+        self._is_failing = False
+        self._is_closed = False
+        self._left_out = 0
         self._second = 0
         self._lines = 0
+        threading.Thread(target=self._run, name="log", daemon=True).start()
 
-    def filter(self, record: logging.LogRecord) -> bool:
-        left_out = 0
-        if logging.DEBUG < record.levelno < logging.ERROR:
-            if int(record.created) != self._second:
-                left_out = self._lines - _MOST_LINES
-                self._second, self._lines = int(record.created), 0
-            self._lines += 1
-            if self._lines > _MOST_LINES:
-                return False
-        text = record.getMessage()[:_LONGEST_LINE]
-        if not text.isprintable():
-            text = "".join(c if c.isprintable() else "?" for c in text)
-        record.msg = text
-        record.args = ()
-        if left_out > 0:
-            record.left_out = left_out
-        return True
+    def emit(self, record: logging.LogRecord) -> None:
+        with self._changed:
+            if not self._has_room(record):
+                self._left_out += 1
+                if self._left_out == 1:
+                    self._changed.notify_all()  # the time begins after which it is told
+                return
+            self._tell()
+            self._put(record, 1)
+
+    def flush(self) -> None:
+        """Wait until all is written; not for long, for it may never be."""
+        with self._changed:
+            self._tell()
+            self._changed.wait_for(lambda: not self._waiting and not self._is_writing, _FLUSH_S)
+
+    def close(self) -> None:
+        """End the thread, when it has written what waits."""
+        with self._changed:
+            self._is_closed = True
+            self._changed.notify_all()
+        super().close()
+
+    def _has_room(self, record: logging.LogRecord) -> bool:
+        if len(self._waiting) >= _MOST_WAITING:
+            return False
+        if not logging.DEBUG < record.levelno < logging.ERROR:
+            return True
+        if int(record.created) != self._second:
+            self._second, self._lines = int(record.created), 0
+        self._lines += 1
+        return self._lines <= _MOST_LINES
+
+    def _tell(self) -> None:
+        """Say how many lines were left out, in one of its own."""
+        if self._left_out:
+            text = f"({self._left_out} lines were left out)"
+            record = logging.LogRecord("busd", logging.WARNING, __file__, 0, text, (), None)
+            record.left_out = self._left_out
+            self._put(record, self._left_out)
+            self._left_out = 0
+
+    def _put(self, record: logging.LogRecord, number: int) -> None:
+        """Let `record` be written, which stands for a `number` of lines."""
+        try:
+            line = self.format(record)
+        except Exception:
+            self.handleError(record)
+            return
+        self._waiting.append((f"{line}\n".encode(errors="backslashreplace"), number))
+        self._changed.notify_all()
+
+    def _run(self) -> None:
+        while (found := self._next()) is not None:
+            line, number = found
+            try:
+                self._write(line)
+                lost = 0
+            except OSError:  # nobody reads any more, or the disk is full
+                lost = number
+            with self._changed:
+                self._is_writing = False
+                self._is_failing = lost > 0
+                self._left_out += lost
+                self._changed.notify_all()
+
+    def _next(self) -> tuple[bytes, int] | None:
+        """Wait for the next line; None: there will be none."""
+        with self._changed:
+            while not self._waiting:
+                if self._is_closed:
+                    return None
+                # Where nothing can be written, it is told with the next line: trying costs something.
+                is_to_be_told = self._left_out and not self._is_failing
+                if not self._changed.wait(_TELL_S if is_to_be_told else None):
+                    self._tell()
+            self._is_writing = True
+            return self._waiting.popleft()
+
+
+class _Stderr:
+    """Writes to stderr, whatever that is, and waits as long as it takes. Turns over a log file that is full.
+
+    `path`: of the log file, if stderr is one. `write` raises OSError where nothing can be written.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        # Without a stderr, descriptor 2 may be anything by now.
+        self._fd = -1 if sys.stderr is None else 2
+        self._is_broken_off = False  # a line that there was no room for: the next one begins anew
+        self._path = path if path is not None and is_log(self._fd) else None
+        if self._path is not None and not _is_at(self._fd, self._path):
+            self._go_on(MOST_BYTES)  # it is in memory, or was removed: try again now, as a restart does
+
+    def write(self, line: bytes) -> None:
+        try:
+            self._write(line)
+        except OSError as error:
+            if error.errno != EFBIG or self._path is None:
+                raise
+            self._go_on(os.fstat(self._fd).st_size)  # this process may write no larger file
+            self._write(line)
+        if self._path is not None and os.fstat(self._fd).st_size >= MOST_BYTES:
+            self._go_on(MOST_BYTES)
+
+    def _write(self, line: bytes) -> None:
+        if self._fd < 0:
+            raise OSError(EBADF, os.strerror(EBADF))
+        rest = b"\n" + line if self._is_broken_off else line
+        while rest:
+            try:
+                rest = rest[os.write(self._fd, rest) :]
+                self._is_broken_off = bool(rest)
+            except BlockingIOError:  # somebody else who has it, too, made it non-blocking
+                ready = select.poll()
+                ready.register(self._fd, select.POLLOUT)
+                ready.poll()
+
+    def _go_on(self, most_bytes: int) -> None:
+        """Go on in the file at the path, or in this one from its beginning where that can't be had.
+
+        One that has `most_bytes` is full.
+        """
+        assert self._path is not None
+        self._is_broken_off = False
+        try:
+            fd = open_log(self._path, most_bytes)
+        except ConfigurationError:
+            with suppress(OSError):
+                empty(self._fd)
+        else:
+            os.dup2(fd, self._fd)
+            os.close(fd)
+
+
+def _is_at(fd: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(fd), path.lstat())
+    except OSError:
+        return False
 
 
 class _Text(logging.Formatter):
     """ROS 2's format."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:
-        left_out = getattr(record, "left_out", 0)
-        return super().formatMessage(record) + (f" ({left_out} lines were left out)" if left_out else "")
+        record.message = _message(record)
+        return super().formatMessage(record)
+
+    def formatException(self, ei: Any) -> str:
+        return printable(super().formatException(ei)[-_LONGEST_TRACE:])
 
 
 class _JsonLines(logging.Formatter):
@@ -82,9 +243,14 @@ class _JsonLines(logging.Formatter):
             "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="microseconds"),
             "severity": record.levelname,
             "name": record.name,
-            "message": record.getMessage(),
+            "message": _message(record),
         }
         line |= {name: value for name in _FIELDS if (value := getattr(record, name, None)) is not None}
         if record.exc_info:
             line["exception"] = self.formatException(record.exc_info)[-_LONGEST_TRACE:]
         return json.dumps(line)  # in ASCII: a lone surrogate is no UTF-8
+
+
+def _message(record: logging.LogRecord) -> str:
+    """Short, on one line, and without control characters."""
+    return printable(record.getMessage()[:_LONGEST_LINE], keep="")[:_LONGEST_LINE]

@@ -17,6 +17,7 @@ from typing import Any
 
 from bus.address import socket_path
 from bus.errors import ConfigurationError
+from bus.logfile import log_path
 from busd.access import find_doubts
 from busd.config import Config, load
 from busd.core.access import Access
@@ -68,11 +69,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 print(f"busd: {doubt}", file=sys.stderr)
             return 0
         _allow_descriptors()
-        _set_up_log(options, config)
+        signal.signal(signal.SIGTTOU, signal.SIG_IGN)  # else a line to a terminal may stop who runs behind it
+        _set_up_log(options, config, path)
         with open_listener(path, table=config.socket) as listener:
             _warn_of_doubts(config, listener)
             command = command_line(arguments)
             if run(_serve(listener, config, options, partial(find_fault, command))):
+                logging.shutdown()  # what waits to be written would go with this program
                 hand_over(listener, command)
         return 0
     except AlreadyRunning as error:
@@ -122,8 +125,9 @@ def _seconds(text: str) -> float:
     return value
 
 
-def _set_up_log(options: argparse.Namespace, config: Config) -> None:
-    set_up(options.log_level or config.log_level, options.log_format or config.log_format)
+def _set_up_log(options: argparse.Namespace, config: Config, socket: Path) -> None:
+    level, form = options.log_level or config.log_level, options.log_format or config.log_format
+    set_up(level, form, log_path(socket))
 
 
 def _allow_descriptors() -> None:
@@ -163,7 +167,7 @@ async def _serve(
         loop.add_signal_handler(number, server.stop_now, number.name)
 
     def apply(config: Config) -> None:
-        _set_up_log(options, config)
+        _set_up_log(options, config, listener.path)
         listener.let_in(config.socket)
         server.reconfigure(config.limits, config.topics, Access(own, config.access))
         _warn_of_doubts(config, listener)

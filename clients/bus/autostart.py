@@ -12,9 +12,12 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from bus.errors import BrokerUnavailable
+from bus.address import is_default_folder
+from bus.errors import BrokerUnavailable, ConfigurationError
+from bus.logfile import log_path, open_in_memory, open_log
+from bus.logger import get_logger
 from bus.reach import NotNow, Patience, try_to_connect
-from bus.trust import check_folder
+from bus.trust import prepare_folder
 
 BUSD = (sys.executable, "-P", "-m", "busd")
 """What starts busd: the one that is installed, whatever lies in the folder that we are in."""
@@ -23,6 +26,7 @@ IDLE_EXIT_S = 30
 """A busd that was started in the background leaves after so long without a connection."""
 
 _START_S = 10.0
+_TAIL_BYTES = 4096
 _ALREADY_RUNNING = 3  # busd.run.EXIT_ALREADY_RUNNING
 
 _started: set[int] = set()
@@ -67,12 +71,28 @@ async def start(path: Path, options: Sequence[str] = ("--idle-exit", str(IDLE_EX
     Cancellation: it goes on.
     """
     reap()
-    log = path.with_suffix(".log")
+    _prepare_folder(path.parent)
+    try:
+        log = _Log(log_path(path))
+        try:
+            status = await _start(path, log, options)
+        finally:
+            os.close(log.fd)
+    except BrokerUnavailable:
+        raise
+    except OSError as error:  # no descriptor or no process is left for us
+        raise BrokerUnavailable(f"busd could not be started at {path}: {error.strerror or error}") from None
+    if log.fault and status != _ALREADY_RUNNING:
+        get_logger("bus").warning(f"busd has no file for its log, which is in memory: {log.fault}")
+
+
+async def _start(path: Path, log: "_Log", options: Sequence[str]) -> int | None:
+    """Returns its exit status, None while it runs."""
     loop = asyncio.get_running_loop()
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ready:
         ready.bind("")  # an abstract address that the kernel chooses
         ready.setblocking(False)
-        pid = _spawn(path, log, "@" + ready.getsockname()[1:].decode(), options)
+        pid = _spawn(path, log.fd, "@" + ready.getsockname()[1:].decode(), options)
         with contextlib.closing(_PidFile(pid)) as process:
             waits = {
                 loop.create_task(loop.sock_recv(ready, 4096)),
@@ -88,9 +108,12 @@ async def start(path: Path, options: Sequence[str] = ("--idle-exit", str(IDLE_EX
                 if status is None:
                     _started.add(pid)
     if not done:
-        raise BrokerUnavailable(f"busd (pid {pid}) did not become ready within {_START_S:g} s; see {log}")
+        where = f"/proc/{pid}/fd/2" if log.fault else log.path
+        raise BrokerUnavailable(f"busd (pid {pid}) did not become ready within {_START_S:g} s; see {where}")
     if status not in (None, 0, _ALREADY_RUNNING):
-        raise BrokerUnavailable(f"busd could not be started at {path}: {_last_line(log)}")
+        reason = log.last_line() or f"it ended with {status}, and said nothing"
+        raise BrokerUnavailable(f"busd could not be started at {path}: {reason}")
+    return status
 
 
 def reap() -> None:
@@ -104,23 +127,53 @@ def reap() -> None:
             _started.discard(pid)
 
 
-def _spawn(path: Path, log: Path, notify: str, options: Sequence[str]) -> int:
-    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    check_folder(path.parent)
+class _Log:
+    """What a busd that is to be started gets as stderr: its file, or memory where it can't have that."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.fault = ""
+        try:
+            self.fd = open_log(path)
+        except ConfigurationError as error:
+            self.fault = str(error)
+            self.fd = open_in_memory()
+        self._begin = os.fstat(self.fd).st_size
+
+    def last_line(self) -> str:
+        """What was said last since it was opened."""
+        end = os.fstat(self.fd).st_size
+        begin = max(self._begin, end - _TAIL_BYTES)
+        lines = os.pread(self.fd, end - begin, begin).decode(errors="replace").strip().splitlines()
+        return lines[-1].removeprefix("busd: ") if lines else ""
+
+
+def _prepare_folder(folder: Path) -> None:
+    is_default = is_default_folder(folder)
+    try:
+        # Whether others may look into it, busd knows: it has the configuration.
+        prepare_folder(folder, is_default=is_default, may_enter=0o055)
+    except ConfigurationError as error:
+        hint = "; remove it, or set BUSD_SOCKET" if is_default and os.path.lexists(folder) else ""
+        raise BrokerUnavailable(f"no busd is started: {error}{hint}") from None
+
+
+def _spawn(path: Path, log_fd: int, notify: str, options: Sequence[str]) -> int:
     environ = {**os.environ, "NOTIFY_SOCKET": notify}
     arguments = [*BUSD, "--socket", str(path), *options]
-    # Appended to: those who come second say so in the log of the one that serves.
-    flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW
-    if not path.with_name(f"{path.name}.lock").exists():  # the last one left in order: a new log
-        flags |= os.O_TRUNC
+    # Nothing is opened in the child that could keep it: until its exec we are held up as well.
     return os.posix_spawn(
         sys.executable,
         arguments,
         environ,
         file_actions=[
+            (
+                os.POSIX_SPAWN_DUP2,
+                log_fd,
+                2,
+            ),  # first: without a stdin or stdout of ours it may be one of these
             (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0),
             (os.POSIX_SPAWN_OPEN, 1, os.devnull, os.O_WRONLY, 0),
-            (os.POSIX_SPAWN_OPEN, 2, str(log), flags, 0o600),
         ],
         setsid=True,
     )
@@ -167,11 +220,3 @@ async def _connect(path: Path, patience: Patience) -> socket.socket:
         except NotNow as error:
             why = str(error)
         await asyncio.sleep(patience.pause_s(why))
-
-
-def _last_line(log: Path) -> str:
-    try:
-        lines = log.read_text(errors="replace").strip().splitlines()
-    except OSError:
-        return f"see {log}"
-    return lines[-1].removeprefix("busd: ") if lines else f"see {log}"

@@ -20,6 +20,7 @@ from bus.events import IncompatibleQoS, IncompatibleType, MatchedChange, Publish
 from bus.link import Link
 from bus.logger import Logger
 from bus.names import reply_topic, request_topic
+from bus.provoked import warn
 from bus.publisher import Publisher
 from bus.qos import QoSProfile
 from bus.subscription import Subscription
@@ -231,9 +232,10 @@ class ServiceClient:
     def _on_matched(self, change: MatchedChange) -> None:
         before, self._servers = self._servers, frozenset(one.gid for one in self._requests.matches)
         if change.current_count_change > 0 and len(self._servers) > 1:
-            self._logger.warning(
+            warn(
+                self._logger,
                 f"service '{self.service_name}' is served {len(self._servers)} times, {change.node} is the "
-                "last one: each gets every request, and the first answer counts"
+                "last one: each gets every request, and the first answer counts",
             )
         gone = before - self._servers
         if not gone or not self._requests.id:
@@ -266,13 +268,15 @@ class ServiceClient:
                 call.deliver(number, reason)
 
     def _warn_of_type(self, event: IncompatibleType) -> None:
-        self._logger.warning(
+        warn(
+            self._logger,
             f"Incompatible type of service '{self.service_name}', no requests will be sent to its server. "
-            f"(node {event.node}: {event.text})"
+            f"(node {event.node}: {event.text})",
         )
 
     def _warn_of_qos(self, event: IncompatibleQoS) -> None:
-        self._logger.warning(
+        warn(
+            self._logger,
             f"New server discovered of service '{self.service_name}', with incompatible QoS. "
-            f"Last incompatible policy: {event.policy} (node {event.node}: {event.text.rstrip(';')})"
+            f"Last incompatible policy: {event.policy} (node {event.node}: {event.text.rstrip(';')})",
         )

@@ -24,6 +24,7 @@ from bus.events import (
 )
 from bus.link import Link
 from bus.logger import Logger
+from bus.provoked import warn
 from bus.qos import QoSProfile
 from bus.typesupport import TypeSupport
 from bus.wire import messages as m
@@ -206,7 +207,7 @@ class Endpoint(Generic[M]):
     def _report_incompatible(self, message: m.Incompatible) -> None:
         if message.policy == ACCESS:  # no event of ROS 2's: the other is not there
             text = f"node {message.node} was denied access to '{self.topic_name}': {message.text}"
-            self._logger.warning(text)
+            warn(self._logger, text)
             return
         if message.policy == "TYPE":
             self._incompatible_types += 1
@@ -221,7 +222,7 @@ class Endpoint(Generic[M]):
         if callback is not None:
             self._tell(callback, event)
         else:
-            self._logger.warning(f"{text} (node {message.node}: {message.text.rstrip(';')})")
+            warn(self._logger, f"{text} (node {message.node}: {message.text.rstrip(';')})")
 
     def _type_warning(self) -> str:
         raise NotImplementedError

@@ -22,6 +22,8 @@ queue was full, no room to publish) is a return value or a counter. Timeouts are
 
 from typing import TypeVar
 
+from bus.printable import printable
+
 __all__ = [
     "AccessDenied",
     "BrokerUnavailable",
@@ -45,7 +47,14 @@ E = TypeVar("E", bound="BusError")
 
 
 class BusError(Exception):
-    """Base of every error that busd raises on purpose."""
+    """Base of every error that busd raises on purpose.
+
+    Texts of other processes may be in its text, and str() is what tracebacks and logs show: without control
+    characters but newlines and tabs.
+    """
+
+    def __str__(self) -> str:
+        return printable(super().__str__())
 
 
 def again(error: E) -> E:

@@ -18,6 +18,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, NamedTuple, TextIO, TypeAlias, TypedDict, Unpack
 
 from bus.errors import ConfigurationError
+from bus.printable import printable
 
 if TYPE_CHECKING:  # it would bring msgspec with it
     from bus.arguments import Arguments
@@ -221,8 +222,9 @@ class ConsoleHandler(logging.Handler):
 
     $RCUTILS_CONSOLE_OUTPUT_FORMAT is a template with {severity}, {time}, {name}, {message}, {file_name},
     {line_number}, {function_name} and {time_as_nanoseconds}. Lines are coloured on a terminal, and elsewhere
-    if $RCUTILS_COLORIZED_OUTPUT is 1, but never if that is 0 or $NO_COLOR is set. Where the stream can't be
-    written to, the line is lost and nothing else happens.
+    if $RCUTILS_COLORIZED_OUTPUT is 1, but never if that is 0 or $NO_COLOR is set. Control characters are
+    escaped, but for newlines, tabs, and colours, which end with the line. Where the stream can't be written
+    to, the line is lost and nothing else happens.
     """
 
     def __init__(self, environ: Mapping[str, str] = os.environ) -> None:
@@ -271,8 +273,10 @@ class ConsoleHandler(logging.Handler):
             "line_number": record.lineno,
             "function_name": record.funcName,
         }
+        if not line.isprintable():
+            line = _shown(line)
         colour = _COLOURS.get(severity) if self._coloured else None
-        return line if colour is None else f"\x1b[{colour}m{line}\x1b[0m"
+        return line if colour is None else f"\x1b[{colour}m{line}{_END_OF_COLOUR}"
 
     def _wants_colour(self, stream: TextIO) -> bool:
         choice = self._environ.get("RCUTILS_COLORIZED_OUTPUT")
@@ -285,6 +289,10 @@ _DEFAULT_FORMAT = "[{severity}] [{time}] [{name}]: {message}"
 _TOKEN = re.compile(
     r"\{(severity|time|name|message|file_name|line_number|function_name|time_as_nanoseconds)\}"
 )
+_END_OF_COLOUR = "\x1b[0m"
+_ENDS_OF_COLOUR = (_END_OF_COLOUR, "\x1b[m")
+_COLOURING = re.compile("(\x1b\\[[0-9;:]*m)")
+"""What a terminal calls SGR: it changes how text looks, and nothing else."""
 _COLOURS = {Severity.DEBUG: 32, Severity.WARN: 33, Severity.ERROR: 31, Severity.FATAL: 31}
 
 _CallSite: TypeAlias = tuple[str, str, int, int]
@@ -364,6 +372,15 @@ def _severity(value: Severity | int | str) -> Severity:
 def _template(text: str) -> str:
     """The format with {tokens} as a template for `%`; what is no token stays as it is."""
     return _TOKEN.sub(r"%(\1)s", text.replace("%", "%%"))
+
+
+def _shown(line: str) -> str:
+    """`line` as it is safe on a terminal, whoever wrote what is in it. Programs colour their own lines."""
+    parts = _COLOURING.split(line)  # text, colour, text ...
+    parts[::2] = map(printable, parts[::2])
+    if len(parts) > 1 and parts[-2] not in _ENDS_OF_COLOUR:
+        parts.append(_END_OF_COLOUR)
+    return "".join(parts)
 
 
 _TOP = logging.getLogger(TOP_NAME)

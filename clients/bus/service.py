@@ -20,6 +20,7 @@ from bus.events import IncompatibleQoS, IncompatibleType, PublisherEvents, Subsc
 from bus.link import Link
 from bus.logger import Logger
 from bus.names import reply_topic, request_topic
+from bus.provoked import warn
 from bus.publisher import Publisher
 from bus.qos import QoSProfile
 from bus.subscription import Subscription
@@ -172,15 +173,17 @@ class ServiceServer:
             self._work.end()
 
     def _warn_of_type(self, event: IncompatibleType) -> None:
-        self._logger.warning(
+        warn(
+            self._logger,
             f"Incompatible type of service '{self.service_name}', no requests will be taken from its client. "
-            f"(node {event.node}: {event.text})"
+            f"(node {event.node}: {event.text})",
         )
 
     def _warn_of_qos(self, event: IncompatibleQoS) -> None:
-        self._logger.warning(
+        warn(
+            self._logger,
             f"New client discovered of service '{self.service_name}', with incompatible QoS. "
-            f"Last incompatible policy: {event.policy} (node {event.node}: {event.text.rstrip(';')})"
+            f"Last incompatible policy: {event.policy} (node {event.node}: {event.text.rstrip(';')})",
         )
 
 

@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import re
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import msgspec
 import pytest
@@ -214,6 +214,35 @@ class TestOneThatMakesBusdTalk:
         wait_until(left_out)
         wait_until(lambda: left_out() + lines() >= 999)  # the last second's are told by the next one's first
         assert 0 < lines() < 1000
+
+    async def test_and_so_is_that_of_who_matches_none_of_its_endpoints(
+        self, daemon: Daemon, peer: RawPeer, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        """16,000 warnings, in busd's log and in a program's: some of each, and how many more there were."""
+        best_effort = QoSProfile(10, reliability="best_effort")
+        said = ""
+
+        async def until_told(pattern: str, read: Callable[[], str]) -> int:
+            nonlocal said
+            said = ""
+            async with asyncio.timeout(WAIT_S):
+                while not (found := re.findall(pattern, said)):
+                    await asyncio.sleep(0.05)
+                    said += read()
+            return sum(map(int, found))
+
+        async with asyncio.timeout(4 * WAIT_S), bus.Node("victim", arguments=[], rosout=False) as node:
+            for _ in range(16):
+                await node.create_publisher(String, "/t", best_effort)
+            await asyncio.to_thread(peer.hello)
+            number = await asyncio.to_thread(peer.node, "greedy")
+            wanted = [m.CreateSubscription(**peer.endpoint_fields(number, "/t", {})) for _ in range(1000)]
+            await asyncio.to_thread(peer.send, *wanted)
+            left_out = await until_told(r"(\d+) more warnings .* left out", lambda: capsys.readouterr().err)
+            assert 20 <= said.count("New subscription discovered") <= 16_000 - left_out
+        log = daemon.log
+        left_out = await until_told(r"\((\d+) lines were left out\)", log.read_text)
+        assert 0 < said.count("no match on '/t'") <= 16_000 - left_out
 
 
 class TestOneThatComesTooOften:

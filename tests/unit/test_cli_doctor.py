@@ -17,6 +17,7 @@ from bus import shm
 from bus.cli import doctor
 from bus.cli.doctor import examine, machine, place, procfs, versions
 from bus.cli.doctor.finding import Finding
+from bus.logfile import open_log
 from bus.shm.headroom import Room
 
 
@@ -111,6 +112,27 @@ def test_what_is_in_the_way(path: Path) -> None:
     assert look("stale file") == Finding(
         "fail", "stale file", f"{path} is in the way: it is no socket", f"rm {path}"
     )
+
+
+def test_what_is_in_the_way_of_the_log(path: Path) -> None:
+    assert [*place.log_file(path)] == []
+    log = path.with_suffix(".log")
+    os.close(open_log(log))
+    assert [*place.log_file(path)] == []
+    log.write_text("precious")
+    found = look("log")
+    assert (found.mark, found.advice) == ("warn", "move that away, then: bus daemon restart")
+    assert found.text.startswith(f"'{log}' is not a log of busd's: ")
+
+
+def test_the_log_of_another_user_s_daemon_is_no_matter_of_ours(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path.with_suffix(".log").write_text("theirs")
+    path.touch()
+    us = os.geteuid()
+    monkeypatch.setattr(os, "geteuid", lambda: us + 1)
+    assert [*place.log_file(path)] == []
 
 
 def test_a_lock_without_a_socket(path: Path) -> None:

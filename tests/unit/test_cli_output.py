@@ -1,11 +1,15 @@
 """What verbs share when they say things."""
 
+import ast
 import io
+import json
 import sys
+from pathlib import Path
 
 import pytest
 
-from bus.cli.output import complain, dropped_text, print_json, size_text, table
+from bus import cli
+from bus.cli.output import complain, dropped_text, print_json, say, size_text, table
 
 
 @pytest.mark.parametrize(
@@ -55,3 +59,42 @@ def test_a_table_as_ros2_draws_it() -> None:
         "/chatter   1.000    0.999       1.001       0.00052   10    \n"
         "/a         10.000   0.099       0.101       0.00052   100   \n"
     )
+
+
+NASTY = "a\x1b[2J\x9b\u202e\u2028b\r\n\tc"
+SHOWN = "a\\x1b[2J\\x9b\\u202e\\u2028b\\r\n\tc"
+
+
+def test_no_control_character_reaches_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    say(NASTY, 5, sep="|", end="!")
+    complain(ValueError(NASTY))
+    assert capsys.readouterr() == (f"{SHOWN}|5!", f"{SHOWN}\n")
+
+
+def test_json_says_it_in_its_own_way(capsys: pytest.CaptureFixture[str]) -> None:
+    print_json({NASTY: NASTY})
+    text = capsys.readouterr().out
+    assert text.isascii() and text[:-1].isprintable()
+    assert json.loads(text) == {NASTY: NASTY}
+
+
+def writes(path: Path) -> list[str]:
+    """What in a module writes text by itself."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text())):
+        match node:
+            case ast.Call(func=ast.Name(id="print")):
+                found.append("print()")
+            case ast.Attribute(value=ast.Attribute(attr="stdout" | "stderr"), attr="write" | "writelines"):
+                found.append(ast.unparse(node))
+    return found
+
+
+def test_verbs_write_by_these_alone() -> None:
+    """The one exception is the sequence of its own that `echo -c` clears the screen with."""
+    folder = Path(cli.__file__).parent
+    found = {str(path.relative_to(folder)): writes(path) for path in folder.rglob("*.py")}
+    assert {name: what for name, what in found.items() if what} == {
+        "output.py": ["print()", "sys.stdout.write", "sys.stdout.write"],
+        "topic/echo.py": ["sys.stdout.write", "sys.stdout.write"],
+    }

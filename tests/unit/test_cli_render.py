@@ -13,6 +13,7 @@ from bus.cli.render import View, to_csv, to_text, to_yaml
 from bus.msg.geometry_msgs import Point, Point32, Polygon, PoseWithCovariance, Twist
 from bus.msg.sensor_msgs import Image, JointState
 from bus.msg.std_msgs import Byte, ByteMultiArray, Empty, Header, String, UInt8MultiArray
+from bus.printable import printable
 from bus.schema import build, describe
 from bus.typesupport import type_support
 
@@ -168,8 +169,15 @@ def test_a_scalar_by_itself_is_not_yaml() -> None:
     assert to_text([1.5]) == "- 1.5\n"
 
 
-# Without control characters and line separators, which PyYAML does not all read back.
-texts = st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Zl", "Zp")))
+def test_control_characters_of_others() -> None:
+    text = "a\x1b[2J\x9b\u202eb\r\n\tc"
+    assert to_text(text) == "a\\x1b[2J\\x9b\\u202eb\\r\n\tc\n"
+    assert to_csv({"a": text, "b": [1, text]}) == ",".join(
+        ["a\\x1b[2J\\x9b\\u202eb\\r\\n\tc", "1", "a\\x1b[2J\\x9b\\u202eb\\r\\n\tc"]
+    )
+
+
+texts = st.text(st.characters(codec="utf-8") | st.sampled_from("\x1b\x85\x9b\u202e\u2028\u2066\r\n\t\x7f"))
 messages = st.builds(
     JointState,
     name=st.lists(texts),
@@ -179,7 +187,9 @@ messages = st.builds(
 
 @given(messages)
 def test_yaml_reads_back(message: JointState) -> None:
-    assert yaml.safe_load(to_yaml(plain(message))) == plain(message)
+    text = to_yaml(plain(message))
+    assert yaml.safe_load(text) == plain(message)
+    assert printable(text) == text
 
 
 @given(messages, st.integers(0, 5))

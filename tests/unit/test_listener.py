@@ -333,7 +333,7 @@ def test_a_default_folder_that_is_a_link(tmp_path: Path, environ: dict[str, str]
     assert "it is a symbolic link" in refusal(None, environ)
     assert not list(target.iterdir())
     target.rmdir()
-    assert "it is not a folder" in refusal(None, environ)
+    assert "it is a symbolic link" in refusal(None, environ)
     assert not target.exists()
 
 

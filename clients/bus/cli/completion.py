@@ -4,7 +4,7 @@ from argparse import Action, ArgumentParser, Namespace
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from bus.cli.output import CommandError
+from bus.cli.output import CommandError, say
 
 if TYPE_CHECKING:
     from bus.graph import Graph
@@ -23,7 +23,7 @@ def main(args: Namespace) -> int:
     except ImportError:
         raise CommandError("completion needs argcomplete: pip install 'busd[cli]'") from None
     # argcomplete's code is for both; it looks which shell runs it.
-    print(shellcode(["bus"], shell=args.shell).rstrip())
+    say(shellcode(["bus"], shell=args.shell).rstrip())
     return 0
 
 

@@ -15,7 +15,7 @@ from importlib import import_module
 from typing import Any, NoReturn
 
 from bus.cli.exitcodes import EXIT_ERROR, EXIT_INTERRUPTED
-from bus.cli.output import CommandError
+from bus.cli.output import CommandError, complain, say
 from bus.errors import BusError
 
 COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
@@ -144,7 +144,7 @@ def run(words: Sequence[str]) -> int:
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
     except (CommandError, BusError, OSError) as error:
-        print(error, file=sys.stderr)
+        complain(error)
         return EXIT_ERROR
 
 
@@ -153,7 +153,7 @@ def _run(words: Sequence[str]) -> int:
         _complete()
     args = make_parser(words).parse_args(words)
     if args.version:
-        print(f"bus {version('busd') or '(not installed)'}")
+        say(f"bus {version('busd') or '(not installed)'}")
         return 0
     code: int = args.main(args) or 0
     return code

@@ -1,26 +1,36 @@
-"""How verbs say things: texts, JSON lines, tables, sizes. Knows nothing of the bus."""
+"""How verbs say things: texts, JSON lines, tables, sizes. Knows nothing of the bus.
+
+Whatever a verb writes goes through `say`, `complain` or `print_json`, for there may be texts of others in it.
+"""
 
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-__all__ = ["CommandError", "complain", "dropped_text", "print_json", "size_text", "table"]
+from bus.printable import printable, printable_json
+
+__all__ = ["CommandError", "complain", "dropped_text", "print_json", "say", "size_text", "table"]
 
 
 class CommandError(Exception):
     """A verb can't do what it was asked to: the text goes to stderr, the exit code is 1."""
 
 
-def complain(text: str) -> None:
+def say(*words: object, sep: str = " ", end: str = "\n") -> None:
+    """As print(), with control characters but newlines and tabs escaped: wherever the output goes."""
+    sys.stdout.write(printable(sep.join(map(str, words))) + end)
+
+
+def complain(text: object) -> None:
     """Tell the user something that is not the output."""
-    print(text, file=sys.stderr, flush=True)
+    print(printable(str(text)), file=sys.stderr, flush=True)
 
 
 def print_json(record: Any) -> None:
     """One object on one line; what JSON has no number for (NaN, infinity) is null."""
     from msgspec import json
 
-    sys.stdout.write(json.encode(record).decode() + "\n")
+    sys.stdout.write(printable_json(json.encode(record).decode()) + "\n")
 
 
 def size_text(size: float) -> str:

@@ -11,9 +11,10 @@ from typing import Any
 
 import msgspec
 
+from bus.printable import printable
 from bus.typesupport import type_support
 
-__all__ = ["View", "to_csv", "to_text", "to_yaml"]
+__all__ = ["View", "represent_text", "to_csv", "to_text", "to_yaml"]
 
 # What IDL calls them; the others have the same name there.
 _IDL_NAMES = {"bool": "boolean", "byte": "octet", "char": "uint8", "float32": "float", "float64": "double"}
@@ -95,23 +96,33 @@ class View(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def to_text(plain: Any, *, flow_style: bool = False) -> str:
-    """A field by itself: scalars as they are, the rest as YAML; ends with a newline."""
-    return to_yaml(plain, flow_style=flow_style) if isinstance(plain, dict | list) else f"{plain}\n"
+    """A field by itself: scalars as they are, but for control characters; the rest as YAML.
+
+    Ends with a newline.
+    """
+    is_scalar = not isinstance(plain, dict | list)
+    return f"{printable(str(plain))}\n" if is_scalar else to_yaml(plain, flow_style=flow_style)
 
 
 def to_yaml(plain: Any, *, flow_style: bool = False) -> str:
-    """YAML as ros2 prints it: fields in their order, nothing wrapped, no aliases."""
+    """YAML as ros2 prints it: fields in their order, nothing wrapped, no aliases.
+
+    Control characters are escaped as YAML has it, so that a reader gets the same texts.
+    """
     import yaml
 
     text: str = yaml.dump(
         plain, Dumper=_dumper(), allow_unicode=True, width=sys.maxsize, default_flow_style=flow_style
     )
-    return text
+    return printable(text)
 
 
 def to_csv(plain: Any) -> str:
-    """The leaves in their order, separated by commas; nothing is quoted, as ros2 does."""
-    return ",".join(str(leaf) for leaf in _leaves(plain))
+    """The leaves in their order, separated by commas, on one line; nothing is quoted, as ros2 does.
+
+    Newlines and other control characters but tabs are escaped.
+    """
+    return printable(",".join(str(leaf) for leaf in _leaves(plain)), keep="\t")
 
 
 def _leaves(plain: Any) -> Iterable[Any]:
@@ -144,4 +155,15 @@ def _dumper() -> Any:
         return yaml.MappingNode("tag:yaml.org,2002:map", pairs)
 
     Dumper.add_representer(dict, represent_mapping)
+    Dumper.add_representer(str, represent_text)
     return Dumper
+
+
+def represent_text(dumper: Any, text: str, style: str | None = None) -> Any:
+    """For PyYAML: `text` in `style`; in double quotes where `printable` is to escape something in it.
+
+    PyYAML itself lets some control characters stand, and only there is the escape read as what it stands for.
+    """
+    if printable(text) != text:
+        style = '"'
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)

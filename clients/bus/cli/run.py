@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from bus.cli.exitcodes import EXIT_ERROR, EXIT_INTERRUPTED, EXIT_USAGE
+from bus.cli.output import complain
 
 if TYPE_CHECKING:
     from argparse import ArgumentParser, Namespace
@@ -92,12 +93,12 @@ def start(call: Call) -> int:
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
     except _Refused as refused:
-        print(*refused.lines, sep="\n", file=sys.stderr)
+        complain("\n".join(refused.lines))
         return refused.code
     except OSError as error:  # of the start: what a program raises does not come here
-        print(f"bus run: can't run '{error.filename}': {error.strerror}", file=sys.stderr)
+        complain(f"bus run: can't run '{error.filename}': {error.strerror}")
     except BusError as error:
-        print(error, file=sys.stderr)
+        complain(error)
     return EXIT_ERROR
 
 

@@ -12,6 +12,8 @@ from threading import Lock
 from types import CoroutineType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from bus.printable import printable
+
 if TYPE_CHECKING:
     from bus.rclpy.executors import Executor
 
@@ -44,7 +46,8 @@ class Future(Generic[T]):
         # The constructor of a subclass may have failed before ours ran.
         error = getattr(self, "_exception", None)
         if error is not None and not self._is_exception_seen and sys.stderr is not None:
-            print(f"The following exception was never retrieved: {error}", file=sys.stderr)
+            text = printable(f"The following exception was never retrieved: {error}")
+            print(text, file=sys.stderr)
 
     def __await__(self) -> Generator[Any, None, T | None]:
         while not self.done():

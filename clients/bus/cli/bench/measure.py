@@ -18,7 +18,7 @@ from bus.cli.bench.progress import Bar
 from bus.cli.bench.session import Session, worker_environ
 from bus.cli.bench.task import Go, Ready, Sent, Task
 from bus.cli.exitcodes import EXIT_ERROR
-from bus.cli.output import CommandError, complain, print_json
+from bus.cli.output import CommandError, complain, print_json, say
 from bus.cli.stream import run_stream
 from bus.qos import QoSProfile
 
@@ -100,7 +100,7 @@ class _Bench:
         if place.own:
             where = f"a busd of its own, for none listens on {self._path}"
         plan = self._plan
-        print(
+        say(
             f"{Payload(plan.type_name, plan.sizes[0]).name}, {_number(plan.publishers, 'publisher')}, "
             f"{_number(plan.subscribers, 'subscriber')}, {_qos_text(plan.qos)}\non {where}"
         )
@@ -109,7 +109,7 @@ class _Bench:
         if self._as_json and (self._runs or self._is_interrupted):
             print_json(self._record(place))
         elif self._runs:
-            print(f"\n{tables(self._runs)}", end="")
+            say(f"\n{tables(self._runs)}", end="")
         if self._is_interrupted:
             complain("interrupted: this is what was measured so far" if self._runs else "interrupted")
 

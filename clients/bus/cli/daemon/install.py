@@ -3,14 +3,13 @@
 import grp
 import os
 import pwd
-import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from bus.address import domain_id, socket_path
 from bus.cli.configuration import ask
 from bus.cli.daemon.units import OURS, Units, systemd_version
-from bus.cli.output import CommandError, print_json
+from bus.cli.output import CommandError, complain, print_json, say
 from bus.cli.query import NotRunning, Query
 from bus.errors import BusError
 
@@ -69,7 +68,7 @@ def main(args: Namespace) -> int:
         print_json({"files": {str(path): text for path, text in texts.items()}})
         return 0
     if args.dry_run:
-        print("\n".join(f"# {path}\n{text}" for path, text in texts.items()), end="")
+        say("\n".join(f"# {path}\n{text}" for path, text in texts.items()), end="")
         return 0
     for path, text in texts.items():
         _write(path, text)
@@ -78,10 +77,10 @@ def main(args: Namespace) -> int:
         print_json({"files": [str(path) for path in texts], "next": what_next})
     else:
         for path in texts:
-            print(f"Wrote {path}")
-        print("Now type:", *what_next, sep="\n  ")
+            say(f"Wrote {path}")
+        say("Now type:", *what_next, sep="\n  ")
         if units.user:
-            print(f"Programs find it with: export BUSD_SOCKET={units.socket}")
+            say(f"Programs find it with: export BUSD_SOCKET={units.socket}")
     return 0
 
 
@@ -91,7 +90,7 @@ def _check(config: Path, socket: Path) -> None:
     if opinion.fault:
         raise CommandError(opinion.fault)
     for doubt in opinion.doubts:
-        print(doubt, file=sys.stderr)
+        complain(doubt)
 
 
 def _write(path: Path, text: str) -> None:

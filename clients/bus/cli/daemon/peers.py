@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bus.address import socket_path
-from bus.cli.output import CommandError, print_json, size_text, table
+from bus.cli.output import CommandError, print_json, say, size_text, table
 from bus.cli.query import Query
 
 _OF_PEERS = ("pid", "uid", "program", "nodes", "endpoints", "topics", "descriptors")
@@ -37,7 +37,7 @@ def main(args: Namespace) -> int:
     columns = (*(_OF_USERS if args.users else _OF_PEERS), *_HELD)
     suffix = "_per_user" if args.users else "_per_peer"
     rows = [[_cell(record, name, suffix, charges.limits) for name in columns] for record in records]
-    print(table([name.removesuffix("_bytes") for name in columns], rows), end="")
+    say(table([name.removesuffix("_bytes") for name in columns], rows), end="")
     return 0
 
 

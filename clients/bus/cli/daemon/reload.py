@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus.address import socket_path
-from bus.cli.output import CommandError, print_json
+from bus.cli.output import CommandError, print_json, say
 from bus.cli.query import NotRunning, Query
 from bus.wire.messages import Done, Reload
 
@@ -25,5 +25,5 @@ def main(args: Namespace) -> int:
     if args.json:
         print_json({"changes": changes, "pid": query.broker.pid, "socket": str(path)})
     else:
-        print(f"The daemon has reloaded its configuration: {changes}")
+        say(f"The daemon has reloaded its configuration: {changes}")
     return 0

@@ -4,7 +4,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from bus.address import socket_path
-from bus.cli.output import CommandError, print_json
+from bus.cli.output import CommandError, print_json, say
 from bus.cli.query import NotRunning, Query
 from bus.errors import BrokerUnavailable
 from bus.wire.messages import Done, StopBroker
@@ -28,9 +28,9 @@ def main(args: Namespace) -> int:
     if args.json:
         print_json({"pid": pid, "socket": str(path), "release": release, "release_before": before})
     elif release != before:
-        print(f"The daemon has been restarted: busd {release}, before it was {before}")
+        say(f"The daemon has been restarted: busd {release}, before it was {before}")
     else:
-        print("The daemon has been restarted")
+        say("The daemon has been restarted")
     return 0
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from bus.address import socket_path
 from bus.autostart import start
-from bus.cli.output import CommandError, print_json
+from bus.cli.output import CommandError, print_json, say
 from bus.cli.query import NotRunning, Query
 from bus.errors import BrokerUnavailable
 
@@ -40,7 +40,7 @@ def main(args: Namespace) -> int:
     if args.json:
         print_json({"started": is_new, "pid": pid, "socket": str(path)})
     else:
-        print("The daemon has been started" if is_new else "The daemon is already running")
+        say("The daemon has been started" if is_new else "The daemon is already running")
     return 0
 
 

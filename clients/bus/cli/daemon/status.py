@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus.address import socket_path
-from bus.cli.output import print_json
+from bus.cli.output import print_json, say
 from bus.cli.query import NotRunning, Query
 
 
@@ -21,5 +21,5 @@ def main(args: Namespace) -> int:
     if args.json:
         print_json({"running": pid is not None, "pid": pid, "socket": str(path)})
     else:
-        print("The daemon is running" if pid is not None else "The daemon is not running")
+        say("The daemon is running" if pid is not None else "The daemon is not running")
     return 0 if pid is not None else 1

@@ -7,7 +7,7 @@ from pathlib import Path
 from time import monotonic, sleep
 
 from bus.address import socket_path
-from bus.cli.output import CommandError, print_json
+from bus.cli.output import CommandError, print_json, say
 from bus.cli.query import NotRunning, Query
 from bus.wire.messages import Done, StopBroker
 
@@ -25,7 +25,7 @@ def main(args: Namespace) -> int:
     if args.json:
         print_json({"stopped": pid is not None, "pid": pid, "socket": str(path)})
     else:
-        print("The daemon is not running" if pid is None else "The daemon has been stopped")
+        say("The daemon is not running" if pid is None else "The daemon has been stopped")
     return 0
 
 

@@ -4,7 +4,7 @@ from argparse import ArgumentParser, Namespace
 
 from bus.cli.daemon.install import add_scope, units_of
 from bus.cli.daemon.units import OURS
-from bus.cli.output import CommandError, print_json
+from bus.cli.output import CommandError, print_json, say
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -33,8 +33,8 @@ def main(args: Namespace) -> int:
         print_json({"files": [str(path) for path in removed], "next": what_next if removed else []})
     elif removed:
         for path in removed:
-            print(f"Removed {path}")
-        print("Now type:", *what_next, sep="\n  ")
+            say(f"Removed {path}")
+        say("Now type:", *what_next, sep="\n  ")
     else:
-        print("No units are installed")
+        say("No units are installed")
     return 0

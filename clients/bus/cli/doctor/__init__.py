@@ -12,7 +12,7 @@ from bus.cli.doctor import configuration, daemon, machine, place, processes, ver
 from bus.cli.doctor.daemon import Seen
 from bus.cli.doctor.finding import Finding, fail, ok
 from bus.cli.exitcodes import EXIT_ERROR
-from bus.cli.output import print_json
+from bus.cli.output import print_json, say
 from bus.cli.query import NotRunning
 from bus.errors import BusError
 
@@ -28,7 +28,7 @@ def main(args: Namespace) -> int:
             print_json(finding._asdict())
         else:
             advice = f"\n       -> {finding.advice}" if finding.advice else ""
-            print(f"[{finding.mark:^4}] {finding.subject}: {finding.text}{advice}")
+            say(f"[{finding.mark:^4}] {finding.subject}: {finding.text}{advice}")
         if finding.mark == "fail":
             code = EXIT_ERROR
     return code
@@ -48,6 +48,7 @@ def examine(args: Namespace) -> Iterator[Finding]:
         is_default = place.is_default(args)
         yield place.folder(path.parent, is_default=is_default, is_served=isinstance(seen, Seen))
         yield from place.socket_file(path)
+        yield from place.log_file(path)
         yield from daemon.examine(path, seen)
         yield from daemon.others(path)
         if isinstance(seen, NotRunning):

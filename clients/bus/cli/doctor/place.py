@@ -10,8 +10,9 @@ from pathlib import Path
 from bus.address import domain_id
 from bus.cli.doctor.finding import Finding, fail, ok, warn
 from bus.cli.doctor.procfs import listening_paths
+from bus.logfile import find_fault, log_path
 
-__all__ = ["folder", "is_default", "leftovers", "lock_of", "origin", "socket_file"]
+__all__ = ["folder", "is_default", "leftovers", "lock_of", "log_file", "origin", "socket_file"]
 
 
 def is_default(args: Namespace) -> bool:
@@ -75,6 +76,13 @@ def socket_file(path: Path) -> Iterator[Finding]:
         yield ok("permissions", f"{facts}: every user may connect, and do what [[access]] allows")
     else:
         yield ok("permissions", facts)
+
+
+def log_file(path: Path) -> Iterator[Finding]:
+    """What keeps a busd of ours that is started in the background from having its log beside the socket."""
+    is_of_others = path.exists() and path.stat().st_uid != os.geteuid()
+    if not is_of_others and (fault := find_fault(log_path(path))):
+        yield warn("log", f"{fault}; so it is in memory", "move that away, then: bus daemon restart")
 
 
 def leftovers(path: Path, *, is_default: bool) -> Iterator[Finding]:

@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from typing import TYPE_CHECKING
 
-from bus.cli.output import print_json
+from bus.cli.output import print_json, say
 
 if TYPE_CHECKING:
     from bus.interfaces import Kind
@@ -32,10 +32,10 @@ def main(args: Namespace) -> int:
 
     for kind in wanted_kinds(args):
         if not args.json:
-            print(f"{_TITLES[kind]}:")
+            say(f"{_TITLES[kind]}:")
         for name in names(kind):
             if args.json:
                 print_json({"type": name, "kind": kind})
             else:
-                print(f"    {name}")
+                say(f"    {name}")
     return 0

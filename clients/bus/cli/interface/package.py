@@ -5,7 +5,7 @@ from typing import Any
 
 from bus.cli.completion import completed_by
 from bus.cli.interface.list import add_kinds, wanted_kinds
-from bus.cli.output import CommandError, print_json
+from bus.cli.output import CommandError, print_json, say
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -26,7 +26,7 @@ def main(args: Namespace) -> int:
             if args.json:
                 print_json({"type": name, "kind": kind})
             else:
-                print(name)
+                say(name)
     return 0
 
 

@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus.cli.interface.list import add_kinds, wanted_kinds
-from bus.cli.output import print_json
+from bus.cli.output import print_json, say
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -18,5 +18,5 @@ def main(args: Namespace) -> int:
         if args.json:
             print_json({"package": package})
         else:
-            print(package)
+            say(package)
     return 0

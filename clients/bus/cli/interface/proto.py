@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus.cli.interface.show import add_type, given_name
-from bus.cli.output import print_json
+from bus.cli.output import print_json, say
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -28,5 +28,5 @@ def main(args: Namespace) -> int:
         print_json({"type": name, "prototype": plain})
         return 0
     text = to_yaml(plain)
-    print(text if args.no_quotes else f'"{text}"')
+    say(text if args.no_quotes else f'"{text}"')
     return 0

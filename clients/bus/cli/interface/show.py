@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from bus.cli.completion import completed_by
-from bus.cli.output import CommandError, print_json
+from bus.cli.output import CommandError, print_json, say
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -34,7 +34,7 @@ def main(args: Namespace) -> int:
         print_json({"type": name, "definition": "\n".join(lines)})
         return 0
     for line in lines:
-        print(line)
+        say(line)
     return 0
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from bus.address import socket_path
 from bus.cli.metrics.place import Listening, parse_place
 from bus.cli.metrics.view import View, look
-from bus.cli.output import CommandError, complain, print_json
+from bus.cli.output import CommandError, complain, print_json, say
 from bus.cli.stream import positive_int, run_stream
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def main(args: Namespace) -> int:
                 for sample in family.samples:
                     print_json({"name": sample.name, "labels": sample.labels, "value": sample.value})
         else:
-            print(generate_latest(registry).decode(), end="")
+            say(generate_latest(registry).decode(), end="")
         return 0
 
     def page(accept: str) -> tuple[bytes, str]:
@@ -75,7 +75,7 @@ async def _serve(listening: Listening, page: "Page", *, json: bool) -> int:
     if json:
         print_json({"listening": where})
     else:
-        print(f"metrics at {where}")
+        say(f"metrics at {where}")
     return await serve(listening.socket, listening.hosts, page)
 
 

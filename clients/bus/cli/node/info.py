@@ -4,7 +4,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable
 
 from bus.cli.completion import completed_by, nodes
-from bus.cli.output import CommandError, complain, print_json
+from bus.cli.output import CommandError, complain, print_json, say
 from bus.cli.query import get_graph
 from bus.graph import GraphEndpoint, services_of
 from bus.names import is_hidden_topic
@@ -47,7 +47,7 @@ def main(args: Namespace) -> int:
             }
         )
         return 0
-    print(name)
+    say(name)
     empty: dict[str, list[str]] = {}
     for title, topics in (
         ("Subscribers", subscriptions),
@@ -56,8 +56,8 @@ def main(args: Namespace) -> int:
         ("Service Clients", clients),
         *((title, empty) for title in _EMPTY),
     ):
-        print(f"  {title}:")
-        print(*(f"    {topic}: {', '.join(types)}" for topic, types in topics.items()), sep="\n")
+        say(f"  {title}:")
+        say(*(f"    {topic}: {', '.join(types)}" for topic, types in topics.items()), sep="\n")
     return 0
 
 

@@ -2,7 +2,7 @@
 
 from argparse import ArgumentParser, Namespace
 
-from bus.cli.output import complain, print_json
+from bus.cli.output import complain, print_json, say
 from bus.cli.query import get_graph
 from bus.names import is_hidden_node
 
@@ -29,7 +29,7 @@ def main(args: Namespace) -> int:
         if args.json:
             print_json({"count": len(found)})
         else:
-            print(len(found))
+            say(len(found))
         return 0
     if len({name for name, _ in found}) < len(found):
         complain(_NOT_UNIQUE)
@@ -37,5 +37,5 @@ def main(args: Namespace) -> int:
         if args.json:
             print_json({"node": name, "pid": pid})
         else:
-            print(name)
+            say(name)
     return 0

@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from bus.cli.output import print_json
+from bus.cli.output import print_json, say
 from bus.cli.param.remote import TYPE_NAMES, add_node_argument, find_node, open_remote
 from bus.cli.stream import run_stream
 
@@ -30,7 +30,7 @@ async def _describe(args: Namespace, name: str) -> int:
             record.update({key: [msgspec.structs.asdict(one) for one in record[key]] for key in ranges})
             print_json({**record, "name": parameter, "type": _type_name(descriptor)})
         else:
-            print(*_lines(parameter, descriptor), sep="\n")
+            say(*_lines(parameter, descriptor), sep="\n")
     return 0
 
 

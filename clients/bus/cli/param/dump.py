@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from typing import Any
 
-from bus.cli.output import print_json
+from bus.cli.output import print_json, say
 from bus.cli.param.remote import add_node_argument, find_node, listed, open_remote, plain
 from bus.cli.stream import run_stream
 from bus.parameterfile import PARAMETERS_KEY, SEPARATOR, parse_scalar
@@ -26,7 +26,7 @@ async def _dump(args: Namespace, name: str) -> int:
     if args.json:
         print_json({"node": name, "parameters": found})
     else:
-        print(to_yaml({name: {PARAMETERS_KEY: nested(found)}}))
+        say(to_yaml({name: {PARAMETERS_KEY: nested(found)}}))
     return 0
 
 
@@ -50,15 +50,17 @@ def to_yaml(value: Any) -> str:
     """Sorted, in blocks; a text that rcl would read as something else is quoted."""
     import yaml
 
+    from bus.cli.render import represent_text
+
     base: Any = yaml.SafeDumper
 
     class Dumper(base):  # type: ignore[misc,unused-ignore]
         def ignore_aliases(self, data: object) -> bool:
             return True
 
-    def represent_text(dumper: Any, text: str) -> Any:
+    def represent(dumper: Any, text: str) -> Any:
         is_text = isinstance(parse_scalar(text), str)
-        return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=None if is_text else "'")
+        return represent_text(dumper, text, None if is_text else "'")
 
-    Dumper.add_representer(str, represent_text)
+    Dumper.add_representer(str, represent)
     return str(yaml.dump(value, Dumper=Dumper, default_flow_style=False, allow_unicode=True))

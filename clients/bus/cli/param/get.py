@@ -2,7 +2,7 @@
 
 from argparse import ArgumentParser, Namespace
 
-from bus.cli.output import CommandError, print_json
+from bus.cli.output import CommandError, print_json, say
 from bus.cli.param.remote import (
     LABELS,
     TYPE_NAMES,
@@ -35,7 +35,7 @@ async def _get(args: Namespace, name: str) -> int:
         record = {"node": name, "parameter": args.parameter_name, "type": TYPE_NAMES[value.type]}
         print_json({**record, "value": listed(shown)})
     elif args.hide_type:
-        print(shown)
+        say(shown)
     else:
-        print(LABELS[value.type], *([] if value.type == 0 else [shown]))
+        say(LABELS[value.type], *([] if value.type == 0 else [shown]))
     return 0

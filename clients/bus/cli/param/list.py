@@ -5,12 +5,13 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from typing import Any
 
 from bus.cli.completion import completed_by, nodes
-from bus.cli.output import CommandError, complain, print_json
+from bus.cli.output import CommandError, complain, print_json, say
 from bus.cli.param.remote import TYPE_NAMES, Remote, find_node, nodes_with_parameters
 from bus.cli.query import get_graph
 from bus.cli.stream import open_node, run_stream
 from bus.errors import BusError
 from bus.names import is_hidden_node
+from bus.printable import printable
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -54,9 +55,10 @@ async def _list(args: Namespace, names: list[str]) -> int:
                 print_json({"node": name, "parameters": found})
                 continue
             if args.node_name is None:
-                print(f"{name}:")
+                say(f"{name}:")
             for one in found:
-                print(f"  {one['name']}" + (f" (type: {one['type']})" if args.param_type else ""))
+                kind = f" (type: {one['type']})" if args.param_type else ""
+                say(f"  {printable(one['name'], keep='')}{kind}")
     return 0
 
 

@@ -2,7 +2,7 @@
 
 from argparse import ArgumentParser, Namespace
 
-from bus.cli.output import CommandError, complain, print_json
+from bus.cli.output import CommandError, complain, print_json, say
 from bus.cli.param.remote import add_node_argument, find_node, set_parameters
 from bus.parameterfile import overrides, read_file
 
@@ -35,7 +35,7 @@ def main(args: Namespace) -> int:
         if args.json:
             print_json({"parameter": parameter, "successful": result.successful, "reason": result.reason})
         elif result.successful:
-            print(f"Set parameter {parameter} successful{reason}")
+            say(f"Set parameter {parameter} successful{reason}")
         else:
             complain(f"Set parameter {parameter} failed{reason}")
     return 0 if all(result.successful for result in results.values()) else 1

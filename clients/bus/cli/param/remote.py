@@ -11,7 +11,7 @@ from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING, Any
 
 from bus.cli.completion import completed_by, nodes
-from bus.cli.output import CommandError, complain, print_json
+from bus.cli.output import CommandError, complain, print_json, say
 from bus.cli.query import get_graph
 
 if TYPE_CHECKING:
@@ -205,7 +205,7 @@ def say_result(args: Namespace, result: Any, done: str, failed: str) -> int:
     else:
         text = done if result.successful else failed
         text += f": {result.reason}" if result.reason else ""
-        (print if result.successful else complain)(text)
+        (say if result.successful else complain)(text)
     return 0 if result.successful else 1
 
 

@@ -4,7 +4,7 @@ from argparse import ArgumentParser, Namespace
 from datetime import date
 from pathlib import Path
 
-from bus.cli.output import CommandError, complain
+from bus.cli.output import CommandError, complain, say
 from bus.cli.pkg import templates
 from bus.cli.pkg.templates import Description
 
@@ -66,7 +66,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(args: Namespace) -> int:
     if args.license == "?":
-        print(f"Supported licenses:\n{_license_names()}")
+        say(f"Supported licenses:\n{_license_names()}")
         return 0
     package, library = _describe(args)
     _check(args, package, library)
@@ -77,7 +77,7 @@ def main(args: Namespace) -> int:
     _write(package, library, where)
     text = _license_text(package)
     if text is None:
-        print(_NO_LICENSE.format(package.license, _license_names()))
+        say(_NO_LICENSE.format(package.license, _license_names()))
     else:
         Path(where, "LICENSE").write_text(text, encoding="utf-8")
     return 0
@@ -127,26 +127,26 @@ def _is_importable(name: str) -> bool:
 
 
 def _announce(package: Description, library: str | None, destination: str) -> None:
-    print("going to create a new package")
-    print("package name:", package.name)
-    print("destination directory:", Path(destination).absolute())
-    print("package format:", package.format)
-    print("version: 0.0.0")
-    print("description:", package.description)
-    print("maintainer:", [f"{package.maintainer} <{package.email}>"])
-    print("licenses:", [package.license])
-    print("build type:", _POSSIBLE)
-    print("dependencies:", [*package.dependencies])
+    say("going to create a new package")
+    say("package name:", package.name)
+    say("destination directory:", Path(destination).absolute())
+    say("package format:", package.format)
+    say("version: 0.0.0")
+    say("description:", package.description)
+    say("maintainer:", [f"{package.maintainer} <{package.email}>"])
+    say("licenses:", [package.license])
+    say("build type:", _POSSIBLE)
+    say("dependencies:", [*package.dependencies])
     if package.node:
-        print("node_name:", package.node)
+        say("node_name:", package.node)
     if library:
-        print("library_name:", library)
+        say("library_name:", library)
 
 
 def _write(package: Description, library: str | None, where: str) -> None:
     _make_folder(where)
     _make_file(where, "package.xml", templates.package_xml(package))
-    print("creating source folder")
+    say("creating source folder")
     source = _make_folder(f"{where}/{package.name}")
     _make_file(where, "setup.py", templates.setup_py(package))
     _make_file(where, "setup.cfg", templates.setup_cfg(package))
@@ -164,14 +164,14 @@ def _write(package: Description, library: str | None, where: str) -> None:
 
 
 def _make_folder(path: str) -> str:
-    print("creating folder", path)
+    say("creating folder", path)
     Path(path).mkdir(parents=True, exist_ok=True)
     return path
 
 
 def _make_file(folder: str, name: str, text: str) -> None:
     path = f"{folder}/{name}"
-    print("creating", path)
+    say("creating", path)
     Path(path).write_text(text, encoding="utf-8")
 
 

@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus import packages
-from bus.cli.output import CommandError, print_json
+from bus.cli.output import CommandError, print_json, say
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -21,5 +21,5 @@ def main(args: Namespace) -> int:
             if args.json:
                 print_json({"package": package, "executable": one.name, "path": one.path})
             else:
-                print(one.path if args.full_path else f"{package} {one.name}")
+                say(one.path if args.full_path else f"{package} {one.name}")
     return 0

@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus import packages
-from bus.cli.output import print_json
+from bus.cli.output import print_json, say
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -15,5 +15,5 @@ def main(args: Namespace) -> int:
         if args.json:
             print_json({"package": name})
         else:
-            print(name)
+            say(name)
     return 0

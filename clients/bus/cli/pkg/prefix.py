@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus import packages
-from bus.cli.output import CommandError, print_json
+from bus.cli.output import CommandError, print_json, say
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -19,5 +19,5 @@ def main(args: Namespace) -> int:
     if args.json:
         print_json({"package": args.package_name, "prefix": path})
     else:
-        print(path)
+        say(path)
     return 0

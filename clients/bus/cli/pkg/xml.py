@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus import packages
-from bus.cli.output import CommandError, print_json
+from bus.cli.output import CommandError, print_json, say
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -24,7 +24,7 @@ def main(args: Namespace) -> int:
     except ElementTree.ParseError as error:
         raise CommandError(f"{manifest} is not XML: {error}") from None
     if args.tag is None:
-        print(ElementTree.tostring(root, encoding="unicode"))
+        say(ElementTree.tostring(root, encoding="unicode"))
         return 0
     elements = root.findall(args.tag)
     if not elements:
@@ -33,5 +33,5 @@ def main(args: Namespace) -> int:
         if args.json:
             print_json({"tag": args.tag, "text": element.text})
         else:
-            print(element.text)
+            say(element.text)
     return 0

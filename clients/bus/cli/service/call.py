@@ -6,7 +6,7 @@ from typing import Any
 
 from bus.cli.completion import completed_by
 from bus.cli.documents import load
-from bus.cli.output import print_json
+from bus.cli.output import print_json, say
 from bus.cli.populate import Prototype
 from bus.cli.query import full_topic_name
 from bus.cli.render import View
@@ -47,7 +47,7 @@ async def _call(args: Namespace, service: str, name: str, values: Any) -> int:
         prototype = Prototype(definition.Request, values)
         client = await node.create_client(definition, service)
         if not client.statistics().servers and not args.json:
-            print("waiting for service to become available...")
+            say("waiting for service to become available...")
         await client.wait_for_service()
         loop = asyncio.get_running_loop()
         due_s = loop.time()
@@ -62,10 +62,10 @@ async def _call(args: Namespace, service: str, name: str, values: Any) -> int:
 
 async def _call_once(client: ServiceClient, request: Any, *, as_json: bool) -> None:
     if not as_json:
-        print(f"requester: making request: {request!r}\n")
+        say(f"requester: making request: {request!r}\n")
     response = await client.call(request)
     if as_json:
         schema = type_support(type(response)).schema
         print_json({"response": View(octets=True).plain(schema, schema["root"], response)})
     else:
-        print(f"response:\n{response!r}\n")
+        say(f"response:\n{response!r}\n")

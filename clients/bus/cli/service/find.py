@@ -2,7 +2,7 @@
 
 from argparse import ArgumentParser, Namespace
 
-from bus.cli.output import print_json
+from bus.cli.output import print_json, say
 from bus.cli.query import get_graph
 from bus.cli.service.definitions import full_service_type
 from bus.names import is_hidden_topic
@@ -29,11 +29,11 @@ def main(args: Namespace) -> int:
         if args.json:
             print_json({"count": len(found)})
         else:
-            print(len(found))
+            say(len(found))
         return 0
     for service in found:
         if args.json:
             print_json({"service": service, "type": wanted})
         else:
-            print(service)
+            say(service)
     return 0

@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus.cli.completion import completed_by
-from bus.cli.output import CommandError, print_json
+from bus.cli.output import CommandError, print_json, say
 from bus.cli.query import full_topic_name, get_graph
 from bus.cli.service.definitions import services
 
@@ -25,7 +25,7 @@ def main(args: Namespace) -> int:
     if args.json:
         print_json({"service": service, "types": types, "clients_count": clients, "services_count": servers})
     else:
-        print(f"Type: {types[0] if len(types) == 1 else types}")
-        print(f"Clients count: {clients}")
-        print(f"Services count: {servers}")
+        say(f"Type: {types[0] if len(types) == 1 else types}")
+        say(f"Clients count: {clients}")
+        say(f"Services count: {servers}")
     return 0

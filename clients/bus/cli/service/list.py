@@ -2,7 +2,7 @@
 
 from argparse import ArgumentParser, Namespace
 
-from bus.cli.output import print_json
+from bus.cli.output import print_json, say
 from bus.cli.query import get_graph
 from bus.names import is_hidden_topic
 
@@ -26,12 +26,12 @@ def main(args: Namespace) -> int:
         if args.json:
             print_json({"count": len(rows)})
         else:
-            print(len(rows))
+            say(len(rows))
         return 0
     for service, types in rows:
         if args.json:
             servers, clients = len(graph.servers_of(service)), len(graph.clients_of(service))
             print_json({"service": service, "types": types, "servers": servers, "clients": clients})
         else:
-            print(f"{service} [{', '.join(types)}]" if args.show_types else service)
+            say(f"{service} [{', '.join(types)}]" if args.show_types else service)
     return 0

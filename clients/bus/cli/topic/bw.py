@@ -4,7 +4,7 @@ from argparse import ArgumentParser, Namespace
 from time import monotonic_ns
 
 from bus.cli.completion import completed_by, topics
-from bus.cli.output import in_unit, print_json, unit_of
+from bus.cli.output import in_unit, print_json, say, unit_of
 from bus.cli.qosargs import add_qos_arguments, given_profile
 from bus.cli.stats import Bandwidth
 from bus.cli.stream import for_ever, open_node, positive_int, run_stream, wait_for_class
@@ -42,7 +42,7 @@ async def _measure(args: Namespace) -> int:
         message_type = await wait_for_class(node, topic)
         await node.create_subscription(message_type, topic, given_profile(args), hear, raw=True)
         if not args.json:
-            print(f"Subscribed to [{topic}]")
+            say(f"Subscribed to [{topic}]")
         node.create_timer(_PERIOD_S, lambda: _print(topic, bandwidth, as_json=args.json))
         return await for_ever()
 
@@ -67,5 +67,5 @@ def _print(topic: str, bandwidth: Bandwidth, *, as_json: bool) -> None:
     # All in the unit of the rate, as ros2 does.
     unit = unit_of(rate)
     mean, least, most = (in_unit(size, unit) for size in (sizes.mean, sizes.least, sizes.most))
-    print(f"{in_unit(rate, unit)}/s from {sizes.window} messages")
-    print(f"\tMessage size mean: {mean} min: {least} max: {most}")
+    say(f"{in_unit(rate, unit)}/s from {sizes.window} messages")
+    say(f"\tMessage size mean: {mean} min: {least} max: {most}")

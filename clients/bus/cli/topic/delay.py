@@ -5,7 +5,7 @@ from time import time_ns
 from typing import Any
 
 from bus.cli.completion import completed_by, topics
-from bus.cli.output import CommandError, print_json
+from bus.cli.output import CommandError, print_json, say
 from bus.cli.qosargs import add_qos_arguments, given_profile
 from bus.cli.stats import Delays
 from bus.cli.stream import for_ever, open_node, positive_int, run_stream, wait_for_class
@@ -54,7 +54,7 @@ def _print(topic: str, delays: Delays, *, as_json: bool) -> None:
     found = delays.due()
     if found is None:
         if not as_json:
-            print("no new messages")
+            say("no new messages")
         return
     mean, least, most, deviation = (value * _NS for value in found[:4])
     if as_json:
@@ -69,5 +69,5 @@ def _print(topic: str, delays: Delays, *, as_json: bool) -> None:
             }
         )
         return
-    print(f"average delay: {mean:.3f}")
-    print(f"\tmin: {least:.3f}s max: {most:.3f}s std dev: {deviation:.5f}s window: {found.window}")
+    say(f"average delay: {mean:.3f}")
+    say(f"\tmin: {least:.3f}s max: {most:.3f}s std dev: {deviation:.5f}s window: {found.window}")

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from bus.cli.completion import completed_by, topics, types
 from bus.cli.fields import FieldPath
 from bus.cli.filter import compile_filter
-from bus.cli.output import CommandError, complain, dropped_text, print_json
+from bus.cli.output import CommandError, complain, dropped_text, print_json, say
 from bus.cli.qosargs import add_qos_arguments, choose_profile
 from bus.cli.render import View, to_csv, to_text, to_yaml
 from bus.cli.silence import Silence
@@ -169,12 +169,14 @@ def _writer(args: Namespace, schema: dict[str, Any]) -> Callable[[Any, MessageIn
         if args.json:
             print_json(parts if about is None else {"info": about, "message": parts})
         elif args.csv:
-            sys.stdout.write(f"{clear}{to_csv([*(about or {}).values(), parts])}\n")
+            sys.stdout.write(clear)
+            say(to_csv([*(about or {}).values(), parts]))
         else:
             head = "" if about is None else f"{_info_text(about)}---\n"
             shown = parts.values() if paths else [parts]
             body = "".join(to_text(part, flow_style=args.flow_style) for part in shown)
-            sys.stdout.write(f"{clear}{head}{body}---\n")
+            sys.stdout.write(clear)
+            say(f"{head}{body}---")
 
     return write
 
@@ -188,7 +190,7 @@ def _raw(args: Namespace) -> Callable[[Any, MessageInfo], None]:
             print_json({**({} if about is None else {"info": about}), "raw": payload.hex()})
         else:
             head = "" if about is None else f"{_info_text(about)}---\n"
-            sys.stdout.write(f"{head}{bytes(payload)!r}\n---\n")
+            say(f"{head}{bytes(payload)!r}\n---")
 
     return write
 
@@ -211,6 +213,6 @@ def _lost_notice(args: Namespace) -> Callable[[MessageLost], None]:
         if args.csv or args.json:
             complain(text)
         else:
-            print(text)
+            say(text)
 
     return notice

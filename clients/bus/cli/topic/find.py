@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus.cli.completion import completed_by, types
-from bus.cli.output import print_json
+from bus.cli.output import print_json, say
 from bus.cli.query import full_type_name, get_graph
 from bus.names import is_hidden_topic
 
@@ -29,11 +29,11 @@ def main(args: Namespace) -> int:
         if args.json:
             print_json({"count": len(found)})
         else:
-            print(len(found))
+            say(len(found))
         return 0
     for topic in found:
         if args.json:
             print_json({"topic": topic, "type": wanted})
         else:
-            print(topic)
+            say(topic)
     return 0

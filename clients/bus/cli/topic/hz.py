@@ -8,7 +8,7 @@ from typing import Any
 
 from bus.cli.completion import completed_by, topics
 from bus.cli.filter import compile_filter
-from bus.cli.output import dropped_text, print_json, table
+from bus.cli.output import dropped_text, print_json, say, table
 from bus.cli.qosargs import add_qos_arguments, given_profile
 from bus.cli.stats import Flow, Intervals, Spread
 from bus.cli.stream import open_node, positive_int, run_stream, wait_for_class
@@ -56,7 +56,7 @@ async def _measure(args: Namespace) -> int:
         for meter in meters:
             await meter.open(passes, on_message=_print_one if len(meters) == 1 else _say_nothing)
             if len(meters) > 1 and not args.json:
-                print(f"Subscribed to [{meter.topic}]")
+                say(f"Subscribed to [{meter.topic}]")
         while True:
             await asyncio.gather(*(meter.look() for meter in meters))
             await asyncio.sleep(_PERIOD_S)
@@ -136,7 +136,7 @@ def _print_one(meter: _Meter) -> None:
         text += f"\n\tpublished: {record['published_hz']:.3f} received: {record['received_hz']:.3f}"
         if record["dropped"]:
             text += f" dropped: {dropped_text(record['dropped'])}"
-    print(text)
+    say(text)
 
 
 def _print_all(meters: list[_Meter]) -> None:
@@ -158,4 +158,4 @@ def _print_all(meters: list[_Meter]) -> None:
         )
         for record in records
     ]
-    print(table(("topic", "rate", "min_delta", "max_delta", "std_dev", "window"), rows))
+    say(table(("topic", "rate", "min_delta", "max_delta", "std_dev", "window"), rows))

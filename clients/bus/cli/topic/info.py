@@ -5,7 +5,7 @@ from typing import Any
 
 from bus.cli.completion import completed_by, topics
 from bus.cli.mismatch import mismatch
-from bus.cli.output import CommandError, dropped_text, print_json, size_text
+from bus.cli.output import CommandError, dropped_text, print_json, say, size_text
 from bus.cli.query import full_topic_name, get_graph
 from bus.graph import EndpointStatistics, Graph, GraphEndpoint
 from bus.qos import History, describe_profile
@@ -40,12 +40,12 @@ def main(args: Namespace) -> int:
         print_json(record)
         return 0
     end = "\n\n" if args.verbose else "\n"
-    print(f"Type: {types[0] if len(types) == 1 else types}", end=end)
+    say(f"Type: {types[0] if len(types) == 1 else types}", end=end)
     for name, endpoints in sides:
-        print(f"{name} count: {len(endpoints)}", end=end)
+        say(f"{name} count: {len(endpoints)}", end=end)
         if args.verbose:
             for endpoint in endpoints:
-                print("\n".join(_block(graph, endpoint)), end=end)
+                say("\n".join(_block(graph, endpoint)), end=end)
     return 0
 
 

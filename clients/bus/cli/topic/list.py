@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 
-from bus.cli.output import print_json
+from bus.cli.output import print_json, say
 from bus.cli.query import get_graph
 from bus.names import is_hidden_topic
 
@@ -29,13 +29,13 @@ def main(args: Namespace) -> int:
     if args.json:
         _print_json(rows, count_only=args.count_topics)
     elif args.count_topics:
-        print(len(rows))
+        say(len(rows))
     elif args.verbose and rows:
-        print(_part("Published", "publisher", [(topic, types, count) for topic, types, count, _ in rows]))
-        print(_part("Subscribed", "subscriber", [(topic, types, count) for topic, types, _, count in rows]))
+        say(_part("Published", "publisher", [(topic, types, count) for topic, types, count, _ in rows]))
+        say(_part("Subscribed", "subscriber", [(topic, types, count) for topic, types, _, count in rows]))
     else:
         for topic, types, _, _ in rows:
-            print(f"{topic} [{', '.join(types)}]" if args.show_types else topic)
+            say(f"{topic} [{', '.join(types)}]" if args.show_types else topic)
     return 0
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from bus.cli.completion import completed_by, topics, types
 from bus.cli.documents import load, read_documents
-from bus.cli.output import CommandError, print_json
+from bus.cli.output import CommandError, print_json, say
 from bus.cli.populate import Prototype
 from bus.cli.qosargs import add_qos_arguments, given_profile
 from bus.cli.render import View
@@ -106,7 +106,7 @@ async def _publish(args: Namespace, values: Any) -> int:
         publisher = await node.create_publisher(message_type, topic, given_profile(args))
         await _wait_for_subscriptions(publisher, wanted, args)
         if not args.json:
-            print("publisher: beginning loop")
+            say("publisher: beginning loop")
         loop = _Loop(args, publisher, times)
         if fixed is not None:
             await loop.repeat(node, fixed)
@@ -128,7 +128,7 @@ async def _wait_for_subscriptions(publisher: Publisher[Any], wanted: int, args: 
                 f"but only got {found} subscribers"
             )
         if not args.json:
-            print(f"Waiting for at least {wanted} matching subscription(s)...")
+            say(f"Waiting for at least {wanted} matching subscription(s)...")
         try:
             await asyncio.wait_for(publisher.wait_for_subscriptions(wanted), min(_REPEAT_S, left_s))
         except TimeoutError:
@@ -180,4 +180,4 @@ class _Loop:
             plain = View(octets=True).plain(schema, schema["root"], message)
             print_json({"count": self._count, "message": plain})
         else:
-            print(f"publishing #{self._count}: {message!r}\n")
+            say(f"publishing #{self._count}: {message!r}\n")

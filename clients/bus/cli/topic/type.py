@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus.cli.completion import completed_by, topics
-from bus.cli.output import print_json
+from bus.cli.output import print_json, say
 from bus.cli.query import full_topic_name, get_graph
 from bus.names import is_hidden_topic
 
@@ -23,5 +23,5 @@ def main(args: Namespace) -> int:
         if args.json:
             print_json({"topic": topic, "type": name})
         else:
-            print(name)
+            say(name)
     return 0 if types else 1

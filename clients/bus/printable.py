@@ -1,0 +1,35 @@
+"""Texts of others, as they may be shown on a terminal and written into a log.
+
+A terminal obeys escape sequences, whoever wrote them; other characters turn the order of a line around, or
+begin one that looks like somebody else's. Owns which characters these are and what stands in their place.
+"""
+
+import re
+
+__all__ = ["printable", "printable_json"]
+
+_HOSTILE = re.compile(
+    "[\x00-\x1f\x7f-\x9f"  # control characters: C0, DEL, C1
+    "\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"  # Unicode's Bidi_Control: they turn the order around
+    "\u2028\u2029"  # separators of lines and paragraphs
+    "\ud800-\udfff]"  # half a character: it can't be written at all
+)
+
+
+def printable(text: str, keep: str = "\n\t") -> str:
+    r"""`text` with an escape for each control character that is not in `keep`: `\r`, `\x1b`, `\u202e`.
+
+    Without `keep` it is one line. Backslashes stay as they are, so `text` can't be told from the result.
+    """
+    if text.isprintable():
+        return text
+    return _HOSTILE.sub(lambda found: found[0] if found[0] in keep else _escape(found[0]), text)
+
+
+def printable_json(text: str) -> str:
+    """The same for JSON, where `text` can be told: what JSON itself lets stand is escaped in its way."""
+    return text if text.isprintable() else _HOSTILE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def _escape(character: str) -> str:
+    return character.encode("unicode_escape").decode()

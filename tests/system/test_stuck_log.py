@@ -1,0 +1,152 @@
+"""A busd whose stderr nobody reads serves its peers all the same, and tells later what it could not say."""
+
+import fcntl
+import os
+import pty
+import re
+import select
+import socket
+import subprocess
+import sys
+import termios
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from busd.logs import _MOST_WAITING
+from conftest import WAIT_S
+from neighbours import wait_until
+from raw_peer import RawPeer
+
+IN_A_TERMINAL = """
+import fcntl, os, subprocess, sys, termios
+terminal = int(sys.argv[1])
+fcntl.ioctl(terminal, termios.TIOCSCTTY, 0)
+settings = termios.tcgetattr(terminal)
+settings[3] |= termios.TOSTOP
+termios.tcsetattr(terminal, termios.TCSANOW, settings)
+busd = subprocess.Popen([sys.executable, "-m", "busd", *sys.argv[2:]], stderr=terminal, process_group=0)
+print(busd.pid, flush=True)
+sys.stdin.read()
+busd.kill()
+busd.wait()
+"""
+"""A shell after `stty tostop`, which runs busd behind itself."""
+
+
+class Ends:
+    """Where busd writes to, and where that can be read. Stuck until `release`."""
+
+    def __init__(self, kind: str) -> None:
+        self._is_terminal = kind == "terminal"
+        self.ours, self.theirs = pty.openpty() if self._is_terminal else os.pipe()
+        if self._is_terminal:
+            termios.tcflow(self.theirs, termios.TCOOFF)
+        else:
+            os.write(self.theirs, bytes(fcntl.fcntl(self.theirs, fcntl.F_GETPIPE_SZ)))
+
+    def release(self) -> None:
+        if self._is_terminal:
+            termios.tcflow(self.theirs, termios.TCOON)
+
+    def read_until(self, pattern: bytes) -> bytes:
+        said, end = b"", time.monotonic() + WAIT_S
+        while not re.search(pattern, said):
+            assert select.select([self.ours], [], [], end - time.monotonic())[0], said[-1000:]
+            said += os.read(self.ours, 1 << 16)
+        return said
+
+    def close(self) -> None:
+        for fd in (self.ours, self.theirs):
+            os.close(fd)
+
+
+@pytest.fixture(params=["pipe", "terminal"])
+def ends(request: pytest.FixtureRequest) -> Iterator[Ends]:
+    made = Ends(request.param)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def start(socket_path: Path) -> Iterator[Callable[[int], subprocess.Popen[bytes]]]:
+    """Starts a busd with that stderr; at the end it ends in order."""
+    running: list[subprocess.Popen[bytes]] = []
+
+    def start(stderr: int) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", "busd", "--socket", str(socket_path), "--log-level", "debug"]
+        running.append(subprocess.Popen(command, stderr=stderr))
+        wait_until(lambda: can_connect(socket_path))
+        return running[-1]
+
+    yield start
+    for process in running:
+        process.terminate()
+        try:
+            assert process.wait(WAIT_S) == 0
+        finally:
+            process.kill()
+
+
+def can_connect(path: Path) -> bool:
+    with socket.socket(socket.AF_UNIX) as probe:
+        return probe.connect_ex(str(path)) == 0
+
+
+def greet(path: Path, number: int) -> None:
+    """Each is answered, and makes two lines."""
+    for _ in range(number):
+        with RawPeer(path) as peer:
+            peer.hello()
+
+
+def test_who_talks_to_it_does_not_wait(
+    ends: Ends, socket_path: Path, start: Callable[[int], subprocess.Popen[bytes]]
+) -> None:
+    start(ends.theirs)
+    greet(socket_path, _MOST_WAITING)
+    ends.release()
+    said = ends.read_until(rb"\(\d+ lines were left out\)")
+    (left_out,) = map(int, re.findall(rb"\((\d+) lines were left out\)", said))
+    lines = said.count(b"connected") + said.count(b"closed its connection")
+    assert lines + left_out >= 2 * _MOST_WAITING  # all that it had to say is there or counted
+    greet(socket_path, 1)
+    ends.read_until(rb"connected")
+
+
+def test_its_end_does_not_wait_either(
+    ends: Ends, socket_path: Path, start: Callable[[int], subprocess.Popen[bytes]]
+) -> None:
+    busd = start(ends.theirs)
+    greet(socket_path, 10)
+    busd.terminate()
+    assert busd.wait(WAIT_S) == 0
+
+
+def test_one_whose_reader_has_gone(
+    socket_path: Path, start: Callable[[int], subprocess.Popen[bytes]]
+) -> None:
+    ours, theirs = os.pipe()
+    os.close(ours)
+    start(theirs)
+    os.close(theirs)
+    greet(socket_path, 100)
+
+
+def test_behind_a_terminal_that_stops_who_writes_to_it(socket_path: Path) -> None:
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-c", IN_A_TERMINAL, str(theirs), "--socket", str(socket_path)]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, pass_fds=[theirs], start_new_session=True
+    ) as shell:
+        assert shell.stdout is not None
+        pid = int(shell.stdout.readline())
+        said = b""
+        while b"listening on" not in said:
+            assert select.select([ours], [], [], WAIT_S)[0], Path(f"/proc/{pid}/stat").read_text()
+            said += os.read(ours, 4096)
+        greet(socket_path, 1)
+    os.close(ours)
+    os.close(theirs)
