@@ -21,6 +21,7 @@ from broker_world import whole_graph
 from bus.errors import ConnectionClosed
 from bus.link import Link
 from bus.qos import QoSProfile
+from bus.reach import Patience
 from bus.transport.stream import Stream
 from bus.wire import messages as m
 from busd.core.broker import Broker
@@ -50,9 +51,9 @@ class Process:
         self.gate.set()
         connect = link._connect
 
-        async def gated(*, may_start: bool = True) -> Any:
+        async def gated(patience: Patience, *, may_start: bool = True) -> Any:
             await self.gate.wait()
-            return await connect(may_start=False)
+            return await connect(patience, may_start=False)
 
         link._connect = gated  # type: ignore[method-assign]
 
