@@ -9,6 +9,7 @@ from collections.abc import Callable
 from time import monotonic_ns
 from typing import Any, Generic, TypeAlias, TypeVar
 
+from bus.allowance import STEP_BYTES, begin, extend
 from bus.sources import Source, Sources
 from bus.wire.layout import MAX_COUNT, RECORD_HEAD, RECORD_HEAD_BYTES
 from bus.wire.runs import Account, Run, RunQueue
@@ -16,7 +17,8 @@ from bus.wire.runs import Account, Run, RunQueue
 M = TypeVar("M")
 
 INBOX_BYTES = 256 << 20
-"""A keep-all subscription holds no more in its process; then the oldest go, counted as memory_limit."""
+"""A subscription holds no more in its process, and less where memory is short; then the oldest go, counted as
+memory_limit."""
 
 ALL = 1 << 30
 
@@ -52,7 +54,7 @@ class Inbox(Generic[M]):
         self.sources = Sources(self.drop)
         self.is_lossless = is_lossless
         self._decode = decode
-        self._queue = RunQueue(depth, Account(INBOX_BYTES))
+        self._queue = RunQueue(depth, Account(STEP_BYTES))
         self.ahead: deque[Taken[M]] = deque()
         """Taken out of the queue or a ring already, and not given out."""
         self.reader: Any = None
@@ -141,12 +143,15 @@ class Inbox(Generic[M]):
                 return False
             source.last_seq = max(source.last_seq, run.first_seq + run.count - 1)
         self.sources.received += run.count
+        if not self._queue.runs:
+            begin(self._queue)
         return self._queue.append(run)
 
     def trim(self) -> None:
         """Drop the oldest beyond the bounds, and count them."""
         if replaced := self._queue.trim():
             self.drop("replaced", replaced)
+        extend(self._queue, INBOX_BYTES, is_lossless=self.is_lossless)
         gone: list[Run] = []
         if over := self._queue.drop_over_quota(gone, spare=1):
             self._let_go(gone)

@@ -16,6 +16,7 @@ from threading import get_ident
 from time import monotonic_ns
 from typing import TypeAlias
 
+from bus.allowance import STEP_BYTES, begin, extend
 from bus.declarations import Endpoint
 from bus.link import RETURN_S, Link
 from bus.qos import Durability, History, QoSProfile, Reliability
@@ -53,9 +54,10 @@ class SocketRoute:
         self._from_threads = from_threads
         self._thread = 0 if link.guard is not None else link.thread
         self.is_active = True
-        self.queue = RunQueue(depth, Account(QUEUE_BYTES))
+        self.queue = RunQueue(depth, Account(STEP_BYTES))
         self.keeps_history = qos.durability is Durability.TRANSIENT_LOCAL
-        self._history = RunQueue(depth, Account(QUEUE_BYTES)) if self.keeps_history else None
+        self._history = RunQueue(depth, Account(STEP_BYTES)) if self.keeps_history else None
+        self._most_queued = QUEUE_BYTES
         self.next_seq = 1
         self.samples = 0
         self.bytes = 0
@@ -181,6 +183,7 @@ class SocketRoute:
             self._flying_bytes += len(body)
         if self._history is not None:
             self._history.push(Run(0, 0, first_seq, samples, body))
+            extend(self._history, self._most_queued, is_lossless=self._is_windowed)
             self._history.drop_over_quota(spare=1)
         link, is_resumed = self._link, self._is_resumed
         flags = RESUMED if is_resumed else 0
@@ -217,10 +220,7 @@ class SocketRoute:
     def declared(self, answer: m.Created) -> None:
         """A broker knows the publisher now: what waits goes there."""
         self._max_bytes = answer.max_message_bytes
-        limit = max(QUEUE_BYTES, answer.max_message_bytes + RUN_BYTES)
-        self.queue.account.limit = limit
-        if self._history is not None:
-            self._history.account.limit = limit
+        self._most_queued = max(QUEUE_BYTES, answer.max_message_bytes + RUN_BYTES)
         self._window_samples = answer.window_samples
         self._window_bytes = answer.window_bytes
         self._full_parts = 2 * answer.depth or 1 << 30
@@ -232,6 +232,7 @@ class SocketRoute:
             for run in self._history.newest(0, 0):
                 run.is_replay = False
                 self.queue.push(run)
+            self.queue.account.limit = self._history.account.limit
         self._forget_flying(self.first_seq_to_send() - 1)
         if self._awaited:
             wait_s = _SHORT_RETURN_S if self._kept is None else RETURN_S
@@ -332,7 +333,11 @@ class SocketRoute:
             self._go_on()  # to wait longer would cost what it is to save
         runs = self.queue.runs
         is_resumed = bool(runs) and runs[0].is_resumed
-        replaced = self.queue.push(run) + self.queue.drop_over_quota(spare=1)
+        if not runs:
+            begin(self.queue)
+        replaced = self.queue.push(run)
+        extend(self.queue, self._most_queued, is_lossless=self._is_windowed)
+        replaced += self.queue.drop_over_quota(spare=1)
         if replaced:
             self.replaced += replaced
             runs[0].is_resumed |= is_resumed  # the gap before it is mostly of that kind

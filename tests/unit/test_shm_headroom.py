@@ -219,16 +219,31 @@ class TestClaim:
 
     def test_up_to_the_reserve(self, tree: Tree) -> None:
         tree.second("robot", 100 * MiB, 70 * MiB)
-        headroom.claim(22 * MiB)
-        text = rf"memory cgroup {tree.top}/robot has 30 of 100 MiB left, of which 8 are kept for other things"
+        headroom.claim(14 * MiB)
+        tree.second("robot", 100 * MiB, 78 * MiB)
+        headroom.claim(14 * MiB)
+        text = rf"memory cgroup {tree.top}/robot has 22 of 100 MiB left; this takes 15 and a reserve of 8"
         with pytest.raises(OSError, match=text) as error:
-            headroom.claim(22 * MiB + 1)
+            headroom.claim(14 * MiB + 1)
         assert error.value.errno == errno.ENOMEM
+
+    def test_beside_a_large_ring_half_as_much_stays_free(self, tree: Tree) -> None:
+        """In it there are long messages, and somebody works on them."""
+        tree.second("robot", 100 * MiB, 10 * MiB)
+        headroom.claim(60 * MiB)
+        text = "has 90 of 100 MiB left; this takes 61 and a reserve of 31"
+        with pytest.raises(OSError, match=text):
+            headroom.claim(61 * MiB)
+        headroom.claim(MiB, of=120 * MiB)
+        with pytest.raises(OSError, match="this takes 31 and a reserve of 60"):
+            headroom.claim(31 * MiB, of=120 * MiB)
 
     def test_of_the_machine(self, tree: Tree) -> None:
         tree.machine(8192, 100)
         headroom.claim(36 * MiB)
-        with pytest.raises(OSError, match="the machine has 100 of 8192 MiB left, of which 64 are kept"):
+        with pytest.raises(
+            OSError, match="the machine has 100 of 8192 MiB left; this takes 37 and a reserve of 64"
+        ):
             headroom.claim(37 * MiB)
 
     def test_small_ones_are_granted_many_at_a_time(self, tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 from time import monotonic_ns
 from typing import NamedTuple
 
-__all__ = ["Room", "claim", "rooms"]
+__all__ = ["Room", "claim", "rooms", "spare"]
 
 PROC = Path("/proc")
 
@@ -67,22 +67,37 @@ class _Grant:
     until_ns = 0
 
 
-def claim(size: int) -> None:
-    """Raise OSError (ENOMEM), saying where and what is left, if `size` bytes more would be of a reserve."""
+def claim(size: int, *, of: int = 0) -> None:
+    """Raise OSError (ENOMEM), saying where and what is left, if `size` bytes more would be of a reserve.
+
+    `of`: the whole segment that they are the rest of. In a large ring there are long messages, so half of it
+    must be free besides, for those who work on them.
+    """
     now_ns = monotonic_ns()
+    least = max(size, of) // 2
     if size < _SMALL_BYTES and size <= _Grant.left and now_ns < _Grant.until_ns:
         _Grant.left -= size
         return
     free = _UNLIMITED
-    for room in rooms(need=size):
-        free = min(free, room.left - room.reserve)
+    for room in rooms(need=size + least):
+        kept = max(room.reserve, least)
+        free = min(free, room.left - kept)
         if free < size:
-            left, limit, kept = (
-                round(number / (1 << 20)) for number in (room.left, room.limit, room.reserve)
+            left, limit, more, reserve = (_mib(number) for number in (room.left, room.limit, size, kept))
+            text = (
+                f"{room.where} has {left} of {limit} MiB left; this takes {more} and a reserve of {reserve}"
             )
-            text = f"{room.where} has {left} of {limit} MiB left, of which {kept} are kept for other things"
             raise OSError(errno.ENOMEM, text)
     _Grant.left, _Grant.until_ns = (free - size) // _GRANT_PART, now_ns + _GRANT_NS
+
+
+def _mib(size: int) -> int:
+    return -(-size >> 20)
+
+
+def spare() -> int:
+    """Bytes that are left above the reserves."""
+    return min((room.left - room.reserve for room in rooms()), default=_UNLIMITED)
 
 
 def rooms(process: int | str = "self", *, need: float = math.inf) -> Iterator[Room]:

@@ -80,7 +80,7 @@ def _make(name: str, size: int, lay_out: "Callable[[Mapping], None]") -> "tuple[
         os.ftruncate(descriptor.number, size)
         for start in range(0, size, _STEP_BYTES):
             if start:
-                claim(size - start)  # others may take memory at the same time
+                claim(size - start, of=size)  # others may take memory at the same time
             os.posix_fallocate(descriptor.number, start, min(_STEP_BYTES, size - start))
         memory: Mapping = core().Mapping(descriptor.number, size, writable=True)
         lay_out(memory)
