@@ -14,6 +14,7 @@ import pytest
 from bus.autostart import open_socket
 from bus.cli.query import Query
 from bus.errors import BrokerUnavailable, ConfigurationError
+from bus.reach import Patience
 from busd.access import SocketTable
 from busd.listener import open_listener
 from raw_peer import RawPeer
@@ -131,7 +132,7 @@ class TestSquatters:
 
     async def test_nothing_is_sent_to_their_socket(self, squatted: Path, impostor: socket.socket) -> None:
         with pytest.raises(BrokerUnavailable, match=f"served by user {GUEST}, who should not be there"):
-            await open_socket(squatted)
+            await open_socket(squatted, Patience())
         with pytest.raises(BrokerUnavailable, match=f"served by user {GUEST}, who should not be there"):
             Query(squatted)
         for _ in range(2):
@@ -146,13 +147,13 @@ class TestSquatters:
         elsewhere.mkdir()
         path = elsewhere / "0.sock"
         path.symlink_to(squatted)
-        (await open_socket(path)).close()
+        (await open_socket(path, Patience())).close()
 
     async def test_nothing_is_started_in_their_folder(self, squatted: Path) -> None:
         victim = squatted.parent.parent / "victim"
         victim.write_text("precious")
         os.link(victim, squatted.with_suffix(".log"))
         with pytest.raises(BrokerUnavailable, match="remove it, or set BUSD_SOCKET"):
-            await open_socket(squatted)
+            await open_socket(squatted, Patience())
         assert victim.read_text() == "precious"
         assert [path.name for path in squatted.parent.iterdir()] == ["0.log"]
