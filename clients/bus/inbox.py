@@ -61,6 +61,9 @@ class Inbox(Generic[M]):
         """Takes out of the rings: `bus.shm`'s Reader, where memory is shared."""
         self.stamp_ns = 0
         """Stamp of the sample that `take` had last out of a ring."""
+        self.is_noted = False
+        """Else `on_note` is called when `take` has something out of a ring."""
+        self.on_note: Callable[[], object] = _ignore
         self._rejected = 0
         self._on_drop = on_drop
         self._on_reject = on_reject
@@ -180,6 +183,9 @@ class Inbox(Generic[M]):
                     return None
                 if batch:
                     self.stamp_ns = batch[-1][1]
+                    if not self.is_noted:
+                        self.is_noted = True
+                        self.on_note()
                 ahead += batch
                 continue
             run = runs[0]
@@ -289,3 +295,7 @@ class Inbox(Generic[M]):
         for size, error in rejected:
             self._on_reject(size, error)
             self.drop("undecodable", 1)
+
+
+def _ignore() -> None:
+    """Nobody is told."""

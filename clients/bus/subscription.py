@@ -6,6 +6,7 @@ what is replaced costs next to nothing. One wake-up handles everything that has 
 
 import asyncio
 from collections.abc import AsyncIterator, Callable
+from functools import partial
 from time import monotonic_ns
 from typing import Any, NamedTuple, TypeVar
 
@@ -87,8 +88,7 @@ class Subscription(Endpoint[M]):
         self._lost_told = 0
         self._not_alive: set[int] = set()  # of the matches
         self._left_broker = link.broker
-        self._ack_bytes = 1
-        self._ack_samples = 1
+        self._ack_bytes = self._ack_samples = 1
         self._ack_timer: asyncio.TimerHandle | None = None
         self._arrivals = Waiters(link.loop)
         self.on_arrival: Callable[[], object] | None = None
@@ -109,6 +109,7 @@ class Subscription(Endpoint[M]):
         if link.sharing is not None:
             self._rings = RingInput(link, link.sharing, self)
             self.inbox.reader = self._rings.reader
+            self.inbox.on_note = partial(link.report, self)
             if busy_poll:
                 self._rings.poll(busy_poll)
 
@@ -238,8 +239,7 @@ class Subscription(Endpoint[M]):
                 if rings is not None and other in sources:
                     self._leave_ring(sources[other], rings)
             case m.LivelinessChanged(publisher=publisher, alive=alive):
-                heard = self.inbox.sources.get(publisher)
-                if heard is not None and heard.is_alive is not alive:
+                if (heard := sources.get(publisher)) is not None and heard.is_alive is not alive:
                     heard.is_alive = alive
                     if alive or publisher not in self._matches:
                         self._not_alive.discard(publisher)
@@ -255,6 +255,7 @@ class Subscription(Endpoint[M]):
     def totals(self) -> m.Report:
         """This subscription's counters, for the graph."""
         inbox = self.inbox
+        inbox.is_noted = False
         queued = inbox.queued  # looks at the rings
         if self._rings is not None:
             self._rings.sweep()

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+import bus
 from accounts_world import TOPIC, Numbered, World
 from bus.events import DeadlineMissed, LivelinessChanged, PublisherEvents, SubscriptionEvents
 from bus.qos import QoSProfile
@@ -110,6 +111,15 @@ def test_manual_liveliness_lasts_for_its_lease(two: Play, sign: str) -> None:
     two(story)
 
 
+async def counted(listener: bus.Node) -> tuple[int, int, int]:
+    """What the graph says a second later: published, delivered, queued."""
+    await asyncio.sleep(1)
+    graph = await listener.graph(statistics=True)
+    (sent,), (got,) = graph.publishers_of(TOPIC), graph.subscriptions_of(TOPIC)
+    assert sent.statistics is not None and got.statistics is not None
+    return sent.statistics.samples, got.statistics.samples, got.statistics.queued
+
+
 def test_the_graph_hears_of_what_was_counted_within_a_second(two: Play) -> None:
     """Also of what is taken long after it came, and of what is counted after a report."""
 
@@ -117,18 +127,25 @@ def test_the_graph_hears_of_what_was_counted_within_a_second(two: Play) -> None:
         talker, listener = nodes(world)
         subscription = await listener.create_subscription(Numbered, TOPIC, 10)
         publisher = await talker.create_publisher(Numbered, TOPIC, 10)
-
-        async def counted() -> tuple[int, int, int]:
-            await asyncio.sleep(1)
-            graph = await listener.graph(statistics=True)
-            (sent,), (got,) = graph.publishers_of(TOPIC), graph.subscriptions_of(TOPIC)
-            assert sent.statistics is not None and got.statistics is not None
-            return sent.statistics.samples, got.statistics.samples, got.statistics.queued
-
         for number in range(1, 4):
             publisher.publish(Numbered())
-            assert await counted() == (number, number - 1, 1)
+            assert await counted(listener) == (number, number - 1, 1)
             assert subscription.take()
-            assert await counted() == (number, number, 0)
+            assert await counted(listener) == (number, number, 0)
+
+    two(story)
+
+
+def test_the_graph_hears_of_what_is_taken_as_soon_as_it_is_there(two: Play) -> None:
+    """Before the event loop has heard of it."""
+
+    async def story(world: World) -> None:
+        talker, listener = nodes(world)
+        subscription = await listener.create_subscription(Numbered, TOPIC, 10)
+        publisher = await talker.create_publisher(Numbered, TOPIC, 10)
+        for number in range(1, 4):
+            publisher.publish(Numbered())
+            await subscription.receive()
+            assert await counted(listener) == (number, number, 0)
 
     two(story)
