@@ -132,6 +132,18 @@ class TestSharing:
             assert subscription.got(m.Matched)[0].route == "shm"
         assert {one.uid for one in publisher.got(m.Matched)} == {0, ALICE}
 
+    def test_who_does_not_know_how_to_take_care_never_does(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """A program of an older release, which says nothing of it in its Hello."""
+        world = World(access=(rule("/a", SUBSCRIBE, shared_memory=True),))
+        careful = world.process(shares=True)
+        with monkeypatch.context() as patch:
+            patch.setattr("broker_world.GUESTS", "something else")
+            old = world.process(shares=True)
+        subscription = world.process(uid=ALICE, shares=True).subscription("/a")
+        for process in (old, careful):
+            process.publisher("/a")
+        assert [one.route for one in subscription.got(m.Matched)] == ["socket", "shm"]
+
     def test_processes_of_one_user_share_whatever_the_rules_say(self) -> None:
         world = World(access=(rule("/a", ("publish", "subscribe")),))
         world.process(uid=ALICE, shares=True).publisher("/a")

@@ -123,7 +123,7 @@ class TestQuotas:
         for make in (process.publisher, process.subscription):
             answer = refused(make, "/topic", QoSProfile(depth=101))
             assert answer.text == "depth 101 is more than busd's limit of 100"
-        process.subscription("/topic", QoSProfile(history="keep_all"))
+        process.subscription("/topic", QoSProfile(101, history="keep_all"))
 
     @pytest.mark.parametrize("topic", ["/rosout", "/parameter_events", "/node/get_parameters/_reply"])
     def test_the_depth_of_what_every_node_has(self, topic: str) -> None:

@@ -1,9 +1,12 @@
 """busd.core.graph: the snapshot, and the changes that observers get."""
 
+import pytest
+
 from broker_line import Line
 from broker_world import NUMBER, TEXT, Process, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
+from bus.wire.layout import MAX_COUNT
 
 
 def watching(world: World) -> tuple[Process, m.Graph]:
@@ -163,3 +166,14 @@ class TestStatistics:
         assert line.subscription.statistics(line.talker) == m.EndpointStatistics(
             samples=7, bytes=70, queued=3, dropped={"replaced": 3, "undecodable": 1}, expected=13
         )
+
+    @pytest.mark.parametrize("expected", [0, 5, MAX_COUNT])
+    @pytest.mark.parametrize("repeated", [0, 9, MAX_COUNT])
+    def test_whatever_a_process_says_of_itself_others_can_read_it(self, expected: int, repeated: int) -> None:
+        line = Line()
+        line.publisher.publish("x")
+        number = line.subscription.id
+        claim = m.Report(endpoint=number, samples=1, bytes=1, expected=expected, repeated=repeated)
+        line.listener.tell(claim)
+        found = line.subscription.statistics(line.talker)
+        assert found.expected == min(max(1 + expected - repeated, 0), MAX_COUNT)
