@@ -74,6 +74,13 @@ class TestAutomatic:
         assert watch.seen() == [False, True]
         assert watch.subscription.payloads == ["x"]
 
+    def test_so_does_a_sample_of_another_publisher_of_the_process(self) -> None:
+        watch = Watch(AUTOMATIC)
+        other = watch.talker.publisher("/other")
+        watch.world.advance(1)
+        other.publish("x")
+        assert watch.seen() == [False, True]
+
     def test_its_samples_are_delivered_all_the_same(self) -> None:
         watch = Watch(AUTOMATIC)
         watch.listener.is_blocked = True
