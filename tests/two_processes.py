@@ -24,16 +24,17 @@ TALKER, LISTENER = 1, 2
 WINDOW = 16
 """Messages that a publisher that keeps all may be ahead by socket."""
 
-Play = Callable[[Callable[[World], Coroutine[Any, Any, None]]], None]
+Play = Callable[..., None]
 
 
 @pytest.fixture
 def two(tmp_path: Path, route: str) -> Play:
-    """Plays a story with these."""
+    """Plays a story with these; more arguments are limits of busd, in place of that WINDOW."""
 
-    def two(story: Callable[[World], Coroutine[Any, Any, None]]) -> None:
+    def two(story: Callable[[World], Coroutine[Any, Any, None]], **limits: Any) -> None:
         async def tell() -> None:
-            world = World(tmp_path, [route == "shm"] * 2, Limits(keep_all_window_messages=WINDOW))
+            few = limits or {"keep_all_window_messages": WINDOW}
+            world = World(tmp_path, [route == "shm"] * 2, Limits(**few))
             await world.open()
             try:
                 await story(world)
