@@ -24,6 +24,8 @@ from unittest.mock import patch
 
 _LONGEST_S = 20_000
 """No story lasts longer: it waits for what never comes."""
+_MOST_TURNS = 50_000
+"""No story needs so many turns of the loop on end in which nothing comes: it goes round and round."""
 
 
 class JumpingLoop(asyncio.SelectorEventLoop):
@@ -44,11 +46,16 @@ class _Selector(selectors.DefaultSelector):
     def __init__(self, loop: JumpingLoop) -> None:
         super().__init__()
         self._loop = loop
+        self._idle_turns = 0
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         if timeout is None:  # the story has ended, and with it its own time-out
             return super().select(None)
         found = super().select(0)
+        self._idle_turns = 0 if found or timeout else self._idle_turns + 1
+        if self._idle_turns > _MOST_TURNS:
+            self._idle_turns = 0
+            raise AssertionError("the loop goes round and round, and its time stands still")
         if not found:
             self._loop.jumped_s += timeout
         return found

@@ -1,11 +1,15 @@
 """What is published before its readers know of it; what the window of one that keeps all lets through."""
 
 import asyncio
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 
 from accounts_world import TOPIC, Numbered, World
 from bus.qos import QoSProfile
+from bus.ringsize import FIRST_CAPACITY
+from bus.shm import segments
 from semantics import KEEP_ALL
 from two_processes import LISTENER, TALKER, WINDOW, Play, nodes, restart_busd, two
 
@@ -14,13 +18,28 @@ __all__ = ["two"]
 by_socket = pytest.mark.parametrize("route", ["socket"], indirect=True)
 
 
-def test_all_of_a_new_publisher_is_claimed_also_what_its_first_reader_comes_too_late_for(two: Play) -> None:
-    """It was matched before the first message; its ring has been round many times before it hears of that."""
+@pytest.mark.parametrize("memory", ["enough", "short"])
+def test_all_of_a_new_publisher_is_claimed_also_what_its_first_reader_comes_too_late_for(
+    two: Play, memory: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was matched before the first message; its ring has been round many times before it hears of that.
+
+    Where there is no memory for another ring, it is the very first that has been round.
+    """
+
+    make_ring: Callable[..., Any] = segments.make_ring
+
+    def make_the_first(capacity: int, *more: int) -> Any:
+        if capacity > FIRST_CAPACITY:
+            raise OSError(12, "Cannot allocate memory")
+        return make_ring(capacity, *more)
 
     async def story(world: World) -> None:
         talker, listener = nodes(world)
         subscription = await listener.create_subscription(Numbered, TOPIC, 10)
         world.block(LISTENER)
+        if memory == "short":
+            monkeypatch.setattr(segments, "make_ring", make_the_first)
         publisher = await talker.create_publisher(Numbered, TOPIC, 10)
         for number in range(5000):
             publisher.publish(Numbered(1, number))

@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from bus import allowance
 from bus import inbox as inbox_module
 from bus.inbox import Inbox
 from bus.sources import Source
@@ -104,6 +105,7 @@ class TestDepth:
     def test_what_is_beyond_the_memory_goes_but_the_newest_stays(
         self, monkeypatch: pytest.MonkeyPatch
     ) -> None:
+        monkeypatch.setattr(allowance, "STEP_BYTES", 1000)  # an empty one begins with that
         monkeypatch.setattr(inbox_module, "INBOX_BYTES", 1000)
         box = Box(0, is_lossless=True)
         for seq in range(1, 11):

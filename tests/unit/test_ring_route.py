@@ -66,7 +66,7 @@ def test_it_keeps_what_those_need_that_are_there(two: Play, rings: list[int]) ->
         await world.settle()
         for number in range(5000):
             publisher.publish(Numbered(1, number, "x" * 400))
-        assert len(rings) == 1
+        assert max(rings) < 1000 * 400
         deep = await listener.create_subscription(Numbered, TOPIC, 5000)
         await world.settle()
         for number in range(5000):

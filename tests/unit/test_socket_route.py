@@ -9,7 +9,7 @@ import pytest
 
 import bus
 from accounts_world import TOPIC, Numbered, World
-from bus import socketroute
+from bus import allowance, socketroute
 from bus.qos import QoSProfile
 from jumping_loop import JumpingLoop
 from semantics import KEEP_ALL
@@ -98,7 +98,9 @@ def test_a_message_above_the_limit_is_refused_and_the_next_one_goes(two: Play) -
 def test_the_history_that_is_kept_for_the_next_busd_is_bounded(
     two: Play, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(socketroute, "STEP_BYTES", 10_000)
     monkeypatch.setattr(socketroute, "QUEUE_BYTES", 10_000)
+    monkeypatch.setattr(allowance, "STEP_BYTES", 10_000)
     qos = QoSProfile(1000, durability="transient_local")
 
     async def story(world: World) -> None:
