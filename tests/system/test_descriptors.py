@@ -126,7 +126,7 @@ class TestBad:
             told = peer.expect(m.Matched)
             assert (told.route, told.descriptors) == ("socket", 0)
             assert subscription in (told.endpoint, told.other)
-            assert "/raw shares no memory on '/t': its ring was lost" in daemon.log.read_text()
+            wait_until(lambda: "/raw shares no memory on '/t': its ring was lost" in daemon.log.read_text())
 
     def test_with_what_brings_none(self, daemon: Daemon, other: RawPeer) -> None:
         with RawPeer(daemon.path) as peer:
@@ -223,7 +223,7 @@ class TestLimits:
                 create_publisher(peer, node, memfd())
                 peer.expect(m.Created)
             assert descriptors_of(daemon.pid) < 320 - 256
-            assert "its ring was lost" in daemon.log.read_text()
+            wait_until(lambda: "its ring was lost" in daemon.log.read_text())
         other.barrier()
         for _ in range(3):
             with RawPeer(daemon.path) as late:
@@ -238,7 +238,7 @@ class TestLimits:
             resource.prlimit(daemon.pid, resource.RLIMIT_NOFILE, (descriptors_of(daemon.pid), hard))
             create_publisher(peer, node, memfd())
             assert peer.expect(m.Created).id
-            assert "its ring was lost" in daemon.log.read_text()
+            wait_until(lambda: "its ring was lost" in daemon.log.read_text())
             resource.prlimit(daemon.pid, resource.RLIMIT_NOFILE, (hard, hard))
         other.barrier()
 
