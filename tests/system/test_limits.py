@@ -173,7 +173,7 @@ def test_queued_bytes_of_a_user(daemon: Daemon, other: RawPeer) -> None:
         graph: m.Graph = other.ask(m.GetGraph(request=other.request(), statistics=True))
         dropped = {one.id: one.statistics.dropped for one in graph.endpoints if one.statistics is not None}
         assert all(dropped[one]["memory_limit"] > 500 for one in subscriptions)
-        assert f"bytes queued for user {UID}" in daemon.log.read_text()
+        wait_until(lambda: f"bytes queued for user {UID}" in daemon.log.read_text())
 
 
 @with_limits(history_bytes_per_peer=4 * MiB, history_bytes_per_user=4 * MiB, message_bytes=MiB)
