@@ -488,7 +488,7 @@ class Server:
             connection.stream.flush()
 
     def _say_farewell(self) -> None:
-        self._carry_out(self._broker.farewell())
+        self._carry_out(self._broker.farewell(monotonic_ns()))
         self._flush()
 
     # --- AdmissionHost

@@ -85,6 +85,12 @@ class Subscription:
     """By publisher, what went to others by its ring while this one was away: its next message shows that."""
     before: dict[int, int] = field(default_factory=dict)
     """By publisher, what went to others by its ring before the match by socket, if nothing came since."""
+    replaced_at_busd: list[Message] = field(default_factory=list)
+    """Since its process does not read."""
+    late: dict[int, list[Message]] = field(default_factory=dict)
+    """By publisher, what was published to it and has not come, while the connection of an end is away."""
+    gone: list[Message] = field(default_factory=list)
+    """The same, of publishers that have left meanwhile."""
 
     def __post_init__(self) -> None:
         for name in ("at_busd", "by_socket", "in_rings"):
@@ -118,8 +124,10 @@ class Subscription:
 
     def trim(self, waiting: Waiting) -> None:
         while waiting.surplus():
-            waiting.pop()
+            oldest = waiting.pop()
             self.dropped["replaced"] += 1
+            if waiting is self.at_busd:
+                self.replaced_at_busd.append(oldest)
 
     def arrive(self, messages: list[Message], route: str, *, is_blocked: bool, history: bool = False) -> None:
         """They were published to it."""
@@ -139,7 +147,20 @@ class Subscription:
         """Its process reads again."""
         self.by_socket.put(self.at_busd.messages)
         self.at_busd = Waiting(self.at_busd.depth)
+        self.replaced_at_busd.clear()
         self.trim(self.by_socket)
+
+    def cut_off(self) -> None:
+        """Its process does not read, and loses its connection: what waits at busd does not come."""
+        messages = [*self.at_busd.messages]
+        if keeps_history(self.qos):  # then what busd has dropped may come again, out of a history
+            self.dropped["replaced"] -= len(self.replaced_at_busd)
+            messages = self.replaced_at_busd + messages
+        self.expected -= len(messages)
+        for one in messages:
+            is_there = one.publisher in self.routes
+            (self.late.setdefault(one.publisher, []) if is_there else self.gone).append(one)
+        self.at_busd, self.replaced_at_busd = Waiting(self.at_busd.depth), []
 
     def lose(self, messages: list[Message]) -> None:
         """They were published to it while there was no way."""
@@ -193,11 +214,9 @@ class Model:
     def add_subscription(self, subscription: Subscription) -> None:
         self.subscriptions[subscription.id] = subscription
         for publisher in self.publishers.values():
-            if self._match(publisher, subscription) and keeps_history(subscription.qos):
-                depths = [depth for depth in (publisher.depth, depth_of(subscription.qos)) if depth]
-                history = publisher.history[-min(depths) :] if depths else publisher.history
-                route = subscription.routes[publisher.id]
-                subscription.arrive(list(history), route, is_blocked=False, history=True)
+            if self._match(publisher, subscription):
+                history, route = self._history(publisher, subscription), subscription.routes[publisher.id]
+                subscription.arrive(history, route, is_blocked=False, history=True)
 
     def publish(self, publisher: Publisher, count: int) -> list[Message]:
         """Make messages; `arrive` is for whoever gets them."""
@@ -238,35 +257,69 @@ class Model:
                 if process in (subscription.process, publisher.process):
                     subscription.routes[number] = self._natural_route(publisher, subscription)
 
-    def return_of(self, away: set[int], meanwhile: list[tuple[int, list[Message]]]) -> list[int]:
-        """What was published while processes were `away`, after they are back.
+    def cut(self, away: set[int]) -> None:
+        """The connections of these processes are lost."""
+        for one in self.subscriptions.values():
+            if one.process in away & self.blocked:
+                one.cut_off()
+        self.blocked -= away
 
-        By shared memory nobody notices. By socket, the queue or history has some of it, where both
-        ends are not the same time away. Returns the subscriptions of which that is not known.
+    def deliver_around(self, publisher: Publisher, messages: list[Message], away: set[int]) -> None:
+        """As `deliver`, while the connections of processes are `away`. By shared memory nobody notices."""
+        for one in self.matched(publisher):
+            route = one.routes[publisher.id]
+            if route == "shm" or not away & {publisher.process, one.process}:
+                one.arrive(messages, route, is_blocked=one.process in self.blocked)
+            else:
+                one.late.setdefault(publisher.id, []).extend(messages)
+
+    def come_around(self, publisher: Publisher, away: set[int]) -> None:
+        """As `add_publisher`; to it the subscriptions of those that are `away` will be late joiners."""
+        self.publishers[publisher.id] = publisher
+        for one in self.subscriptions.values():
+            if one.process not in away:
+                self._match(publisher, one)
+
+    def leave_around(self, publisher: Publisher, *, is_lost: bool = False) -> None:
+        """As `remove`: what it published to subscriptions that are away will not come any more."""
+        for one in self.matched(publisher):
+            late = one.late.pop(publisher.id, [])
+            if is_lost and publisher.process in self.sharing and not keeps_history(publisher.qos):
+                one.unseen[-publisher.id] = late  # nobody knows how much went by its ring, unless busd saw it
+            else:
+                one.gone += late
+        self.remove(publisher.id, is_lost=is_lost)
+
+    def return_deaf(self, away: set[int]) -> None:
+        """They were back, and are away again before they have heard anything."""
+        for one in self.subscriptions.values():
+            if one.process in away:
+                for number, history in self._meet(one).items():
+                    one.late.setdefault(number, []).extend(history)
+
+    def return_of(self, away: set[int]) -> list[int]:
+        """The processes that were `away` are back.
+
+        By socket, the queue or history has some of what was published meanwhile, where both ends are not the
+        same time away. Returns the subscriptions of which that is not known.
         """
         unknown = set[int]()
-        late = dict[int, dict[int, list[Message]]]()  # by subscription and publisher
-        for number, messages in meanwhile:
-            publisher = self.publishers[number]
-            for one in self.matched(publisher):
-                if one.routes[number] == "shm" or not away & {publisher.process, one.process}:
-                    one.arrive(messages, one.routes[number], is_blocked=one.process in self.blocked)
-                else:
-                    late.setdefault(one.id, {}).setdefault(number, []).extend(messages)
-        for number, sources in late.items():
-            one = self.subscriptions[number]
-            if len(sources) > 1:
-                unknown.add(number)
-            for source, messages in sources.items():
+        for one in self.subscriptions.values():
+            one.lose(one.gone)
+            late, one.late, one.gone = one.late, {}, []
+            histories = self._meet(one) if one.process in away else {}
+            if len(late) + len(histories) > 1:
+                unknown.add(one.id)
+            for source, messages in late.items():
                 publisher = self.publishers[source]
                 is_lossless = publisher.qos.is_lossless and one.qos.is_lossless
                 has_history = keeps_history(publisher.qos) and (keeps_history(one.qos) or is_lossless)
                 is_there = publisher.process not in away
                 if is_there and not has_history and publisher.process in self.sharing:
                     one.unseen.setdefault(source, []).extend(messages)
-                elif number in unknown or {publisher.process, one.process} <= away:
+                elif one.id in unknown or {publisher.process, one.process} <= away:
                     one.expected += len(messages)
-                    unknown.add(number)
+                    unknown.add(one.id)
                 elif not is_there:  # its queue holds so many
                     self._return(one, source, messages, publisher.depth or len(messages), history=False)
                 elif has_history:
@@ -274,20 +327,44 @@ class Model:
                     self._return(one, source, messages, min(depths, default=len(messages)), history=True)
                 else:
                     self._return(one, source, messages, 0, history=False)
+            for messages in histories.values():
+                one.arrive(messages, "socket", is_blocked=False, history=True)
         return sorted(unknown)
 
-    def remove(self, endpoint: int) -> None:
-        """What it has published is still there to be taken."""
+    def _meet(self, one: Subscription) -> dict[int, list[Message]]:
+        """Match it with the publishers that came while it was away; returns what history it gets of them."""
+        histories = {}
+        for publisher in self.publishers.values():
+            if (
+                publisher.id not in one.routes
+                and self._match(publisher, one)
+                and (history := self._history(publisher, one))
+            ):
+                histories[publisher.id] = history
+        return histories
+
+    def remove(self, endpoint: int, *, is_lost: bool = False) -> None:
+        """What it has published is still there to be taken. `is_lost`: its process has died."""
         self.subscriptions.pop(endpoint, None)
         if self.publishers.pop(endpoint, None) is not None:
             for subscription in self.subscriptions.values():
                 subscription.routes.pop(endpoint, None)
-                subscription.unseen.pop(endpoint, None)
+                if is_lost:
+                    subscription.unseen.pop(endpoint, None)
+                else:
+                    subscription.see(endpoint)  # it says how many there were
                 subscription.before.pop(endpoint, None)
 
-    def endpoints_of(self, process: int) -> list[int]:
+    def endpoints_of(self, *processes: int) -> list[int]:
         endpoints: list[Publisher | Subscription] = [*self.publishers.values(), *self.subscriptions.values()]
-        return [one.id for one in endpoints if one.process == process]
+        return [one.id for one in endpoints if one.process in processes]
+
+    def _history(self, publisher: Publisher, subscription: Subscription) -> list[Message]:
+        """What a late joiner gets."""
+        if not keeps_history(subscription.qos):
+            return []
+        depths = [depth for depth in (publisher.depth, depth_of(subscription.qos)) if depth]
+        return publisher.history[-min(depths) :] if depths else [*publisher.history]
 
     def _return(
         self, one: Subscription, source: int, messages: list[Message], kept: int, *, history: bool

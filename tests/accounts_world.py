@@ -11,18 +11,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic_ns
-from typing import Any
 
 import msgspec
 
 import accounts_model as model
 import bus
+from accounts_process import Process
 from broker_world import whole_graph
 from bus.errors import ConnectionClosed
-from bus.link import Link
 from bus.qos import QoSProfile
-from bus.reach import Patience
-from bus.transport.stream import Stream
 from bus.wire import messages as m
 from busd.core.broker import Broker
 from busd.core.limits import Limits
@@ -38,32 +35,6 @@ class Numbered(msgspec.Struct):
     publisher: int = 0
     number: int = 0
     padding: str = ""
-
-
-class Process:
-    """One node with its own connection; `number` names it in the model."""
-
-    def __init__(self, number: int, node: bus.Node, link: Link) -> None:
-        self.number = number
-        self.node = node
-        self.link = link
-        self.gate = asyncio.Event()  # open: it may connect
-        self.gate.set()
-        connect = link._connect
-
-        async def gated(patience: Patience, *, may_start: bool = True) -> Any:
-            await self.gate.wait()
-            return await connect(patience, may_start=False)
-
-        link._connect = gated  # type: ignore[method-assign]
-
-    @property
-    def stream(self) -> Stream | None:
-        return None if self.link._connection is None else self.link._connection._stream
-
-    async def ask(self) -> None:
-        """An answer says that busd has read all that was sent, and that what it said before is here."""
-        await self.link.request(lambda number: m.Observe(request=number, on=False), m.Done)
 
 
 class World:
@@ -131,43 +102,14 @@ class World:
 
     async def die(self, process: int) -> None:
         """Without a word: busd sees the end of the connection, and nobody reads or writes any more."""
-        self._forget(self.model.endpoints_of(process))
+        self._forget(self.model.endpoints_of(process), is_lost=True)
+        self.model.blocked.discard(process)
         dead = self.processes.pop(process)
         endpoints = tuple(dead.link._declarations)
         dead.link.release()
         for endpoint in endpoints:
             endpoint.end(ConnectionClosed("the process died"))
         await self.open_process(shares=process in self.model.sharing)
-
-    async def cut(self, processes: list[int], bursts: list[tuple[int, int]], *, restart: bool) -> None:
-        """The connections of `processes` end, or all with busd; they are back after the `bursts`."""
-        cut = [self.processes[number] for number in processes]
-        for process in cut:
-            process.gate.clear()
-        if restart:
-            self.stop_busd()
-        else:
-            for process in cut:
-                self.peer(process.number).stream._lose(None)
-        while any(process.link._connection is not None for process in cut):  # noqa: ASYNC110
-            await asyncio.sleep(0)
-        meanwhile = []
-        for number, count in bursts:
-            meanwhile.append((number, self.publish(number, count, 1)))
-            if not restart:
-                await self.settle()  # the others get it in this order
-        if restart:
-            self.start_busd()
-        for process in cut:
-            process.gate.set()
-            await process.ask()
-        await self.settle()
-        for process in cut:
-            self.model.connect_anew(process.number)
-        if unknown := self.model.return_of(set(processes), meanwhile):
-            await self.unblock_all()
-        for number in unknown:
-            self.take_over(number)
 
     def take_over(self, number: int) -> None:
         """In which order processes were back decides what this subscription got: take all, and count it."""
@@ -201,10 +143,13 @@ class World:
     # --- endpoints
 
     async def create_publisher(self, process: int, qos: QoSProfile) -> None:
+        self.model.add_publisher(await self.make_publisher(process, qos))
+
+    async def make_publisher(self, process: int, qos: QoSProfile) -> model.Publisher:
         self._ids += 1
-        node = self.processes[process].node
-        self.publishers[self._ids] = await node.create_publisher(Numbered, TOPIC, qos)
-        self.model.add_publisher(model.Publisher(self._ids, process, qos))
+        number, node = self._ids, self.processes[process].node
+        self.publishers[number] = await node.create_publisher(Numbered, TOPIC, qos)
+        return model.Publisher(number, process, qos)
 
     async def create_subscription(self, process: int, qos: QoSProfile) -> None:
         self._ids += 1
@@ -223,7 +168,7 @@ class World:
         self._forget([endpoint])
         await closing.close()
 
-    def publish(self, publisher: int, count: int, size: int) -> list[model.Message]:
+    def publish(self, publisher: int, count: int, size: int = 1) -> list[model.Message]:
         """What was taken; a publisher of keep all may find no room."""
         real, origin = self.publishers[publisher], self.model.publishers[publisher]
         if size > 1000:
@@ -296,8 +241,8 @@ class World:
         self._allow(expected, totals)
         agree(number, self.received[number], expected.received)
         agree(number, (totals.delivered, totals.queued), (len(expected.received), expected.queued))
-        agree(number, totals.publishers, len(expected.routes))
         if expected.process not in self.model.blocked:
+            agree(number, totals.publishers, len(expected.routes))
             agree(number, (totals.expected, totals.dropped), (expected.expected, dict(+expected.dropped)))
             agree(number, totals.expected, totals.delivered + totals.queued + sum(totals.dropped.values()))
 
@@ -362,11 +307,11 @@ class World:
             if totals.expected >= expected.expected + len(messages):
                 expected.see(publisher)
 
-    def _forget(self, endpoints: list[int]) -> None:
+    def _forget(self, endpoints: list[int], *, is_lost: bool = False) -> None:
         for number in endpoints:
             self.publishers.pop(number, None)
             self.subscriptions.pop(number, None)
-            self.model.remove(number)
+            self.model.remove(number, is_lost=is_lost)
 
 
 def agree(subscription: int, found: object, expected: object) -> None:

@@ -11,6 +11,7 @@ from msgspec import structs
 from bus.errors import ConfigurationError
 from bus.ids import PeerId
 from bus.wire import messages as m
+from busd.core.absent import Absentees
 from busd.core.effects import Effect, Send
 from busd.core.entities import GRAPH, Peer
 from busd.core.graph import Graph
@@ -29,13 +30,22 @@ class Questions:
     """
 
     def __init__(
-        self, graph: Graph, quotas: Quotas, guard: Guard, times: RoutingTimes, meter: Meter, *, pid: int
+        self,
+        graph: Graph,
+        quotas: Quotas,
+        guard: Guard,
+        times: RoutingTimes,
+        meter: Meter,
+        absentees: Absentees,
+        *,
+        pid: int,
     ) -> None:
         self._graph = graph
         self._quotas = quotas
         self._guard = guard
         self._times = times
         self._meter = meter
+        self._absentees = absentees
         self._pid = pid
         self._observers: dict[PeerId, View | None] = {}
         """What each sees; None: everything."""
@@ -76,6 +86,7 @@ class Questions:
             users=users,
             routing=self._times.record(samples=samples, bytes=size) if sees_all else m.RoutingRecord(),
             limits=structs.asdict(self._quotas.limits),
+            absent=self._absentees.record() if sees_all else m.AbsentRecord(),
         )
         out.append(Send(peer.id, answer))
 

@@ -24,6 +24,7 @@ from bus.ids import EndpointId, PeerId
 from bus.wire import messages as m
 from bus.wire.layout import GUESTS
 from bus.wire.runs import Account, Run
+from busd.core.absent import Absentees
 from busd.core.access import Access, Subject
 from busd.core.asking import Questions
 from busd.core.bucket import Bucket
@@ -90,10 +91,13 @@ class Broker:
             evict=self._cut,
         )
         self._guard = Guard(self.graph, access or Access(uid))
-        self._registrar = Registrar(self.graph, quotas, rules, self._leases, self._router, self._guard)
+        self._absentees = Absentees(self.timers, emit)
+        self._registrar = Registrar(
+            self.graph, quotas, rules, self._leases, self._router, self._guard, self._absentees
+        )
         routes = self._routes = Routes(self.graph, quotas, self._registrar, self._router)
         questions = self._questions = Questions(
-            self.graph, quotas, self._guard, self.routing_times, self.meter, pid=pid
+            self.graph, quotas, self._guard, self.routing_times, self.meter, self._absentees, pid=pid
         )
         self._handlers: dict[type[m.Message], Callable[..., Work | None]] = {
             m.Ping: self._on_ping,
@@ -290,8 +294,9 @@ class Broker:
             self._leases.hear_peer(now_ns, peer)
         return self._take_effects()
 
-    def farewell(self) -> list[Effect]:
+    def farewell(self, now_ns: int) -> list[Effect]:
         """The daemon ends: tell each subscription what was dropped for it and not said yet."""
+        self._absentees.farewell(now_ns)
         for peer in self._peers.values():
             for subscription in peer.subscriptions():
                 if subscription.is_drop_report_due:

@@ -17,6 +17,7 @@ from bus.ids import EndpointId, NodeId
 from bus.qos import History, QoSProfile
 from bus.wire import messages as m
 from bus.wire.runs import RunQueue
+from busd.core.absent import Absentees
 from busd.core.access import Verdict
 from busd.core.effects import Effect, Note, Send
 from busd.core.entities import (
@@ -56,6 +57,7 @@ class Registrar:
         leases: Leases,
         router: Router,
         guard: Guard,
+        absentees: Absentees,
     ) -> None:
         self._graph = graph
         self._quotas = quotas
@@ -63,6 +65,7 @@ class Registrar:
         self._leases = leases
         self._router = router
         self._guard = guard
+        self._absentees = absentees
 
     @property
     def _limits(self) -> Limits:
@@ -138,6 +141,7 @@ class Registrar:
             lost = f"{node.full_name} shares no memory on '{message.topic}': its ring was lost"
             out.append(Note(logging.WARNING, lost))
         self._graph.add_endpoint(publisher)
+        self._absentees.come(publisher)
         out.append(Send(peer.id, self._created(message.request, publisher)))
         self._leases.watch_publisher(now_ns, publisher)
         peer.withheld = publisher.id
@@ -170,11 +174,13 @@ class Registrar:
         out.append(Send(peer.id, self._created(message.request, subscription)))
         peer.withheld = subscription.id
         now_ns = yield ENDPOINT
+        now_ns = yield from self._absentees.find(now_ns, subscription, out)
         publishers = subscription.topic.publishers
         for publisher in tuple(publishers.values()):
             if publisher.id in publishers:
                 connect(now_ns, self._graph, publisher, subscription, out)
                 now_ns = yield MATCH
+        now_ns = yield from self._absentees.settle(now_ns, subscription, out)
         subscription.forget_oldest()
         self._router.bound(now_ns, subscription)
 
@@ -213,15 +219,24 @@ class Registrar:
     ) -> Work:
         self._graph.withdraw(endpoint)
         if isinstance(endpoint, Publisher):
+            now_ns = endpoint.node.peer.last_heard_ns
+            endpoint.has_left = not is_lost
+            gap = 0 if is_lost else endpoint.conclude()
+            self._absentees.go(endpoint)
             for subscription in tuple(endpoint.matches.values()):
                 if subscription.id in endpoint.matches:
+                    if gap and subscription.id in endpoint.routed:
+                        self._router.miss(now_ns, endpoint, gap, (subscription,), is_loss=False)
                     disconnect(self._graph, endpoint, subscription, out)
-                    yield UNMATCH
+                    now_ns = yield UNMATCH
             if endpoint.history is not None:
                 endpoint.history.clear()
             endpoint.ring = None  # a timer may still know the publisher
             endpoint.node.peer.silent.discard(endpoint)
         else:
+            if is_lost:
+                yield from self._absentees.lose(endpoint.node.peer.last_heard_ns, endpoint)
+            self._absentees.forget(endpoint)
             for publisher in tuple(endpoint.matches.values()):
                 if publisher.id in endpoint.matches:
                     disconnect(self._graph, publisher, endpoint, out, is_lost=is_lost)

@@ -67,6 +67,8 @@ class User(Holder):
     """Connections that came to nothing of which the log may still tell now."""
     untold: int = 0
     """And those of which it did not."""
+    absent: int = 0
+    """Subscriptions whose process was lost, and that may be back (busd.core.absent)."""
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -215,6 +217,8 @@ class Publisher(Endpoint):
     samples: int = 0
     bytes: int = 0
     is_alive: bool = True
+    has_left: bool = False
+    """It took its leave, and will not come back."""
     matches: "dict[EndpointId, Subscription]" = field(default_factory=dict)
     routed: "dict[EndpointId, Subscription]" = field(default_factory=dict)
     shared: dict[EndpointId, Sharing] = field(default_factory=dict)
@@ -236,6 +240,12 @@ class Publisher(Endpoint):
         """It was rerouted and has left the ring; it gets what was sent to it alone, and nothing else yet."""
         return not any(subscription in some for some in (self.shared, self.leaving, self.routed, self.behind))
 
+    def conclude(self) -> int:
+        """It takes its leave: how many went to others by its ring since its last run, as it has said."""
+        gap = self.report.samples + 1 - self.next_seq if self.ring is not None and self.report else 0
+        self.next_seq += max(0, gap)
+        return max(0, gap)
+
     def route(self, subscription: EndpointId) -> str:
         """The route of the match with `subscription`."""
         return SHM if subscription in self.shared else SOCKET
@@ -249,12 +259,24 @@ class Publisher(Endpoint):
         )
 
 
+@dataclass(slots=True)
+class Owed:
+    """What is for a subscription by the route socket, of one publisher: all from a number on."""
+
+    first_seq: int
+    is_kept: bool
+    """What it does not get may come once more, out of the history that the publisher keeps."""
+    has_left: bool = False
+    """The publisher took its leave."""
+
+
 @dataclass(slots=True, eq=False)
 class Subscription(Endpoint):
     """`queue` holds what waits for the process; `dropped` counts what the broker dropped, by reason.
 
     `began` holds, for each match on the route socket, the number of the first sample that was routed for it;
-    `returned` those of them that were there before: what was published meanwhile, it has lost.
+    `returned` those of them that were there before: what was published meanwhile, it has lost. `owed` is, by
+    gid, for publishers that have gone, and for those of which something was for it before `began`.
     """
 
     queue: RunQueue
@@ -263,6 +285,9 @@ class Subscription(Endpoint):
     dropped: dict[str, int] = field(default_factory=dict)
     began: dict[EndpointId, int] = field(default_factory=dict)
     returned: set[EndpointId] = field(default_factory=set)
+    owed: dict[bytes, Owed] = field(default_factory=dict)
+    dropped_before: dict[str, int] = field(default_factory=dict)
+    """The same as `dropped`, before its process was lost and came back."""
     expected_besides: int = 0
     """Samples of matches that have ended, and those that were sent to this subscription alone."""
     is_drop_report_due: bool = False
@@ -279,6 +304,25 @@ class Subscription(Endpoint):
         """From now on what `publisher` sends to all is for this subscription, too."""
         self.began.setdefault(publisher.id, publisher.next_seq)
 
+    def owe(self, publisher: Publisher, first_seq: int) -> None:
+        """All from `first_seq` on is for it."""
+        owed = self.owed.get(publisher.gid)
+        if owed is None:
+            is_wanted = keeps_history(self.qos) or (self.is_lossless and publisher.is_lossless)
+            is_kept = publisher.history is not None and is_wanted
+            self.owed[publisher.gid] = Owed(first_seq, is_kept)
+        else:
+            owed.first_seq = min(owed.first_seq, first_seq)
+
+    def owed_by(self, publisher: Publisher) -> Owed | None:
+        """What of a publisher that is matched is for it by the route socket, if anything."""
+        known_seq = publisher.behind.get(self.id)
+        first_seq = self.began.get(publisher.id) if known_seq is None else known_seq + 1
+        if first_seq is None:
+            return None
+        self.owe(publisher, first_seq)
+        return self.owed[publisher.gid]
+
     def end(self, publisher: Publisher) -> int:
         """The match has ended; returns up to which number it has had all, or that was routed for it."""
         self.returned.discard(publisher.id)
@@ -286,6 +330,8 @@ class Subscription(Endpoint):
         if began is not None:
             self.expected_besides += publisher.next_seq - began
             self.remember(publisher, publisher.next_seq - 1)
+            self.owe(publisher, began)
+            self.owed[publisher.gid].has_left = publisher.has_left
         return self.last_seqs.get(publisher.gid, 0)
 
     def remember(self, publisher: Publisher, last_seq: int) -> None:
@@ -296,7 +342,14 @@ class Subscription(Endpoint):
     def forget_oldest(self) -> None:
         """Of publishers that may come back, so many are remembered."""
         while len(self.last_seqs) > _MOST_REMEMBERED:
-            del self.last_seqs[next(iter(self.last_seqs))]
+            oldest = next(iter(self.last_seqs))
+            del self.last_seqs[oldest]
+            self.owed.pop(oldest, None)
+
+    def dropped_in_all(self) -> dict[str, int]:
+        """What the broker dropped for it, also before it came back."""
+        both = self.dropped_before, self.dropped
+        return {reason: sum(one.get(reason, 0) for one in both) for reason in both[0] | both[1]}
 
     @property
     def expected(self) -> int:

@@ -115,6 +115,7 @@ class Graph:
         subscription.matches[publisher.id] = publisher
         if sharing is not None:
             publisher.shared[subscription.id] = sharing
+            subscription.owed.pop(publisher.gid, None)
         else:
             self.begin_routing(publisher, subscription)
             if subscription.id in publisher.routed and publisher.gid in subscription.last_seqs:

@@ -178,13 +178,16 @@ def _begin_routing(
         subscription.node.peer.perishable.add(subscription)
     if publisher.history is not None and last_seq is not None:
         publisher.history.drop_expired(now_ns)
-        _replay(publisher.history, subscription, last_seq, out)
+        _replay(publisher, publisher.history, subscription, last_seq, out)
 
 
-def _replay(history: RunQueue, subscription: Subscription, last_seq: int, out: list[Effect]) -> None:
+def _replay(
+    publisher: Publisher, history: RunQueue, subscription: Subscription, last_seq: int, out: list[Effect]
+) -> None:
     queue = subscription.queue
     for run in history.newest(queue.depth, last_seq):
         queue.append(run)
         subscription.expected_besides += run.count
+        subscription.owe(publisher, run.first_seq)
     if queue.runs:
         out.append(subscription.flush)

@@ -244,7 +244,9 @@ class Quotas:
         self, now_ns: int, only: User | None
     ) -> tuple[tuple[m.PeerRecord, ...], tuple[m.UserRecord, ...]]:
         """What every process and every user holds, or `only` that user."""
-        users = [user for user in self.users.values() if user.peers] if only is None else [only]
+        users = (
+            [user for user in self.users.values() if user.peers or user.absent] if only is None else [only]
+        )
         peers = [peer for user in users for peer in user.peers.values()]
         return tuple(_peer_record(now_ns, peer) for peer in peers), tuple(map(_user_record, users))
 
@@ -308,7 +310,7 @@ def _descriptors(holder: Holder) -> int:
 def _is_forgettable(now_ns: int, user: User) -> bool:
     buckets = user.declarations, user.arrivals, user.mishaps
     is_rested = all(bucket.is_full(now_ns) for bucket in buckets)
-    return is_rested and not user.peers and not user.descriptors
+    return is_rested and not user.peers and not user.descriptors and not user.absent
 
 
 def _peer_record(now_ns: int, peer: Peer) -> m.PeerRecord:
@@ -341,4 +343,5 @@ def _user_record(user: User) -> m.UserRecord:
         queued_bytes=user.queued.used,
         history_bytes=user.history.used,
         refused=user.refused,
+        absent=user.absent,
     )

@@ -108,7 +108,7 @@ class Router:
             )
         else:
             if gap:
-                self._miss(now_ns, publisher, gap, routed.values(), is_loss=not is_resumed)
+                self.miss(now_ns, publisher, gap, routed.values(), is_loss=not is_resumed)
             for subscription in routed.values():
                 queue = subscription.queue
                 if queue.append(run):
@@ -141,7 +141,7 @@ class Router:
         """Queue `run` for many `subscriptions`, a few at a time; as `route` does for few."""
         for few in _pieces(publisher, subscriptions):
             if gap:
-                self._miss(now_ns, publisher, gap, few, is_loss=is_loss)
+                self.miss(now_ns, publisher, gap, few, is_loss=is_loss)
             for subscription in few:
                 if subscription.queue.append(run):
                     self._overfull.append(subscription)
@@ -152,7 +152,7 @@ class Router:
         """Of a run of `count` samples one is too large: nobody gets them."""
         for few in _pieces(publisher, tuple(publisher.routed.values())):
             if gap:
-                self._miss(now_ns, publisher, gap, few, is_loss=is_loss)
+                self.miss(now_ns, publisher, gap, few, is_loss=is_loss)
             for subscription in few:
                 self.drop(now_ns, subscription, "too_large", count)
                 if publisher.id not in _sources(subscription):
@@ -305,7 +305,7 @@ class Router:
                 if publisher is not None and last_seq >= publisher.next_seq - 1:
                     release(publisher, subscription, last_seq, self._emit)
 
-    def _miss(
+    def miss(
         self,
         now_ns: int,
         publisher: Publisher,
@@ -320,7 +320,7 @@ class Router:
             elif publisher.id in subscription.returned:  # it would have got them, but was away
                 self.drop(now_ns, subscription, "disconnected", gap)
             else:
-                subscription.expected_besides -= gap  # which went to others, by another route
+                subscription.began[publisher.id] += gap  # these went to others, by another route
 
     @staticmethod
     def _is_too_large(run: Run, limit: int) -> bool:

@@ -10,6 +10,7 @@ import msgspec
 
 from bus.inbox import Inbox
 from bus.wire.layout import MAX_COUNT
+from bus.wire.messages import Dropped
 
 
 class SubscriptionStatistics(msgspec.Struct, frozen=True):
@@ -41,14 +42,24 @@ class Accounts:
         self._inbox = inbox
         self._told: dict[str, int] = {}
         self._told_before: dict[str, int] = {}  # by earlier brokers
+        self._broker: object = None
+        self._told_by_it: dict[str, int] = {}  # in earlier connections
         self._received_before = 0
 
-    def tell(self, dropped: dict[str, int]) -> None:
-        """The totals of what the present broker has dropped, by reason."""
-        self._told = dropped
+    def tell(self, dropped: Dropped) -> None:
+        """What the present broker has dropped, and after a loss of the connection, what was missed."""
+        self._told = dropped.dropped
+        sources = self._inbox.sources
+        if dropped.before:
+            told, self._told_by_it = self._told_by_it, dropped.before
+            sources.explain({reason: count - told.get(reason, 0) for reason, count in dropped.before.items()})
+        sources.miss(dropped.missed)
 
-    def disconnected(self) -> None:
-        """The broker is gone: what it has told is final."""
+    def disconnected(self, broker: object) -> None:
+        """The broker is gone, or the connection to it: what it has told is final."""
+        if broker != self._broker:
+            self._broker, self._told_by_it = broker, {}
+        self._told_by_it = _sum(self._told_by_it, self._told)
         self._inbox.sources.disconnected(self._told_total, self._inbox.lapped_reason)
         self._told_before = _sum(self._told_before, self._told)
         self._told = {}

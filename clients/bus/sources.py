@@ -7,6 +7,9 @@ missing is known, whoever lost it. Must not know what is done with samples, nor 
 from collections import deque
 from collections.abc import Callable
 
+from bus.qos import Durability, QoSProfile
+from bus.wire.bounds import MOST_REMEMBERED
+from bus.wire.layout import MAX_COUNT
 from bus.wire.messages import Matched
 from bus.wire.runs import Run
 
@@ -29,6 +32,7 @@ class Source:
         "lifespan_ns",
         "needs_ack",
         "number",
+        "replayed_seq",
         "routed_seq",
         "taken_seq",
         "unacked_bytes",
@@ -43,6 +47,8 @@ class Source:
         self.is_alive = True
         self.known_seq = 0  # read from the ring, before the match went by socket: also no replay of these
         self.is_new = True  # until its first run that is no replay
+        # Up to where its history has come, as long as nothing else has: that is still to be expected then.
+        self.replayed_seq: int | None = None
         # Until the first run by another route, which shows what was lost between them:
         self.is_rerouted = False
         self.routed_seq = 0  # as it has gone: the last number that the broker has routed
@@ -63,11 +69,13 @@ class Sources(dict[int, Source]):
     """By the number that the broker gave each. `on_lost(reason, count)` hears what is lost between two ways.
 
     `told` is everywhere how many samples the present broker has said it dropped for this subscription.
+    `last_seqs` are, by gid, those that were heard in earlier connections, and up to where.
     """
 
     def __init__(self, on_lost: Callable[[str, int], None]) -> None:
         super().__init__()
         self._on_lost = on_lost
+        self.last_seqs: dict[bytes, int] = {}
         self._gone: deque[int] = deque()
         self.received = 0
         """Samples that came by socket, without those that were known."""
@@ -80,6 +88,9 @@ class Sources(dict[int, Source]):
         self._perhaps_skipped = 0  # or they went by another route, to others
         self._rerouted = 0  # or the ring had given them up before
         self._told_ahead = 0  # what the broker that left had dropped of what would have come next
+        # What was dropped of what will be found lost, by reason; and how much has been without a reason:
+        self._reasons: dict[str, int] = {}
+        self._unexplained = 0
 
     def forget(self, number: int, routed_seq: int = 0) -> None:
         """A publisher has gone; samples of it may still come, so the last ones are remembered for a while.
@@ -89,8 +100,32 @@ class Sources(dict[int, Source]):
         if (source := self.get(number)) is not None:
             source.routed_seq = max(source.routed_seq, routed_seq)
         self._gone.append(number)
-        if len(self._gone) > _MOST_GONE:
-            self.pop(self._gone.popleft(), None)
+        if len(self._gone) > _MOST_GONE and (oldest := self.pop(self._gone.popleft(), None)) is not None:
+            self._remember([oldest])
+
+    def meet(
+        self, matched: Matched, known_seq: int | None, qos: QoSProfile, *, is_new_broker: bool
+    ) -> Source:
+        """A publisher that is matched with a subscription of `qos`. None: it was not heard before."""
+        last_seq = matched.next_seq - 1 if known_seq is None else known_seq
+        needs_ack = qos.is_lossless and matched.qos.is_lossless
+        source = Source(matched.other, matched.gid, last_seq, matched.qos.lifespan_ns, needs_ack=needs_ack)
+        source.known_seq = known_seq or 0
+        if matched.route != "socket":
+            return source
+        has_history = matched.qos.durability is Durability.TRANSIENT_LOCAL
+        is_volatile = qos.durability is Durability.VOLATILE
+        if known_seq is None:
+            if has_history and not is_volatile and matched.next_seq > 1:
+                source.replayed_seq = 0
+        elif matched.next_seq - 1 > known_seq:
+            # What a broker took with it, a lossless publisher sends once more; histories come anyway.
+            if is_volatile and not (needs_ack and (has_history or is_new_broker)):
+                self.lose_while_away(matched.next_seq - 1 - known_seq)
+                source.last_seq = matched.next_seq - 1
+            else:
+                source.comes_back(known_seq, matched.next_seq)
+        return source
 
     def take_back(self, matched: Matched) -> Source | None:
         """A publisher that had gone is there again; what it sent before may still come."""
@@ -108,14 +143,19 @@ class Sources(dict[int, Source]):
 
         What it had no time to tell is lost with it.
         """
+        gone = set(self._gone)
+        # Those that are there come last: where there are many, they are remembered longest.
+        self._remember(sorted(self.values(), key=lambda source: source.number not in gone))
         self.clear()
         self._gone.clear()
+        self._reasons.clear()
         if lapped := self.lapped(told):
             self.lost_between += lapped
             self._on_lost(lapped_reason, lapped)
         untold = self._skipped - told
+        self._unexplained = 0
         if untold > 0:
-            self.lose_while_away(untold)
+            self._unexplained = self.lose_while_away(untold)
         else:
             self._told_ahead += max(0, -untold - self._rerouted - self._perhaps_skipped)
         self._skipped = self._rerouted = self._perhaps_skipped = self.known = 0
@@ -129,13 +169,39 @@ class Sources(dict[int, Source]):
         """How many of them a ring had given up before its match went by socket, and not the broker."""
         return min(self._rerouted, max(0, self.missing - told))
 
-    def lose_while_away(self, count: int) -> None:
-        """Count what was lost between two brokers, but for what the one that left had counted."""
+    def lose_while_away(self, count: int) -> int:
+        """Count what was lost between two connections, but for what was told in the one before.
+
+        Returns how much that is.
+        """
         lost = count - min(self._told_ahead, count)
         self._told_ahead -= count - lost
-        if lost:
-            self.lost_between += lost
-            self._on_lost("disconnected", lost)
+        if not lost:
+            return 0
+        self.lost_between += lost
+        left = lost
+        for reason, known in self._reasons.items():
+            self._reasons[reason] = known - min(known, left)
+            if some := min(known, left):
+                left -= some
+                self._on_lost(reason, some)
+        if left:
+            self._on_lost("disconnected", left)
+        return lost
+
+    def miss(self, missed: dict[bytes, tuple[int, int]]) -> None:
+        """What publishers have sent since, or from where on that was to come; as in Dropped."""
+        for gid, (first_seq, last_seq) in missed.items():
+            known_seq = max(self.last_seqs.get(gid, 0), first_seq - 1)
+            self.last_seqs[gid] = max(known_seq, last_seq)
+            self.lose_while_away(max(0, last_seq - known_seq))
+
+    def explain(self, dropped: dict[str, int]) -> None:
+        """The broker had dropped these, by reason, of what will be found lost."""
+        for reason, count in dropped.items():
+            known = min(self._unexplained, max(0, count))  # it was found already
+            self._unexplained -= known
+            self._reasons[reason] = max(0, count - known)
 
     def look_at(self, source: Source, run: Run) -> bool:
         """A run that is not simply the next: cut off what is known, note what is missing.
@@ -143,6 +209,8 @@ class Sources(dict[int, Source]):
         Returns whether anything is left.
         """
         known_seq = source.known_seq if run.is_replay else source.last_seq
+        if source.replayed_seq is not None:
+            source.replayed_seq = run.first_seq + run.count - 1 if run.is_replay else None
         if run.first_seq <= known_seq and not self._skip_known(run, known_seq):
             return False
         missing = max(0, run.first_seq - source.last_seq - 1) - self._pass_gaps(source, run.first_seq)
@@ -158,6 +226,15 @@ class Sources(dict[int, Source]):
         source.is_rerouted = False
         source.is_new &= run.is_replay
         return True
+
+    def _remember(self, sources: list[Source]) -> None:
+        for one in sources:
+            last_seq = one.last_seq if one.replayed_seq is None else one.replayed_seq
+            if one.replayed_seq != 0:  # else nothing of its history has come: it comes as to a new one
+                self.last_seqs.pop(one.gid, None)
+                self.last_seqs[one.gid] = max(0, min(last_seq, MAX_COUNT))  # a ring may lie
+        for gid in [*self.last_seqs][:-MOST_REMEMBERED]:
+            del self.last_seqs[gid]
 
     def _pass_gaps(self, source: Source, first_seq: int) -> int:
         """Count what is missing before `first_seq` because no broker got it; returns how many."""

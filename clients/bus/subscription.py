@@ -23,13 +23,12 @@ from bus.events import LivelinessChanged, MessageLost, SubscriptionEvents
 from bus.inbox import Inbox, Taken
 from bus.link import Link
 from bus.logger import Logger
-from bus.qos import Durability, History, QoSProfile
+from bus.qos import History, QoSProfile
 from bus.ringinput import RingInput
 from bus.sources import Source
 from bus.typesupport import TypeSupport
 from bus.waiters import Waiters
 from bus.wire import messages as m
-from bus.wire.bounds import MOST_REMEMBERED
 from bus.wire.layout import MAX_COUNT
 from bus.wire.runs import Run
 
@@ -83,7 +82,6 @@ class Subscription(Endpoint[M]):
             on_taken=self._acknowledge,
         )
         self._ahead = self.inbox.ahead
-        self._last_seqs: dict[bytes, int] = {}
         self._accounts = Accounts(self.inbox)
         self._lost_told = 0
         self._not_alive: set[int] = set()  # of the matches
@@ -184,7 +182,7 @@ class Subscription(Endpoint[M]):
             type_hash=self.support.hash,
             qos=self.qos,
             gid=self.gid,
-            last_seqs=self._last_seqs,
+            last_seqs=self.inbox.sources.last_seqs,
         )
 
     def declared(self, answer: m.Created) -> None:
@@ -201,12 +199,8 @@ class Subscription(Endpoint[M]):
     def disconnected(self) -> None:
         if self._rings is not None:
             self._rings.disconnected()
-        # Those that are there come last: where there are many, they are remembered longest.
-        sources = sorted(self.inbox.sources.values(), key=lambda source: source.number in self._matches)
-        heard = {source.gid: max(0, min(source.last_seq, MAX_COUNT)) for source in sources}  # a ring may lie
-        self._last_seqs = dict([*self._last_seqs.items(), *heard.items()][-MOST_REMEMBERED:])
         super().disconnected()
-        self._accounts.disconnected()
+        self._accounts.disconnected(self._link.broker)
         self.id = 0
         self._left_broker = self._link.broker
 
@@ -214,14 +208,17 @@ class Subscription(Endpoint[M]):
         sources, rings = self.inbox.sources, self._rings
         match message:
             case m.Matched(other=other):
-                known_seq = self._last_seqs.pop(message.gid, None)
+                known_seq = sources.last_seqs.pop(message.gid, None)
                 known = None
                 if rings is not None:
                     known = rings.take_up(message, self._drain_rings)
                     known_seq = rings.known_seq(message.gid, known_seq)
                 if known is None and (known := sources.take_back(message)) is not None:
                     known_seq = known.last_seq
-                source = sources[other] = known or self._make_source(message, known_seq)
+                if known is None:
+                    is_new_broker = self._link.broker != self._left_broker
+                    known = sources.meet(message, known_seq, self.qos, is_new_broker=is_new_broker)
+                source = sources[other] = known
                 super().handle(message)
                 if rings is not None and message.route == "shm":
                     rings.attach(source, message, descriptors, known_seq)
@@ -246,8 +243,10 @@ class Subscription(Endpoint[M]):
                     else:
                         self._not_alive.add(publisher)
                     self._tell_liveliness(1 if alive else -1, -1 if alive else 1)
-            case m.Dropped(dropped=dropped):
-                self._accounts.tell(dropped)
+            case m.Dropped(missed=missed):
+                self._accounts.tell(message)
+                if missed:
+                    self._link.report(self)
                 self._tell_lost()
             case _:
                 super().handle(message)
@@ -328,24 +327,6 @@ class Subscription(Endpoint[M]):
         source = self.inbox.sources.get(other)
         if source is not None:
             self._tell_liveliness(*((-1, 0) if source.is_alive else (0, -1)))
-
-    def _make_source(self, matched: m.Matched, known_seq: int | None) -> Source:
-        last_seq = matched.next_seq - 1 if known_seq is None else known_seq
-        needs_ack = self.qos.is_lossless and matched.qos.is_lossless
-        lifespan_ns = matched.qos.lifespan_ns
-        source = Source(matched.other, matched.gid, last_seq, lifespan_ns, needs_ack=needs_ack)
-        source.known_seq = known_seq or 0
-        is_behind = known_seq is not None and matched.next_seq - 1 > known_seq
-        if known_seq is not None and is_behind and matched.route == "socket":
-            # What a broker took with it, a lossless publisher sends once more; histories come anyway.
-            has_history = matched.qos.durability is Durability.TRANSIENT_LOCAL
-            is_repeated = needs_ack and (has_history or self._link.broker != self._left_broker)
-            if self.qos.durability is Durability.VOLATILE and not is_repeated:
-                self.inbox.sources.lose_while_away(matched.next_seq - 1 - known_seq)
-                source.last_seq = matched.next_seq - 1
-            else:
-                source.comes_back(known_seq, matched.next_seq)
-        return source
 
     def _acknowledge(self, source: Source) -> None:
         """Samples of a lossless publisher were taken: tell it now if they are many, else a little later."""

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
-from broker_world import ALL_MAY, NUMBER, TEXT, UID, Handle, Process, World
+from broker_world import ALL_MAY, NUMBER, SECOND, TEXT, UID, Handle, Process, World
 from bus.wire import messages as m
 from bus.wire.layout import (
     CONTROL,
@@ -20,6 +20,7 @@ from bus.wire.layout import (
     FRAME_HEAD_BYTES,
     LENGTH_BYTES,
 )
+from busd.core.absent import KEEP_NS
 from busd.core.access import Access, AccessRule
 from busd.core.limits import Limits, TopicRule
 from feeding import frame_record
@@ -284,5 +285,5 @@ def _end(world: World, witness: Process) -> None:
     assert not core.graph.types
     assert not core.graph.topics
     assert all(account.used == 0 for account in accounts)
-    world.advance(100.0)
+    world.advance(100.0 + KEEP_NS / SECOND)
     assert core.next_deadline_ns() is None

@@ -12,20 +12,20 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias
 
 import pytest
 import uvloop
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from accounts_cuts import Cuts, pick
 from accounts_world import World
 from bus import link
 from bus.qos import QoSProfile
-from busd.core import routing
+from busd.core import absent, routing
 from conftest import TEST_S
 
-Chosen = TypeVar("Chosen")
 Step: TypeAlias = tuple[Any, ...]
 Beginning: TypeAlias = tuple[list[bool], list[tuple[int, QoSProfile]], list[tuple[int, QoSProfile]]]
 
@@ -57,13 +57,34 @@ def _step(name: str, *arguments: st.SearchStrategy[Any]) -> st.SearchStrategy[St
 
 
 publish = _step("publish", indices, numbers)
+come = _step("come", indices, offers.filter(lambda one: not one.lifespan_ns))
+happenings = st.lists(
+    st.one_of(
+        st.tuples(publish),
+        st.tuples(publish),
+        st.builds(lambda at, count: (("publish", at, count), ("leave", at)), indices, numbers),
+        st.builds(lambda at, count: (("publish", at, count), ("die", at)), indices, numbers),
+        st.tuples(come, publish),
+        st.tuples(_step("publish", indices, st.integers(1, 3), st.just(20_000))),
+        st.builds(lambda at: (("publish", at, 1, 20000), ("leave", at)), indices),
+    ),
+    max_size=4,
+).map(lambda some: [one for group in some for one in group])
 take = _step("take", indices, st.sampled_from([1, 2, 100, 100]))
+
+
+def _cut(victims: st.SearchStrategy[int]) -> st.SearchStrategy[Step]:
+    how = st.sampled_from(["hang up", "cut off", "stand still", "stand still"])
+    return _step("cut", victims, how, happenings, happenings, st.none() | happenings)
+
+
 steps = st.one_of(
     publish,
     publish,
     publish,
     take,
     take,
+    _cut(indices),
     _step("publish_large", indices, st.integers(1, 3)),
     _step("block", indices),
     _step("create_publisher", indices, offers),
@@ -71,7 +92,6 @@ steps = st.one_of(
     _step("close", indices),
     _step("die", indices),
     _step("refuse", indices, st.booleans(), st.just([]) | bursts),
-    _step("cut", indices, bursts),
     _step("restart", bursts),
 )
 beginnings = st.tuples(
@@ -80,6 +100,17 @@ beginnings = st.tuples(
     st.lists(st.tuples(indices, requests), min_size=2, max_size=3),
 )
 stories = st.lists(steps, min_size=8, max_size=20)
+# Of a process that is cut off again and again, with subscriptions alone; the publishers are others'.
+beginnings_of_cuts = st.tuples(
+    st.lists(st.booleans(), min_size=3, max_size=3),
+    st.lists(st.tuples(st.integers(1, 2), offers), min_size=1, max_size=3),
+    st.lists(st.tuples(st.just(0), requests), min_size=1, max_size=2),
+)
+stories_of_cuts = st.lists(
+    st.one_of(publish, take, _step("block", st.just(0)), _cut(st.just(0)), _cut(st.just(0))),
+    min_size=2,
+    max_size=6,
+)
 
 
 class Story:
@@ -88,6 +119,7 @@ class Story:
     def __init__(self, folder: Path, route: str, beginning: Beginning) -> None:
         shares, self.offers, self.requests = beginning
         self.world = World(folder, [route == "shm" and (one or not at) for at, one in enumerate(shares)])
+        self.cuts = Cuts(self.world)
         self.has_rerouted = False
 
     async def play(self, story: list[Step]) -> None:
@@ -164,20 +196,23 @@ class Story:
         elif shared:
             self.world.refuse(*pick(shared, at), by_publisher=by_publisher)
 
-    async def cut(self, at: int, bursts: list[tuple[int, int]]) -> None:
+    async def cut(
+        self, at: int, how: str, before: list[Step], meanwhile: list[Step], again: list[Step] | None
+    ) -> None:
         if self.knows_where_matches_began():
             process = pick(self.world.processes, at)
             model = self.world.model
             # Where messages expire, see `publish`. That a match is back on the ring, is not heard, either.
             expires = any(one.qos.lifespan_ns for one in model.publishers.values())
-            if process in model.blocked or expires or self.has_rerouted:
+            if expires or self.has_rerouted:
                 await self.world.unblock_all()
-            await self.world.cut([process], self.named(bursts), restart=False)
+            await self.cuts.cut([process], meanwhile, how=how, before=before, again=again)
 
     async def restart(self, bursts: list[tuple[int, int]]) -> None:
         if self.knows_where_matches_began():
             await self.world.unblock_all()
-            await self.world.cut(list(self.world.processes), self.named(bursts), restart=True)
+            bursts = [("publish", at, count) for at, count in bursts]
+            await self.cuts.cut([*self.world.processes], bursts, how="restart")
 
     def knows_where_matches_began(self) -> bool:
         """Not where a publisher has a ring, and a subscription by socket has not heard anything of it yet.
@@ -191,19 +226,25 @@ class Story:
         return [(pick(there, at), count) for at, count in bursts] if there else []
 
 
-def pick(among: dict[Chosen, Any], at: int) -> Chosen:
-    return sorted(among)[at % len(among)]  # type: ignore[type-var]
-
-
 @pytest.mark.parametrize(
     "make_loop", [asyncio.new_event_loop, uvloop.new_event_loop], ids=["asyncio", "uvloop"]
 )
+@pytest.mark.parametrize(
+    ("beginnings", "stories"),
+    [(beginnings, stories), (beginnings_of_cuts, stories_of_cuts)],
+    ids=["everything", "cuts"],
+)
 def test_against_the_model(
-    route: str, make_loop: Callable[[], asyncio.AbstractEventLoop], monkeypatch: pytest.MonkeyPatch
+    route: str,
+    beginnings: st.SearchStrategy[Beginning],
+    stories: st.SearchStrategy[list[Step]],
+    make_loop: Callable[[], asyncio.AbstractEventLoop],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.delenv("BUS_ROUTE", raising=False)
     monkeypatch.setattr(link, "_RETRY_S", (0.0, 0.001))
     monkeypatch.setattr(routing, "DROP_REPORT_NS", 0)
+    monkeypatch.setattr(absent, "RETURN_NS", 0)
 
     @settings(
         max_examples=STORIES or 40,

@@ -9,12 +9,13 @@ from hypothesis import strategies as st
 
 from broker_endpoints import Publisher, Subscription
 from broker_model import Model, ModelPublisher, ModelSubscription
-from broker_world import NUMBER, TEXT, Process, World
+from broker_world import NUMBER, SECOND, TEXT, Process, World
 from bus.ids import EndpointId
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from bus.wire.runs import Run
 from busd.core import entities
+from busd.core.absent import KEEP_NS, TELL_AGAIN_NS
 from busd.core.limits import Limits
 from busd.core.work import UNLIMITED
 
@@ -316,6 +317,7 @@ class Books:
         graph = self.world.broker.graph
         assert not any((graph.nodes, graph.publishers, graph.subscriptions, graph.topics, graph.types))
         self.world.advance(self.LIMITS.lease_s)
+        self.world.advance((KEEP_NS + TELL_AGAIN_NS) / SECOND)  # what is kept for those that may come back
         assert self.world.broker.next_deadline_ns() is None
 
     # --- helpers

@@ -4,6 +4,7 @@ import pytest
 
 from bus.qos import QoSProfile
 from bus.sources import Source, Sources
+from bus.wire.bounds import MOST_REMEMBERED
 from bus.wire.layout import RECORD_HEAD
 from bus.wire.messages import Matched
 from bus.wire.runs import Run
@@ -92,6 +93,80 @@ class TestBrokerThatDies:
         assert heard.lost == [("disconnected", 4)]
         assert heard.get(12) == [12]
         assert heard.sources.missing == 1
+
+
+class TestReasons:
+    """What the broker says later that it had dropped, before the connection to it was lost."""
+
+    def test_what_was_dropped_has_its_reason(self) -> None:
+        heard = Heard()
+        heard.get(1)
+        heard.sources.disconnected(0, "replaced")
+        heard.sources.explain({"replaced": 3, "expired": 1})
+        heard.sources.lose_while_away(2)
+        heard.sources.lose_while_away(5)
+        assert heard.lost == [("replaced", 2), ("replaced", 1), ("expired", 1), ("disconnected", 3)]
+        assert heard.sources.lost_between == 7
+
+    def test_what_was_found_lost_without_one_keeps_it(self) -> None:
+        heard = Heard()
+        heard.get(1)
+        heard.get(4)
+        heard.sources.disconnected(0, "replaced")  # 2 and 3 are missing, and nobody has said why
+        heard.sources.explain({"replaced": 5})
+        heard.sources.lose_while_away(4)
+        assert heard.lost == [("disconnected", 2), ("replaced", 3), ("disconnected", 1)]
+
+    def test_what_was_told_is_not_counted_again(self) -> None:
+        heard = Heard()
+        heard.get(1)
+        heard.sources.disconnected(3, "replaced")
+        heard.sources.explain({"replaced": 1})
+        heard.sources.lose_while_away(5)
+        assert heard.lost == [("replaced", 1), ("disconnected", 1)]
+
+    def test_reasons_end_with_the_connection(self) -> None:
+        heard = Heard()
+        heard.sources.explain({"replaced": 5})
+        heard.sources.disconnected(0, "replaced")
+        heard.sources.lose_while_away(2)
+        assert heard.lost == [("disconnected", 2)]
+
+
+class TestLastSeqs:
+    """What a subscription says when it comes back."""
+
+    def test_the_last_number_of_each_those_that_are_there_at_the_end(self) -> None:
+        heard = Heard()
+        heard.get(1, 3)
+        heard.sources[8] = Source(8, b"other", 5, 0, needs_ack=False)
+        heard.sources.forget(8)
+        heard.sources.disconnected(0, "replaced")
+        assert [*heard.sources.last_seqs.items()] == [(b"other", 5), (GID, 3)]
+
+    def test_of_many_that_have_gone(self) -> None:
+        """The broker remembers 128, and asks about them."""
+        heard = Heard()
+        gids = [number.to_bytes(16, "big") for number in range(100, 100 + MOST_REMEMBERED + 200)]
+        for number, gid in enumerate(gids, 100):
+            heard.sources[number] = Source(number, gid, number, 0, needs_ack=False)
+            heard.sources.forget(number)
+        heard.sources.disconnected(0, "replaced")
+        known = heard.sources.last_seqs
+        assert [*known] == [*gids, GID][-MOST_REMEMBERED:]
+        assert all(int.from_bytes(gid, "big") == last_seq for gid, last_seq in known.items())
+
+    def test_a_history_that_has_not_come_whole(self) -> None:
+        """What has not come of it is to come when the connection is back."""
+        for first_seq, count, last_seq in ((6, 0, None), (6, 2, 7), (6, 4, 9), (6, 5, 10)):
+            heard = Heard()
+            heard.source.last_seq, heard.source.replayed_seq = 9, 0
+            if count:
+                heard.get(first_seq, min(count, 4), is_replay=True)
+            if count > 4:
+                heard.get(10)
+            heard.sources.disconnected(0, "replaced")
+            assert heard.sources.last_seqs.get(GID) == last_seq
 
 
 class TestPublisherThatReturns:

@@ -9,11 +9,24 @@ number is chosen by the client and comes back in the one answer to it. Ids are g
 from msgspec import field
 
 from bus.qos import QoSProfile
-from bus.wire.bounds import Capabilities, Count, Descriptors, Drops, Id, LastSeqs, Lease, NextSeq, Seq, Text
+from bus.wire.bounds import (
+    Capabilities,
+    Count,
+    Descriptors,
+    Drops,
+    Id,
+    LastSeqs,
+    Lease,
+    Missed,
+    NextSeq,
+    Seq,
+    Text,
+)
 from bus.wire.codec import Decoder
 from bus.wire.codec import Message as Message
 from bus.wire.codec import encode_frame as encode_frame
 from bus.wire.layout import SAME_USER
+from bus.wire.records import AbsentRecord as AbsentRecord
 from bus.wire.records import EndpointRecord as EndpointRecord
 from bus.wire.records import EndpointStatistics as EndpointStatistics
 from bus.wire.records import MatchRecord as MatchRecord
@@ -276,10 +289,17 @@ class LivelinessLost(Message, frozen=True, tag="lost"):
 
 
 class Dropped(Message, frozen=True, tag="dropped"):
-    """Totals of what the broker dropped for a subscription, by reason."""
+    """Totals of what the broker dropped for a subscription, by reason.
+
+    To one whose process had lost its connection, once: `missed`, of publishers that have left meanwhile, from
+    which number on their samples were for it, and their last one; 0: what there is besides, a match tells.
+    `before`: what was dropped for it until then.
+    """
 
     subscription: int
     dropped: dict[str, int]
+    missed: Missed = field(default_factory=dict)
+    before: Drops = field(default_factory=dict)
 
 
 class Credit(Message, frozen=True, tag="credit"):
@@ -325,6 +345,7 @@ class Peers(Message, frozen=True, tag="peers"):
     users: tuple[UserRecord, ...]
     routing: RoutingRecord = RoutingRecord()
     limits: dict[str, int | float] = field(default_factory=dict)
+    absent: AbsentRecord = AbsentRecord()
 
 
 _Both = Hello | Ping | Pong

@@ -75,7 +75,10 @@ class PeerRecord(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class UserRecord(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What all processes of one user make busd hold; `refused` counts those that have left, too."""
+    """What all processes of one user make busd hold; `refused` counts those that have left, too.
+
+    `absent`: subscriptions whose process was lost, and for which busd keeps what they have missed.
+    """
 
     uid: int
     connections: int = 0
@@ -85,6 +88,19 @@ class UserRecord(msgspec.Struct, frozen=True, omit_defaults=True):
     queued_bytes: int = 0
     history_bytes: int = 0
     refused: int = 0
+    absent: int = 0
+
+
+class AbsentRecord(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Subscriptions whose process was lost, and for which busd keeps what they have missed.
+
+    `unclaimed`: messages that waited for those that did not come back, in all. `given_up`: for how many there
+    was no room.
+    """
+
+    subscriptions: int = 0
+    unclaimed: int = 0
+    given_up: int = 0
 
 
 class RoutingRecord(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -10,7 +10,7 @@ from bus.cli.output import CommandError, print_json, say, size_text, table
 from bus.cli.query import Query
 
 _OF_PEERS = ("pid", "uid", "program", "nodes", "endpoints", "topics", "descriptors")
-_OF_USERS = ("uid", "connections", "endpoints", "topics", "descriptors")
+_OF_USERS = ("uid", "connections", "endpoints", "topics", "descriptors", "absent")
 _HELD = ("queued_bytes", "history_bytes", "refused")
 
 

@@ -46,6 +46,7 @@ _OF_USERS = {
     "descriptors": "File descriptors that busd holds for a user.",
     "queued_bytes": "Bytes of messages that wait in busd for a user's processes.",
     "history_bytes": "Bytes of transient local history that busd keeps for a user's processes.",
+    "absent": "Subscriptions of a user that were lost, and for which busd keeps what they have missed.",
 }
 
 Numbers = Mapping[Labels, float]
@@ -140,6 +141,11 @@ class BusCollector(Collector):
         if seen.charges is None:
             return
         yield from _about_routing(seen.charges.routing)
+        absent = seen.charges.absent
+        text = "Messages that waited for subscriptions that were lost and did not come back."
+        yield CounterMetricFamily("busd_unclaimed_messages_total", text, absent.unclaimed)
+        text = "Subscriptions that were lost, and for whose accounts there was no room."
+        yield CounterMetricFamily("busd_absent_given_up_total", text, absent.given_up)
         limits: Numbers = {(name,): float(value) for name, value in seen.charges.limits.items()}
         yield self._gauge("busd_limit", "What stands under [limits] in busd.toml.", ("limit",), limits)
         us, users = os.getpid(), seen.charges.users

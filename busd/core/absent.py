@@ -1,0 +1,363 @@
+"""Subscriptions whose process was lost: what was to come to them by socket is kept, in case they are back.
+
+A process that stands still is cut off after its lease, and comes back when it wakes up. What it has missed of
+publishers that are there then, their numbers tell. Of those that have left meanwhile nobody else knows: so it
+is kept here, by the gid of the subscription and for its user alone, from which number on each publisher's
+samples were for it, and up to which there were some. Owns these accounts and their bounds; routes nothing and
+matches nothing.
+"""
+
+import logging
+from collections.abc import Callable, Generator
+from itertools import islice
+from typing import TypeAlias
+from weakref import WeakValueDictionary
+
+from bus.ids import EndpointId
+from bus.wire.bounds import MOST_REMEMBERED
+from bus.wire.messages import AbsentRecord, Dropped
+from busd.core.effects import Effect, Note, Send
+from busd.core.entities import Owed, Publisher, Subscription, User, keeps_history
+from busd.core.timers import Timers
+
+KEEP_NS = 600_000_000_000
+"""How long a process may be away and still be told what it has missed."""
+RETURN_NS = 10_000_000_000
+"""How long a publisher that was lost as well may be away until its history counts as gone with it."""
+MOST_PER_USER = 16_384
+"""Publishers of which something is kept, for all subscriptions of a user; the longest absent loses first."""
+MOST = 65_536
+"""The same for all users; then the user with most loses."""
+TELL_AGAIN_NS = 10_000_000_000
+"""The log hears no more often of those that did not come back."""
+
+_SOME = 64
+_PAUSE_NS = 1_000_000
+
+Key = tuple[int, str, bytes]
+"""User, topic and gid of a subscription: nobody else may claim what is kept for it."""
+Missed = dict[bytes, tuple[int, int]]
+"""As in the message Dropped."""
+Steps: TypeAlias = Generator[int, int, int]
+"""As Work of busd.core.work, with the present time in ns in the end."""
+
+
+class _Source:
+    """A publisher that somebody who is absent was matched with; one for all of these."""
+
+    __slots__ = ("__weakref__", "_last_seq", "has_left", "publisher")
+
+    def __init__(self) -> None:
+        self.publisher: Publisher | None = None  # as long as it is there
+        self.has_left = False
+        self._last_seq = 0
+
+    @property
+    def last_seq(self) -> int:
+        return self._last_seq if self.publisher is None else self.publisher.next_seq - 1
+
+    def end(self, last_seq: int, *, has_left: bool) -> None:
+        self.publisher, self.has_left = None, has_left
+        self._last_seq = max(self._last_seq, last_seq)
+
+
+Accounts = dict[bytes, tuple[Owed, _Source]]
+"""By the publisher's gid."""
+
+
+class _Absentee:
+    """One subscription that was lost."""
+
+    __slots__ = ("accounts", "dropped", "lost_ns", "name", "user", "waited")
+
+    def __init__(self, now_ns: int, subscription: Subscription, accounts: Accounts) -> None:
+        peer = subscription.node.peer
+        self.lost_ns = now_ns
+        self.user: User = peer.user
+        self.accounts = accounts
+        self.dropped = subscription.dropped_in_all()
+        self.waited = subscription.queue.count
+        self.name = f"{subscription.node.full_name} of {peer.describe()} on '{subscription.topic.name}'"
+
+
+class Absentees:
+    """`come` and `go` are for publishers; `find`, `settle`, `lose` and `forget` for subscriptions."""
+
+    def __init__(self, timers: Timers, emit: Callable[[Effect], None]) -> None:
+        self._timers = timers
+        self._emit = emit
+        self._here: dict[Key, Subscription] = {}
+        self._kept: dict[int, dict[Key, _Absentee]] = {}  # by user; the longest absent first
+        self._held: dict[int, int] = {}  # by user: how many accounts these have
+        self._total = 0
+        self._sources: WeakValueDictionary[tuple[str, bytes], _Source] = WeakValueDictionary()
+        self._open: dict[EndpointId, Accounts] = {}  # of those that are back
+        self._is_looking = False
+        self._told_ns: int | None = None
+        self._unclaimed_in_all = self._given_up_in_all = 0
+        # What the log is yet to hear: how many did not come back, what had waited for them, the last of them;
+        # and for how many there was no room.
+        self._lost = self._waited = self._given_up = 0
+        self._last_name = ""
+
+    def record(self) -> AbsentRecord:
+        """What is kept, and the totals of what was given up."""
+        return AbsentRecord(
+            subscriptions=sum(map(len, self._kept.values())),
+            unclaimed=self._unclaimed_in_all,
+            given_up=self._given_up_in_all,
+        )
+
+    # --- publishers
+
+    def come(self, publisher: Publisher) -> None:
+        """A publisher is there, perhaps again."""
+        if source := self._sources.get((publisher.topic.name, publisher.gid)):
+            source.publisher, source.has_left = publisher, False
+
+    def go(self, publisher: Publisher) -> None:
+        """A publisher is about to leave the graph: this is all that it has published."""
+        source = self._sources.get((publisher.topic.name, publisher.gid))
+        if source is not None and source.publisher is publisher:
+            source.end(publisher.next_seq - 1, has_left=publisher.has_left)
+
+    # --- subscriptions; each of these returns the present time
+
+    def find(self, now_ns: int, subscription: Subscription, out: list[Effect]) -> Steps:
+        """A subscription is there and is yet to be matched: if it is back, tell it what it can't know.
+
+        Of a publisher that has left, that is what it has missed. Of one that it has never heard of it is from
+        where on that was for it; what it has missed of that, the match tells.
+        """
+        key = _key(subscription)
+        if (before := self._here.get(key)) is not None:  # which is lost, and has not left the graph yet
+            now_ns = yield from self.lose(now_ns, before)
+        self._here[key] = subscription
+        absentee = self._kept.get(key[0], {}).get(key)
+        if absentee is None:
+            return now_ns
+        missed: Missed = {}
+        for number, (gid, (owed, source)) in enumerate(absentee.accounts.items(), 1):
+            subscription.owed[gid] = owed
+            if _has_ended(owed, source):
+                _count_missed(subscription, gid, owed, source, missed)
+            else:
+                self._open.setdefault(subscription.id, {})[gid] = owed, source
+                if subscription.last_seqs.get(gid, -1) < owed.first_seq - 1:
+                    subscription.last_seqs[gid] = owed.first_seq - 1
+                    missed[gid] = owed.first_seq, 0
+            if number % _SOME == 0:
+                now_ns = yield _SOME
+        self._take(key)  # not before: it may be lost again while this is done
+        subscription.dropped_before = absentee.dropped
+        # Of what may come once more, nobody knows yet how much was dropped for good.
+        comes_again = keeps_history(subscription.qos) or subscription.is_lossless
+        explained = {} if comes_again else absentee.dropped
+        if missed or explained:
+            out.append(_told(subscription, missed, explained))
+        return now_ns
+
+    def settle(self, now_ns: int, subscription: Subscription, out: list[Effect]) -> Steps:
+        """It is matched with all publishers that are there: what it has missed of others will not come.
+
+        Unless they were lost, too: they may come back, with the history that they keep.
+        """
+        if subscription.id in self._open:
+            now_ns = yield from self._settle(now_ns, subscription, out.append)
+            if self._open.get(subscription.id):
+                self._timers.add(now_ns + RETURN_NS, lambda now: self._settle_at_last(now, subscription))
+            else:
+                self._open.pop(subscription.id, None)
+        return now_ns
+
+    def lose(self, now_ns: int, subscription: Subscription) -> Steps:
+        """The process of a subscription did not take its leave: keep what is for it."""
+        key = _key(subscription)
+        if self._here.get(key) is not subscription:
+            return now_ns  # it is back already, or it was not whole yet
+        open_accounts = self._open.get(subscription.id, {})
+        accounts: Accounts = {}
+        topic = subscription.topic.name
+        looked = 0
+        for publisher in tuple(islice(subscription.matches.values(), MOST_REMEMBERED)):
+            if publisher.id in subscription.matches and (owed := subscription.owed_by(publisher)) is not None:
+                source = self._sources.setdefault((topic, publisher.gid), _Source())
+                source.publisher = publisher
+                accounts[publisher.gid] = owed, source
+            looked += 1
+            if looked % _SOME == 0:
+                now_ns = yield _SOME
+        for gid, owed in [*subscription.owed.items()][::-1]:
+            if len(accounts) >= MOST_REMEMBERED:
+                break
+            if gid not in accounts:
+                _, source = open_accounts.get(gid) or (
+                    owed,
+                    self._sources.setdefault((topic, gid), _Source()),
+                )
+                if source.publisher is None and gid not in open_accounts:
+                    source.end(subscription.last_seqs.get(gid, 0), has_left=owed.has_left)
+                accounts[gid] = owed, source
+            looked += 1
+            if looked % _SOME == 0:
+                now_ns = yield _SOME
+        if self._here.get(key) is subscription:
+            self.forget(subscription)
+            if accounts and key not in self._kept.get(key[0], {}):  # else it had not yet heard of that
+                self._keep(now_ns, key, _Absentee(now_ns, subscription, accounts))
+        return now_ns
+
+    def forget(self, subscription: Subscription) -> None:
+        """A subscription leaves the graph, and will not come back as the same."""
+        self._open.pop(subscription.id, None)
+        key = _key(subscription)
+        if self._here.get(key) is subscription:
+            del self._here[key]
+
+    def farewell(self, now_ns: int) -> None:
+        """The daemon ends, and with it all accounts."""
+        for key in [key for kept in self._kept.values() for key in kept]:
+            self._give_up(key)
+        self._told_ns = None
+        self._tell_log(now_ns)
+
+    # --- inside
+
+    def _keep(self, now_ns: int, key: Key, absentee: _Absentee) -> None:
+        uid = key[0]
+        self._kept.setdefault(uid, {})[key] = absentee
+        self._held[uid] = self._held.get(uid, 0) + len(absentee.accounts)
+        self._total += len(absentee.accounts)
+        absentee.user.absent += 1
+        while (is_full := self._held.get(uid, 0) > MOST_PER_USER) or self._total > MOST:
+            loser = uid if is_full else max(self._held, key=self._held.__getitem__)
+            self._give_up(next(iter(self._kept[loser])), has_room=False)
+        self._tell_log(now_ns)
+        self._look_at(now_ns + KEEP_NS)
+
+    def _take(self, key: Key) -> _Absentee | None:
+        kept = self._kept.get(key[0], {})
+        absentee = kept.pop(key, None)
+        if absentee is not None:
+            absentee.user.absent -= 1
+            self._held[key[0]] -= len(absentee.accounts)
+            self._total -= len(absentee.accounts)
+            if not kept:
+                del self._kept[key[0]], self._held[key[0]]
+        return absentee
+
+    def _give_up(self, key: Key, *, has_room: bool = True) -> None:
+        """It did not come back in time, or is the longest absent of too many."""
+        if (absentee := self._take(key)) is None:
+            return
+        if not has_room:
+            self._given_up += 1
+            self._given_up_in_all += 1
+        if absentee.waited:
+            self._unclaimed_in_all += absentee.waited
+            self._lost += 1
+            self._waited += absentee.waited
+            self._last_name = absentee.name
+
+    def _settle(
+        self,
+        now_ns: int,
+        subscription: Subscription,
+        emit: Callable[[Effect], None],
+        *,
+        is_last_time: bool = False,
+    ) -> Steps:
+        accounts = self._open[subscription.id]
+        missed: Missed = {}
+        for number, (gid, (owed, source)) in enumerate(tuple(accounts.items()), 1):
+            publisher = source.publisher
+            if publisher is not None and publisher.id in subscription.matches:
+                del accounts[gid]
+            elif publisher is None and (is_last_time or _has_ended(owed, source)):
+                _count_missed(subscription, gid, owed, source, missed)
+                del accounts[gid]
+            if number % _SOME == 0:
+                now_ns = yield _SOME
+        if missed:
+            emit(_told(subscription, missed))
+        return now_ns
+
+    def _settle_at_last(self, now_ns: int, subscription: Subscription) -> None:
+        if subscription.id in self._open:
+            for _ in self._settle(now_ns, subscription, self._emit, is_last_time=True):
+                pass
+            self._open.pop(subscription.id, None)
+
+    def _look_at(self, due_ns: int) -> None:
+        if not self._is_looking:
+            self._is_looking = True
+            self._timers.add(due_ns, self._look)
+
+    def _look(self, now_ns: int) -> None:
+        """Give up those that are absent for too long, some at a time."""
+        self._is_looking = False
+        late_ns = now_ns - KEEP_NS
+        late = [
+            key
+            for kept in self._kept.values()
+            for key, absentee in islice(kept.items(), _SOME)
+            if absentee.lost_ns <= late_ns
+        ]
+        for key in late[:_SOME]:
+            self._give_up(key)
+        self._tell_log(now_ns)
+        if self._kept:
+            oldest_ns = min(next(iter(kept.values())).lost_ns for kept in self._kept.values())
+            self._look_at(max(oldest_ns + KEEP_NS, now_ns + _PAUSE_NS))
+        elif self._lost or self._given_up:
+            self._look_at(now_ns + TELL_AGAIN_NS)
+
+    def _tell_log(self, now_ns: int) -> None:
+        """One line of all since the last one, and not too often."""
+        is_soon = self._told_ns is not None and now_ns - self._told_ns < TELL_AGAIN_NS
+        if is_soon or not (self._lost or self._given_up):
+            return
+        self._told_ns = now_ns
+        if self._lost:
+            text = (
+                f"lost subscriptions that did not come back: {self._lost} (the last: {self._last_name}); "
+                f"messages that waited for them: {self._waited}"
+            )
+            self._emit(Note(logging.WARNING, text))
+        if self._given_up:
+            text = (
+                "no room to keep what lost subscriptions have missed; given up, the longest absent first: "
+                f"{self._given_up}"
+            )
+            self._emit(Note(logging.WARNING, text))
+        self._lost = self._waited = self._given_up = 0
+
+
+def _key(subscription: Subscription) -> Key:
+    return subscription.node.peer.uid, subscription.topic.name, subscription.gid
+
+
+def _has_ended(owed: Owed, source: _Source) -> bool:
+    """Nothing more will come of this publisher, and nothing once more."""
+    return source.publisher is None and (source.has_left or not owed.is_kept)
+
+
+def _count_missed(
+    subscription: Subscription, gid: bytes, owed: Owed, source: _Source, missed: Missed
+) -> None:
+    """Up to the publisher's last sample it has had all, or hears now that it has missed it."""
+    known_seq = max(subscription.last_seqs.pop(gid, 0), owed.first_seq - 1)
+    if source.last_seq > known_seq:
+        missed[gid] = owed.first_seq, source.last_seq
+    subscription.last_seqs[gid] = max(known_seq, source.last_seq)
+    owed.has_left = source.has_left
+
+
+def _told(subscription: Subscription, missed: Missed, before: dict[str, int] | None = None) -> Send:
+    message = Dropped(
+        subscription=subscription.id,
+        dropped=dict(subscription.dropped),
+        missed=missed,
+        before=before or {},
+    )
+    return Send(subscription.node.peer.id, message)

@@ -1,0 +1,74 @@
+"""A subscription that is lost and comes back, in a world of the broker: for the tests of busd.core.absent."""
+
+from broker_endpoints import Publisher, Subscription
+from broker_world import ALL_MAY, UID, World
+from bus.qos import QoSProfile
+from bus.wire import messages as m
+from busd.core.limits import Limits
+
+DEEP = QoSProfile(depth=100)
+LATCHED = QoSProfile(depth=3, durability="transient_local")
+
+
+class Story:
+    """A talker, and a listener that is lost and comes back as the same."""
+
+    def __init__(
+        self,
+        offered: QoSProfile = DEEP,
+        requested: QoSProfile = DEEP,
+        *,
+        uid: int = UID,
+        shares: bool = False,
+    ) -> None:
+        self.world = World(Limits(lease_s=3600), access=(ALL_MAY,))
+        self.requested = requested
+        self.talker = self.world.process("talker", shares=shares)
+        self.publisher = self.talker.publisher("/topic", offered)
+        self.listener = self.world.process("listener", uid=uid)
+        self.subscription = self.listener.subscription("/topic", requested)
+        self.gid = self.subscription.gid
+
+    @property
+    def heard(self) -> int:
+        """The last number that the listener has got."""
+        return max((sample.seq for sample in self.subscription.samples), default=0)
+
+    def lose(self) -> None:
+        self.listener.die()
+
+    def come_back(
+        self,
+        last_seqs: dict[bytes, int] | None = None,
+        *,
+        uid: int = UID,
+        topic: str = "/topic",
+        is_blocked: bool = False,
+    ) -> Subscription:
+        """By default it says what it has heard."""
+        known = {self.publisher.gid: self.heard} if last_seqs is None else last_seqs
+        self.listener = self.world.process("listener", uid=uid)
+        node = self.listener.node()
+        self.listener.is_blocked = is_blocked
+        self.subscription = node.subscription(topic, self.requested, gid=self.gid, last_seqs=known)
+        return self.subscription
+
+    def come_as_talker(self, *, next_seq: int) -> Publisher:
+        """The talker's process has another connection."""
+        gid, qos = self.publisher.gid, LATCHED
+        self.talker = self.world.process("talker")
+        self.publisher = self.talker.node().publisher("/topic", qos, gid=gid, next_seq=next_seq)
+        return self.publisher
+
+
+def missed(subscription: Subscription) -> list[dict[bytes, tuple[int, int]]]:
+    """What it was told that it has missed."""
+    return [told.missed for told in subscription.got(m.Dropped) if told.missed]
+
+
+def before(subscription: Subscription) -> list[dict[str, int]]:
+    return [told.before for told in subscription.got(m.Dropped) if told.before]
+
+
+def kept(world: World) -> m.AbsentRecord:
+    return world.broker._absentees.record()

@@ -1,0 +1,112 @@
+"""A subscriber's process that busd cuts off, and publishers that leave meanwhile: all is accounted for."""
+
+import asyncio
+import re
+import signal
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+
+import bus
+from bus.msg.std_msgs import String
+from conftest import WAIT_S, Daemon
+from neighbours import with_limits
+from programs import Program, running
+from semantics import until
+
+LEASE_S = 2.0
+"""Longer than a busy machine may keep those silent who are not stopped."""
+LONG = "x" * 20_000
+"""Ten of these fill a socket: the rest waits in busd."""
+
+LISTENER = """
+import asyncio
+import bus
+from bus.msg.std_msgs import String
+
+async def main():
+    async with bus.Node("listener", arguments=[], rosout=False) as node:
+        subscription = await node.create_subscription(String, "topic", 1000)
+        told = None
+        while True:
+            while subscription.take():
+                pass
+            now = subscription.statistics()
+            if now != told:
+                told = now
+                print(f"expected {now.expected} delivered {now.delivered} dropped {now.dropped}", flush=True)
+            await asyncio.sleep(0.01)
+
+bus.run(main())
+"""
+
+
+@pytest.fixture
+async def listener(daemon: Daemon, tmp_path: Path) -> AsyncIterator[Program]:
+    async with running(tmp_path, "-c", LISTENER) as program:
+        yield program
+        program.process.send_signal(signal.SIGCONT)
+
+
+@pytest.fixture
+async def node(daemon: Daemon) -> AsyncIterator[bus.Node]:
+    async with asyncio.timeout(WAIT_S), bus.Node("talker", arguments=[], rosout=False) as node:
+        yield node
+
+
+async def publish(publisher: bus.Publisher[String], count: int) -> None:
+    for _ in range(count):
+        publisher.publish(String(data=LONG))
+        await publisher.flush()
+
+
+def closed(listener: Program, expected: int) -> re.Match[str] | None:
+    """The line in which all of so many are accounted for."""
+    for line in listener.lines:
+        found = re.search(
+            rf"expected {expected} delivered (\d+) dropped {{(?:'disconnected': (\d+))?}}$", line
+        )
+        if found and int(found[1]) + int(found[2] or 0) == expected:
+            return found
+    return None
+
+
+async def until_told(node: bus.Node, expected: int, lost: int) -> None:
+    """The graph says the same, once it is back."""
+    due = (expected, expected - lost, lost)
+    while True:
+        for subscription in (await node.graph(statistics=True)).subscriptions:
+            told = subscription.statistics
+            if told and (told.expected, told.samples, told.dropped.get("disconnected", 0)) == due:
+                return
+        await asyncio.sleep(0.01)
+
+
+@with_limits(lease_s=LEASE_S)
+@pytest.mark.parametrize("leaves", ["before", "after"])
+async def test_what_a_publisher_that_has_left_had_published(
+    route: str, listener: Program, node: bus.Node, leaves: str
+) -> None:
+    """It leaves before or after the process that stands still is cut off."""
+    publisher = await node.create_publisher(String, "topic", 1000)
+    await publisher.wait_for_subscriptions()
+    await publish(publisher, 5)
+    await listener.line("expected 5 delivered 5 ")
+    listener.process.send_signal(signal.SIGSTOP)
+    await publish(publisher, 30)
+    if leaves == "before":
+        await publisher.close()
+    while len((await node.graph()).nodes) > 1:  # noqa: ASYNC110
+        await asyncio.sleep(0.01)
+    if leaves == "after":
+        await publish(publisher, 20)
+        await publisher.close()
+    listener.process.send_signal(signal.SIGCONT)
+    expected = 35 if leaves == "before" else 55
+    await until(lambda: closed(listener, expected))
+    found = closed(listener, expected)
+    assert found is not None
+    lost = int(found[2] or 0)
+    assert (0 < lost < expected - 5) if route == "socket" else not lost
+    await until_told(node, expected, lost)
