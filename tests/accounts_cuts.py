@@ -101,9 +101,7 @@ class Cuts:
         others = {number for number in world.processes if number not in busy | away}
         if what == "publish" and there:
             publisher = pick(there, at)
-            if there[publisher].process in model.sharing:
-                del more[1:]  # not large: of a ring that grows, those who are away do not hear
-            model.deliver_around(there[publisher], world.publish(publisher, *more), away)
+            model.deliver_around(there[publisher], world.publish(publisher, more[0]), away)
         elif what == "leave" and there:
             publisher = pick(there, at)
             model.leave_around(there[publisher])

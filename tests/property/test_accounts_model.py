@@ -65,8 +65,6 @@ happenings = st.lists(
         st.builds(lambda at, count: (("publish", at, count), ("leave", at)), indices, numbers),
         st.builds(lambda at, count: (("publish", at, count), ("die", at)), indices, numbers),
         st.tuples(come, publish),
-        st.tuples(_step("publish", indices, st.integers(1, 3), st.just(20_000))),
-        st.builds(lambda at: (("publish", at, 1, 20000), ("leave", at)), indices),
     ),
     max_size=4,
 ).map(lambda some: [one for group in some for one in group])
