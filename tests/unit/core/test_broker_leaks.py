@@ -17,8 +17,8 @@ GUEST = UID + 1
 ALL = QoSProfile(history="keep_all")
 KEPT = QoSProfile(depth=3, durability="transient_local")
 SHORT = QoSProfile(depth=3, lifespan=0.5, liveliness_lease_duration=0.5)
-SETTLING = 160
-"""Of some things the last ones are remembered: of 128 publishers, say."""
+SETTLING = 400
+"""Of some things the last ones are remembered: of 128 publishers, say, in tables with some room."""
 TIMES = 300
 
 
