@@ -44,6 +44,8 @@ class Cuts:
         for happening in before or ():
             await self._happen(happening, set(), busy=away)
             await world.settle()
+        for number in away & world.model.blocked:
+            world.peer(number).stream._rest.append(b"")  # as where the socket takes nothing more
         world.model.cut(away)
         if how == "restart":
             world.stop_busd()

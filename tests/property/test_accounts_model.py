@@ -190,7 +190,8 @@ class Story:
         }
         self.has_rerouted |= bool(shared)
         if shared and bursts:
-            await self.world.refuse_late(*pick(shared, at), self.named(bursts), by_publisher=by_publisher)
+            late = [one for one in self.named(bursts) if not model.publishers[one[0]].qos.lifespan_ns]
+            await self.world.refuse_late(*pick(shared, at), late, by_publisher=by_publisher)
         elif shared:
             self.world.refuse(*pick(shared, at), by_publisher=by_publisher)
 
