@@ -16,8 +16,6 @@ from conftest import WAIT_S
 from neighbours import wait_until
 
 SECONDS = 20
-NOT_YET = ("farewell",)
-"""Stories that do not end well today."""
 _PATHS = [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
 ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join(_PATHS).rstrip(os.pathsep)}
 
@@ -26,7 +24,6 @@ ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join(_PATHS).rstrip(os.path
 @pytest.mark.skipif(not shm.is_available(), reason="without shared memory there is one route only")
 def test_what_was_promised_holds_in_storms(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "chaos", "--seconds", str(SECONDS), "--folder", str(tmp_path)]
-    command += [word for story in NOT_YET for word in ("--without", story)]
     if seed := os.environ.get("BUSD_CHAOS_SEED"):
         command += ["--seed", seed]
     done = subprocess.run(
