@@ -11,7 +11,10 @@ LATCHED = QoSProfile(depth=3, durability="transient_local")
 
 
 class Story:
-    """A talker, and a listener that is lost and comes back as the same."""
+    """A talker, and a listener that is lost and comes back as the same.
+
+    `shares`: the talker has a ring for others; `by_ring`: the listener reads it, too.
+    """
 
     def __init__(
         self,
@@ -20,13 +23,17 @@ class Story:
         *,
         uid: int = UID,
         shares: bool = False,
+        by_ring: bool = False,
     ) -> None:
         self.world = World(Limits(lease_s=3600), access=(ALL_MAY,))
         self.requested = requested
-        self.talker = self.world.process("talker", shares=shares)
+        self.by_ring = by_ring
+        self.talker = self.world.process("talker", shares=shares or by_ring)
         self.publisher = self.talker.publisher("/topic", offered)
-        self.listener = self.world.process("listener", uid=uid)
+        self.listener = self.world.process("listener", uid=uid, shares=by_ring)
         self.subscription = self.listener.subscription("/topic", requested)
+        if by_ring:
+            self.subscription.attach(self.publisher)
         self.gid = self.subscription.gid
 
     @property
@@ -47,7 +54,7 @@ class Story:
     ) -> Subscription:
         """By default it says what it has heard."""
         known = {self.publisher.gid: self.heard} if last_seqs is None else last_seqs
-        self.listener = self.world.process("listener", uid=uid)
+        self.listener = self.world.process("listener", uid=uid, shares=self.by_ring)
         node = self.listener.node()
         self.listener.is_blocked = is_blocked
         self.subscription = node.subscription(topic, self.requested, gid=self.gid, last_seqs=known)
@@ -62,8 +69,21 @@ class Story:
 
 
 def missed(subscription: Subscription) -> list[dict[bytes, tuple[int, int]]]:
-    """What it was told that it has missed."""
-    return [told.missed for told in subscription.got(m.Dropped) if told.missed]
+    """What it was told of publishers that have gone: the first number for it, and the last."""
+    pairs = [
+        {gid: pair for gid, pair in told.missed.items() if pair[1]} for told in subscription.got(m.Dropped)
+    ]
+    return [pair for pair in pairs if pair]
+
+
+def begun(subscription: Subscription) -> dict[bytes, int]:
+    """What it was told of publishers that are there, or may come back: the first number for it."""
+    return {
+        gid: first_seq
+        for told in subscription.got(m.Dropped)
+        for gid, (first_seq, last_seq) in told.missed.items()
+        if not last_seq
+    }
 
 
 def before(subscription: Subscription) -> list[dict[str, int]]:

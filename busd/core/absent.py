@@ -143,8 +143,9 @@ class Absentees:
                 _count_missed(subscription, gid, owed, source, missed)
             else:
                 self._open.setdefault(subscription.id, {})[gid] = owed, source
-                if subscription.last_seqs.get(gid, -1) < owed.first_seq - 1:
-                    subscription.last_seqs[gid] = owed.first_seq - 1
+                if owed.first_seq:
+                    known_seq = subscription.last_seqs.get(gid, 0)
+                    subscription.last_seqs[gid] = max(known_seq, owed.first_seq - 1)
                     missed[gid] = owed.first_seq, 0
             if number % _SOME == 0:
                 now_ns = yield _SOME
@@ -347,7 +348,7 @@ def _count_missed(
 ) -> None:
     """Up to the publisher's last sample it has had all, or hears now that it has missed it."""
     known_seq = max(subscription.last_seqs.pop(gid, 0), owed.first_seq - 1)
-    if source.last_seq > known_seq:
+    if owed.first_seq or source.last_seq > known_seq:
         missed[gid] = owed.first_seq, source.last_seq
     subscription.last_seqs[gid] = max(known_seq, source.last_seq)
     owed.has_left = source.has_left

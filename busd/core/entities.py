@@ -261,7 +261,10 @@ class Publisher(Endpoint):
 
 @dataclass(slots=True)
 class Owed:
-    """What is for a subscription by the route socket, of one publisher: all from a number on."""
+    """What is for a subscription, of one publisher: all from a number on.
+
+    0: it reads the publisher's ring, and knows from where on.
+    """
 
     first_seq: int
     is_kept: bool
@@ -312,10 +315,13 @@ class Subscription(Endpoint):
             is_kept = publisher.history is not None and is_wanted
             self.owed[publisher.gid] = Owed(first_seq, is_kept)
         else:
-            owed.first_seq = min(owed.first_seq, first_seq)
+            owed.first_seq = min(owed.first_seq or first_seq, first_seq)
 
     def owed_by(self, publisher: Publisher) -> Owed | None:
-        """What of a publisher that is matched is for it by the route socket, if anything."""
+        """What of a publisher that is matched is for it, if anything."""
+        sharing = publisher.shared.get(self.id)
+        if sharing is not None:
+            return Owed(0, is_kept=False) if sharing.is_attached else None
         known_seq = publisher.behind.get(self.id)
         first_seq = self.began.get(publisher.id) if known_seq is None else known_seq + 1
         if first_seq is None:

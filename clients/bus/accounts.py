@@ -53,6 +53,7 @@ class Accounts:
         if dropped.before:
             told, self._told_by_it = self._told_by_it, dropped.before
             sources.explain({reason: count - told.get(reason, 0) for reason, count in dropped.before.items()})
+        sources.learn(dropped.missed)
         sources.miss(dropped.missed)
 
     def disconnected(self, broker: object) -> None:

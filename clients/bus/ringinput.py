@@ -28,7 +28,7 @@ _LARGE_RING_BYTES = 2 << 20
 class _Ring:
     """One publisher's."""
 
-    __slots__ = ("doorbell", "identity", "is_finishing", "is_stale", "slot", "source")
+    __slots__ = ("doorbell", "final_seq", "identity", "is_finishing", "is_stale", "slot", "source")
 
     def __init__(
         self, source: Source, slot: int, identity: tuple[int, int], doorbell: Descriptor | None
@@ -38,17 +38,24 @@ class _Ring:
         self.identity = identity  # of the newest segment; its descriptor is of no use once it is mapped
         self.doorbell = doorbell
         self.is_finishing = False  # its publisher has gone; it may come back
+        self.final_seq = 0  # the last number of its publisher, which has gone while the broker was lost
         self.is_stale = False  # an earlier broker made the match, and the present one has not yet
 
 
 class RingInput:
-    """`owner` is the subscription that the link knows, and is given to it when something has come."""
+    """`owner` is the subscription that the link knows, and is given to it when something has come.
 
-    def __init__(self, link: Link, sharing: Sharing, owner: Endpoint) -> None:
+    `on_missed` hears how many samples were in rings in which publishers went on while the broker was lost.
+    """
+
+    def __init__(
+        self, link: Link, sharing: Sharing, owner: Endpoint, on_missed: Callable[[int], None]
+    ) -> None:
         qos = owner.qos
         self._link = link
         self._sharing = sharing
         self._owner = owner
+        self._on_missed = on_missed
         self._wants_history = qos.durability is Durability.TRANSIENT_LOCAL
         self._is_lossless = qos.is_lossless
         self._rings: dict[bytes, _Ring] = {}
@@ -120,6 +127,18 @@ class RingInput:
             self.sweep()
             self._sharing.look_soon()  # a last time: perhaps nobody was rung for what is there
 
+    def conclude(self, gid: bytes, last_seq: int) -> int | None:
+        """The publisher has gone while the broker was lost, with this number.
+
+        Returns up to where it was heard or is accounted for here, if at all.
+        """
+        ring = self._rings.get(gid)
+        if ring is None:
+            return self.known_seq(gid, None)
+        ring.final_seq = last_seq
+        self.finish(gid)
+        return last_seq
+
     def leave(self, gid: bytes) -> bool:
         """The match goes another way now; what was read is known by `source.last_seq`.
 
@@ -145,6 +164,8 @@ class RingInput:
             if ring is not None and ring.source is source:
                 del self._rings[source.gid]
                 self._sharing.give_back(ring.slot)
+                if ring.final_seq >= next_seq:
+                    self._on_missed(ring.final_seq + 1 - next_seq)
                 if reason:
                     self._refuse(source, reason)
 

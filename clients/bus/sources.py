@@ -88,6 +88,12 @@ class Sources(dict[int, Source]):
         self._perhaps_skipped = 0  # or they went by another route, to others
         self._rerouted = 0  # or the ring had given them up before
         self._told_ahead = 0  # what the broker that left had dropped of what would have come next
+        # By gid, how many of these are missing before the first that came, and its number; the same of the
+        # broker that left, until it says from where on samples were for us:
+        self._beginnings: dict[bytes, tuple[int, int]] = {}
+        self._unsure: dict[bytes, tuple[int, int]] = {}
+        self._unsure_count = 0
+        self._told_besides = 0  # by the broker that left: more than it had surely skipped
         # What was dropped of what will be found lost, by reason; and how much has been without a reason:
         self._reasons: dict[str, int] = {}
         self._unexplained = 0
@@ -154,11 +160,14 @@ class Sources(dict[int, Source]):
             self._on_lost(lapped_reason, lapped)
         untold = self._skipped - told
         self._unexplained = 0
+        self._unsure, self._beginnings = self._beginnings, {}
+        self._unsure_count, self._perhaps_skipped = self._perhaps_skipped, 0
+        self._told_besides = max(0, -untold - self._rerouted)
         if untold > 0:
             self._unexplained = self.lose_while_away(untold)
         else:
-            self._told_ahead += max(0, -untold - self._rerouted - self._perhaps_skipped)
-        self._skipped = self._rerouted = self._perhaps_skipped = self.known = 0
+            self._told_ahead += max(0, self._told_besides - self._unsure_count)
+        self._skipped = self._rerouted = self.known = 0
 
     @property
     def missing(self) -> int:
@@ -189,10 +198,35 @@ class Sources(dict[int, Source]):
             self._on_lost("disconnected", left)
         return lost
 
+    def hear(self, gid: bytes, known_seq: int | None) -> None:
+        """Of a publisher that is not matched, it is known by another way up to where it was heard."""
+        if known_seq is not None:
+            self.last_seqs[gid] = max(self.last_seqs.get(gid, 0), known_seq)
+
+    def lose(self, count: int) -> None:
+        """Count what was in a ring that nobody told us of."""
+        self.lost_between += count
+        self._on_lost("disconnected", count)
+
+    def learn(self, missed: dict[bytes, tuple[int, int]]) -> None:
+        """From where on samples were for us, as in Dropped: so what was skipped before the first one."""
+        skipped = 0
+        ahead = max(0, self._told_besides - self._unsure_count)
+        for gid, (first_seq, _) in missed.items():
+            if first_seq and gid in self._unsure:
+                count, came_seq = self._unsure.pop(gid)
+                self._unsure_count -= count
+                skipped += min(count, max(0, came_seq - first_seq))
+        untold = skipped - self._told_besides
+        self._told_besides = max(0, -untold)
+        self._told_ahead += max(0, self._told_besides - self._unsure_count) - ahead
+        if untold > 0:
+            self.lose_while_away(untold)
+
     def miss(self, missed: dict[bytes, tuple[int, int]]) -> None:
         """What publishers have sent since, or from where on that was to come; as in Dropped."""
         for gid, (first_seq, last_seq) in missed.items():
-            known_seq = max(self.last_seqs.get(gid, 0), first_seq - 1)
+            known_seq = max(self.last_seqs.get(gid, 0), (first_seq or last_seq + 1) - 1)
             self.last_seqs[gid] = max(known_seq, last_seq)
             self.lose_while_away(max(0, last_seq - known_seq))
 
@@ -221,6 +255,9 @@ class Sources(dict[int, Source]):
             self._rerouted += missing
         elif source.is_new:
             self._perhaps_skipped += missing
+            self._beginnings[source.gid] = missing, run.first_seq
+            if len(self._beginnings) > MOST_REMEMBERED:
+                del self._beginnings[next(iter(self._beginnings))]
         else:
             self._skipped += missing
         source.is_rerouted = False

@@ -105,7 +105,7 @@ class Subscription(Endpoint[M]):
             )
         self._rings: RingInput | None = None
         if link.sharing is not None:
-            self._rings = RingInput(link, link.sharing, self)
+            self._rings = RingInput(link, link.sharing, self, self._miss)
             self.inbox.reader = self._rings.reader
             self.inbox.on_note = partial(link.report, self)
             if busy_poll:
@@ -244,6 +244,9 @@ class Subscription(Endpoint[M]):
                         self._not_alive.add(publisher)
                     self._tell_liveliness(1 if alive else -1, -1 if alive else 1)
             case m.Dropped(missed=missed):
+                if rings is not None:
+                    for gid, (_, last_seq) in missed.items():
+                        sources.hear(gid, rings.conclude(gid, last_seq) if last_seq else None)
                 self._accounts.tell(message)
                 if missed:
                     self._link.report(self)
@@ -285,6 +288,12 @@ class Subscription(Endpoint[M]):
         self.inbox.reader = None  # what it tells the publishers is the parent's word
 
     # --- inside
+
+    def _miss(self, count: int) -> None:
+        """A publisher had gone on in another ring, which is gone with it."""
+        self.inbox.sources.lose(count)
+        self._link.report(self)
+        self._tell_lost()
 
     def _leave_ring(self, source: Source, rings: RingInput) -> None:
         try:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import bus
+from bus import shm
 from bus.msg.std_msgs import String
 from conftest import WAIT_S, Daemon
 from neighbours import with_limits
@@ -110,3 +111,27 @@ async def test_what_a_publisher_that_has_left_had_published(
     lost = int(found[2] or 0)
     assert (0 < lost < expected - 5) if route == "socket" else not lost
     await until_told(node, expected, lost)
+
+
+@with_limits(lease_s=LEASE_S)
+@pytest.mark.skipif(not shm.is_available(), reason="without shared memory there are no rings")
+async def test_what_a_publisher_has_left_in_a_ring_that_was_never_read(
+    listener: Program, node: bus.Node
+) -> None:
+    """Its ring grew while the subscription was cut off, and went with it."""
+    publisher = await node.create_publisher(String, "topic", 1000)
+    await publisher.wait_for_subscriptions()
+    await publish(publisher, 5)
+    await listener.line("expected 5 delivered 5 ")
+    listener.process.send_signal(signal.SIGSTOP)
+    while len((await node.graph()).nodes) > 1:  # noqa: ASYNC110
+        await asyncio.sleep(0.01)
+    await node.create_subscription(String, "topic", 1000, callback=lambda message: None)
+    await publisher.wait_for_subscriptions()
+    await publish(publisher, 900)
+    await publisher.close()
+    listener.process.send_signal(signal.SIGCONT)
+    await until(lambda: closed(listener, 905))
+    found = closed(listener, 905)
+    assert found is not None
+    assert int(found[2] or 0) > 0, "the ring has grown"

@@ -233,3 +233,42 @@ def test_a_ring_that_gave_up_some_before_the_match_went_by_socket(told: int, lap
     assert heard.sources.lapped(told) == lapped
     heard.sources.disconnected(told, "replaced")
     assert heard.lost == ([("replaced", lapped)] if lapped else [])
+
+
+class TestBeginnings:
+    """Numbers before the first that came: the broker had skipped them, or they went to others by a ring."""
+
+    @staticmethod
+    def heard(first_seq: int, told: int) -> Heard:
+        """It has heard one, and then lost a broker that had told that it dropped so many."""
+        heard = Heard()
+        heard.get(first_seq)
+        heard.sources.disconnected(told, "replaced")
+        assert heard.lost == []
+        return heard
+
+    def test_what_was_told_is_what_comes_next(self) -> None:
+        heard = self.heard(5, told=3)
+        heard.sources.learn({GID: (4, 9)})  # so two of the three come after 5
+        heard.sources.miss({GID: (4, 9)})
+        assert heard.lost == [("disconnected", 2)]
+
+    def test_what_was_told_is_what_came_before(self) -> None:
+        heard = self.heard(5, told=3)
+        heard.sources.learn({GID: (2, 9)})
+        heard.sources.miss({GID: (2, 9)})
+        assert heard.lost == [("disconnected", 4)]
+
+    def test_what_was_skipped_and_not_told(self) -> None:
+        heard = self.heard(5, told=1)
+        heard.sources.learn({GID: (2, 0)})
+        assert heard.lost == [("disconnected", 2)]
+        heard.sources.learn({GID: (2, 0)})
+        assert heard.lost == [("disconnected", 2)], "told twice, counted once"
+
+    def test_nobody_says(self) -> None:
+        heard = self.heard(5, told=3)
+        heard.sources.learn({})
+        heard.sources.miss({GID: (0, 9)})
+        assert heard.lost == [], "it reads the ring, and knows where it is"
+        assert heard.sources.last_seqs == {GID: 9}

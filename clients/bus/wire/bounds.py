@@ -17,10 +17,11 @@ MOST_REMEMBERED = 1024
 LastSeqs = Annotated[dict[Annotated[bytes, Meta(max_length=16)], Count], Meta(max_length=MOST_REMEMBERED)]
 """By the gid of a publisher."""
 Missed = Annotated[
-    dict[Annotated[bytes, Meta(max_length=16)], tuple[NextSeq, Count]],
+    dict[Annotated[bytes, Meta(max_length=16)], tuple[Count, Count]],
     Meta(max_length=MOST_REMEMBERED),
 ]
-"""By the gid of a publisher: from which number on its samples were for a subscription, and the last."""
+"""By the gid of a publisher: from which number on its samples were for a subscription (0: it knows that from
+its ring), and the last."""
 Descriptors = Annotated[int, Meta(ge=0, le=2)]
 """How many file descriptors come with the frame (docs/protocol.md)."""
 Id = Annotated[int, Meta(ge=0, le=(1 << 32) - 1)]

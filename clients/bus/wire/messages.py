@@ -291,8 +291,9 @@ class LivelinessLost(Message, frozen=True, tag="lost"):
 class Dropped(Message, frozen=True, tag="dropped"):
     """Totals of what the broker dropped for a subscription, by reason.
 
-    To one whose process had lost its connection, once: `missed`, of publishers that have left meanwhile, from
-    which number on their samples were for it, and their last one; 0: what there is besides, a match tells.
+    To one whose process had lost its connection, once: `missed`, of publishers that it was matched with, from
+    which number on their samples were for it (0: it knows that from a ring), and their last one (0: they are
+    there, and the match tells it).
     `before`: what was dropped for it until then.
     """
 

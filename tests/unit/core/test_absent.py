@@ -1,6 +1,6 @@
 """busd.core.absent: what a subscription that was lost is told when it is back."""
 
-from absence import DEEP, LATCHED, Story, before, kept, missed
+from absence import DEEP, LATCHED, Story, before, begun, kept, missed
 from broker_world import SECOND, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
@@ -34,7 +34,7 @@ class TestPublishers:
         story.publisher.publish_many("ab")
         story.publisher.destroy()
         story.lose()
-        assert missed(story.come_back()) == []
+        assert missed(story.come_back()) == [{story.publisher.gid: (1, 2)}], "of which it knows"
 
     def test_one_that_is_still_there_is_told_by_its_match(self) -> None:
         story = Story()
@@ -43,6 +43,7 @@ class TestPublishers:
         story.publisher.publish_many("cde")
         back = story.come_back()
         assert missed(back) == []
+        assert begun(back) == {story.publisher.gid: 1}
         assert [matched.next_seq for matched in back.got(m.Matched)] == [6]
         story.publisher.destroy()
         assert missed(back) == []
@@ -56,7 +57,8 @@ class TestPublishers:
         late.publish_many("abc")
         story.lose()
         back = story.come_back({})
-        assert missed(back) == [{story.publisher.gid: (1, 0), late.gid: (7, 0)}]
+        assert missed(back) == []
+        assert begun(back) == {story.publisher.gid: 1, late.gid: 7}
         kinds = [type(one) for one in story.listener.messages]
         assert kinds.index(m.Dropped) < kinds.index(m.Matched)
 
@@ -103,7 +105,31 @@ class TestPublishers:
         story.publisher.destroy()
         assert missed(story.come_back()) == [{story.publisher.gid: (1, 9)}]
 
-    def test_one_by_shared_memory_is_not_kept(self) -> None:
+    def test_one_by_shared_memory(self) -> None:
+        """Where it has begun to read the ring, it knows from where on it has; there may be another ring."""
+        story = Story(by_ring=True)
+        story.lose()
+        story.talker.tell(m.Report(endpoint=story.publisher.id, samples=9, bytes=9))
+        story.publisher.destroy()
+        assert missed(story.come_back({story.publisher.gid: 4})) == [{story.publisher.gid: (0, 9)}]
+        story.lose()
+        assert missed(story.come_back({story.publisher.gid: 9})) == []
+
+    def test_one_by_shared_memory_that_is_there(self) -> None:
+        story = Story(by_ring=True)
+        story.lose()
+        back = story.come_back({story.publisher.gid: 4})
+        assert (missed(back), begun(back)) == ([], {})
+
+    def test_one_by_shared_memory_that_was_killed(self) -> None:
+        """What there is in its ring, nobody has told busd."""
+        story = Story(by_ring=True)
+        story.lose()
+        story.talker.die()
+        back = story.come_back({story.publisher.gid: 4})
+        assert (missed(back), begun(back)) == ([], {})
+
+    def test_one_whose_ring_was_not_read_yet_is_not_kept(self) -> None:
         world = World()
         talker, listener = world.process(shares=True), world.process(shares=True)
         talker.publisher("/topic")
@@ -223,7 +249,7 @@ class TestTwice:
         story.publisher.destroy()
         story.come_back({})
         story.lose()
-        assert missed(story.come_back({story.publisher.gid: 2})) == []
+        assert missed(story.come_back({story.publisher.gid: 2})) == [{story.publisher.gid: (1, 2)}]
 
     def test_what_waits_for_a_publisher_to_return_waits_on(self) -> None:
         story = Story(LATCHED, LATCHED)
