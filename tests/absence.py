@@ -32,8 +32,6 @@ class Story:
         self.publisher = self.talker.publisher("/topic", offered)
         self.listener = self.world.process("listener", uid=uid, shares=by_ring)
         self.subscription = self.listener.subscription("/topic", requested)
-        if by_ring:
-            self.subscription.attach(self.publisher)
         self.gid = self.subscription.gid
 
     @property

@@ -319,9 +319,8 @@ class Subscription(Endpoint):
 
     def owed_by(self, publisher: Publisher) -> Owed | None:
         """What of a publisher that is matched is for it, if anything."""
-        sharing = publisher.shared.get(self.id)
-        if sharing is not None:
-            return Owed(0, is_kept=False) if sharing.is_attached else None
+        if self.id in publisher.shared:
+            return Owed(0, is_kept=False)
         known_seq = publisher.behind.get(self.id)
         first_seq = self.began.get(publisher.id) if known_seq is None else known_seq + 1
         if first_seq is None:

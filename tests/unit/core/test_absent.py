@@ -1,7 +1,7 @@
 """busd.core.absent: what a subscription that was lost is told when it is back."""
 
 from absence import DEEP, LATCHED, Story, before, begun, kept, missed
-from broker_world import SECOND, World
+from broker_world import SECOND
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from busd.core.absent import RETURN_NS
@@ -128,14 +128,6 @@ class TestPublishers:
         story.talker.die()
         back = story.come_back({story.publisher.gid: 4})
         assert (missed(back), begun(back)) == ([], {})
-
-    def test_one_whose_ring_was_not_read_yet_is_not_kept(self) -> None:
-        world = World()
-        talker, listener = world.process(shares=True), world.process(shares=True)
-        talker.publisher("/topic")
-        listener.subscription("/topic")
-        listener.die()
-        assert kept(world).subscriptions == 0
 
     def test_what_went_to_others_before_the_match_is_not_missed(self) -> None:
         story = Story(shares=True)

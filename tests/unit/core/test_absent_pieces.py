@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from absence import DEEP, Story, kept, missed
+from absence import DEEP, Story, kept
 from broker_endpoints import Publisher, Subscription
 from broker_world import TEXT
 from bus.ids import EndpointId
@@ -52,8 +52,8 @@ class Crowd(Story):
 def told(subscription: Subscription) -> dict[bytes, tuple[int, int]]:
     """What it was told in all."""
     found: dict[bytes, tuple[int, int]] = {}
-    for some in missed(subscription):
-        found |= some
+    for some in subscription.got(m.Dropped):
+        found |= some.missed
     return found
 
 
