@@ -339,6 +339,11 @@ class Subscription(Endpoint):
             self.owed[publisher.gid].has_left = publisher.has_left
         return self.last_seqs.get(publisher.gid, 0)
 
+    def end_sharing(self, publisher: Publisher) -> None:
+        """The publisher has left, with what it has said is in its ring."""
+        self.remember(publisher, publisher.next_seq - 1)
+        self.owed[publisher.gid] = Owed(0, is_kept=False, has_left=True)
+
     def remember(self, publisher: Publisher, last_seq: int) -> None:
         """It has had all up to `last_seq`, or that was routed for it; the publisher may send it once more."""
         self.last_seqs[publisher.gid] = max(last_seq, self.last_seqs.pop(publisher.gid, 0))

@@ -143,10 +143,12 @@ class Graph:
         """Returns up to which number the subscription has had all, or that was routed for it."""
         self._matches_removed.append(_match_record(publisher, subscription.id))
         publisher.routed.pop(subscription.id, None)
-        publisher.shared.pop(subscription.id, None)
+        was_shared = publisher.shared.pop(subscription.id, None) is not None
         publisher.leaving.pop(subscription.id, None)
         publisher.behind.pop(subscription.id, None)
         last_seq = subscription.end(publisher)
+        if was_shared and publisher.has_left:
+            subscription.end_sharing(publisher)
         del publisher.matches[subscription.id], subscription.matches[publisher.id]
         self._matches -= 1
         _count_match(publisher, subscription, -1)

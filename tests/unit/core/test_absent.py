@@ -115,6 +115,14 @@ class TestPublishers:
         story.lose()
         assert missed(story.come_back({story.publisher.gid: 9})) == []
 
+    def test_one_by_shared_memory_that_had_left_before(self) -> None:
+        """What it was told of that, it may not have read."""
+        story = Story(by_ring=True)
+        story.talker.tell(m.Report(endpoint=story.publisher.id, samples=9, bytes=9))
+        story.publisher.destroy()
+        story.lose()
+        assert missed(story.come_back({story.publisher.gid: 4})) == [{story.publisher.gid: (0, 9)}]
+
     def test_one_by_shared_memory_that_is_there(self) -> None:
         story = Story(by_ring=True)
         story.lose()
