@@ -123,7 +123,7 @@ class PeerConnection:
         """What was read and is yet to be handled."""
         self.is_parked = False
         """Its socket is not read, because it waits for its turn."""
-        self.is_early = False
+        self.is_early = True  # until the server has looked
         """What its process had over an earlier connection is still there; it is not read before that goes."""
         self._host = host
         self._loop = asyncio.get_running_loop()

@@ -34,6 +34,9 @@ EXIT_ALREADY_RUNNING = 3
 
 _ENDING = (signal.SIGINT, signal.SIGTERM)
 _HANDLED = (*_ENDING, signal.SIGHUP)
+_THRESHOLDS = 700, 10, 100
+"""Python's own, but for the last: to look at all that busd has can take 10 ms, and nothing it does leaves a
+cycle."""
 _TURNS = 4
 """Turns of the event loop in which it hears of each signal that came before it was blocked."""
 
@@ -153,6 +156,7 @@ async def _serve(
 ) -> bool:
     """Serve until the end; returns whether another busd is to take over."""
     gc.freeze()  # what was imported stays: no collection need look at it
+    gc.set_threshold(*_THRESHOLDS)
     own = os.getuid()
     broker = Broker(config.limits, config.topics, Access(own, config.access), uid=own, pid=os.getpid())
     server = Server(

@@ -216,7 +216,12 @@ class Server:
     def _is_early(self, connection: PeerConnection) -> bool:
         """What its process had over an earlier connection is still there, and has to go first."""
         if connection.is_early:
-            connection.is_early = any(party is connection.party for party in self._gone.values())
+            party = connection.party
+            connection.is_early = party in self._gone.values() or any(
+                one.party is party and one.is_parked and one.stream.has_hung_up
+                for one in self._connections
+                if one is not connection
+            )
         return connection.is_early
 
     def _line_up(self, party: Party[_Job], job: _Job) -> None:
@@ -240,6 +245,7 @@ class Server:
         self._is_serving = bool(turns)
         if turns:
             self._loop.call_soon(self._serve)
+            os.sched_yield()  # whoever was just sent something need not wait until this process sleeps
         if self._broker.timers.earliest_ns < self._timer_ns:
             self._arm_timer()
 
@@ -519,7 +525,6 @@ class Server:
         peer = self._broker.attach(monotonic_ns(), hello, pid=who.pid, uid=who.uid, gids=who.groups)
         party = self._turns.party((who.uid, who.pid))
         connection = self._peers[peer] = PeerConnection(self, sock, who, hello, peer, party)
-        connection.is_early = bool(self._gone)
         self._connections.add(connection)
         connection.charge_to(*self._broker.accounts(peer))
         connection.stream.before_write(partial(self._before_write, connection))

@@ -47,6 +47,7 @@ def _be_program(index: int) -> None:
 def main() -> None:
     programs: Programs = options(Programs)
     type_support(String)
+    _ = bus.Node  # imported only now
     tell("ready")
     begun = []
     if sys.stdin.readline():

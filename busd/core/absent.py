@@ -13,6 +13,8 @@ from itertools import islice
 from typing import TypeAlias
 from weakref import WeakValueDictionary
 
+import msgspec
+
 from bus.ids import EndpointId
 from bus.wire.bounds import MOST_REMEMBERED
 from bus.wire.messages import AbsentRecord, Dropped
@@ -61,7 +63,19 @@ class _Source:
         self._last_seq = max(self._last_seq, last_seq)
 
 
-Accounts = dict[bytes, tuple[Owed, _Source]]
+class _Account(msgspec.Struct, gc=False):
+    """One publisher's samples for one who is absent; many, as Owed is."""
+
+    owed: Owed
+    source: _Source
+
+    @property
+    def has_ended(self) -> bool:
+        """Nothing more will come of this publisher, and nothing once more."""
+        return self.source.publisher is None and (self.source.has_left or not self.owed.is_kept)
+
+
+Accounts = dict[bytes, _Account]
 """By the publisher's gid."""
 
 
@@ -137,12 +151,12 @@ class Absentees:
         if absentee is None:
             return now_ns
         missed: Missed = {}
-        for number, (gid, (owed, source)) in enumerate(absentee.accounts.items(), 1):
-            subscription.owed[gid] = owed
-            if _has_ended(owed, source):
-                _count_missed(subscription, gid, owed, source, missed)
+        for number, (gid, account) in enumerate(absentee.accounts.items(), 1):
+            owed = subscription.owed[gid] = account.owed
+            if account.has_ended:
+                _count_missed(subscription, gid, account, missed)
             else:
-                self._open.setdefault(subscription.id, {})[gid] = owed, source
+                self._open.setdefault(subscription.id, {})[gid] = account
                 if owed.first_seq:
                     known_seq = subscription.last_seqs.get(gid, 0)
                     subscription.last_seqs[gid] = max(known_seq, owed.first_seq - 1)
@@ -184,7 +198,7 @@ class Absentees:
             if publisher.id in subscription.matches and (owed := subscription.owed_by(publisher)) is not None:
                 source = self._sources.setdefault((topic, publisher.gid), _Source())
                 source.publisher = publisher
-                accounts[publisher.gid] = owed, source
+                accounts[publisher.gid] = _Account(owed, source)
             looked += 1
             if looked % _SOME == 0:
                 now_ns = yield _SOME
@@ -192,13 +206,12 @@ class Absentees:
             if len(accounts) >= MOST_REMEMBERED:
                 break
             if gid not in accounts:
-                _, source = open_accounts.get(gid) or (
-                    owed,
-                    self._sources.setdefault((topic, gid), _Source()),
-                )
-                if source.publisher is None and gid not in open_accounts:
-                    source.end(subscription.last_seqs.get(gid, 0), has_left=owed.has_left)
-                accounts[gid] = owed, source
+                account = open_accounts.get(gid)
+                if account is None:
+                    account = _Account(owed, self._sources.setdefault((topic, gid), _Source()))
+                    if account.source.publisher is None:
+                        account.source.end(subscription.last_seqs.get(gid, 0), has_left=owed.has_left)
+                accounts[gid] = account
             looked += 1
             if looked % _SOME == 0:
                 now_ns = yield _SOME
@@ -270,12 +283,12 @@ class Absentees:
     ) -> Steps:
         accounts = self._open[subscription.id]
         missed: Missed = {}
-        for number, (gid, (owed, source)) in enumerate(tuple(accounts.items()), 1):
-            publisher = source.publisher
+        for number, (gid, account) in enumerate(tuple(accounts.items()), 1):
+            publisher = account.source.publisher
             if publisher is not None and publisher.id in subscription.matches:
                 del accounts[gid]
-            elif publisher is None and (is_last_time or _has_ended(owed, source)):
-                _count_missed(subscription, gid, owed, source, missed)
+            elif publisher is None and (is_last_time or account.has_ended):
+                _count_missed(subscription, gid, account, missed)
                 del accounts[gid]
             if number % _SOME == 0:
                 now_ns = yield _SOME
@@ -338,15 +351,9 @@ def _key(subscription: Subscription) -> Key:
     return subscription.node.peer.uid, subscription.topic.name, subscription.gid
 
 
-def _has_ended(owed: Owed, source: _Source) -> bool:
-    """Nothing more will come of this publisher, and nothing once more."""
-    return source.publisher is None and (source.has_left or not owed.is_kept)
-
-
-def _count_missed(
-    subscription: Subscription, gid: bytes, owed: Owed, source: _Source, missed: Missed
-) -> None:
+def _count_missed(subscription: Subscription, gid: bytes, account: _Account, missed: Missed) -> None:
     """Up to the publisher's last sample it has had all, or hears now that it has missed it."""
+    owed, source = account.owed, account.source
     known_seq = max(subscription.last_seqs.pop(gid, 0), owed.first_seq - 1)
     if owed.first_seq or source.last_seq > known_seq:
         missed[gid] = owed.first_seq, source.last_seq

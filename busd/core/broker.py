@@ -401,7 +401,7 @@ class Broker:
             yield from task.work
         for node in tuple(peer.nodes.values()):
             yield from self._registrar.remove_node(node, self._out, is_lost=True)
-        self.graph.forget_types(peer)
+        yield from self.graph.forget_types(peer)
         self._quotas.leave(peer)
         peer.doorbell = peer.readers = None  # a timer may still know the peer
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any
 from weakref import WeakSet
 
+import msgspec
+
 from bus.ids import EndpointId, NodeId, PeerId
 from bus.qos import Durability, Liveliness, QoSProfile
 from bus.wire.layout import MAX_COUNT
@@ -259,8 +261,7 @@ class Publisher(Endpoint):
         )
 
 
-@dataclass(slots=True)
-class Owed:
+class Owed(msgspec.Struct, gc=False):  # there is one for each match: the collector need not look at them
     """What is for a subscription, of one publisher: all from a number on.
 
     0: it reads the publisher's ring, and knows from where on.

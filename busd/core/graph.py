@@ -10,6 +10,7 @@ from itertools import count
 from bus.ids import EndpointId, NodeId
 from bus.wire.messages import EndpointRecord, GraphChanged, MatchRecord, NodeRecord
 from busd.core.entities import MessageType, Node, Peer, Publisher, Sharing, Subscription, Topic
+from busd.core.work import TELL, Work
 
 
 class Graph:
@@ -162,16 +163,18 @@ class Graph:
         for holder in (peer, peer.user):
             holder.schema_bytes += len(held)
 
-    def forget_types(self, peer: Peer) -> None:
+    def forget_types(self, peer: Peer) -> Work:
         """Forget the schemas that only `peer` had declared."""
-        peer.user.schema_bytes -= peer.schema_bytes
-        for kind in peer.types:
+        while peer.types:
+            kind, size = peer.types.popitem()
+            for holder in (peer, peer.user):
+                holder.schema_bytes -= size
             self._declarers[kind] -= 1
             if not self._declarers[kind]:
                 del self._declarers[kind]
                 self.types.pop(kind, None)
                 self.guest_types.pop(kind, None)
-        peer.types.clear()
+            yield TELL
 
     def schema(self, kind: MessageType) -> bytes | None:
         """How a type was described: the word of a guest counts where there is no other."""

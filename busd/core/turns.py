@@ -17,7 +17,7 @@ from weakref import WeakValueDictionary
 
 __all__ = ["BUDGET", "Party", "Turns"]
 
-BUDGET = 500
+BUDGET = 250
 """Work of one turn: so long others wait for it, and so little does it cost to change from one to the next."""
 _REFILL_NS = 10_000
 """In which time a unit of the allowance comes back: a tenth of busd's time goes to a party without a line."""

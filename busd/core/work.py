@@ -19,6 +19,8 @@ RECORD = 2
 ENDPOINT = 20
 """An endpoint is made or taken out."""
 SAMPLES_PER_UNIT = 64
+RUNS_PER_UNIT = 4
+"""Runs that are dropped."""
 QUEUES_PER_UNIT = 2
 """Queues that a run is appended to."""
 LOOKS_PER_UNIT = 16

@@ -218,5 +218,5 @@ async def _connect(path: Path, patience: Patience) -> socket.socket:
         try:
             return try_to_connect(path)
         except NotNow as error:
-            why = str(error)
-        await asyncio.sleep(patience.pause_s(why))
+            pause_s = patience.pause_s(str(error), error.longest_pause_s)
+        await asyncio.sleep(pause_s)

@@ -13,7 +13,7 @@ from time import monotonic
 from bus.errors import BrokerUnavailable
 from bus.trust import check_server
 
-__all__ = ["CONNECT_S", "NotNow", "Patience", "try_to_connect"]
+__all__ = ["CONNECT_S", "BacklogFull", "NotNow", "Patience", "try_to_connect"]
 
 CONNECT_S = 10.0
 """How long a client goes on trying, counted from when it last got further."""
@@ -23,7 +23,15 @@ _LONGEST_PAUSE_S = 0.05
 
 
 class NotNow(BrokerUnavailable):
-    """What was in the way passes: try again."""
+    """What was in the way passes: try again, with pauses that grow up to so many seconds."""
+
+    longest_pause_s = _LONGEST_PAUSE_S
+
+
+class BacklogFull(NotNow):
+    """The broker does not hear of this, so that it costs it nothing to be asked again very soon."""
+
+    longest_pause_s = 0.005
 
 
 class Patience:
@@ -39,15 +47,15 @@ class Patience:
         self._end_s = self._clock() + self._seconds
         self._pause_s = _FIRST_PAUSE_S
 
-    def pause_s(self, why: str) -> float:
-        """For how long to wait before the next try; each time longer.
+    def pause_s(self, why: str, longest_s: float = _LONGEST_PAUSE_S) -> float:
+        """For how long to wait before the next try; each time longer, up to `longest_s`.
 
         Raises BrokerUnavailable, with `why` and how long it was tried, where there is to be none.
         """
         left_s = self._end_s - self._clock()
         if left_s <= 0:
             raise BrokerUnavailable(f"{why}; tried for {self._seconds:g} s")
-        pause_s = min(self._pause_s, left_s)
+        pause_s = min(self._pause_s, longest_s, left_s)
         self._pause_s = min(2 * self._pause_s, _LONGEST_PAUSE_S)
         return pause_s
 
@@ -55,8 +63,8 @@ class Patience:
 def try_to_connect(path: Path) -> socket.socket:
     """A non-blocking socket, connected to the broker at `path`.
 
-    Raises FileNotFoundError or ConnectionRefusedError where nobody listens there, NotNow where too many wait
-    in its backlog, and BrokerUnavailable where it can't be connected to or is not to be trusted.
+    Raises FileNotFoundError or ConnectionRefusedError where nobody listens there, BacklogFull where too
+    many wait to be accepted, and BrokerUnavailable where it can't be connected to or is not to be trusted.
     """
     sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
@@ -65,7 +73,7 @@ def try_to_connect(path: Path) -> socket.socket:
         check_server(sock, path)
     except BlockingIOError:
         sock.close()
-        raise NotNow(f"busd at {path} takes no connection: too many wait to be accepted") from None
+        raise BacklogFull(f"busd at {path} takes no connection: too many wait to be accepted") from None
     except (FileNotFoundError, ConnectionRefusedError, BrokerUnavailable):
         sock.close()
         raise

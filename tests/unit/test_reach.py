@@ -23,6 +23,7 @@ class TestPatience:
         assert not isinstance(caught.value, NotNow)
         assert pauses[:7] == [0.001, 0.002, 0.004, 0.008, 0.016, 0.032, 0.05]
         assert max(pauses) == 0.05
+        assert Patience(0.5, lambda: now_s).pause_s("", 0.0005) == 0.0005
         assert sum(pauses) == pytest.approx(0.5)
 
     def test_who_gets_further_begins_anew(self) -> None:

@@ -55,8 +55,8 @@ class Query:
                 self.broker: m.Hello = self._greet()
                 return
             except NotNow as error:
-                why = str(error)
-            time.sleep(patience.pause_s(why))
+                pause_s = patience.pause_s(str(error), error.longest_pause_s)
+            time.sleep(pause_s)
 
     def request(self, make: Callable[[int], m.Message], kind: type[A]) -> A:
         """Send the message that `make` gives for a request number; returns the answer, which is a `kind`.

@@ -9,6 +9,7 @@ the piece that carries descriptors, so one read brings one batch at most.
 
 import asyncio
 import errno
+import select
 import socket
 import struct
 from collections.abc import Callable, Iterable
@@ -150,6 +151,13 @@ class Stream:
         except OSError:
             pass
         return self.is_closed
+
+    @property
+    def has_hung_up(self) -> bool:
+        """The other side has gone; what it sent before may still be there to read."""
+        poll = select.poll()
+        poll.register(self._sock, select.POLLRDHUP)
+        return bool(poll.poll(0))
 
     def send_now(self, buffers: list[Buffer], size: int) -> bool:
         """Send a frame past the outbox, only while the stream `is_idle`; False where nobody hears it."""

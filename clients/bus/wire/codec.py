@@ -18,8 +18,8 @@ _SHORT_ARRAY, _SHORT_ARRAY_TAG = 16, 0x90
 _ARRAY_HEAD, _ARRAY_TAG = Struct(">BI"), 0xDD
 
 
-class Message(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="m", tag=True):
-    """Base of all control messages."""
+class Message(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="m", tag=True, gc=False):
+    """Base of all control messages. There may be many, and none is in a cycle: no work for the collector."""
 
 
 def encode_frame(message: msgspec.Struct) -> bytes:

@@ -9,14 +9,14 @@ import msgspec
 from bus.qos import QoSProfile
 
 
-class NodeRecord(msgspec.Struct, frozen=True, omit_defaults=True):
+class NodeRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     id: int
     name: str
     namespace: str
     pid: int
 
 
-class EndpointStatistics(msgspec.Struct, frozen=True, omit_defaults=True):
+class EndpointStatistics(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     """Live counters of an endpoint.
 
     Of a publisher: samples and bytes published. Of a subscription: samples and bytes delivered, samples
@@ -31,7 +31,7 @@ class EndpointStatistics(msgspec.Struct, frozen=True, omit_defaults=True):
     expected: int = 0
 
 
-class EndpointRecord(msgspec.Struct, frozen=True, omit_defaults=True):
+class EndpointRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     id: int
     kind: str
     node: int
@@ -43,13 +43,13 @@ class EndpointRecord(msgspec.Struct, frozen=True, omit_defaults=True):
     statistics: EndpointStatistics | None = None
 
 
-class MatchRecord(msgspec.Struct, frozen=True, omit_defaults=True):
+class MatchRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     publisher: int
     subscription: int
     route: str = "socket"
 
 
-class PeerRecord(msgspec.Struct, frozen=True, omit_defaults=True):
+class PeerRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     """What one process makes busd hold.
 
     `queued_bytes` are samples that wait for it, `history_bytes` those kept for its publishers,
@@ -74,7 +74,7 @@ class PeerRecord(msgspec.Struct, frozen=True, omit_defaults=True):
     silent_s: float = 0.0
 
 
-class UserRecord(msgspec.Struct, frozen=True, omit_defaults=True):
+class UserRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     """What all processes of one user make busd hold; `refused` counts those that have left, too.
 
     `absent`: subscriptions whose process was lost, and for which busd keeps what they have missed.
@@ -91,7 +91,7 @@ class UserRecord(msgspec.Struct, frozen=True, omit_defaults=True):
     absent: int = 0
 
 
-class AbsentRecord(msgspec.Struct, frozen=True, omit_defaults=True):
+class AbsentRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     """Subscriptions whose process was lost, and for which busd keeps what they have missed.
 
     `unclaimed`: messages that waited for those that did not come back, in all. `given_up`: for how many there
@@ -103,7 +103,7 @@ class AbsentRecord(msgspec.Struct, frozen=True, omit_defaults=True):
     given_up: int = 0
 
 
-class RoutingRecord(msgspec.Struct, frozen=True, omit_defaults=True):
+class RoutingRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     """How long busd had runs in its hands: from a read off a publisher's socket until they were handed on.
 
     A histogram of reads: `counts[i]` took at most `bounds_us[i]` microseconds, and more than the bound
