@@ -112,7 +112,7 @@ def _or_skip(system: System) -> System:
     ("publish_by", "take_by"), [("publish", "callback"), ("publish", "async for"), ("send", "callback")]
 )
 def test_throughput_of_busd(system: System, publish_by: str, take_by: str) -> None:
-    work = Work(size=64, count=2000, warm_up=100, publish_by=publish_by, take_by=take_by)
+    work = Work(size=64, count=20_000, warm_up=100, publish_by=publish_by, take_by=take_by)
 
     found = throughput.measure(_or_skip(system), work)
 
