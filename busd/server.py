@@ -234,17 +234,20 @@ class Server:
         """One turn; before the next one the event loop looks at its sockets."""
         turns = self._turns
         party = turns.begin()
-        while (job := turns.next_job(party)) is not None:
-            if isinstance(job, PeerConnection):
-                self._serve_connection(job)
-            else:
-                with self._metered(party):
-                    self._go_on(job)
-                    self._flush()
-        turns.end(party)
-        self._is_serving = bool(turns)
+        try:
+            while (job := turns.next_job(party)) is not None:
+                if isinstance(job, PeerConnection):
+                    self._serve_connection(job)
+                else:
+                    with self._metered(party):
+                        self._go_on(job)
+                        self._flush()
+        finally:  # whatever went wrong for one of them, the others get their turns
+            turns.end(party)
+            self._is_serving = bool(turns)
+            if turns:
+                self._loop.call_soon(self._serve)
         if turns:
-            self._loop.call_soon(self._serve)
             os.sched_yield()  # whoever was just sent something need not wait until this process sleeps
         if self._broker.timers.earliest_ns < self._timer_ns:
             self._arm_timer()

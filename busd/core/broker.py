@@ -444,7 +444,7 @@ class Broker:
                 self._cut(now_ns, peer, fault)
             else:
                 self._routes.renew_sharing(now_ns, peer, access, self._out)
-        self._out = self._take_effects()  # what went with those, before what is seen of the rest changes
+        self._out[:] = self._take_effects()  # what went with those, before what is seen of the rest changes
         self._questions.renew(self._out)
 
     def _on_stop(self, now_ns: int, peer: Peer, message: m.StopBroker, out: list[Effect]) -> None:

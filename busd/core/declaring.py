@@ -143,14 +143,15 @@ class Registrar:
         if message.descriptors and ring is None:
             lost = f"{node.full_name} shares no memory on '{message.topic}': its ring was lost"
             out.append(Note(logging.WARNING, lost))
+        subscriptions = publisher.topic.subscriptions
+        there = tuple(subscriptions.values())  # of a pair whoever comes later makes the match, and not both
         self._graph.add_endpoint(publisher)
         self._absentees.come(publisher)
         out.append(Send(peer.id, self._created(message.request, publisher)))
         self._leases.watch_publisher(now_ns, publisher)
         peer.withheld = publisher.id
         now_ns = yield ENDPOINT
-        subscriptions = publisher.topic.subscriptions
-        for subscription in tuple(subscriptions.values()):
+        for subscription in there:
             if subscription.id in subscriptions:
                 connect(now_ns, self._graph, publisher, subscription, out)
                 now_ns = yield MATCH
@@ -173,13 +174,14 @@ class Registrar:
             last_seqs=message.last_seqs,
         )
         subscription.may_share = verdict.shares_memory
+        publishers = subscription.topic.publishers
+        there = tuple(publishers.values())
         self._graph.add_endpoint(subscription)
         out.append(Send(peer.id, self._created(message.request, subscription)))
         peer.withheld = subscription.id
         now_ns = yield ENDPOINT
         now_ns = yield from self._absentees.find(now_ns, subscription, out)
-        publishers = subscription.topic.publishers
-        for publisher in tuple(publishers.values()):
+        for publisher in there:
             if publisher.id in publishers:
                 connect(now_ns, self._graph, publisher, subscription, out)
                 now_ns = yield MATCH

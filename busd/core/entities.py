@@ -360,7 +360,8 @@ class Subscription(Endpoint):
     def dropped_in_all(self) -> dict[str, int]:
         """What the broker dropped for it, also before it came back."""
         both = self.dropped_before, self.dropped
-        return {reason: sum(one.get(reason, 0) for one in both) for reason in both[0] | both[1]}
+        total = {reason: sum(one.get(reason, 0) for one in both) for reason in both[0] | both[1]}
+        return {reason: min(count, MAX_COUNT) for reason, count in total.items()}  # a publisher may lie
 
     @property
     def expected(self) -> int:

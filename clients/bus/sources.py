@@ -229,6 +229,7 @@ class Sources(dict[int, Source]):
             known_seq = max(self.last_seqs.get(gid, 0), (first_seq or last_seq + 1) - 1)
             self.last_seqs[gid] = max(known_seq, last_seq)
             self.lose_while_away(max(0, last_seq - known_seq))
+        self._forget_oldest()
 
     def explain(self, dropped: dict[str, int]) -> None:
         """The broker had dropped these, by reason, of what will be found lost."""
@@ -270,6 +271,9 @@ class Sources(dict[int, Source]):
             if one.replayed_seq != 0:  # else nothing of its history has come: it comes as to a new one
                 self.last_seqs.pop(one.gid, None)
                 self.last_seqs[one.gid] = max(0, min(last_seq, MAX_COUNT))  # a ring may lie
+        self._forget_oldest()
+
+    def _forget_oldest(self) -> None:
         for gid in [*self.last_seqs][:-MOST_REMEMBERED]:
             del self.last_seqs[gid]
 

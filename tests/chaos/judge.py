@@ -16,7 +16,8 @@ So an ear's delivered + dropped lies between two bounds, which are the same wher
 Of steady pairs that are lossless, nothing is dropped at all. By socket, what a busd that is killed had
 dropped and not yet told nobody knows, and what it had told may be found missing once more: where an end of a
 pair by socket has lost busd in a storm in which that died, the ear's own account must close, and is not
-compared with the talkers'.
+compared with the talkers'. And there may be more where a talker by shared memory was cut off by a busd that
+lived: if it comes back without its ring, what its ear had read there may be dropped for that once more.
 """
 
 from collections import Counter
@@ -93,7 +94,7 @@ def _accounts(before: Scene, now: Scene, trusts_cut_off: bool) -> Iterator[str]:
             continue
         then = before.ears[number][2]
         least = most = 0
-        is_unsure = False
+        is_unsure = may_be_more = False
         parts = []
         for said in now.talkers.values():
             if said.talker.topic != ear.topic or not said.talker.quality.serves(ear.quality):
@@ -104,6 +105,7 @@ def _accounts(before: Scene, now: Scene, trusts_cut_off: bool) -> Iterator[str]:
             is_steady = _is_steady(before, now, said, actor)
             least += upper if is_steady or actor in said.witnesses else got
             most += upper
+            may_be_more |= _may_lose_its_ring(before, now, said, actor)
             if (has_died or not trusts_cut_off) and _is_by_socket(now, said, actor):
                 is_unsure |= any(_losses(before, now, name) for name in (said.actor, actor))
             parts.append(f"{_name(said)}{'' if is_steady else ' (not steady)'}: {got} of {upper}")
@@ -114,7 +116,7 @@ def _accounts(before: Scene, now: Scene, trusts_cut_off: bool) -> Iterator[str]:
             if count != then.dropped.get(reason, 0)
         }
         total = got + sum(dropped.values())
-        if not (is_unsure or least <= total <= most):
+        if not (is_unsure or (least <= total and (may_be_more or total <= most))):
             owed = f"{least}" if least == most else f"{least} to {most}"
             yield (
                 f"{_ear(number, ear, actor)}: {got} delivered + dropped {dropped} = {total}, "
@@ -134,6 +136,15 @@ def _is_by_socket(now: Scene, said: Said, actor: str) -> bool:
     """Whether messages may come through busd; of those that are gone nobody knows it."""
     mouth = now.roles.get(said.actor)
     return mouth is None or mouth.is_limited or mouth.by_socket or now.roles[actor].by_socket
+
+
+def _may_lose_its_ring(before: Scene, now: Scene, said: Said, actor: str) -> bool:
+    """Whether a talker by shared memory may have come back by socket."""
+    if now.roles[actor].by_socket:
+        return False
+    if said.actor not in now.losses:
+        return not said.witnesses  # it has died, and of the dead nobody knows it
+    return not _is_by_socket(now, said, actor) and _was_cut_off(before, now, said.actor)
 
 
 def _losses(before: Scene, now: Scene, actor: str) -> int:

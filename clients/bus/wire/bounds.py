@@ -17,7 +17,7 @@ MOST_REMEMBERED = 1024
 LastSeqs = Annotated[dict[Annotated[bytes, Meta(max_length=16)], Count], Meta(max_length=MOST_REMEMBERED)]
 """By the gid of a publisher."""
 Missed = Annotated[
-    dict[Annotated[bytes, Meta(max_length=16)], tuple[Count, Count]],
+    dict[Annotated[bytes, Meta(max_length=16)], tuple[Annotated[int, Meta(ge=0, le=MAX_COUNT + 1)], Count]],
     Meta(max_length=MOST_REMEMBERED),
 ]
 """By the gid of a publisher: from which number on its samples were for a subscription (0: it knows that from

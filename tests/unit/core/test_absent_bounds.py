@@ -2,9 +2,12 @@
 
 import pytest
 
-from absence import Story, kept, missed
+from absence import Story, begun, kept, missed
 from broker_world import SECOND, UID
+from bus.ids import EndpointId
 from bus.wire import messages as m
+from bus.wire.codec import encode_frame
+from bus.wire.layout import FRAME_HEAD_BYTES, MAX_COUNT
 from busd.core import absent
 from busd.core.absent import KEEP_NS, TELL_AGAIN_NS
 
@@ -189,3 +192,25 @@ class TestBounds:
         story.world.carry_out(story.world.broker.farewell(story.world.now_ns))
         assert kept(story.world) == m.AbsentRecord(unclaimed=3)
         assert len([note for note in story.world.notes if "did not come back" in note]) == 1
+
+
+class TestNumbersThatLie:
+    """A publisher may say what it likes; who hears of it must be able to read that."""
+
+    def test_the_last_number_there_is(self) -> None:
+        story = Story()
+        story.publisher.resume(MAX_COUNT)
+        story.publisher.publish("a")
+        story.gid = next(story.world.gids).to_bytes(16, "big")
+        story.come_back({})  # one that is matched only now
+        story.lose()
+        back = story.come_back({})
+        assert begun(back) == {story.publisher.gid: MAX_COUNT + 1}
+        for told in back.got(m.Dropped):
+            assert m.from_broker.decode(encode_frame(told)[FRAME_HEAD_BYTES:]) == told
+
+    def test_drops_without_end(self) -> None:
+        story = Story()
+        kept = story.world.broker.graph.subscriptions[EndpointId(story.subscription.id)]
+        kept.dropped["replaced"] = kept.dropped_before["replaced"] = MAX_COUNT
+        assert kept.dropped_in_all() == {"replaced": MAX_COUNT}

@@ -8,10 +8,10 @@ from collections.abc import Callable
 
 import pytest
 
-from broker_world import Process, World, whole_graph
+from broker_world import UID, Process, World, whole_graph
 from bus.qos import QoSProfile
 from bus.wire import messages as m
-from busd.core.access import AccessRule
+from busd.core.access import Access, AccessRule
 from busd.core.limits import Limits
 from busd.core.work import MATCH
 
@@ -277,8 +277,42 @@ class TestMeanwhile:
         assert not world.broker.unfinished
         graph = world.whole_graph()
         assert not graph.matches and len(graph.endpoints) == len(before.endpoints)
-        told = [one.other for one in talker.got(m.Unmatched)]
-        assert len(told) == len(set(told)) or len(told) == len(talker.got(m.Matched))
+        assert len(talker.got(m.Unmatched)) == len(talker.got(m.Matched)) > 0
+
+    def test_two_that_are_made_at_the_same_time_match_once(self, world: World) -> None:
+        listener, talker = world.process(), world.process()
+        listener._own_node()
+        talker._own_node()
+
+        def subscribe() -> None:
+            world.between = lambda: None
+            listener.subscription("/t")
+
+        world.budget, world.between = 1, subscribe
+        talker.publisher("/t")
+        assert len(talker.got(m.Matched)) == len(listener.got(m.Matched)) == 1
+        listener.die()
+        assert not world.broker.graph._matches
+
+    @pytest.mark.parametrize("asks", [False, True])
+    def test_the_rules_change_meanwhile(self, world: World, asks: bool) -> None:
+        """All that is begun is told to its end."""
+        listener, talker = world.process(), world.process()
+        for _ in range(20):
+            talker.publisher("/t")
+        listener._own_node()
+
+        def renew() -> None:
+            world.between = lambda: None
+            world.broker.reconfigure(world.now_ns, world.broker.limits, (), Access(UID))
+
+        world.budget, world.between = 60, renew
+        if asks:
+            listener.tell(m.GetGraph(request=77))
+            assert len(listener.got(m.Graph)) == 1
+        else:
+            listener.subscription("/t")
+            assert len(listener.got(m.Matched)) == 20
 
     def test_an_observer_misses_nothing_and_hears_nothing_twice(self, world: World) -> None:
         process, observer = world.process(), world.process()
