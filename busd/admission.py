@@ -247,11 +247,11 @@ class Admission:
     def _displace(self) -> None:
         """Turn away who is the first to lose its place, unless it says Hello just now."""
         newcomer = self._anteroom.first_to_lose()
-        if newcomer.hello is not None or self._is_silent(newcomer):
+        if newcomer.hello is not None or self._stays_silent(newcomer):
             self._give_up(newcomer, _NO_PLACE, for_want_of_room=True)
 
-    def _is_silent(self, newcomer: _Newcomer) -> bool:
-        """Whether it, who has a place, has not said Hello, also not in what came since it was last heard."""
+    def _stays_silent(self, newcomer: _Newcomer) -> bool:
+        """Hear it once more, which may let it in or end it. Whether it still waits and has not said Hello."""
         self._listen_to(newcomer)
         return newcomer.number >= 0 and newcomer.hello is None
 
@@ -342,7 +342,7 @@ class Admission:
             if now_ns < since_ns + self._handshake_ns:
                 self._wake_by(since_ns + self._handshake_ns)
                 break
-            if self._is_silent(newcomer):
+            if self._stays_silent(newcomer):
                 self._give_up(newcomer, f"no Hello within {self._host.handshake_s:g} s")
         for uid in self._anteroom.users_waiting():
             while (next_one := self._anteroom.first_waiting(uid)) is not None:

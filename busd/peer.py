@@ -52,7 +52,8 @@ _SPARE = 32
 
 
 _CHOKED_PART = 8
-"""Of the control frames that may wait for a peer, so large a part keeps busd from reading what it sends."""
+"""Above this part of the control frames that may wait for a peer, busd does not read what it sends; below
+half of that it does again."""
 _LOOK_S = 1.0
 """So often busd looks whether a peer that it does not hear takes anything. If not, one for which more waits
 than may is cut off; any other one when that has gone on for `_STALL_PART` of the lease."""
@@ -77,7 +78,7 @@ class PeerHost(Protocol):
 
     def resume(self, connection: "PeerConnection") -> None: ...
 
-    def live(self, connection: "PeerConnection") -> None: ...
+    def hear(self, connection: "PeerConnection") -> None: ...
 
     def lose(self, connection: "PeerConnection", reason: str, *, is_cut: bool) -> None: ...
 
@@ -101,7 +102,8 @@ def greeting(host: PeerHost) -> bytes:
 class PeerConnection:
     """Takes over `sock`, on which `hello` was read. `id` is the peer's in the core.
 
-    `party` is its process, among those that take turns.
+    `party` is its process, among those that take turns; to `control` is charged what waits for it of control
+    frames, to `unfinished` what has not come whole.
 
     While it `is_held`, nothing of it is read and nothing that was read is handled: it has asked too often
     (`pause`), or it does not take what is sent to it (`put`).
@@ -115,6 +117,8 @@ class PeerConnection:
         hello: Hello,
         id: PeerId,
         party: "Party[Any]",
+        control: Account,
+        unfinished: Account,
     ) -> None:
         self.id = id
         self.credentials = credentials
@@ -141,6 +145,8 @@ class PeerConnection:
             may_write=partial(host.may_write, self),
         )
         self.stream.session.open(hello)
+        self.account = self.stream.outbox.account = control
+        self.stream.session.reader.charge_to(unfinished)
 
     def greet(self) -> None:
         """Answer its Hello."""
@@ -157,12 +163,7 @@ class PeerConnection:
             return
         outbox = self.stream.outbox
         outbox.put(frame, descriptors)
-        account = outbox.account
-        if (
-            account is not None
-            and self._choke is None
-            and outbox.control_bytes > account.limit // _CHOKED_PART
-        ):
+        if self._choke is None and outbox.control_bytes > self.account.limit // _CHOKED_PART:
             self.stream.hold()
             self._choked_bytes, self._choked_looks = self.stream.sent_bytes, 0
             self._choke = self._loop.call_later(_LOOK_S, self._look_at_choke)
@@ -185,11 +186,6 @@ class PeerConnection:
         room = resource.getrlimit(resource.RLIMIT_NOFILE)[0] - self._host.limits.connections - PLACES - _SPARE
         return carried.descriptors if all(one.fileno() < room for one in carried.descriptors) else ()
 
-    def charge_to(self, control: Account, unfinished: Account) -> None:
-        """Who this is was said: charge what waits for it, and what has not come whole, to these."""
-        self.stream.outbox.account = control
-        self.stream.session.reader.charge_to(unfinished)
-
     @property
     def is_held(self) -> bool:
         """Nothing of it is handled now."""
@@ -202,10 +198,9 @@ class PeerConnection:
 
     def wrote(self) -> None:
         """The socket has taken bytes; look whether the peer can be heard again."""
-        account = self.stream.outbox.account
-        if self._choke is None or account is None:
+        if self._choke is None:
             return
-        is_drained = self.stream.outbox.control_bytes <= account.limit // (2 * _CHOKED_PART)
+        is_drained = self.stream.outbox.control_bytes <= self.account.limit // (2 * _CHOKED_PART)
         if is_drained or self.stream.is_unheard:  # it has gone, and nobody waits for it any more
             self._choke.cancel()
             self._choke = None
@@ -263,14 +258,12 @@ class PeerConnection:
                 timer.cancel()
 
     def _look_at_choke(self) -> None:
-        account, sent_bytes = self.stream.outbox.account, self.stream.sent_bytes
+        sent_bytes = self.stream.sent_bytes
         self._choked_looks += 1
         if sent_bytes != self._choked_bytes:
             self._choked_bytes, self._choked_looks = sent_bytes, 0
-            self._host.live(self)
-        elif (account is not None and account.is_over) or (
-            self._choked_looks * _LOOK_S >= self._host.limits.lease_s * _STALL_PART
-        ):
+            self._host.hear(self)
+        elif self.account.is_over or self._choked_looks * _LOOK_S >= self._host.limits.lease_s * _STALL_PART:
             self.relieve()
             return
         self._choke = self._loop.call_later(_LOOK_S, self._look_at_choke)

@@ -1,4 +1,4 @@
-"""Listens, feeds the broker core with what comes, and carries out its effects. Decides nothing itself."""
+"""Feeds the core with what peers send, in turns, and carries out its effects. Decides nothing itself."""
 
 import asyncio
 import logging
@@ -57,8 +57,8 @@ class Server:
 
     `idle_s`: stop by itself after so many seconds without a connection (None: never). One that does so was
     started in the background by a client. The rest is for who asks over the wire: `find_fault` says what
-    speaks against a restart, "" for nothing; `reload` what has changed, or raises ConfigurationError. Of a
-    restart `is_restarting` tells who waits for `stopped`.
+    speaks against a restart, "" for nothing; `reload` what has changed, or raises ConfigurationError.
+    `is_restarting`: the end is a restart; to be looked at when `stopped` is done.
     """
 
     def __init__(
@@ -182,7 +182,7 @@ class Server:
         if connection.items is not None and not connection.is_held:
             self._wait(connection)
 
-    def live(self, connection: PeerConnection) -> None:
+    def hear(self, connection: PeerConnection) -> None:
         """The peer, which is not heard now, takes what is sent to it."""
         self._carry_out(self._broker.hear(monotonic_ns(), connection.id))
         self._flush()
@@ -196,12 +196,12 @@ class Server:
         _log.log(level, "%s pid %d: %s", what, pid, reason, extra={"peer": pid})
         if self._is_ending:
             return  # what it has sent still goes to the others, as if it were there
-        if self._peers.pop(connection.id, None) is not None:
-            self._gone[connection.id] = connection.party
-            with self._metered(connection.party):
-                self._carry_out(self._broker.detach(monotonic_ns(), connection.id))
-                self._flush()
-            self._arm_timer()
+        del self._peers[connection.id]
+        self._gone[connection.id] = connection.party
+        with self._metered(connection.party):
+            self._carry_out(self._broker.detach(monotonic_ns(), connection.id))
+            self._flush()
+        self._arm_timer()
         self._watch_idle()
 
     # --- turns
@@ -335,7 +335,7 @@ class Server:
 
     @contextmanager
     def _metered(self, party: Party[_Job]) -> Iterator[None]:
-        """What is done costs the party; within what another one pays for, that one."""
+        """Charge the work done inside to `party`; where it is done within another party's, to that one."""
         if self._payer is not None:
             yield
             return
@@ -527,9 +527,9 @@ class Server:
     def let_in(self, sock: socket.socket, who: Credentials, hello: Hello) -> None:
         peer = self._broker.attach(monotonic_ns(), hello, pid=who.pid, uid=who.uid, gids=who.groups)
         party = self._turns.party((who.uid, who.pid))
-        connection = self._peers[peer] = PeerConnection(self, sock, who, hello, peer, party)
+        accounts = self._broker.accounts(peer)
+        connection = self._peers[peer] = PeerConnection(self, sock, who, hello, peer, party, *accounts)
         self._connections.add(connection)
-        connection.charge_to(*self._broker.accounts(peer))
         connection.stream.before_write(partial(self._before_write, connection))
         _log.debug("%s (pid %d) connected", hello.program, who.pid, extra={"peer": who.pid})
         connection.greet()
@@ -563,8 +563,7 @@ class Server:
 
 
 def _user_account(connection: PeerConnection) -> Account | None:
-    account = connection.stream.outbox.account
-    return account.parent if account is not None else None
+    return connection.account.parent
 
 
 def _is_over(account: Account | None) -> bool:

@@ -13,7 +13,7 @@ from benchmarks.fairness.beside import start_attack
 from benchmarks.figures import percentiles
 from benchmarks.harness import START_S, Group
 
-LIMIT_S = 60.0
+_LIMIT_S = 60.0
 """Nobody is waited for longer."""
 
 
@@ -27,13 +27,13 @@ def come_back(each: int, program: str = "") -> Figures:
         busd = group.start_busd(program)
         begin_ns = monotonic_ns()
         child = group.start_python("many", "-m", "benchmarks.adapters.returning", many)
-        group.expect(child, "ready", within_s=LIMIT_S)
+        group.expect(child, "ready", within_s=_LIMIT_S)
         declared_ns = monotonic_ns() - begin_ns
         group.kill(busd)
         group.expect(child, "lost", within_s=START_S)
         group.start_busd(program)
         begin_ns = monotonic_ns()
-        back = group.expect(child, "back", within_s=LIMIT_S)
+        back = group.expect(child, "back", within_s=_LIMIT_S)
         return {"matched_s": declared_ns / 1e9, "back_s": (back["at_ns"] - begin_ns) / 1e9}
 
 
@@ -49,7 +49,7 @@ def arrive(programs: Programs, attack: Attack | None, said: set[str], program: s
         if attack is not None:
             group.expect(start_attack(group, 0, attack), "ready", within_s=START_S)
         child.tell("go")
-        events = [group.expect(child, "arrived", within_s=LIMIT_S) for _ in range(programs.number)]
+        events = [group.expect(child, "arrived", within_s=_LIMIT_S) for _ in range(programs.number)]
     said |= {str(one["error"]).replace(str(group.folder), "<folder>") for one in events if one["error"]}
     took_s = [float(one["took_s"]) for one in events if not one["error"]]
     figures = {"got_in": float(len(took_s))}

@@ -29,8 +29,8 @@ class Neighbour(NamedTuple):
     is_floor: bool = False
 
 
-def _one(*arguments: Attack) -> Neighbour:
-    return Neighbour(arguments)
+def _one(attack: Attack) -> Neighbour:
+    return Neighbour((attack,))
 
 
 def _guest(attack: Attack) -> Neighbour:

@@ -95,7 +95,10 @@ class _Absentee:
 
 
 class Absentees:
-    """`come` and `go` are for publishers; `find`, `settle`, `lose` and `forget` for subscriptions."""
+    """`come` and `go` are for publishers; `find`, `settle`, `lose` and `forget` for subscriptions.
+
+    `farewell` is for the end of the daemon.
+    """
 
     def __init__(self, timers: Timers, emit: Callable[[Effect], None]) -> None:
         self._timers = timers
@@ -135,7 +138,7 @@ class Absentees:
         if source is not None and source.publisher is publisher:
             source.end(publisher.next_seq - 1, has_left=publisher.has_left)
 
-    # --- subscriptions; each of these returns the present time
+    # --- subscriptions; those that are Steps return the present time
 
     def find(self, now_ns: int, subscription: Subscription, out: list[Effect]) -> Steps:
         """A subscription is there and is yet to be matched: if it is back, tell it what it can't know.

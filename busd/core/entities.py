@@ -19,7 +19,9 @@ from busd.core.effects import Flush
 MessageType = tuple[str, str]
 """A type's name and hash."""
 
-_MOST_REMEMBERED = 128
+_MOST_GONE = 128
+"""Publishers that have gone, of which a subscription's numbers are kept; more may come in `last_seqs`, until
+all its matches are made."""
 
 GRAPH = -1
 """Stands where an endpoint's number may, for the graph."""
@@ -352,7 +354,7 @@ class Subscription(Endpoint):
 
     def forget_oldest(self) -> None:
         """Of publishers that may come back, so many are remembered."""
-        while len(self.last_seqs) > _MOST_REMEMBERED:
+        while len(self.last_seqs) > _MOST_GONE:
             oldest = next(iter(self.last_seqs))
             del self.last_seqs[oldest]
             self.owed.pop(oldest, None)

@@ -6,8 +6,8 @@ clock is read here.
 
 A party that asks for little is served at once, out of an allowance that fills up again with time. One that
 has used it up, or that leaves work behind, stands in the line. The shell serves one turn of the line between
-two looks at its sockets. So a party that asks for little waits for a turn or two, and with n parties in the
-line each of them waits for n - 1 turns.
+two looks at its sockets. So a party within its allowance waits for the turn that is being served, at most
+one or two; one that has used it up waits, with n parties in the line, for the n - 1 turns of the others.
 """
 
 from collections import deque
@@ -20,7 +20,7 @@ __all__ = ["BUDGET", "Party", "Turns"]
 BUDGET = 250
 """Work of one turn: so long others wait for it, and so little does it cost to change from one to the next."""
 _REFILL_NS = 10_000
-"""In which time a unit of the allowance comes back: a tenth of busd's time goes to a party without a line."""
+"""In this time one unit comes back, so a party may use a tenth of busd's time without standing in line."""
 
 Job = TypeVar("Job", bound=Hashable)
 

@@ -36,7 +36,7 @@ class _Ring:
         self.source = source
         self.slot = slot
         self.identity = identity  # of the newest segment; its descriptor is of no use once it is mapped
-        self.doorbell = doorbell
+        self.doorbell = doorbell  # never read: held open, because the reader knows its number
         self.is_finishing = False  # its publisher has gone; it may come back
         self.final_seq = 0  # the last number of its publisher, which has gone while the broker was lost
         self.is_stale = False  # an earlier broker made the match, and the present one has not yet
@@ -45,7 +45,8 @@ class _Ring:
 class RingInput:
     """`owner` is the subscription that the link knows, and is given to it when something has come.
 
-    `on_missed` hears how many samples were in rings in which publishers went on while the broker was lost.
+    `on_missed(count)` hears of samples in rings that were never seen here, because their publishers went on
+    in them while the broker was lost.
     """
 
     def __init__(

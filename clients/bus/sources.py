@@ -112,7 +112,7 @@ class Sources(dict[int, Source]):
     def meet(
         self, matched: Matched, known_seq: int | None, qos: QoSProfile, *, is_new_broker: bool
     ) -> Source:
-        """A publisher that is matched with a subscription of `qos`. None: it was not heard before."""
+        """A publisher is matched, as a subscription of `qos` asks. `known_seq`: up to where it was heard."""
         last_seq = matched.next_seq - 1 if known_seq is None else known_seq
         needs_ack = qos.is_lossless and matched.qos.is_lossless
         source = Source(matched.other, matched.gid, last_seq, matched.qos.lifespan_ns, needs_ack=needs_ack)
@@ -175,7 +175,7 @@ class Sources(dict[int, Source]):
         return self._skipped + self._rerouted
 
     def lapped(self, told: int) -> int:
-        """How many of them a ring had given up before its match went by socket, and not the broker."""
+        """How many of `missing` a ring had given up before its match went by socket, and not the broker."""
         return min(self._rerouted, max(0, self.missing - told))
 
     def lose_while_away(self, count: int) -> int:
@@ -204,7 +204,7 @@ class Sources(dict[int, Source]):
             self.last_seqs[gid] = max(self.last_seqs.get(gid, 0), known_seq)
 
     def lose(self, count: int) -> None:
-        """Count what was in a ring that nobody told us of."""
+        """Count samples of a ring that was never seen here: its publisher went on in it meanwhile."""
         self.lost_between += count
         self._on_lost("disconnected", count)
 

@@ -84,7 +84,7 @@ class Stories:
                 yield 2.6, Resume(name)
 
     def _confined(self) -> Role:
-        """It may have so much memory that its ring can't grow as far as it would, for one who reads it."""
+        """A publisher in a memory cgroup that is too small for its ring, and a subscription that reads it."""
         topic, limit_bytes = "/confined", self._chance.randint(32, 64) * _MIB
         talker = Talker(self._number(), topic, Quality(100), (64 * _KIB, _MIB), 3, 0.02)
         role = self._role("confined", [talker, Ear(self._number(), topic, Quality(5))], by_socket=False)

@@ -73,11 +73,11 @@ async def test_killed_with_something_unread(pair: tuple[socket.socket, socket.so
     assert len(end.items) == 1
 
 
-async def test_paused(pair: tuple[socket.socket, socket.socket]) -> None:
+async def test_held(pair: tuple[socket.socket, socket.socket]) -> None:
     """Nothing is read, not even the end; then everything is."""
     mine, other = pair
     end = End(mine)
-    end.stream.pause(3600)
+    end.stream.hold()
     other.send(HELLO)
     other.close()
     mine.setblocking(True)
@@ -86,18 +86,9 @@ async def test_paused(pair: tuple[socket.socket, socket.socket]) -> None:
     for _ in range(3):
         await asyncio.sleep(0)
     assert not end.items
-    end.stream._end_pause()
+    end.stream.release()
     await end.ended()
     assert len(end.items) == 1
-
-
-async def test_a_pause_ends(pair: tuple[socket.socket, socket.socket]) -> None:
-    mine, other = pair
-    end = End(mine)
-    end.stream.pause(3600)
-    end.stream.pause(0.001)  # the last word counts
-    other.close()
-    await end.ended()
 
 
 @pytest.mark.parametrize("who", ["we", "they"])
@@ -112,7 +103,6 @@ async def test_nobody_is_kept_by_one_that_has_ended(
         end = End(mine)
         end.stream.before_write(end.items.clear)
         end.stream.on_received = partial(End.ended, end)  # type: ignore[assignment]
-        end.stream.pause(3600 if who == "we" else 0)
         if who == "we":
             end.stream.close()
         else:
@@ -126,11 +116,12 @@ async def test_nobody_is_kept_by_one_that_has_ended(
         gc.enable()
 
 
-async def test_closed_while_it_is_paused(pair: tuple[socket.socket, socket.socket]) -> None:
+async def test_closed_while_it_is_held(pair: tuple[socket.socket, socket.socket]) -> None:
     mine, other = pair
     end = End(mine)
-    end.stream.pause(0)
+    end.stream.hold()
     end.stream.close()
     assert other.recv(1) == b""
-    await asyncio.sleep(0.001)  # the pause ends and touches nothing
+    end.stream.release()  # touches nothing
+    await asyncio.sleep(0)
     assert not end.lost.done()

@@ -32,7 +32,7 @@ _MOST_BYTES = 1 << 16
 
 
 class Room(NamedTuple):
-    """What `where` has: bytes that it may hold, and of these not in use, or in use as a cache of files."""
+    """`where` may hold `limit` bytes; of these `left` are not in use, or are a cache of files."""
 
     where: str
     limit: int
@@ -68,10 +68,10 @@ class _Grant:
 
 
 def claim(size: int, *, of: int = 0) -> None:
-    """Raise OSError (ENOMEM), saying where and what is left, if `size` bytes more would be of a reserve.
+    """Raise OSError (ENOMEM), saying where and what is left, if `size` bytes more would be of the reserve.
 
-    `of`: the whole segment that they are the rest of. In a large ring there are long messages, so half of it
-    must be free besides, for those who work on them.
+    `of`: the whole segment, of which `size` is the rest. The reserve is at least half of that: large rings
+    hold long messages, and those who work on them need memory, too.
     """
     now_ns = monotonic_ns()
     least = max(size, of) // 2

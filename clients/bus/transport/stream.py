@@ -66,7 +66,6 @@ class Stream:
         self.has_ended = False
         """The other side will send no more, where that is not the end of the connection (`linger`)."""
         self._does_linger = False
-        self._pause_end: asyncio.TimerHandle | None = None
         self._holds = 0
         self._may_read = may_read
         self._may_write = may_write
@@ -185,16 +184,6 @@ class Stream:
         """Nothing waits that could still be sent."""
         return self.is_closed or self._is_unheard or not (self.is_blocked or self.outbox)
 
-    def pause(self, seconds: float) -> None:
-        """`hold` for so long from now; the last word counts."""
-        if self.is_closed:
-            return
-        if self._pause_end is not None:
-            self._pause_end.cancel()
-        else:
-            self.hold()
-        self._pause_end = self._loop.call_later(seconds, self._end_pause)
-
     def close(self) -> None:
         """Send what the socket still takes and close it; what the socket does not take is lost."""
         while not (self.is_closed or self._rest or self._is_unheard) and self.outbox:
@@ -308,10 +297,6 @@ class Stream:
         with suppress(OSError):
             self._sock.shutdown(socket.SHUT_WR)
 
-    def _end_pause(self) -> None:
-        self._pause_end = None
-        self.release()
-
     def _pause(self) -> None:
         """The user has as many descriptors on the way as the kernel allows; no event says when to go on."""
         if self.is_blocked:
@@ -345,8 +330,6 @@ class Stream:
         # Whom it told of things goes with it: not when a collector comes by.
         self.on_received = self._on_lost = _ignore
         self._before_write = None
-        if self._pause_end is not None:
-            self._pause_end.cancel()
         self._loop.remove_reader(self._sock.fileno())
         if self.is_blocked:
             self._loop.remove_writer(self._sock.fileno())

@@ -291,10 +291,10 @@ class LivelinessLost(Message, frozen=True, tag="lost"):
 class Dropped(Message, frozen=True, tag="dropped"):
     """Totals of what the broker dropped for a subscription, by reason.
 
-    To one whose process had lost its connection, once: `missed`, of publishers that it was matched with, from
-    which number on their samples were for it (0: it knows that from a ring), and their last one (0: they are
-    there, and the match tells it).
-    `before`: what was dropped for it until then.
+    After a process had lost its connection and is back: `missed`, by publisher, from which number on its
+    samples were for the subscription (0: it knows that from a ring), and the last one (0: the publisher is
+    there, and the match tells it). What is told twice says the same. `before`: what was dropped for the
+    subscription over its earlier connections.
     """
 
     subscription: int

@@ -306,7 +306,7 @@ class TestMeanwhile:
             world.between = lambda: None
             world.broker.reconfigure(world.now_ns, world.broker.limits, (), Access(UID))
 
-        world.budget, world.between = 60, renew
+        world.budget, world.between = 5 if asks else 60, renew
         if asks:
             listener.tell(m.GetGraph(request=77))
             assert len(listener.got(m.Graph)) == 1
