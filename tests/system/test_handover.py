@@ -40,6 +40,17 @@ def restart(path: Path) -> m.Hello:
         return peer.expect(m.Hello)
 
 
+def until_alone(peer: RawPeer) -> None:
+    """Wait until busd has noticed that those who were connected before are gone."""
+
+    def peers() -> int:
+        answer = peer.ask(m.GetPeers(request=peer.request()))
+        assert isinstance(answer, m.Peers), answer
+        return len(answer.peers)
+
+    until_equal(1, peers)
+
+
 def restarts_said(daemon: Daemon) -> int:
     return daemon.log.read_text().count("[busd]: restarting: asked by ")
 
@@ -74,11 +85,11 @@ class TestTheProcess:
 
         restart(daemon.path)
         with RawPeer(daemon.path) as peer:
-            peer.hello()
+            until_alone(peer.hello())
             before = look()
         restart(daemon.path)
         with RawPeer(daemon.path) as peer:
-            peer.hello()
+            until_alone(peer.hello())
             until_equal(before, look)
 
     def test_takes_nobody_for_gone_meanwhile(self, daemon: Daemon) -> None:
