@@ -1,5 +1,6 @@
-"""Fixtures of the tests that are rude to a daemon, and look whether others suffer."""
+"""Fixtures of the tests that are rude to a daemon and look whether others suffer, or run what pages show."""
 
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -8,6 +9,7 @@ import pytest
 
 from conftest import Daemon
 from neighbours import Neighbours, resident_bytes
+from pages import ROOT, Program, Start
 from raw_peer import RawPeer
 from users import Guests
 
@@ -61,3 +63,21 @@ def guests() -> Iterator[Callable[..., Guests]]:
     """Starts a busd of OWNER with the given rules."""
     with ExitStack() as running:
         yield lambda *rules, **more: running.enter_context(Guests("".join(rules), **more))
+
+
+@pytest.fixture
+def start(socket_path: Path) -> Iterator[Start]:
+    """Starts commands; what still runs at the end is interrupted."""
+    programs: list[Program] = []
+
+    def start(command: str, folder: Path = ROOT) -> Program:
+        programs.append(Program(command, folder))
+        return programs[-1]
+
+    yield start
+    for program in reversed(programs):
+        if program.process.poll() is None:
+            program.end(signal.SIGINT)
+        program.patience.cancel()
+        assert program.process.stdout is not None
+        program.process.stdout.close()

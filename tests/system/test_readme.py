@@ -6,146 +6,30 @@ would run this test; of those it is checked that what they call is there.
 
 import os
 import re
-import shlex
 import shutil
 import signal
 import subprocess
 import sys
-import threading
 import tomllib
-from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 
 import bus
 from bus.msg.sensor_msgs import Image
 from bus.msg.std_msgs import String
-from conftest import TEST_S, WAIT_S, Daemon
+from conftest import WAIT_S, Daemon
+from pages import BLOCK, FILE, ROOT, SCRIPT, Program, Start, blocks, check, console, shape
 
-ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
-INTERRUPTED = "^C"
 ROBOT_SECONDS = "1"
 
-_SCRIPT = re.compile(r"^`(\w+\.py)`:\n\n```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-_FILE = re.compile(r"^`([\w/]+\.\w+)`:\n\n```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-_BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-_NUMBER = re.compile(r"\d+(?:\.\d+)?")
-_SOCKET = re.compile(r"/\S+\.sock")
-_BLANKS = re.compile(r" {2,}")
-
-
-class Shown(NamedTuple):
-    """A command of the README and what it prints there."""
-
-    command: str
-    lines: tuple[str, ...]
-
-    @property
-    def is_interrupted(self) -> bool:
-        return self.lines[-1:] == (INTERRUPTED,)
-
-    @property
-    def output(self) -> tuple[str, ...]:
-        return self.lines[:-1] if self.is_interrupted else self.lines
-
-
-def blocks(language: str, page: str = README) -> list[str]:
-    return [text for found, text in _BLOCK.findall(page) if found == language]
-
-
-def console(page: str = README) -> list[Shown]:
-    found: list[Shown] = []
-    for block in blocks("console", page):
-        for session in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
-            command, *lines = session.rstrip("\n").split("\n")
-            found.append(Shown(command, tuple(lines)))
-    return found
-
-
-def shape(text: str) -> str:
-    """A pattern for what differs from `text` in numbers, in the width of columns and in the socket only."""
-    marked = _SOCKET.sub("\1", _BLANKS.sub("\2", text))
-    parts = [re.escape(part) for part in _NUMBER.split(marked)]
-    pattern = r"-?\d+(?:\.\d+)?".join(parts)
-    return pattern.replace(re.escape("\1"), r"/\S+").replace(re.escape("\2"), " +")
-
-
-CONSOLE = console()
+CONSOLE = console(README)
 COMMANDS = {shown.command: shown for shown in CONSOLE}
 RUN = [shown for shown in CONSOLE if shown.command.startswith("bus run ")]
 BUS = [shown for shown in CONSOLE if shown.command.startswith("bus ") and shown not in RUN]
-PROGRAMS = {"busd": ("-m", "busd"), "bus": ("-m", "bus.cli"), "python": ()}
-
-
-class Program:
-    """A command of the README as a process; what it prints is kept."""
-
-    def __init__(self, command: str, folder: Path = ROOT) -> None:
-        name, *arguments = shlex.split(command)
-        words = [sys.executable, *PROGRAMS[name], *arguments] if name in PROGRAMS else [name, *arguments]
-        self.text = ""
-        self.process = subprocess.Popen(
-            words,
-            cwd=folder,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            env={**os.environ, "PYTHONASYNCIODEBUG": ""},
-        )
-        self._patience = threading.Timer(TEST_S, self.process.kill)  # some live as long as their test
-        self._patience.start()
-
-    def read_until(self, pattern: str) -> None:
-        """Read until `pattern` matches what was printed, from the beginning of some line."""
-        assert self.process.stdout is not None
-        while not re.search(f"^{pattern}", self.text, re.MULTILINE):
-            line = self.process.stdout.readline()
-            assert line, f"{pattern!r} did not come; {self.process.args!r} printed:\n{self.text}"
-            self.text += line
-
-    def end(self, number: signal.Signals | None = None) -> int:
-        """Send a signal, read the rest; returns the exit status."""
-        if number is not None:
-            self.process.send_signal(number)
-        self.text += self.process.communicate()[0]
-        self._patience.cancel()
-        return self.process.returncode
-
-
-Start = Callable[..., Program]
-
-
-@pytest.fixture
-def start(socket_path: Path) -> Iterator[Start]:
-    """Starts commands; what still runs at the end is interrupted."""
-    programs: list[Program] = []
-
-    def start(command: str, folder: Path = ROOT) -> Program:
-        programs.append(Program(command, folder))
-        return programs[-1]
-
-    yield start
-    for program in reversed(programs):
-        if program.process.poll() is None:
-            program.end(signal.SIGINT)
-        program._patience.cancel()
-        assert program.process.stdout is not None
-        program.process.stdout.close()
-
-
-def check(program: Program, shown: Shown) -> None:
-    """Read what was shown; a program that is not interrupted must print that and nothing else."""
-    pattern = "\n".join(shape(line) for line in shown.output)
-    if shown.is_interrupted:
-        program.read_until(f"{pattern}\n" if pattern else "")
-        return
-    status = program.end()
-    assert re.fullmatch(pattern, program.text.rstrip("\n")), program.text
-    assert status == 0
 
 
 @pytest.fixture
@@ -187,10 +71,10 @@ def test_the_command_line_is_shown_with_what_newcomers_need() -> None:
 
 def test_scripts_of_the_readme(daemon: Daemon, tmp_path: Path, start: Start) -> None:
     """Each Python block is a file of the repository, or is run as the file that it is said to be."""
-    own = _SCRIPT.findall(README)
+    own = SCRIPT.findall(README)
     assert own
     files = [path.read_text() for path in (ROOT / "examples").glob("*.py")]
-    assert all(block in files or block in dict(own).values() for block in blocks("python"))
+    assert all(block in files or block in dict(own).values() for block in blocks("python", README))
     for name, text in own:
         (tmp_path / name).write_text(text)
         if f"python {name}" in COMMANDS:
@@ -209,7 +93,7 @@ def test_the_script_of_the_page_about_large_messages(
     daemon: Daemon, tmp_path: Path, start: Start, route: str
 ) -> None:
     page = (ROOT / "docs" / "large-messages.md").read_text()
-    ((name, text),) = _SCRIPT.findall(page)
+    ((name, text),) = SCRIPT.findall(page)
     (shown,) = console(page)
     assert shown.command == f"python {name}"
     (tmp_path / name).write_text(text)
@@ -218,7 +102,7 @@ def test_the_script_of_the_page_about_large_messages(
 
 async def test_the_profiles_of_the_qos_page(daemon: Daemon) -> None:
     text = (ROOT / "docs" / "qos.md").read_text()
-    snippet = next(block for language, block in _BLOCK.findall(text) if language == "python")
+    snippet = next(block for language, block in BLOCK.findall(text) if language == "python")
     names: dict[str, Any] = {"bus": bus, "String": String, "Image": Image}
     async with bus.Node("tester", arguments=[]) as node:
         body = "".join(f"    {line}\n" for line in snippet.splitlines())
@@ -261,12 +145,18 @@ def test_the_package_of_the_lesson_page(lesson: Path, start: Start) -> None:
     assert printed == [line for line in shown.lines if not line.startswith(own)]
 
 
+def test_the_lesson_page_prints_its_first_two_programs() -> None:
+    printed = dict(SCRIPT.findall(LESSON))
+    for name in ("publisher_member_function.py", "subscriber_member_function.py"):
+        assert printed[name] == (ROOT / "tests" / "lesson" / name).read_text()
+
+
 @pytest.mark.parametrize("step", STEPS[1:], ids=lambda step: step.splitlines()[0].strip("# "))
 def test_the_steps_of_the_lesson_page(step: str, daemon: Daemon, lesson: Path, start: Start) -> None:
     """The programs of a step run on while the commands after them are typed."""
     for line in "".join(blocks("sh", step)).splitlines():
         assert start(line, lesson / "src").end() == 0
-    for name, text in _FILE.findall(step):
+    for name, text in FILE.findall(step):
         (lesson / name).parent.mkdir(exist_ok=True)
         (lesson / name).write_text(text)
     running: list[Program] = []
@@ -323,7 +213,7 @@ def test_make_robot(tmp_path: Path) -> None:
 
 
 def test_what_is_typed_exists(tmp_path: Path) -> None:
-    typed = [line for block in blocks("sh") for line in block.splitlines()]
+    typed = [line for block in blocks("sh", README) for line in block.splitlines()]
     assert "make demo" in typed
     for line in typed:
         if line.startswith("make "):

@@ -20,7 +20,17 @@ from feeding import frame_record
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-OURS = ("protocol", "architecture", "lesson", "qos", "operation", "reliability", "security", "README")
+OURS = (
+    "protocol",
+    "architecture",
+    "lesson",
+    "patterns",
+    "qos",
+    "operation",
+    "reliability",
+    "security",
+    "README",
+)
 PAGES = {name: (DOCS / f"{name}.md").read_text() for name in OURS}
 README = (ROOT / "README.md").read_text()
 ALL = {"../README": README, **PAGES}

@@ -1,0 +1,118 @@
+"""Runs what a page shows: programs as files, commands as processes; output has the shape that is shown."""
+
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from conftest import TEST_S
+
+ROOT = Path(__file__).parents[1]
+INTERRUPTED = "^C"
+
+SCRIPT = re.compile(r"^`(\w+\.py)`:\n\n```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+FILE = re.compile(r"^`([\w/]+\.\w+)`:\n\n```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
+_SOCKET = re.compile(r"/\S+\.sock")
+_BLANKS = re.compile(r" {2,}")
+
+
+class Shown(NamedTuple):
+    """A command of the README and what it prints there."""
+
+    command: str
+    lines: tuple[str, ...]
+
+    @property
+    def is_interrupted(self) -> bool:
+        return INTERRUPTED in self.lines
+
+    @property
+    def output(self) -> tuple[str, ...]:
+        """What it prints before it is interrupted."""
+        return self.lines[: self.lines.index(INTERRUPTED)] if self.is_interrupted else self.lines
+
+    @property
+    def farewell(self) -> tuple[str, ...]:
+        """What it prints after that."""
+        return self.lines[len(self.output) + 1 :]
+
+
+def blocks(language: str, page: str) -> list[str]:
+    return [text for found, text in BLOCK.findall(page) if found == language]
+
+
+def console(page: str) -> list[Shown]:
+    found: list[Shown] = []
+    for block in blocks("console", page):
+        for session in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
+            command, *lines = session.rstrip("\n").split("\n")
+            found.append(Shown(command, tuple(lines)))
+    return found
+
+
+def shape(text: str) -> str:
+    """A pattern for what differs from `text` in numbers, in the width of columns and in the socket only."""
+    marked = _SOCKET.sub("\1", _BLANKS.sub("\2", text))
+    parts = [re.escape(part) for part in _NUMBER.split(marked)]
+    pattern = r"-?\d+(?:\.\d+)?".join(parts)
+    return pattern.replace(re.escape("\1"), r"/\S+").replace(re.escape("\2"), " +")
+
+
+PROGRAMS = {"busd": ("-m", "busd"), "bus": ("-m", "bus.cli"), "python": ()}
+
+
+class Program:
+    """A command of the README as a process; what it prints is kept."""
+
+    def __init__(self, command: str, folder: Path = ROOT) -> None:
+        name, *arguments = shlex.split(command)
+        words = [sys.executable, *PROGRAMS[name], *arguments] if name in PROGRAMS else [name, *arguments]
+        self.text = ""
+        self.process = subprocess.Popen(
+            words,
+            cwd=folder,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env={**os.environ, "PYTHONASYNCIODEBUG": ""},
+        )
+        self.patience = threading.Timer(TEST_S, self.process.kill)  # some live as long as their test
+        self.patience.start()
+
+    def read_until(self, pattern: str) -> None:
+        """Read until `pattern` matches what was printed, from the beginning of some line."""
+        assert self.process.stdout is not None
+        while not re.search(f"^{pattern}", self.text, re.MULTILINE):
+            line = self.process.stdout.readline()
+            assert line, f"{pattern!r} did not come; {self.process.args!r} printed:\n{self.text}"
+            self.text += line
+
+    def end(self, number: signal.Signals | None = None) -> int:
+        """Send a signal, read the rest; returns the exit status."""
+        if number is not None:
+            self.process.send_signal(number)
+        self.text += self.process.communicate()[0]
+        self.patience.cancel()
+        return self.process.returncode
+
+
+Start = Callable[..., Program]
+
+
+def check(program: Program, shown: Shown) -> None:
+    """Read what was shown; a program that is not interrupted must print that and nothing else."""
+    pattern = "\n".join(shape(line) for line in shown.output)
+    if shown.is_interrupted:
+        program.read_until(f"{pattern}\n" if pattern else "")
+        return
+    status = program.end()
+    assert re.fullmatch(pattern, program.text.rstrip("\n")), program.text
+    assert status == 0

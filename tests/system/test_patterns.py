@@ -1,0 +1,94 @@
+"""Every program of the page of patterns is run as its user would run it."""
+
+import ast
+import inspect
+import re
+import signal
+import socket
+import time
+import urllib.error
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from conftest import WAIT_S, Daemon
+from pages import BLOCK, ROOT, SCRIPT, Start, check, console
+
+PAGE = (ROOT / "docs" / "patterns.md").read_text()
+SCRIPTS = dict(SCRIPT.findall(PAGE))
+SHOWN = {shown.command.split()[-1]: shown for shown in console(PAGE)}
+SERVERS = {
+    "web.py": "python -m uvicorn web:app --port {port}",
+    "web_aiohttp.py": "python web_aiohttp.py",
+}
+PORT = 8000
+"""The page's own; tests run side by side, and take another."""
+
+pytestmark = pytest.mark.usefixtures("daemon")
+
+
+def test_every_program_is_run() -> None:
+    assert set(SCRIPTS) == set(SHOWN) | set(SERVERS)
+    titles = re.findall("^## (.*)$", PAGE, re.MULTILINE)
+    assert len(titles) >= 10
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_prints_what_is_shown(name: str, tmp_path: Path, start: Start) -> None:
+    shown = SHOWN[name]
+    (tmp_path / name).write_text(SCRIPTS[name])
+    program = start(shown.command, tmp_path)
+    check(program, shown)
+    if shown.is_interrupted:
+        program.end(signal.SIGINT)
+        assert tuple(program.text.splitlines()[len(shown.output) :]) == shown.farewell
+
+
+def free_port() -> int:
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        port: int = one.getsockname()[1]
+        return port
+
+
+def ask(url: str, method: str = "GET") -> str:
+    """Asks until somebody answers."""
+    until = time.monotonic() + WAIT_S
+    while True:
+        try:
+            with urllib.request.urlopen(urllib.request.Request(url, method=method), timeout=WAIT_S) as answer:
+                text: str = answer.read().decode()
+                return text
+        except urllib.error.URLError:
+            assert time.monotonic() < until, url
+            time.sleep(0.05)
+
+
+@pytest.mark.parametrize("name", SERVERS)
+def test_a_node_in_a_web_server(name: str, tmp_path: Path, start: Start) -> None:
+    pytest.importorskip("uvicorn" if name == "web.py" else "aiohttp")
+    port = free_port()
+    (tmp_path / name).write_text(SCRIPTS[name].replace(str(PORT), str(port)))
+    server = start(SERVERS[name].format(port=port), tmp_path)
+    url = f"http://127.0.0.1:{port}/words"
+    said = ask(f"{url}/hi", "POST")
+    if name == "web.py":
+        while ask(url) != '["hi"]':
+            time.sleep(0.01)
+    else:
+        assert said == "0 heard it"
+    server.end(signal.SIGINT)
+    assert "Traceback" not in server.text and "ERROR" not in server.text
+
+
+async def test_the_cells_of_a_notebook(daemon: Daemon) -> None:
+    """As a kernel runs them: one after the other in its own event loop, with `await` allowed in each."""
+    cells = [text for language, text in BLOCK.findall(PAGE) if language == "jupyter"]
+    names: dict[str, Any] = {}
+    for cell in cells:
+        result = eval(compile(cell, "<cell>", "exec", ast.PyCF_ALLOW_TOP_LEVEL_AWAIT), names)
+        if inspect.isawaitable(result):
+            await result
+    assert names["message"].data == "from a cell"
