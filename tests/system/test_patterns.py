@@ -2,7 +2,6 @@
 
 import ast
 import inspect
-import re
 import signal
 import socket
 import time
@@ -31,8 +30,6 @@ pytestmark = pytest.mark.usefixtures("daemon")
 
 def test_every_program_is_run() -> None:
     assert set(SCRIPTS) == set(SHOWN) | set(SERVERS)
-    titles = re.findall("^## (.*)$", PAGE, re.MULTILINE)
-    assert len(titles) >= 10
 
 
 @pytest.mark.parametrize("name", SHOWN)
