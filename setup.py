@@ -1,22 +1,81 @@
-"""Builds the native core. BUS_NATIVE=auto (the default: without it where it can't be built) | yes | no."""
+"""Builds the native core. BUS_NATIVE=auto (the default: without it where it can't be built) | yes | no.
+
+A wheel is named for what is in it: without the core `py3-none-any`.
+"""
 
 import os
+import re
 import sys
+import sysconfig
 from pathlib import Path
 
 from setuptools import Extension, setup
+from setuptools.command.bdist_wheel import bdist_wheel
+from setuptools.command.build_ext import build_ext
 
 HERE = Path(__file__).parent
 FOLDER = Path("clients", "bus", "shm")
+
+NOTE = """\
+Pages named here, such as `docs/qos.md`, and the commands with `make` are of the source distribution.
+"""
+_FENCED_OR_LINK = re.compile(r"^```.*?^```$|\[([^\]]+)\]\((?![a-z]+:|#)([^)\s]+)\)", re.MULTILINE | re.DOTALL)
+
+
+def read_on_an_index(text: str) -> str:
+    """README.md for a page that has no files beside it: each link to a file becomes the file's path."""
+
+    def name_path(found: re.Match[str]) -> str:
+        label, path = found.groups()
+        if label is None:
+            return found[0]
+        return f"`{path}`" if label == path else f"{label} (`{path}`)"
+
+    title, rest = text.split("\n", 1)
+    return f"{title}\n\n{NOTE}{_FENCED_OR_LINK.sub(name_path, rest)}"
+
+
+class BuildExt(build_ext):
+    """Leaves no core of an earlier build where this one can't be built."""
+
+    def build_extension(self, ext: Extension) -> None:
+        Path(self.get_ext_fullpath(ext.name)).unlink(missing_ok=True)
+        super().build_extension(ext)
+
+
+class BdistWheel(bdist_wheel):
+    """Names the wheel once it is known whether it has the core."""
+
+    def run(self) -> None:
+        self.run_command("build_ext")
+        build = self.get_finalized_command("build_ext")
+        if not all(Path(output).exists() for output in build.get_outputs()):
+            self.distribution.ext_modules = []
+            self.root_is_pure, self.py_limited_api = True, ""
+        super().run()
+
+
+def why_no_core() -> str:
+    """What keeps the core from being built for this Python, in a few words; "" where it can be tried."""
+    if sys.platform != "linux":
+        return f"it needs Linux, this is {sys.platform}"
+    if sys.implementation.name != "cpython":
+        return f"it needs CPython, this is {sys.implementation.name}"
+    if sysconfig.get_config_var("Py_GIL_DISABLED"):
+        return "it needs a Python with the GIL (the limited API), this one is free-threaded"
+    return ""
 
 
 def extensions() -> list[Extension]:
     wish = os.environ.get("BUS_NATIVE", "auto")
     if wish not in ("auto", "yes", "no"):
         raise SystemExit(f"BUS_NATIVE is {wish!r}; it must be auto, yes or no")
-    if wish == "yes" and sys.platform != "linux":
-        raise SystemExit("BUS_NATIVE=yes: the native core needs Linux")
-    if wish == "no" or sys.platform != "linux" or sys.implementation.name != "cpython":
+    reason = why_no_core()
+    if wish == "yes" and reason:
+        raise SystemExit(f"BUS_NATIVE=yes: the native core can't be built: {reason}")
+    if wish == "no" or reason:
+        if reason:
+            print(f"busd is built without its native core: {reason}", file=sys.stderr)
         return []
     core = Extension(
         "bus.shm._core",
@@ -30,5 +89,12 @@ def extensions() -> list[Extension]:
     return [core]
 
 
-modules = extensions()
-setup(ext_modules=modules, options={"bdist_wheel": {"py_limited_api": "cp311"}} if modules else {})
+if __name__ == "__main__":
+    modules = extensions()
+    setup(
+        ext_modules=modules,
+        cmdclass={"build_ext": BuildExt, "bdist_wheel": BdistWheel},
+        options={"bdist_wheel": {"py_limited_api": "cp311"}} if modules else {},
+        long_description=read_on_an_index((HERE / "README.md").read_text(encoding="utf-8")),
+        long_description_content_type="text/markdown",
+    )

@@ -18,6 +18,7 @@ from typing import Any
 from bus.address import socket_path
 from bus.errors import ConfigurationError
 from bus.logfile import log_path
+from bus.release import RELEASE
 from busd.access import find_doubts
 from busd.config import Config, load
 from busd.core.access import Access
@@ -97,6 +98,7 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
+    parser.add_argument("--version", action="version", version=f"busd {RELEASE}")
     parser.add_argument("--socket", type=Path, metavar="PATH", help="listen on this UNIX socket")
     parser.add_argument(
         "--domain",

@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from bus.node import Node, NodeStatistics
     from bus.publisher import Publisher, PublisherStatistics
     from bus.qos import Durability, History, Liveliness, QoS, QoSProfile, Reliability
+    from bus.release import RELEASE as __version__
     from bus.runner import run
     from bus.service import RequestId, ServiceServer, ServiceServerStatistics
     from bus.srv import Service
@@ -155,6 +156,7 @@ __all__ = [
     "SubscriptionEvents",
     "SubscriptionStatistics",
     "Timer",
+    "__version__",
     "get_logger",
     "qos",
     "run",
@@ -164,6 +166,8 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name == "qos":
         return import_module("bus.qos")
+    if name == "__version__":
+        return import_module("bus.release").RELEASE
     if name in _HOME_OF:
         value = globals()[name] = getattr(import_module(_HOME_OF[name]), name)
         return value

@@ -1,4 +1,4 @@
-"""Which release of busd this is; pyproject.toml says the same, and a test compares them.
+"""Which release of busd this is. The only place that says so: packages take their version from here.
 
 A constant, because asking the installer's records takes longer than to connect.
 """

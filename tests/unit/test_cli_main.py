@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import bus
 from bus.cli import main as cli
 from bus.cli.main import COMMANDS, make_parser, run
 from bus.cli.output import CommandError
@@ -75,7 +76,7 @@ def test_no_command_prints_the_help(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["--version"]) == 0
-    assert capsys.readouterr().out.startswith("bus ")
+    assert capsys.readouterr().out == f"bus {bus.__version__}\n"
 
 
 @pytest.mark.parametrize(

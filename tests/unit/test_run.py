@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import bus
 from busd.run import main
 
 
@@ -15,6 +16,12 @@ def signals() -> Iterator[None]:
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
     yield
     signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match=r"^0$"):
+        main(["--version"])
+    assert capsys.readouterr().out == f"busd {bus.__version__}\n"
 
 
 @pytest.mark.parametrize("text", ["abc", "", "0", "-1", "nan", "inf"])

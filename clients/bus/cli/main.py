@@ -17,6 +17,7 @@ from typing import Any, NoReturn
 from bus.cli.exitcodes import EXIT_ERROR, EXIT_INTERRUPTED
 from bus.cli.output import CommandError, complain, say
 from bus.errors import BusError
+from bus.release import RELEASE
 
 COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
     "topic": (
@@ -153,7 +154,7 @@ def _run(words: Sequence[str]) -> int:
         _complete()
     args = make_parser(words).parse_args(words)
     if args.version:
-        say(f"bus {version('busd') or '(not installed)'}")
+        say(f"bus {RELEASE}")
         return 0
     code: int = args.main(args) or 0
     return code
