@@ -82,7 +82,7 @@ class World:
 
     def peer(self, process: int) -> PeerConnection:
         """The connection of that process, as the server has it."""
-        node = self.broker.graph.nodes[self.processes[process].node.id]  # type: ignore[index]
+        node = self.broker.graph.nodes[self.processes[process].node._id]  # type: ignore[index]
         return self.server._peers[node.peer.id]
 
     # --- processes
@@ -108,7 +108,7 @@ class World:
         endpoints = tuple(dead.link._declarations)
         dead.link.release()
         for endpoint in endpoints:
-            endpoint.end(ConnectionClosed("the process died"))
+            endpoint._end(ConnectionClosed("the process died"))
         await self.open_process(shares=process in self.model.sharing)
 
     def take_over(self, number: int) -> None:
@@ -159,7 +159,7 @@ class World:
         # In the order in which busd goes through them: that of their numbers there.
         self.model.publishers = {
             number: self.model.publishers[number]
-            for number in sorted(self.publishers, key=lambda number: self.publishers[number].id)
+            for number in sorted(self.publishers, key=lambda number: self.publishers[number]._id)
         }
         self.model.add_subscription(model.Subscription(self._ids, process, qos))
 
@@ -185,7 +185,7 @@ class World:
         """One end says that it can't share memory in this match."""
         writer, reader = self.publishers[publisher], self.subscriptions[subscription]
         ends = (writer, reader) if by_publisher else (reader, writer)
-        refusal = m.RefuseRoute(endpoint=ends[0].id, other=ends[1].id, text="a test")
+        refusal = m.RefuseRoute(endpoint=ends[0]._id, other=ends[1]._id, text="a test")
         ends[0]._link.send_about(ends[0], refusal)
         self.model.reroute(self.model.publishers[publisher], self.model.subscriptions[subscription])
 
@@ -264,7 +264,7 @@ class World:
             agree(number, found.expected, found.samples + found.queued + sum(found.dropped.values()))
         routes = {(one.publisher, one.subscription): one.route for one in graph.matches}
         assert routes == {
-            (self.publishers[publisher].id, self.subscriptions[number].id): route
+            (self.publishers[publisher]._id, self.subscriptions[number]._id): route
             for number, one in self.model.subscriptions.items()
             for publisher, route in one.routes.items()
         }

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from bus.cli.metrics.view import View
-from bus.graph import Graph
+from bus.graph import Graph, graph_of
 from bus.qos import QoSProfile
 from bus.release import RELEASE
 from bus.wire import messages as m
@@ -44,7 +44,7 @@ def endpoint(
 def graph(*endpoints: m.EndpointRecord, matches: Iterable[m.MatchRecord] = ()) -> Graph:
     """Of these endpoints, with the nodes that they need."""
     nodes = sorted({one.node for one in endpoints})
-    return Graph.from_snapshot(
+    return graph_of(
         m.Graph(
             request=1,
             revision=1,

@@ -120,10 +120,10 @@ class ServiceClient:
             on_error,
             self._take,
         )
-        self._replies.on_end = self._end
+        self._replies._on_end = self._end
 
     @property
-    def endpoints(self) -> tuple[Subscription[Any], Publisher[Any]]:
+    def _endpoints(self) -> tuple[Subscription[Any], Publisher[Any]]:
         """In the order in which they are to be declared."""
         return self._replies, self._requests
 
@@ -134,9 +134,9 @@ class ServiceClient:
         where the service's callback raised; LocalProtocolError where MAX_PENDING calls wait already; else as
         `Publisher.publish`. Cancellation leaves nothing behind; the service may do its work all the same.
         """
-        if not self._servers and self._requests.id:  # with busd away, nobody knows who serves
-            if self._requests.refusal is not None:
-                raise again(self._requests.refusal)
+        if not self._servers and self._requests._id:  # with busd away, nobody knows who serves
+            if self._requests._refusal is not None:
+                raise again(self._requests._refusal)
             raise ServiceUnavailable(self.service_name, "nobody serves it now; see wait_for_service")
         answer: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
 
@@ -171,7 +171,7 @@ class ServiceClient:
 
     def service_is_ready(self) -> bool:
         """Whether a call would be heard at once."""
-        return self._requests.ready_matches() > 0
+        return self._requests._ready_matches() > 0
 
     async def wait_for_service(self) -> None:
         """Wait until somebody serves; use `asyncio.timeout`. Cancellation leaves nothing behind."""
@@ -238,7 +238,7 @@ class ServiceClient:
                 "last one: each gets every request, and the first answer counts",
             )
         gone = before - self._servers
-        if not gone or not self._requests.id:
+        if not gone or not self._requests._id:
             return  # with busd away the servers are perhaps still there
         for call in tuple(self._calls.values()):
             if call.asked & gone:

@@ -1,6 +1,7 @@
 """What a process has declared at its broker: nodes and endpoints, the ids they got, and declaring them anew.
 
-Knows nodes and endpoints only by the methods that `Declared` and `Endpoint` name.
+Knows nodes and endpoints only by the methods that `Declared` and `Endpoint` name. These begin with an
+underscore, though other modules of `bus` call them: the objects are the users', who have no use for them.
 """
 
 import asyncio
@@ -43,11 +44,11 @@ _log = get_logger("bus")
 class Declared(Protocol):
     """What the broker gives an id to."""
 
-    id: int
+    _id: int
 
-    def declaration(self, request: int, node: int) -> m.Message: ...
+    def _declaration(self, request: int, node: int) -> m.Message: ...
 
-    def declared(self, answer: m.Created) -> None: ...
+    def _declared(self, answer: m.Created) -> None: ...
 
 
 class Node(Declared, Protocol):
@@ -60,35 +61,35 @@ class Node(Declared, Protocol):
 class Endpoint(Declared, Protocol):
     """A publisher or a subscription, as the link sees it."""
 
-    kind: str
+    _kind: str
     topic_name: str
     qos: QoSProfile
-    support: TypeSupport[Any]
-    refusal: BusError | None
+    _support: TypeSupport[Any]
+    _refusal: BusError | None
 
-    def disconnected(self) -> None: ...
+    def _disconnected(self) -> None: ...
 
     @property
-    def shared(self) -> tuple[Descriptor, ...]: ...
+    def _shared(self) -> tuple[Descriptor, ...]: ...
 
-    def handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None: ...
+    def _handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None: ...
 
-    def hand_over(self) -> None: ...
+    def _hand_over(self) -> None: ...
 
-    def receive_run(self, run: Run) -> None: ...
+    def _receive_run(self, run: Run) -> None: ...
 
-    def wake(self) -> None: ...
+    def _wake(self) -> None: ...
 
-    def totals(self) -> m.Report: ...
+    def _totals(self) -> m.Report: ...
 
-    def end(self, reason: BusError) -> None: ...
+    def _end(self, reason: BusError) -> None: ...
 
-    def abandon(self, reason: BusError) -> None: ...
+    def _abandon(self, reason: BusError) -> None: ...
 
 
 def lease_s(endpoint: Endpoint) -> float | None:
     """Within what time the broker wants a sign of life from this process for `endpoint`; None = no matter."""
-    if endpoint.kind == "publisher" and endpoint.qos.liveliness is Liveliness.AUTOMATIC:
+    if endpoint._kind == "publisher" and endpoint.qos.liveliness is Liveliness.AUTOMATIC:
         return endpoint.qos.liveliness_lease_duration
     return None
 
@@ -124,13 +125,13 @@ class Declarations:
         """Make `node` known to the broker."""
 
         def admit(answer: m.Created) -> None:
-            node.declared(answer)
+            node._declared(answer)
             self._nodes.setdefault(node, {})
 
         await self._declare(
             connection,
             node,
-            lambda number: node.declaration(number, 0),
+            lambda number: node._declaration(number, 0),
             admit,
             lambda answer: connection.send(m.DestroyNode(node=answer.id)),
         )
@@ -142,10 +143,10 @@ class Declarations:
         """
 
         def admit(answer: m.Created) -> None:
-            if node not in self._nodes or endpoint.refusal is not None:
+            if node not in self._nodes or endpoint._refusal is not None:
                 undo(answer)
                 return
-            endpoint.declared(answer)
+            endpoint._declared(answer)
             self._nodes[node][endpoint] = None
             self.by_id[answer.id] = endpoint
 
@@ -155,14 +156,14 @@ class Declarations:
 
         self._check(node)
         connection.share()
-        connection.declare_type(endpoint.support)
+        connection.declare_type(endpoint._support)
         await self._declare(
             connection,
             endpoint,
-            lambda number: endpoint.declaration(number, node.id),
+            lambda number: endpoint._declaration(number, node._id),
             admit,
             undo,
-            endpoint.shared,
+            endpoint._shared,
         )
         self._check(node)
 
@@ -172,14 +173,14 @@ class Declarations:
         What it refuses is ended, and the log says why. What a limit is in the way of waits until there is
         room: it will be asked again.
         """
-        nodes = [node for node in self._nodes if not node.id]
+        nodes = [node for node in self._nodes if not node._id]
         await asyncio.gather(*(self._try_node_again(connection, node) for node in nodes))
         pairs = [
             (node, endpoint)
             for node, endpoints in self._nodes.items()
-            if node.id
+            if node._id
             for endpoint in endpoints
-            if not endpoint.id
+            if not endpoint._id
         ]
         await asyncio.gather(*(self._try_again(connection, node, endpoint) for node, endpoint in pairs))
         if self._waiting:
@@ -187,7 +188,7 @@ class Declarations:
 
     def progress(self) -> tuple[int, int]:
         """How many endpoints the broker knows, and how many there are."""
-        return sum(bool(endpoint.id) for endpoint in self), sum(map(len, self._nodes.values()))
+        return sum(bool(endpoint._id) for endpoint in self), sum(map(len, self._nodes.values()))
 
     def admit(self, answer: m.Created) -> None:
         """The broker made something. To be called before anything that came after is handled."""
@@ -203,7 +204,7 @@ class Declarations:
     def remove(self, endpoint: Endpoint) -> None:
         for endpoints in self._nodes.values():
             endpoints.pop(endpoint, None)
-        self.by_id.pop(endpoint.id, None)
+        self.by_id.pop(endpoint._id, None)
         self._waiting.pop(endpoint, None)
         self._revoke(endpoint)
 
@@ -219,9 +220,9 @@ class Declarations:
         self._waiting.clear()
         self.by_id.clear()
         for node in self._nodes:
-            node.id = 0
+            node._id = 0
         for endpoint in self:
-            endpoint.disconnected()
+            endpoint._disconnected()
 
     def shortest_lease_s(self) -> float | None:
         """The shortest lease of all publishers."""
@@ -280,12 +281,12 @@ class Declarations:
             _log.error(f"the new busd refuses the {name}: {error}")
             self._waiting.pop(node, None)
             for endpoint in self._nodes.pop(node, {}):
-                endpoint.end(error)
+                endpoint._end(error)
 
     async def _try_again(self, connection: Connection, node: Node, endpoint: Endpoint) -> None:
         if endpoint not in self._nodes.get(node, {}):  # closed a moment ago
             return
-        name = f"{endpoint.kind} on '{endpoint.topic_name}'"
+        name = f"{endpoint._kind} on '{endpoint.topic_name}'"
         try:
             await self.add(connection, node, endpoint)
             self._found_room(endpoint, name)
@@ -295,7 +296,7 @@ class Declarations:
         except _FINAL as error:
             _log.error(f"the new busd refuses the {name}: {error}")
             self.remove(endpoint)
-            endpoint.end(error)
+            endpoint._end(error)
         except ConnectionClosed:
             if node in self._nodes:
                 raise

@@ -1,6 +1,7 @@
 """What publishers and subscriptions have in common: identity, declaration, matches, events, closing.
 
-Knows the link as what it sends through; the link knows endpoints by the methods here.
+Knows the link as what it sends through; the link knows endpoints by the methods with an underscore here
+that `bus.declarations` lists.
 """
 
 import asyncio
@@ -57,7 +58,7 @@ class Match(msgspec.Struct, frozen=True):
 class Endpoint(Generic[M]):
     """Base of Publisher and Subscription; not made by users."""
 
-    kind = ""
+    _kind = ""
 
     def __init__(
         self,
@@ -75,9 +76,9 @@ class Endpoint(Generic[M]):
         self.type = support.cls
         self.qos = qos
         self.gid = _process_prefix + next(_gid_numbers).to_bytes(4, "big")
-        self.support = support
-        self.id = 0  # the broker's number, another one after a reconnection
-        self.refusal: BusError | None = None  # why it cannot be used any more
+        self._support = support
+        self._id = 0  # the broker's number, another one after a reconnection
+        self._refusal: BusError | None = None  # why it cannot be used any more
         self._link = link
         self._on_error = on_error
         self._logger = logger
@@ -98,16 +99,16 @@ class Endpoint(Generic[M]):
 
     async def close(self) -> None:
         """Hand over what was published, leave the graph. Closing twice is allowed."""
-        if self.refusal is None:
+        if self._refusal is None:
             try:
                 await self._drain()
             finally:
                 self._link.forget(self)
-                self.end(ConnectionClosed(f"this {self.kind} on '{self.topic_name}' is closed"))
+                self._end(ConnectionClosed(f"this {self._kind} on '{self.topic_name}' is closed"))
 
-    def end(self, reason: BusError) -> None:
+    def _end(self, reason: BusError) -> None:
         """The endpoint can't be used any more; those who wait get `reason`."""
-        self.refusal = reason.with_traceback(None)  # whose frames may know descriptors
+        self._refusal = reason.with_traceback(None)  # whose frames may know descriptors
         if self._deadline is not None:
             self._deadline.cancel()
         for _, waiter in self._match_waiters:
@@ -115,42 +116,42 @@ class Endpoint(Generic[M]):
                 waiter.set_exception(reason)
         self._match_waiters.clear()
 
-    def abandon(self, reason: BusError) -> None:
+    def _abandon(self, reason: BusError) -> None:
         """In the child of a fork: not to be used any more; nothing of the parent's loop is touched."""
-        self.refusal = reason
+        self._refusal = reason
 
-    def declaration(self, request: int, node: int) -> m.Message:
+    def _declaration(self, request: int, node: int) -> m.Message:
         """The message that creates this endpoint at the broker."""
         raise NotImplementedError
 
-    def declared(self, answer: m.Created) -> None:
+    def _declared(self, answer: m.Created) -> None:
         """The broker knows this endpoint now, for the first time or again."""
-        self.id = answer.id
+        self._id = answer.id
 
-    def disconnected(self) -> None:
+    def _disconnected(self) -> None:
         """The broker is gone: so are the matches, until it is back."""
         for other in tuple(self._matches):
             self._unmatch(other)
 
-    def hand_over(self) -> None:
+    def _hand_over(self) -> None:
         """Turn what was gathered into a run (a publisher's part)."""
 
-    def receive_run(self, run: Run) -> None:
+    def _receive_run(self, run: Run) -> None:
         """A run has come (a subscription's part)."""
 
-    def wake(self) -> None:
+    def _wake(self) -> None:
         """All that was read has been handed out (a subscription's part)."""
 
-    def totals(self) -> m.Report:
+    def _totals(self) -> m.Report:
         """The counters, for the graph."""
         raise NotImplementedError
 
     @property
-    def shared(self) -> tuple[Descriptor, ...]:
+    def _shared(self) -> tuple[Descriptor, ...]:
         """What goes with the declaration."""
         return ()
 
-    def handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
+    def _handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
         """A control message from the broker about this endpoint, and what came with it."""
         match message:
             case m.Matched():
@@ -164,9 +165,9 @@ class Endpoint(Generic[M]):
                 self._report_incompatible(message)
 
     async def _wait_for_matches(self, number: int) -> None:
-        if self.refusal is not None:
-            raise again(self.refusal)
-        if self.ready_matches() >= number:
+        if self._refusal is not None:
+            raise again(self._refusal)
+        if self._ready_matches() >= number:
             return
         waiter = asyncio.get_running_loop().create_future()
         entry = (number, waiter)
@@ -186,13 +187,13 @@ class Endpoint(Generic[M]):
         self._release_match_waiters()
         self._tell_match(1, message.node)
 
-    def ready_matches(self) -> int:
+    def _ready_matches(self) -> int:
         """Matches by which a message would arrive at once."""
         return len(self._matches)
 
     def _release_match_waiters(self) -> None:
         for number, waiter in self._match_waiters:
-            if self.ready_matches() >= number and not waiter.done():
+            if self._ready_matches() >= number and not waiter.done():
                 waiter.set_result(None)
 
     def _unmatch(self, other: int, *, is_lost: bool = False) -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable
 from functools import cached_property
-from typing import Self
 
 import msgspec
 
@@ -59,43 +58,6 @@ class Graph(msgspec.Struct, frozen=True, dict=True):
     subscriptions: tuple[GraphEndpoint, ...]
     matches: tuple[GraphMatch, ...]
 
-    @classmethod
-    def from_snapshot(cls, snapshot: m.Graph) -> Self:
-        """From the broker's answer. Raises RemoteProtocolError where that contradicts itself."""
-        nodes = {
-            node.id: GraphNode(id=node.id, name=node.name, namespace=node.namespace, pid=node.pid)
-            for node in snapshot.nodes
-        }
-        if strange := {one.node for one in snapshot.endpoints} - nodes.keys():
-            raise RemoteProtocolError(
-                f"busd's graph has endpoints of node {min(strange)}, which is not in it"
-            )
-        endpoints = [
-            GraphEndpoint(
-                id=one.id,
-                kind=one.kind,
-                node=nodes[one.node],
-                topic=one.topic,
-                type_name=one.type_name,
-                type_hash=one.type_hash,
-                gid=one.gid,
-                qos=one.qos,
-                statistics=one.statistics,
-            )
-            for one in snapshot.endpoints
-        ]
-        return cls(
-            revision=snapshot.revision,
-            broker_pid=snapshot.pid,
-            nodes=tuple(nodes.values()),
-            publishers=tuple(one for one in endpoints if one.kind == "publisher"),
-            subscriptions=tuple(one for one in endpoints if one.kind == "subscription"),
-            matches=tuple(
-                GraphMatch(publisher=match.publisher, subscription=match.subscription, route=match.route)
-                for match in snapshot.matches
-            ),
-        )
-
     def topics(self) -> dict[str, list[str]]:
         """Each topic with the names of its types (more than one is a conflict), sorted."""
         found: dict[str, set[str]] = {}
@@ -131,6 +93,41 @@ class Graph(msgspec.Struct, frozen=True, dict=True):
     @cached_property
     def _subscriptions_by_topic(self) -> dict[str, list[GraphEndpoint]]:
         return _by_topic(self.subscriptions)
+
+
+def graph_of(snapshot: m.Graph) -> Graph:
+    """The broker's answer as a graph. Raises RemoteProtocolError where that contradicts itself."""
+    nodes = {
+        node.id: GraphNode(id=node.id, name=node.name, namespace=node.namespace, pid=node.pid)
+        for node in snapshot.nodes
+    }
+    if strange := {one.node for one in snapshot.endpoints} - nodes.keys():
+        raise RemoteProtocolError(f"busd's graph has endpoints of node {min(strange)}, which is not in it")
+    endpoints = [
+        GraphEndpoint(
+            id=one.id,
+            kind=one.kind,
+            node=nodes[one.node],
+            topic=one.topic,
+            type_name=one.type_name,
+            type_hash=one.type_hash,
+            gid=one.gid,
+            qos=one.qos,
+            statistics=one.statistics,
+        )
+        for one in snapshot.endpoints
+    ]
+    return Graph(
+        revision=snapshot.revision,
+        broker_pid=snapshot.pid,
+        nodes=tuple(nodes.values()),
+        publishers=tuple(one for one in endpoints if one.kind == "publisher"),
+        subscriptions=tuple(one for one in endpoints if one.kind == "subscription"),
+        matches=tuple(
+            GraphMatch(publisher=match.publisher, subscription=match.subscription, route=match.route)
+            for match in snapshot.matches
+        ),
+    )
 
 
 def services_of(endpoints: Iterable[GraphEndpoint]) -> dict[str, list[str]]:

@@ -110,7 +110,7 @@ class Link:
         if self.sharing is not None:
             self.sharing.abandon()
         for endpoint in self._declarations:
-            endpoint.abandon(reason)
+            endpoint._abandon(reason)
 
     def release(self) -> None:
         """One user less; the last one closes the connection."""
@@ -147,21 +147,21 @@ class Link:
         self._gathered.discard(endpoint)
         self._reports.send_last(endpoint)
         self._declarations.remove(endpoint)
-        self.send_about(endpoint, m.DestroyEndpoint(endpoint=endpoint.id))
-        endpoint.id = 0  # messages that it still gives out must not be acknowledged any more
+        self.send_about(endpoint, m.DestroyEndpoint(endpoint=endpoint._id))
+        endpoint._id = 0  # messages that it still gives out must not be acknowledged any more
         if lease_s(endpoint) is not None:
             self._set_heartbeat()
 
     def forget_node(self, node: Node) -> None:
         """Take a node out of the graph; its endpoints must have been closed."""
         if self._declarations.remove_node(node):
-            self.send_about(node, m.DestroyNode(node=node.id))
+            self.send_about(node, m.DestroyNode(node=node._id))
 
     def send_about(
         self, what: Declared, message: m.Message | bytes, descriptors: tuple[Descriptor, ...] = ()
     ) -> None:
         """Send a message (or frame) about `what`; nothing where the broker does not know it at the moment."""
-        if what.id and message and self._connection is not None:
+        if what._id and message and self._connection is not None:
             self._connection.send(message, descriptors)
 
     def is_quiet(self) -> bool:
@@ -220,7 +220,7 @@ class Link:
     def _hand_over(self) -> None:
         gathered, self._gathered = self._gathered, set()
         for publisher in gathered:
-            publisher.hand_over()
+            publisher._hand_over()
         self.flush()
 
     def wrote(self) -> None:
@@ -248,7 +248,7 @@ class Link:
                         if subscription is not None:  # else it was closed a moment ago
                             item.received_ns = received_ns
                             touched.add(subscription)
-                            subscription.receive_run(item)
+                            subscription._receive_run(item)
                     else:
                         self._handle(item)
                 except RemoteProtocolError:
@@ -263,7 +263,7 @@ class Link:
         """Something has come for these. First of all the callbacks: somebody waits for them."""
         for endpoint in endpoints:
             try:
-                endpoint.wake()
+                endpoint._wake()
             except Exception as error:
                 self._tell_loop(error)
         if endpoints:
@@ -286,7 +286,7 @@ class Link:
             for tell in tuple(self._observers):
                 tell()
         elif (endpoint := self._declarations.concerned(message)) is not None:
-            endpoint.handle(message, descriptors)
+            endpoint._handle(message, descriptors)
 
     # --- connecting
 

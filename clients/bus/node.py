@@ -16,7 +16,7 @@ from bus.address import socket_path
 from bus.arguments import Arguments
 from bus.errors import AccessDenied, ConfigurationError, ConnectionClosed, ForkError
 from bus.events import PublisherEvents, SubscriptionEvents
-from bus.graph import Graph
+from bus.graph import Graph, graph_of
 from bus.link import Link
 from bus.logger import Logger, configure, get_logger
 from bus.publisher import Publisher
@@ -61,7 +61,7 @@ class Node(ServiceHost):
     Raises ConfigurationError for a name that breaks the rules; on entering, BrokerUnavailable.
     """
 
-    has_parameters = False
+    _has_parameters = False
 
     def __init__(
         self,
@@ -77,11 +77,11 @@ class Node(ServiceHost):
         self._arguments = Arguments.parse(sys.argv[1:] if arguments is None else arguments)
         self.name = self._arguments.node_name(name)
         self.namespace = self._arguments.namespace(names.absolute_namespace(namespace), self.name)
-        self.id = 0
+        self._id = 0
         self._path = socket_path(socket, domain)
         self._logger = get_logger(names.logger_name(self.namespace, self.name))
         configure(self._arguments)
-        if self._arguments.parameters and not self.has_parameters:
+        if self._arguments.parameters and not self._has_parameters:
             _log.warning("parameters (-p, --params-file) are for programs of rclpy; ignored here", once=True)
         self._link: Link | None = None
         self._endpoints: list[Publisher[Any] | Subscription[Any]] = []  # some of them may be closed
@@ -269,7 +269,7 @@ class Node(ServiceHost):
         snapshot = await self._opened().request(
             lambda number: m.GetGraph(request=number, statistics=statistics), m.Graph
         )
-        return Graph.from_snapshot(snapshot)
+        return graph_of(snapshot)
 
     async def wait_for_graph(self, condition: Callable[[Graph], bool]) -> Graph:
         """Wait until `condition(graph)` holds; returns that graph. It is asked again at every change.
@@ -317,7 +317,7 @@ class Node(ServiceHost):
         return build(schema)
 
     def statistics(self) -> NodeStatistics:
-        open_ones = [one for one in self._endpoints if one.refusal is None]
+        open_ones = [one for one in self._endpoints if one._refusal is None]
         publishers = [one.statistics() for one in open_ones if isinstance(one, Publisher)]
         subscriptions = [one.statistics() for one in open_ones if isinstance(one, Subscription)]
         return NodeStatistics(
@@ -330,11 +330,11 @@ class Node(ServiceHost):
 
     # --- for the link
 
-    def declaration(self, request: int, node: int) -> m.Message:
+    def _declaration(self, request: int, node: int) -> m.Message:
         return m.CreateNode(request=request, name=self.name, namespace=self.namespace)
 
-    def declared(self, answer: m.Created) -> None:
-        self.id = answer.id
+    def _declared(self, answer: m.Created) -> None:
+        self._id = answer.id
 
     # --- inside
 
@@ -352,11 +352,11 @@ class Node(ServiceHost):
             await link.declare(self, endpoint)
         except BaseException as error:
             link.forget(endpoint)
-            endpoint.end(ConnectionClosed(f"not created: {error}"))
+            endpoint._end(ConnectionClosed(f"not created: {error}"))
             raise
         self._endpoints.append(endpoint)
         if len(self._endpoints) >= self._sweep_at:
-            self._endpoints = [one for one in self._endpoints if one.refusal is None]
+            self._endpoints = [one for one in self._endpoints if one._refusal is None]
             self._sweep_at = 2 * len(self._endpoints) + _LEAST_SWEPT
 
     async def _close_endpoints(self, link: Link) -> None:
@@ -364,9 +364,9 @@ class Node(ServiceHost):
             results = await asyncio.gather(*(one.close() for one in self._endpoints), return_exceptions=True)
         finally:
             for endpoint in self._endpoints:
-                if endpoint.refusal is None:  # its close was cut short
+                if endpoint._refusal is None:  # its close was cut short
                     link.forget(endpoint)
-                    endpoint.end(ConnectionClosed(f"node {self.full_name} is closed"))
+                    endpoint._end(ConnectionClosed(f"node {self.full_name} is closed"))
             link.forget_node(self)
         for result in results:
             if isinstance(result, BaseException):

@@ -53,7 +53,7 @@ class PublisherStatistics(msgspec.Struct, frozen=True):
 class Publisher(Endpoint[M]):
     """Publishes messages of one type on one topic; made by `Node.create_publisher`."""
 
-    kind = "publisher"
+    _kind = "publisher"
 
     def __init__(
         self,
@@ -108,13 +108,13 @@ class Publisher(Endpoint[M]):
                 return self._publish_around(message, *found)
             self._outlet.expect_short()
         if not self._is_valid(message):
-            error = self.support.explain(message)
+            error = self._support.explain(message)
             if error is not None:
                 raise error
         try:
             payload = self._encode(message)
         except ENCODE_ERRORS as error:
-            raise self.support.explain(message) or error from None
+            raise self._support.explain(message) or error from None
         return self._outlet.write(payload) or self._put(payload)
 
     def publish_encoded(self, payload: Buffer) -> bool:
@@ -175,9 +175,9 @@ class Publisher(Endpoint[M]):
 
     def assert_liveliness(self) -> None:
         """Say that this publisher lives, without publishing (liveliness manual by topic)."""
-        if self.refusal is not None:
-            raise again(self.refusal)
-        self._link.send_about(self, m.AssertLiveliness(publisher=self.id))
+        if self._refusal is not None:
+            raise again(self._refusal)
+        self._link.send_about(self, m.AssertLiveliness(publisher=self._id))
 
     def statistics(self) -> PublisherStatistics:
         published, size = self._outlet.published
@@ -193,36 +193,36 @@ class Publisher(Endpoint[M]):
     # --- for the link
 
     @property
-    def shared(self) -> tuple[Descriptor, ...]:
+    def _shared(self) -> tuple[Descriptor, ...]:
         return self._outlet.shared
 
-    def hand_over(self) -> None:
+    def _hand_over(self) -> None:
         self._outlet.hand_over()
 
-    def declaration(self, request: int, node: int) -> m.Message:
+    def _declaration(self, request: int, node: int) -> m.Message:
         return m.CreatePublisher(
             request=request,
             node=node,
             topic=self.topic_name,
-            type_name=self.support.name,
-            type_hash=self.support.hash,
+            type_name=self._support.name,
+            type_hash=self._support.hash,
             qos=self.qos,
             gid=self.gid,
             next_seq=self._outlet.first_seq_to_send(),
-            descriptors=len(self.shared),
+            descriptors=len(self._shared),
         )
 
-    def declared(self, answer: m.Created) -> None:
-        super().declared(answer)
+    def _declared(self, answer: m.Created) -> None:
+        super()._declared(answer)
         self._max_bytes = answer.max_message_bytes
         self._outlet.declared(answer)
 
-    def disconnected(self) -> None:
-        self.id = 0  # before the matches go: who reads our ring reads on
-        super().disconnected()
+    def _disconnected(self) -> None:
+        self._id = 0  # before the matches go: who reads our ring reads on
+        super()._disconnected()
         self._outlet.disconnected()
 
-    def handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
+    def _handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
         match message:
             case m.Credit(seq=seq):
                 self._outlet.credit(seq)
@@ -231,40 +231,40 @@ class Publisher(Endpoint[M]):
                 self._tell(self._events.liveliness_lost, LivelinessLost(self._lost_liveliness, 1))
             case m.Matched():
                 self._outlet.matched(message)
-                super().handle(message)
+                super()._handle(message)
             case m.Attached(subscription=other) if other in self._matches:
                 try:
                     self._outlet.attach(self._matches[other].gid, message, descriptors)
                 except (OSError, ValueError) as error:
-                    refusal = m.RefuseRoute(endpoint=self.id, other=other, text=str(error)[:1000])
+                    refusal = m.RefuseRoute(endpoint=self._id, other=other, text=str(error)[:1000])
                     self._link.send_about(self, refusal)
                 self._release_match_waiters()
             case m.Rerouted(other=other) if other in self._matches:
                 self._outlet.rerouted(self._matches[other].gid, self._matches[other].qos, message)
-                super().handle(message)
+                super()._handle(message)
                 self._release_match_waiters()
             case _:
-                super().handle(message)
+                super()._handle(message)
 
-    def totals(self) -> m.Report:
+    def _totals(self) -> m.Report:
         """This publisher's counters, for the graph."""
         outlet = self._outlet
         outlet.told()
         samples, size = outlet.published
         return m.Report(
-            endpoint=self.id,
+            endpoint=self._id,
             samples=samples,
             bytes=size,
             queued=outlet.queued,
             dropped={"replaced": outlet.replaced} if outlet.replaced else {},
         )
 
-    def end(self, reason: Any) -> None:
-        super().end(reason)
+    def _end(self, reason: Any) -> None:
+        super()._end(reason)
         self._outlet.end(reason)
 
-    def abandon(self, reason: BusError) -> None:
-        super().abandon(reason)
+    def _abandon(self, reason: BusError) -> None:
+        super()._abandon(reason)
         self._outlet.abandon(reason)
 
     # --- inside
@@ -280,13 +280,13 @@ class Publisher(Endpoint[M]):
             raise wrong_class(self.type, message)
         message = with_field(message, field, value)
         if not self._is_valid(message):
-            error = self.support.explain(message)
+            error = self._support.explain(message)
             if error is not None:
                 raise error
         try:
             return encode_around(message, field, size, self._encode, is_text=isinstance(value, str))
         except ENCODE_ERRORS as error:
-            raise self.support.explain(with_field(message, field, value)) or error from None
+            raise self._support.explain(with_field(message, field, value)) or error from None
 
     def _put(self, *parts: Buffer | str) -> bool:
         """Publish a sample, after all that can stand against it was looked at."""
@@ -299,18 +299,18 @@ class Publisher(Endpoint[M]):
         return is_taken
 
     def _check_size(self, size: int) -> None:
-        if self.refusal is not None:
-            raise again(self.refusal)
+        if self._refusal is not None:
+            raise again(self._refusal)
         if size > self._max_bytes:
             raise PayloadTooLarge(self.topic_name, size_bytes=size, limit_bytes=self._max_bytes)
 
-    def ready_matches(self) -> int:
+    def _ready_matches(self) -> int:
         return len(self._matches) - self._outlet.expected
 
     def _unmatch(self, other: int, *, is_lost: bool = False) -> None:
         gone = self._matches.get(other)
         super()._unmatch(other)
-        if gone is not None and self.id:
+        if gone is not None and self._id:
             self._outlet.unmatched(other, gone.gid, is_lost=is_lost)
 
     def _check_deadline(self) -> None:
@@ -320,7 +320,7 @@ class Publisher(Endpoint[M]):
     async def _drain(self) -> None:
         """Before the end: hand over what can be handed over in a bounded time; the log tells of the rest."""
         with contextlib.suppress(TimeoutError, ConnectionClosed):
-            async with asyncio.timeout(_DRAIN_S if self.id else 0):
+            async with asyncio.timeout(_DRAIN_S if self._id else 0):
                 await self.flush()
         lost = self._outlet.drop_queued()
         if lost:

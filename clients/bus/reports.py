@@ -81,13 +81,15 @@ class Reports:
     def _tell(self, endpoints: list[Endpoint]) -> None:
         if not endpoints:
             return
-        told = [(endpoint, endpoint.totals()) for endpoint in endpoints]
+        told = [(endpoint, endpoint._totals()) for endpoint in endpoints]
         for endpoint, totals in told:
-            if totals.queued and endpoint.refusal is None:
+            if totals.queued and endpoint._refusal is None:
                 self._due.add(endpoint)  # nobody says so when they are taken
         # Some are not known at the moment; and to count may call a user's function, which may close others.
         known = [
-            (endpoint, totals) for endpoint, totals in told if endpoint.id and endpoint.id == totals.endpoint
+            (endpoint, totals)
+            for endpoint, totals in told
+            if endpoint._id and endpoint._id == totals.endpoint
         ]
         frames = b"".join(m.encode_frame(totals) for _, totals in known)
         self._send(known[0][0] if known else endpoints[0], frames)

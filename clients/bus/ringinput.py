@@ -107,7 +107,7 @@ class RingInput:
         except (OSError, ValueError, MemoryError) as error:
             self._refuse(source, str(error) or "no memory")
         else:
-            attach = m.Attach(subscription=self._owner.id, source=source.number, slot=slot)
+            attach = m.Attach(subscription=self._owner._id, source=source.number, slot=slot)
             self._link.send_about(self._owner, attach)
 
     def replace(self, source: Source, descriptors: tuple[Descriptor, ...]) -> None:
@@ -264,7 +264,7 @@ class RingInput:
             self._sharing.look_soon()
 
     def _refuse(self, source: Source, text: str) -> None:
-        refusal = m.RefuseRoute(endpoint=self._owner.id, other=source.number, text=text[:1000])
+        refusal = m.RefuseRoute(endpoint=self._owner._id, other=source.number, text=text[:1000])
         self._link.send_about(self._owner, refusal)
 
 

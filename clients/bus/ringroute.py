@@ -82,7 +82,7 @@ class RingRoute:
         self.writer = self._core.Writer(memory, self._depth)
         self.writer.is_noted = False
         self.writer.is_guarded = link.guard is not None
-        support = owner.support
+        support = owner._support
         self.writer.prepare(support.cls, support.is_valid, support.encode)
         if text_fields(support.cls):
             self.writer.longest = LONG_TEXT
@@ -188,7 +188,7 @@ class RingRoute:
             return True
         if self._is_lossless:
             # Not without a broker: readers would not hear of it, and the ring that they have would stay full.
-            return bool(self._owner.id) and is_filled_by_few(writer) and self._grow(0, must=False)
+            return bool(self._owner._id) and is_filled_by_few(writer) and self._grow(0, must=False)
         # Keep last, for subscriptions that keep all: memory instead of time, and where that ends, loss.
         if self._grow(0, must=False):
             return True
@@ -303,7 +303,7 @@ class RingRoute:
         self._size.allow(answer.ring_bytes)
         self.writer.most = answer.max_message_bytes
         if self._announced is not self.descriptor:  # it grew before the broker knew the publisher
-            self._link.send_about(self._owner, m.ReplaceRing(publisher=self._owner.id), (self.announce(),))
+            self._link.send_about(self._owner, m.ReplaceRing(publisher=self._owner._id), (self.announce(),))
         self._set_hold()
         if self._gates:
             self._return = self._link.loop.call_later(RETURN_S, self._drop_stale)
@@ -336,11 +336,11 @@ class RingRoute:
         if status is not True:  # for the first time since the counters were reported
             self._link.report(self._owner)
         if self._is_manual:  # the broker does not see it
-            self._link.send_about(self._owner, m.AssertLiveliness(publisher=self._owner.id))
+            self._link.send_about(self._owner, m.AssertLiveliness(publisher=self._owner._id))
 
     def _drop_stale(self) -> None:
         for gid, gate in tuple(self._gates.items()):
-            if gate.is_stale and self._owner.id:
+            if gate.is_stale and self._owner._id:
                 self.unmatched(gid, is_lost=True)
                 self._sharing.wake_waiting(self)
 
@@ -390,7 +390,7 @@ class RingRoute:
 
         Without a broker readers could not be told of another.
         """
-        return self.writer.capacity == FIRST_CAPACITY and self._rest is None and bool(self._owner.id)
+        return self.writer.capacity == FIRST_CAPACITY and self._rest is None and bool(self._owner._id)
 
     def _watch_laps(self) -> None:
         self._rest = None
@@ -420,6 +420,6 @@ class RingRoute:
         self.descriptor = descriptor
         self._set_hold()
         self._sharing.wake_waiting(self)
-        if self._owner.id:
-            self._link.send_about(self._owner, m.ReplaceRing(publisher=self._owner.id), (self.announce(),))
+        if self._owner._id:
+            self._link.send_about(self._owner, m.ReplaceRing(publisher=self._owner._id), (self.announce(),))
         return True

@@ -22,7 +22,7 @@ class Rosout:
         from bus.msg.builtin_interfaces import Time
         from bus.msg.rcl_interfaces import Log
 
-        if self._publisher.refusal is not None:
+        if self._publisher._refusal is not None:
             return
         sec, nanosec = divmod(entry.stamp_ns, 1_000_000_000)
         self._publisher.publish(

@@ -111,10 +111,10 @@ class ServiceServer:
             on_error,
             self._take_async if is_async(on_request) else self._take,
         )
-        self._requests.on_end = self._end_work
+        self._requests._on_end = self._end_work
 
     @property
-    def endpoints(self) -> tuple[Publisher[Any], Subscription[Any]]:
+    def _endpoints(self) -> tuple[Publisher[Any], Subscription[Any]]:
         """In the order in which they are to be declared."""
         return self._replies, self._requests
 

@@ -77,7 +77,7 @@ class ServiceHost(ABC):
             callback=callback,
             on_request=on_request,
         )
-        await self._declare_both(*server.endpoints)
+        await self._declare_both(*server._endpoints)
         return server
 
     async def create_client(
@@ -104,7 +104,7 @@ class ServiceHost(ABC):
             self._fail,
             on_response=on_response,
         )
-        await self._declare_both(*client.endpoints)
+        await self._declare_both(*client._endpoints)
         return client
 
     def resolve_service_name(self, name: str) -> str:
@@ -121,7 +121,7 @@ class ServiceHost(ABC):
             await self._declare(link, second)
         except BaseException as error:
             for endpoint in (first, second):
-                if endpoint.refusal is None:
+                if endpoint._refusal is None:
                     link.forget(endpoint)
-                    endpoint.end(ConnectionClosed(f"not created: {error}"))
+                    endpoint._end(ConnectionClosed(f"not created: {error}"))
             raise

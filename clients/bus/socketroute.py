@@ -162,11 +162,11 @@ class SocketRoute:
             if is_last or size >= RUN_BYTES:
                 count = len(parts) // 2
                 flags = REPLAY if is_replay else 0
-                head = data_head(owner.id, seq + 1 - count, count, size, flags=flags, only_for=subscription)
+                head = data_head(owner._id, seq + 1 - count, count, size, flags=flags, only_for=subscription)
                 self._link.send_about(owner, head + b"".join(parts))
                 parts.clear()
                 size = 0
-        self._link.send_about(owner, m.CaughtUp(publisher=owner.id, subscription=subscription))
+        self._link.send_about(owner, m.CaughtUp(publisher=owner._id, subscription=subscription))
 
     def hand_over(self) -> None:
         """End the open run and send it, or queue it where the broker does not take it now."""
@@ -193,11 +193,11 @@ class SocketRoute:
             self._kept.drop_over_quota(spare=1)
         if not (
             # Nothing waits: past the queues, which are most of what one message costs at a moderate rate.
-            self._owner.id
+            self._owner._id
             and not self.queue.runs
             and not self._awaited
             and len(body) < _SHORT_BYTES
-            and link.send_now(data_head(self._owner.id, first_seq, samples, len(body), flags=flags) + body)
+            and link.send_now(data_head(self._owner._id, first_seq, samples, len(body), flags=flags) + body)
         ):
             self._queue_run(Run(0, 0, first_seq, samples, body, is_resumed=is_resumed))
         self.samples += samples
@@ -301,14 +301,14 @@ class SocketRoute:
         for run in self._kept.runs:
             if run.first_seq >= first_seq:
                 break
-            head = data_head(self._owner.id, run.first_seq, run.count, len(run.body), only_for=subscription)
+            head = data_head(self._owner._id, run.first_seq, run.count, len(run.body), only_for=subscription)
             self._link.send_about(self._owner, head + run.body)
 
     def _go_on(self) -> None:
         """All are back, or were long enough away."""
         self._stop_waiting()
         self._awaited.clear()
-        if self._owner.id and self.queue.runs:
+        if self._owner._id and self.queue.runs:
             self._link.make_ready(self.queue)
             self._link.flush()
             self._link.wrote()
@@ -329,7 +329,7 @@ class SocketRoute:
         return self._window_samples - (taken - self._credited)
 
     def _queue_run(self, run: Run) -> None:
-        if self._awaited and self._owner.id and 0 < self.queue.depth < self.queue.count + run.count:
+        if self._awaited and self._owner._id and 0 < self.queue.depth < self.queue.count + run.count:
             self._go_on()  # to wait longer would cost what it is to save
         runs = self.queue.runs
         is_resumed = bool(runs) and runs[0].is_resumed
@@ -341,6 +341,6 @@ class SocketRoute:
         if replaced:
             self.replaced += replaced
             runs[0].is_resumed |= is_resumed  # the gap before it is mostly of that kind
-        if self._owner.id and not self._awaited:
+        if self._owner._id and not self._awaited:
             self._link.make_ready(self.queue)
             self._link.flush()

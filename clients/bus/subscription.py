@@ -53,7 +53,7 @@ class Subscription(Endpoint[M]):
     Without a callback: `async for message in subscription`, or `take`.
     """
 
-    kind = "subscription"
+    _kind = "subscription"
 
     def __init__(
         self,
@@ -73,7 +73,7 @@ class Subscription(Endpoint[M]):
     ) -> None:
         super().__init__(link, node, topic, support, qos, events, logger, on_error)
         keeps_all = qos.history is History.KEEP_ALL
-        self.inbox: Inbox[M] = Inbox(
+        self._inbox: Inbox[M] = Inbox(
             _decoder(support, raw=raw, views=views),
             0 if keeps_all else qos.depth,
             is_lossless=qos.is_lossless,
@@ -81,23 +81,23 @@ class Subscription(Endpoint[M]):
             on_reject=self._reject,
             on_taken=self._acknowledge,
         )
-        self._ahead = self.inbox.ahead
-        self._accounts = Accounts(self.inbox)
+        self._ahead = self._inbox.ahead
+        self._accounts = Accounts(self._inbox)
         self._lost_told = 0
         self._not_alive: set[int] = set()  # of the matches
         self._left_broker = link.broker
         self._ack_bytes = self._ack_samples = 1
         self._ack_timer: asyncio.TimerHandle | None = None
         self._arrivals = Waiters(link.loop)
-        self.on_arrival: Callable[[], object] | None = None
+        self._on_arrival: Callable[[], object] | None = None
         """Called on the event loop when something has come that may be taken; in place of a callback."""
-        self.on_end: Callable[[BusError], object] | None = None
+        self._on_end: Callable[[BusError], object] | None = None
         """Called once it can't be used any more, whatever the cause."""
         self._dispatcher: Dispatcher[M] | None = None
         if callback is not None:
             self._dispatcher = Dispatcher(
                 callback,
-                self.inbox,
+                self._inbox,
                 make_info=self._info,
                 receive=self.receive,
                 on_error=on_error,
@@ -106,14 +106,14 @@ class Subscription(Endpoint[M]):
         self._rings: RingInput | None = None
         if link.sharing is not None:
             self._rings = RingInput(link, link.sharing, self, self._miss)
-            self.inbox.reader = self._rings.reader
-            self.inbox.on_note = partial(link.report, self)
+            self._inbox.reader = self._rings.reader
+            self._inbox.on_note = partial(link.report, self)
             if busy_poll:
                 self._rings.poll(busy_poll)
 
     def take(self) -> tuple[M, MessageInfo] | None:
         """The oldest waiting message and its info; None where none waits. Never blocks."""
-        taken = self.inbox.take()
+        taken = self._inbox.take()
         return None if taken is None else (taken[0], self._info(taken))
 
     async def receive(self) -> tuple[M, MessageInfo]:
@@ -121,7 +121,7 @@ class Subscription(Endpoint[M]):
 
         Cancellation: no message is lost. Raises ConnectionClosed once the subscription is closed.
         """
-        while (taken := self.inbox.take()) is None:
+        while (taken := self._inbox.take()) is None:
             await self._wait()
         return taken[0], self._info(taken)
 
@@ -131,8 +131,8 @@ class Subscription(Endpoint[M]):
     async def __anext__(self) -> M:
         if self._ahead:
             return self._ahead.popleft()[0]
-        while (taken := self.inbox.take()) is None:
-            if type(self.refusal) is ConnectionClosed:
+        while (taken := self._inbox.take()) is None:
+            if type(self._refusal) is ConnectionClosed:
                 raise StopAsyncIteration
             await self._wait()
         return taken[0]
@@ -150,44 +150,44 @@ class Subscription(Endpoint[M]):
 
     # --- for the link
 
-    def receive_run(self, run: Run) -> None:
-        """A run has come; it is not delivered before `wake`, but for a callback that would lose it."""
-        if self.inbox.put(run):
+    def _receive_run(self, run: Run) -> None:
+        """A run has come; it is not delivered before `_wake`, but for a callback that would lose it."""
+        if self._inbox.put(run):
             if self._dispatcher is not None and not self._dispatcher.is_async:
                 self._dispatcher.dispatch()
-            self.inbox.trim()
+            self._inbox.trim()
 
-    def wake(self) -> None:
+    def _wake(self) -> None:
         """All that has come is in the queue or in a ring: deliver it."""
-        if self.refusal is not None:
+        if self._refusal is not None:
             return
         if self._dispatcher is not None and not self._dispatcher.is_async:
             self._dispatcher.dispatch()
-        elif self.on_arrival is not None:
-            self.on_arrival()
+        elif self._on_arrival is not None:
+            self._on_arrival()
         elif self._arrivals:
             self._arrivals.release()
         if self.qos.deadline is not None:
             self._last_ns = monotonic_ns()
         if self._rings is not None and self._events.message_lost is not None:
-            self.inbox.count_replaced()
+            self._inbox.count_replaced()
             self._tell_lost()
 
-    def declaration(self, request: int, node: int) -> m.Message:
+    def _declaration(self, request: int, node: int) -> m.Message:
         return m.CreateSubscription(
             request=request,
             node=node,
             topic=self.topic_name,
-            type_name=self.support.name,
-            type_hash=self.support.hash,
+            type_name=self._support.name,
+            type_hash=self._support.hash,
             qos=self.qos,
             gid=self.gid,
-            last_seqs=self.inbox.sources.last_seqs,
+            last_seqs=self._inbox.sources.last_seqs,
         )
 
-    def declared(self, answer: m.Created) -> None:
-        super().declared(answer)
-        self.inbox.set_depth(answer.depth)
+    def _declared(self, answer: m.Created) -> None:
+        super()._declared(answer)
+        self._inbox.set_depth(answer.depth)
         self._ack_bytes = answer.window_bytes // 8
         self._ack_samples = answer.window_samples // 8
         if self._total_matches:  # a new broker has its counters yet to learn
@@ -196,16 +196,16 @@ class Subscription(Endpoint[M]):
         if self._rings is not None:
             self._rings.declared()
 
-    def disconnected(self) -> None:
+    def _disconnected(self) -> None:
         if self._rings is not None:
             self._rings.disconnected()
-        super().disconnected()
+        super()._disconnected()
         self._accounts.disconnected(self._link.broker)
-        self.id = 0
+        self._id = 0
         self._left_broker = self._link.broker
 
-    def handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
-        sources, rings = self.inbox.sources, self._rings
+    def _handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
+        sources, rings = self._inbox.sources, self._rings
         match message:
             case m.Matched(other=other):
                 known_seq = sources.last_seqs.pop(message.gid, None)
@@ -219,12 +219,12 @@ class Subscription(Endpoint[M]):
                     is_new_broker = self._link.broker != self._left_broker
                     known = sources.meet(message, known_seq, self.qos, is_new_broker=is_new_broker)
                 source = sources[other] = known
-                super().handle(message)
+                super()._handle(message)
                 if rings is not None and message.route == "shm":
                     rings.attach(source, message, descriptors, known_seq)
                 self._tell_liveliness(1, 0)
             case m.Unmatched(other=other, last_seq=last_seq):
-                super().handle(message)
+                super()._handle(message)
                 if rings is not None and other in sources:
                     rings.finish(sources[other].gid)
                 sources.forget(other, last_seq)
@@ -232,7 +232,7 @@ class Subscription(Endpoint[M]):
                 if rings is not None and other in sources:
                     rings.replace(sources[other], descriptors)
             case m.Rerouted(other=other):
-                super().handle(message)
+                super()._handle(message)
                 if rings is not None and other in sources:
                     self._leave_ring(sources[other], rings)
             case m.LivelinessChanged(publisher=publisher, alive=alive):
@@ -252,17 +252,17 @@ class Subscription(Endpoint[M]):
                     self._link.report(self)
                 self._tell_lost()
             case _:
-                super().handle(message)
+                super()._handle(message)
 
-    def totals(self) -> m.Report:
+    def _totals(self) -> m.Report:
         """This subscription's counters, for the graph."""
-        inbox = self.inbox
+        inbox = self._inbox
         inbox.is_noted = False
         queued = inbox.queued  # looks at the rings
         if self._rings is not None:
             self._rings.sweep()
         return m.Report(
-            endpoint=self.id,
+            endpoint=self._id,
             samples=inbox.delivered,
             bytes=inbox.bytes,
             queued=min(queued, MAX_COUNT),  # a ring may lie
@@ -271,8 +271,8 @@ class Subscription(Endpoint[M]):
             repeated=inbox.sources.known,
         )
 
-    def end(self, reason: Any) -> None:
-        super().end(reason)
+    def _end(self, reason: Any) -> None:
+        super()._end(reason)
         self._arrivals.release()
         if self._ack_timer is not None:
             self._ack_timer.cancel()
@@ -280,18 +280,18 @@ class Subscription(Endpoint[M]):
             self._dispatcher.end()
         if self._rings is not None:
             self._rings.close()
-        if self.on_end is not None:
-            self.on_end(reason)
+        if self._on_end is not None:
+            self._on_end(reason)
 
-    def abandon(self, reason: BusError) -> None:
-        super().abandon(reason)
-        self.inbox.reader = None  # what it tells the publishers is the parent's word
+    def _abandon(self, reason: BusError) -> None:
+        super()._abandon(reason)
+        self._inbox.reader = None  # what it tells the publishers is the parent's word
 
     # --- inside
 
     def _miss(self, count: int) -> None:
         """A publisher had gone on in another ring, which is gone with it."""
-        self.inbox.sources.lose(count)
+        self._inbox.sources.lose(count)
         self._link.report(self)
         self._tell_lost()
 
@@ -301,17 +301,17 @@ class Subscription(Endpoint[M]):
         finally:  # whatever is missing, the publisher sends
             source.is_rerouted = rings.leave(source.gid)
             known_seq = max(0, min(rings.known_seq(source.gid, source.known_seq) or 0, MAX_COUNT))
-            left = m.LeaveRing(subscription=self.id, source=source.number, seq=known_seq)
+            left = m.LeaveRing(subscription=self._id, source=source.number, seq=known_seq)
             self._link.send_about(self, left)
 
     def _drain_rings(self) -> None:
         """What waits in the rings is brought in order with what comes by socket."""
-        self.inbox.drain_rings()
-        self._link.loop.call_soon(self.wake)  # a publisher that has refused to share did not ring
+        self._inbox.drain_rings()
+        self._link.loop.call_soon(self._wake)  # a publisher that has refused to share did not ring
 
     async def _wait(self) -> None:
-        if self.refusal is not None:
-            raise again(self.refusal)
+        if self._refusal is not None:
+            raise again(self._refusal)
         await self._arrivals.wait()
 
     def _info(self, taken: Taken[M]) -> MessageInfo:
@@ -321,19 +321,19 @@ class Subscription(Endpoint[M]):
             stamp_ns + offset_ns,
             received_ns + offset_ns,
             seq,
-            self.inbox.delivered,
+            self._inbox.delivered,
             source.gid if isinstance(source, Source) else b"",
         )
 
     def _check_deadline(self) -> None:
-        # `wake` does not hear of what the program takes before the doorbell was heard.
-        self._last_ns = max(self._last_ns, min(self.inbox.stamp_ns, monotonic_ns()))  # a stamp may lie
+        # `_wake` does not hear of what the program takes before the doorbell was heard.
+        self._last_ns = max(self._last_ns, min(self._inbox.stamp_ns, monotonic_ns()))  # a stamp may lie
         super()._check_deadline()
 
     def _unmatch(self, other: int, *, is_lost: bool = False) -> None:
         super()._unmatch(other)
         self._not_alive.discard(other)
-        source = self.inbox.sources.get(other)
+        source = self._inbox.sources.get(other)
         if source is not None:
             self._tell_liveliness(*((-1, 0) if source.is_alive else (0, -1)))
 
@@ -347,19 +347,19 @@ class Subscription(Endpoint[M]):
 
     def _acknowledge_all(self) -> None:
         self._ack_timer = None
-        for source in self.inbox.sources.values():
+        for source in self._inbox.sources.values():
             if source.taken_seq > source.acked_seq:
                 self._send_ack(source)
 
     def _send_ack(self, source: Source) -> None:
         source.acked_seq, source.unacked_bytes = source.taken_seq, 0
         # A publisher that has gone, or that an earlier broker knew, needs none.
-        if source.number in self._matches and self.inbox.sources.get(source.number) is source:
-            ack = m.Ack(subscription=self.id, source=source.number, seq=source.taken_seq)
+        if source.number in self._matches and self._inbox.sources.get(source.number) is source:
+            ack = m.Ack(subscription=self._id, source=source.number, seq=source.taken_seq)
             self._link.send_about(self, ack)
 
     def _reject(self, size: int, error: Exception) -> None:
-        text = f"a message of {size} bytes on '{self.topic_name}' is no {self.support.name}: {error}"
+        text = f"a message of {size} bytes on '{self.topic_name}' is no {self._support.name}: {error}"
         self._logger.warning(text, throttle_duration_sec=5.0)
 
     def _tell_lost(self) -> None:

@@ -15,7 +15,7 @@ from bus.connection import Connection
 from bus.descriptor import Descriptor
 from bus.errors import BusError, RemoteProtocolError
 from bus.events import PublisherEvents, SubscriptionEvents
-from bus.graph import Graph
+from bus.graph import graph_of
 from bus.link import Link
 from bus.logger import get_logger
 from bus.msg.std_msgs import String
@@ -60,13 +60,13 @@ class _Silent:
     is_blocked = is_idle = False
 
     def __init__(self) -> None:
-        self.id = 0
+        self._id = 0
 
-    def declaration(self, request: int, node: int) -> m.Message:
+    def _declaration(self, request: int, node: int) -> m.Message:
         return m.CreateNode(request=request, name="node")
 
-    def declared(self, answer: m.Created) -> None:
-        self.id = answer.id
+    def _declared(self, answer: m.Created) -> None:
+        self._id = answer.id
 
     def flush(self) -> None:
         pass
@@ -280,8 +280,8 @@ class _Client:
     def check(self) -> None:
         """All that it says can be understood."""
         for endpoint in (*self.publishers, *self.subscriptions):
-            if endpoint.id:
-                self.link.send_about(endpoint, endpoint.totals())  # type: ignore[arg-type]
+            if endpoint._id:
+                self.link.send_about(endpoint, endpoint._totals())  # type: ignore[arg-type]
         receiver = Session(Role.BROKER)
         list(feed(receiver, m.encode_frame(m.Hello(version=1))))
         while (taken := self.connection.outbox.take())[1]:
@@ -292,14 +292,14 @@ class _Client:
     async def end(self) -> None:
         for ended in (*self.subscriptions, *self.publishers):
             self.link.forget(ended)
-            ended.end(BusError("the end"))
+            ended._end(BusError("the end"))
         self.link.release()
         for task in self.asked:
             task.cancel()
         for answer in await asyncio.gather(*self.asked, return_exceptions=True):
             if isinstance(answer, m.Graph):
                 with suppress(RemoteProtocolError):
-                    Graph.from_snapshot(answer)
+                    graph_of(answer)
             elif isinstance(answer, BaseException):
                 assert isinstance(answer, BusError | asyncio.CancelledError), answer
         self.session.drop_descriptors()

@@ -41,7 +41,7 @@ class World:
         self.sharing = Sharing(lambda owners: None)
         link: Any = SimpleNamespace(guard=None, loop=self.loop, report=lambda _: None, is_quiet=lambda: True)
         support = type_support(Int32)
-        owner: Any = SimpleNamespace(qos=qos, support=support, topic_name="/t", id=0)
+        owner: Any = SimpleNamespace(qos=qos, _support=support, topic_name="/t", _id=0)
         self.route = RingRoute(link, self.sharing, owner)
 
     def close(self) -> None:

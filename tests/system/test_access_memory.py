@@ -177,10 +177,10 @@ async def test_nobody_can_write_to_what_he_reads(join: Join) -> None:
     ours, theirs = socket.socketpair()
     with ours, theirs:
         process = program(GUEST, BREAK_IN, stdin=theirs.fileno())
-        socket.send_fds(ours, [b"x"], [publisher.shared[0].fileno(), segment.fileno()])
+        socket.send_fds(ours, [b"x"], [publisher._shared[0].fileno(), segment.fileno()])
         said = await asyncio.to_thread(output_of, process)
     assert said == "tried 2\n"
-    assert os.fstat(publisher.shared[0].fileno()).st_uid == OWNER
+    assert os.fstat(publisher._shared[0].fileno()).st_uid == OWNER
 
 
 async def test_a_doorbell_that_blocks_holds_nobody_up(guests: Guests, join: Join) -> None:

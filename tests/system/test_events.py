@@ -212,8 +212,8 @@ class TestNames:
 
     async def test_a_type_can_be_had_from_the_bus(self, node: bus.Node) -> None:
         publisher = await node.create_publisher(Wheel, "wheel", 10)
-        foreign = await node.get_type(publisher.support.name, publisher.support.hash)
-        data = publisher.support.encode(Wheel("front", [0.5]))
+        foreign = await node.get_type(publisher._support.name, publisher._support.hash)
+        data = publisher._support.encode(Wheel("front", [0.5]))
         rebuilt = msgspec.msgpack.decode(data, type=foreign)
         assert (rebuilt.name, rebuilt.speeds) == ("front", [0.5])  # type: ignore[attr-defined]
 

@@ -250,8 +250,8 @@ class TestDeclarations:
         async with asyncio.timeout(WAIT_S), bus.Node("curious", arguments=[], rosout=False) as node:
             publisher = await node.create_publisher(String, "/t")
             asking = asyncio.ensure_future(node.get_type("bad/msg/T", "hash"))
-            await until(lambda: asking.done() or not publisher.id)
-            assert publisher.id, "the answer cost the connection"
+            await until(lambda: asking.done() or not publisher._id)
+            assert publisher._id, "the answer cost the connection"
             with pytest.raises(bus.ConfigurationError):
                 await asking
 

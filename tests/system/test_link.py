@@ -149,7 +149,7 @@ class TestDeclaringAgain:
         request = await client.expect(m.CreateNode)
         client.send(m.Refused(request=request.request, text="not that name"))
         await client.create(m.CreateNode, 13)
-        assert (await with_publisher(staying, client, 14)).id == 14
+        assert (await with_publisher(staying, client, 14))._id == 14
         with pytest.raises(bus.ConfigurationError, match="not that name"):
             publisher.publish(Int32())
         with pytest.raises(bus.ConnectionClosed, match="/node"):
@@ -199,7 +199,7 @@ class TestDeclaringAgain:
         await client.create(m.CreatePublisher, 13)
         await publisher.close()
         client.send(m.Refused(request=request.request, text="", resource="endpoints", used=1, limit=1))
-        await until(lambda: staying.id == 13 and "busd is back" in caplog.text)
+        await until(lambda: staying._id == 13 and "busd is back" in caplog.text)
         assert not node._link._declarations._waiting
         await node.close()
 
@@ -298,7 +298,7 @@ class TestReceiving:
         def handle(message: Any, descriptors: Any) -> None:
             raise RuntimeError("a bug")
 
-        monkeypatch.setattr(publisher, "handle", handle)
+        monkeypatch.setattr(publisher, "_handle", handle)
         client.send(matched(2), m.Ping(number=5))
         assert (await client.expect(m.Pong)).number == 5
         assert [repr(one["exception"]) for one in told] == ["RuntimeError('a bug')"]

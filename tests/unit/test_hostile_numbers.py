@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from bus.errors import RemoteProtocolError
-from bus.graph import Graph
+from bus.graph import graph_of
 from bus.inbox import Inbox
 from bus.qos import QoSProfile
 from bus.shm import is_available
@@ -55,7 +55,7 @@ def test_a_graph_that_contradicts_itself_is_refused() -> None:
     )
     snapshot = m.Graph(request=1, revision=1, nodes=(), endpoints=(endpoint,), matches=())
     with pytest.raises(RemoteProtocolError, match="node 7, which is not in it"):
-        Graph.from_snapshot(snapshot)
+        graph_of(snapshot)
 
 
 @pytest.mark.skipif(not is_available(), reason="the native core is not there")

@@ -18,7 +18,7 @@ from bus.errors import (
     ConnectionClosed,
     RemoteProtocolError,
 )
-from bus.graph import Graph
+from bus.graph import Graph, graph_of
 from bus.reach import NotNow, Patience, try_to_connect
 from bus.release import RELEASE
 from bus.wire import messages as m
@@ -73,7 +73,7 @@ class Query:
 
     def graph(self, *, statistics: bool = False) -> Graph:
         """The graph now."""
-        return Graph.from_snapshot(
+        return graph_of(
             self.request(lambda number: m.GetGraph(request=number, statistics=statistics), m.Graph)
         )
 

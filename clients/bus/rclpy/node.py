@@ -230,7 +230,7 @@ class Node(EntityMaker, GraphQueries, ParameterMethods):
 class _Native(NativeNode):
     """The one beneath takes no parameters; this one does."""
 
-    has_parameters = True
+    _has_parameters = True
 
 
 def _make_native(

@@ -98,7 +98,7 @@ class Publisher(Generic[M]):
         if not isinstance(msg, bytes):
             if not isinstance(msg, self.msg_type):
                 raise TypeError(f"Expected {self.msg_type}, got {type(msg)}")
-            msg = self.native.support.encode(msg)
+            msg = self.native._support.encode(msg)
         try:
             with self._loop:
                 is_taken = self.native.publish_encoded(msg)

@@ -54,14 +54,14 @@ class Subscription(Entity, Generic[M]):
         self.is_async = is_async(callback)
         self._engine = engine
         self.native = native
-        self._inbox = native.inbox
-        self._take_messages = native.inbox.take_messages
+        self._inbox = native._inbox
+        self._take_messages = native._inbox.take_messages
         self._wants_info = takes_info(callback)
         self._batch = 1  # of messages to be taken at once
         self._takes_one = self.is_async or self._wants_info
         super().__init__(node, callback_group)
         with engine.loop:
-            native.on_arrival = self.notify
+            native._on_arrival = self.notify
 
     @property
     def topic(self) -> str:
