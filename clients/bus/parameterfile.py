@@ -2,7 +2,7 @@
 
 Owns: what a scalar means (rcl_yaml_param_parser's rules, which are not PyYAML's: `1e3` is a number, a date is
 a text), how nested names are joined, which nodes a section of a file is for. Must not know: declared
-parameters, their types and rules (`bus.rclpy.parameters`), or the bus.
+parameters, their types and rules (`bus.parameters`), or the bus.
 
     /robot/wheels:              the node's full name; `/**` every node, `/*` one token of any name
       ros__parameters:
@@ -18,10 +18,10 @@ from typing import Any, NamedTuple, TypeAlias
 
 from bus.arguments import Parameter, ParameterSource
 from bus.errors import ConfigurationError
+from bus.parameters import SEPARATOR
 
 __all__ = [
     "PARAMETERS_KEY",
-    "SEPARATOR",
     "Section",
     "Value",
     "load",
@@ -36,7 +36,6 @@ __all__ = [
 Value: TypeAlias = bool | int | float | str | list[bool] | list[int] | list[float] | list[str]
 _Scalar: TypeAlias = bool | int | float | str | None
 
-SEPARATOR = "."
 PARAMETERS_KEY = "ros__parameters"
 
 _TRUE = frozenset(("y", "Y", "yes", "Yes", "YES", "true", "True", "TRUE", "on", "On", "ON"))

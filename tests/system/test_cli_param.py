@@ -32,7 +32,7 @@ class Host:
         return getattr(self.parameters, name)
 
 async def main():
-    parameters = NodeParameters("/" + sys.argv[1])
+    parameters = NodeParameters()
     parameters.declare_parameters("", [
         ("use_sim_time", False),
         ("speed", 42, Descriptor(description="how fast", integer_range=[

@@ -26,7 +26,7 @@ TEXT = (DOCS / "rclpy.md").read_text()
 INSIDE = {
     "rclpy.clock": {"ANY_JUMP", "CHANGES_OF_SOURCE"},
     "rclpy.event_handler": {"publisher_events", "subscription_events"},
-    "rclpy.parameter": {"ParameterChange", "ValueType", "parameter_message"},
+    "rclpy.parameter": {"ValueType", "parameter_message"},
     "rclpy.qos": {"from_native", "profile_of", "to_native"},
 }
 """Public names of a module that rclpy hasn't: the facade's modules use them among themselves."""

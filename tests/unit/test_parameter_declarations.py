@@ -24,7 +24,7 @@ def descriptor(**fields: Any) -> Any:
 
 
 def node(**options: Any) -> NodeParameters:
-    return NodeParameters("/ns/node", **options)
+    return NodeParameters(**options)
 
 
 def test_declare_and_get() -> None:

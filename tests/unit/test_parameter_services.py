@@ -47,7 +47,7 @@ class Host:
 
 @pytest.fixture
 def host() -> Host:
-    parameters = NodeParameters("/node")
+    parameters = NodeParameters()
     parameters.declare_parameter("a", 1, descriptor(description="d"))
     parameters.declare_parameter("unset", Type.STRING)
     parameters.declare_parameter("b.c", "x")

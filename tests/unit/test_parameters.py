@@ -8,12 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bus.parametermessages import event_message
+from bus.parameters import Change
 from bus.rclpy.exceptions import (
     InvalidParameterValueException,
     ParameterImmutableException,
     ParameterNotDeclaredException,
 )
-from bus.rclpy.parameter import Parameter, ParameterChange
+from bus.rclpy.parameter import Parameter, parameter_message
 from bus.rclpy.parameters import NodeParameters
 from bus.rosidl import message_class
 
@@ -37,7 +39,7 @@ def result(successful: bool, reason: str = "") -> Any:
 
 
 def node(**options: Any) -> NodeParameters:
-    return NodeParameters("/ns/node", **options)
+    return NodeParameters(**options)
 
 
 # --- setting
@@ -199,18 +201,18 @@ def test_before_and_after() -> None:
 
 
 def test_changes_are_told() -> None:
-    changes: list[ParameterChange] = []
+    changes: list[Change[Parameter]] = []
     parameters = node(on_change=changes.append)
     parameters.declare_parameter("a", 1, descriptor(dynamic_typing=True))
     parameters.declare_parameter("unset", Type.STRING)
     parameters.set_parameters([Parameter("a", value=2), Parameter("unset", value="x")])
     parameters.set_parameters([Parameter("a")])
-    names = [tuple([one.name for one in part] for part in change[1:]) for change in changes]
+    names = [tuple([one.name for one in part] for part in change) for change in changes]
     assert names == [(["a"], [], []), ([], ["a"], []), (["unset"], [], []), ([], [], ["a"])]
-    event = changes[1].to_msg(message_class("builtin_interfaces/msg/Time")(sec=5))
-    assert (event.node, event.stamp.sec) == ("/ns/node", 5)
-    assert event.changed_parameters == [Parameter("a", value=2).to_parameter_msg()]
-    assert changes[3].to_msg().deleted_parameters[0].value.type == 0
+    events = [event_message(parameter_message, "/ns/node", change) for change in changes]
+    assert events[1].node == "/ns/node"
+    assert events[1].changed_parameters == [Parameter("a", value=2).to_parameter_msg()]
+    assert events[3].deleted_parameters[0].value.type == 0
 
 
 # --- descriptors

@@ -3,6 +3,7 @@
 from typing import Any
 
 from bus.errors import ConfigurationError
+from bus.parameters import UNDECLARED
 
 __all__ = [
     "InvalidHandle",
@@ -131,7 +132,7 @@ class ParameterNotDeclaredException(ParameterException):
     """A parameter was used that nobody declared, in a node that asks for declarations."""
 
     def __init__(self, parameters: str | list[str]) -> None:
-        super().__init__("Invalid access to undeclared parameter(s)", parameters)
+        super().__init__(UNDECLARED, parameters)
 
 
 class ParameterAlreadyDeclaredException(ParameterException):

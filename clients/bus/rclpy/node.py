@@ -8,6 +8,8 @@ from bus.arguments import Arguments
 from bus.errors import AccessDenied, BusError, ConfigurationError
 from bus.graph import Graph
 from bus.node import Node as NativeNode
+from bus.parametermessages import event_message
+from bus.parameters import Change
 from bus.qos import QoSProfile as NativeProfile
 from bus.rclpy.clock import Clock, ROSClock
 from bus.rclpy.context import Context, get_default_context
@@ -18,7 +20,7 @@ from bus.rclpy.impl.rcutils_logger import RcutilsLogger
 from bus.rclpy.node_entities import EntityMaker
 from bus.rclpy.node_graph import GraphQueries
 from bus.rclpy.node_parameters import ParameterMethods
-from bus.rclpy.parameter import Parameter, ParameterChange
+from bus.rclpy.parameter import Parameter, parameter_message
 from bus.rclpy.parameters import NodeParameters
 from bus.rclpy.publisher import Publisher
 from bus.rclpy.qos import QoSProfile, qos_profile_parameter_events
@@ -68,7 +70,6 @@ class Node(EntityMaker, GraphQueries, ParameterMethods):
         self._parameter_events: Publisher[Any] | None = None
         self._logger = RcutilsLogger(native.get_logger().name)
         self._parameters = NodeParameters(
-            native.full_name,
             overrides=_overrides(context if use_global_arguments else None, cli_args or (), native.full_name),
             parameter_overrides=parameter_overrides,
             allow_undeclared_parameters=allow_undeclared_parameters,
@@ -222,9 +223,11 @@ class Node(EntityMaker, GraphQueries, ParameterMethods):
         except AccessDenied as denied:
             self._logger.warning(f"nobody else can read or set this node's parameters: {denied}")
 
-    def _tell_parameters(self, change: ParameterChange) -> None:
+    def _tell_parameters(self, change: Change[Parameter]) -> None:
         if self._parameter_events is not None and not self._is_destroyed:
-            self._parameter_events.publish(change.to_msg(self._clock.now().to_msg()))
+            event = event_message(parameter_message, self.get_fully_qualified_name(), change)
+            event.stamp = self._clock.now().to_msg()
+            self._parameter_events.publish(event)
 
 
 class _Native(NativeNode):

@@ -1,23 +1,22 @@
 """`rclpy.parameter`: a parameter's name, type and value, and how they become messages and come out of them.
 
-Owns: types and their conversions. Must not know: nodes, declared parameters and their rules. The message
+Owns: rclpy's class of them. Must not know: nodes, declared parameters and their rules. The message
 classes are made when one is first needed: a program that uses no parameters doesn't pay for them.
 """
 
-import array
-from enum import IntEnum
-from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
+from bus import parametermessages
 from bus.errors import ConfigurationError
-from bus.parameterfile import PARAMETERS_KEY, SEPARATOR, parse_typed, read_file
+from bus.parameterfile import PARAMETERS_KEY, parse_typed, read_file
+from bus.parameters import SEPARATOR
+from bus.parameters import ParameterType as ValueType
 
 __all__ = [
     "PARAMETER_SEPARATOR_STRING",
     "AllowableParameterValue",
     "Parameter",
-    "ParameterChange",
     "ValueType",
     "get_parameter_value",
     "parameter_dict_from_yaml_file",
@@ -49,64 +48,6 @@ def parameter_message(name: str) -> Any:
     from bus.rosidl import message_class
 
     return message_class(f"rcl_interfaces/msg/{name}")
-
-
-class ValueType(IntEnum):
-    """What a parameter holds; the numbers are those of rcl_interfaces/msg/ParameterType."""
-
-    NOT_SET = 0
-    BOOL = 1
-    INTEGER = 2
-    DOUBLE = 3
-    STRING = 4
-    BYTE_ARRAY = 5
-    BOOL_ARRAY = 6
-    INTEGER_ARRAY = 7
-    DOUBLE_ARRAY = 8
-    STRING_ARRAY = 9
-
-    @classmethod
-    def from_parameter_value(cls, parameter_value: Any) -> "ValueType":
-        """The type of a Python value; an empty list is a BYTE_ARRAY. Raises TypeError where it has none."""
-        if parameter_value is None:
-            return cls.NOT_SET
-        for type_, python_type in _SCALARS.items():
-            if isinstance(parameter_value, python_type):
-                return type_
-        if not isinstance(parameter_value, _SEQUENCES):
-            raise TypeError(f"The given value is not one of the allowed types '{parameter_value}'.")
-        for type_, python_type in _ITEMS.items():
-            if all(isinstance(item, python_type) for item in parameter_value):
-                return type_
-        raise TypeError(f"The given value is not a list of one of the allowed types '{parameter_value}'.")
-
-    def check(self, parameter_value: Any) -> bool:
-        """Whether a Python value is of this type."""
-        if self is ValueType.NOT_SET:
-            return parameter_value is None
-        if self in _SCALARS:
-            return isinstance(parameter_value, _SCALARS[self])
-        item_type = _ITEMS[self]
-        return isinstance(parameter_value, _SEQUENCES) and all(
-            isinstance(item, item_type) for item in parameter_value
-        )
-
-    def __str__(self) -> str:
-        return f"Type.{self.name}"
-
-
-# In the order in which they are tried: a bool is an int as well.
-_SCALARS = {ValueType.BOOL: bool, ValueType.INTEGER: int, ValueType.DOUBLE: float, ValueType.STRING: str}
-_ITEMS = {
-    ValueType.BYTE_ARRAY: bytes,
-    ValueType.BOOL_ARRAY: bool,
-    ValueType.INTEGER_ARRAY: int,
-    ValueType.DOUBLE_ARRAY: float,
-    ValueType.STRING_ARRAY: str,
-}
-_SEQUENCES = (list, tuple, array.array)
-ValueType.__name__ = "Type"
-ValueType.__qualname__ = "Parameter.Type"
 
 
 class Parameter:
@@ -149,40 +90,14 @@ class Parameter:
 
     def get_parameter_value(self) -> Any:
         """As rcl_interfaces/msg/ParameterValue."""
-        make = partial(parameter_message("ParameterValue"), type=int(self._type))
-        if self._type is ValueType.NOT_SET:
-            return make()
-        # A tuple, or an array of another item size, is as good.
-        value = list(self._value) if self._type in _ITEMS else self._value
-        return make(**{_field(self._type): value})
+        return parametermessages.value_message(parameter_message, self._type, self._value)
 
     def to_parameter_msg(self) -> Any:
         """As rcl_interfaces/msg/Parameter."""
-        return parameter_message("Parameter")(name=self._name, value=self.get_parameter_value())
+        return parametermessages.parameter_message(parameter_message, self)
 
     def __repr__(self) -> str:
         return f"Parameter(name={self._name!r}, type_={self._type}, value={self._value!r})"
-
-
-class ParameterChange(NamedTuple):
-    """What one change did to the parameters of a node."""
-
-    node: str
-    new: tuple[Parameter, ...]
-    changed: tuple[Parameter, ...]
-    deleted: tuple[Parameter, ...]
-
-    def to_msg(self, stamp: Any = None) -> Any:
-        """As rcl_interfaces/msg/ParameterEvent; `stamp` is a builtin_interfaces/msg/Time."""
-        event = parameter_message("ParameterEvent")(
-            node=self.node,
-            new_parameters=[one.to_parameter_msg() for one in self.new],
-            changed_parameters=[one.to_parameter_msg() for one in self.changed],
-            deleted_parameters=[one.to_parameter_msg() for one in self.deleted],
-        )
-        if stamp is not None:
-            event.stamp = stamp
-        return event
 
 
 def parameter_value_to_python(parameter_value: Any) -> Any:
@@ -191,13 +106,9 @@ def parameter_value_to_python(parameter_value: Any) -> Any:
     Raises RuntimeError for a type that does not exist.
     """
     try:
-        type_ = ValueType(parameter_value.type)
-    except ValueError:
-        raise RuntimeError(f"unexpected parameter type {parameter_value.type}") from None
-    if type_ is ValueType.NOT_SET:
-        return None
-    value = getattr(parameter_value, _field(type_))
-    return list(value) if type_ in _ITEMS else value
+        return parametermessages.python_value(parameter_value)
+    except ValueError as error:
+        raise RuntimeError(str(error)) from None
 
 
 def get_parameter_value(string_value: str) -> Any:
@@ -245,8 +156,3 @@ def parameter_dict_from_yaml_file(
         for section in chosen
         for name, value in section.parameters.items()
     }
-
-
-def _field(type_: ValueType) -> str:
-    """ParameterValue's field for it: BOOL_ARRAY is in bool_array_value."""
-    return f"{type_.name.lower()}_value"

@@ -1,21 +1,19 @@
-"""What a declaration of a parameter may say, and what its descriptor allows: type, ranges.
+"""What a declaration of a parameter may say, and how one is described, in the words and messages of rclpy.
 
-The texts are rclpy's. Knows single declarations and values only, not which parameters a node has.
+Knows single declarations only, not which parameters a node has. What values are allowed is in
+`bus.parameters`.
 """
 
 import warnings
 from collections.abc import Sequence
-from math import isclose
-from typing import Any, NamedTuple
+from typing import Any
 
-from bus.rclpy.parameter import Parameter, ValueType, parameter_message, parameter_value_to_python
+from bus.parameters import Declared, Rules
+from bus.parameters import ParameterType as ValueType
+from bus.rclpy.parameter import Parameter, parameter_message, parameter_value_to_python
 
-__all__ = ["WRONG_TYPE", "Declared", "Rules", "check_declaration", "find_fault"]
+__all__ = ["check_declaration", "describe", "with_required"]
 
-WRONG_TYPE = "Wrong parameter type"
-"""What the reason begins with where a value has another type than was declared."""
-
-_TOLERANCE = 1e-6
 _ONLY_A_NAME = (
     "when declaring parameter named '{}', declaring a parameter only providing its name is deprecated. "
     "You have to either:\n"
@@ -25,63 +23,27 @@ _ONLY_A_NAME = (
 )
 
 
-class Rules(NamedTuple):
-    """The part of a ParameterDescriptor that values are held against."""
-
-    type_: ValueType = ValueType.NOT_SET
-    is_dynamic: bool = False
-    is_read_only: bool = False
-    integer_range: Any = None
-    floating_point_range: Any = None
-
-    @classmethod
-    def of(cls, descriptor: Any) -> "Rules":
-        """None as descriptor has no rules but that of the static type."""
-        if descriptor is None:
-            return cls()
-        return cls(
-            ValueType(descriptor.type),
-            descriptor.dynamic_typing,
-            descriptor.read_only,
-            next(iter(descriptor.integer_range), None),
-            next(iter(descriptor.floating_point_range), None),
+def with_required(rules: Rules, name: str, type_: ValueType) -> Rules:
+    """For a parameter declared by its type only. Raises ValueError where that means nothing."""
+    if type_ is ValueType.NOT_SET:
+        raise ValueError(f"Cannot declare parameter {{{name}}} as statically typed of type NOT_SET")
+    if rules.is_dynamic:
+        raise ValueError(
+            f"When declaring parameter {{{name}}} passing a descriptor with `dynamic_typing=True` "
+            "is not allowed when the parameter type is indicated"
         )
-
-    def with_type_of(self, parameter: Parameter) -> "Rules":
-        """The type is the one that the first value had, or the present one's where it may change."""
-        is_fixed = not self.is_dynamic and parameter.type_ is ValueType.NOT_SET
-        return self if is_fixed else self._replace(type_=parameter.type_)
-
-    def with_required(self, name: str, type_: ValueType) -> "Rules":
-        """For a parameter declared by its type only. Raises ValueError where that means nothing."""
-        if type_ is ValueType.NOT_SET:
-            raise ValueError(f"Cannot declare parameter {{{name}}} as statically typed of type NOT_SET")
-        if self.is_dynamic:
-            raise ValueError(
-                f"When declaring parameter {{{name}}} passing a descriptor with `dynamic_typing=True` "
-                "is not allowed when the parameter type is indicated"
-            )
-        return self._replace(type_=type_)
+    return rules._replace(type_=type_)
 
 
-class Declared:
-    """A parameter with its rules; `descriptor` is made when somebody asks for it."""
-
-    __slots__ = ("descriptor", "parameter", "rules")
-
-    def __init__(self, parameter: Parameter, rules: Rules, descriptor: Any = None) -> None:
-        self.parameter = parameter
-        self.rules = rules
-        self.descriptor = descriptor
-
-    def describe(self) -> Any:
-        """Its rcl_interfaces/msg/ParameterDescriptor; always the same object."""
-        if self.descriptor is None:
-            self.descriptor = parameter_message("ParameterDescriptor")()
-        self.descriptor.name = self.parameter.name
-        self.descriptor.type = int(self.rules.type_)
-        self.descriptor.dynamic_typing = self.rules.is_dynamic
-        return self.descriptor
+def describe(declared: Declared[Parameter]) -> Any:
+    """Its rcl_interfaces/msg/ParameterDescriptor, made when first asked for; always the same object."""
+    if declared.description is None:
+        declared.description = parameter_message("ParameterDescriptor")()
+    descriptor = declared.description
+    descriptor.name = declared.parameter.name
+    descriptor.type = int(declared.rules.type_)
+    descriptor.dynamic_typing = declared.rules.is_dynamic
+    return descriptor
 
 
 def check_declaration(index: int, entry: Sequence[Any]) -> tuple[str, Any, Any]:
@@ -111,54 +73,3 @@ def check_declaration(index: int, entry: Sequence[Any]) -> tuple[str, Any, Any]:
         warnings.warn(_ONLY_A_NAME.format(name), stacklevel=4)
         descriptor = parameter_message("ParameterDescriptor")(dynamic_typing=True)
     return name, value, descriptor
-
-
-def find_fault(parameter: Parameter, rules: Rules, *, is_known: bool) -> str:
-    """Why the value is not allowed, "" where it is; `is_known`: the parameter has been declared before."""
-    type_ = parameter.type_
-    if not rules.is_dynamic:
-        if type_ is ValueType.NOT_SET:
-            return "Static parameter cannot be undeclared" if is_known else ""
-        if type_ is not rules.type_:
-            return f"{WRONG_TYPE}, expected '{rules.type_}' got '{type_}'"
-    if type_ is ValueType.INTEGER and rules.integer_range is not None:
-        return _integer_fault(parameter, rules.integer_range)
-    if type_ is ValueType.DOUBLE and rules.floating_point_range is not None:
-        return _float_fault(parameter, rules.floating_point_range)
-    return ""
-
-
-def _integer_fault(parameter: Parameter, allowed: Any) -> str:
-    value = parameter.value
-    low, high = sorted((allowed.from_value, allowed.to_value))
-    if value in (low, high):
-        return ""
-    if not low < value < high:
-        return _out_of_range(parameter, low, high)
-    if allowed.step and (value - low) % allowed.step:
-        return (
-            f"The parameter value for {parameter.name} is not a valid step. "
-            f"Min: {low}, max: {high}, value: {value}, step: {allowed.step}"
-        )
-    return ""
-
-
-def _float_fault(parameter: Parameter, allowed: Any) -> str:
-    value = parameter.value
-    low, high = sorted((allowed.from_value, allowed.to_value))
-    if isclose(value, low, rel_tol=_TOLERANCE) or isclose(value, high, rel_tol=_TOLERANCE):
-        return ""
-    if not low < value < high:  # NaN too
-        return _out_of_range(parameter, low, high)
-    if allowed.step:
-        nearest = low + round((value - low) / allowed.step) * allowed.step
-        if not isclose(nearest, value, rel_tol=_TOLERANCE):
-            return (
-                f"The parameter value for {parameter.name} is not close enough to a valid step. "
-                f"Min: {low}, max: {high}, value: {value}, step: {allowed.step}"
-            )
-    return ""
-
-
-def _out_of_range(parameter: Parameter, low: float, high: float) -> str:
-    return f"Parameter {parameter.name} out of range. Min: {low}, Max: {high}, value: {parameter.value}"

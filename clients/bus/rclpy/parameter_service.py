@@ -7,8 +7,10 @@ carried. What a remote side asks for wrongly is an answer to it, never an error 
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from bus.parametermessages import SERVICES
+from bus.parameters import ParameterType as ValueType
 from bus.rclpy.exceptions import ParameterNotDeclaredException, ParameterUninitializedException
-from bus.rclpy.parameter import Parameter, ValueType, parameter_message
+from bus.rclpy.parameter import Parameter, parameter_message
 from bus.rclpy.qos import qos_profile_parameters
 
 __all__ = ["ParameterService"]
@@ -23,23 +25,23 @@ class ParameterService:
         from bus.rosidl import service_class
 
         self._node = node
-        services: tuple[tuple[str, str, _Callback], ...] = (
-            ("DescribeParameters", "describe_parameters", self._describe),
-            ("GetParameterTypes", "get_parameter_types", self._get_types),
-            ("GetParameters", "get_parameters", self._get),
-            ("ListParameters", "list_parameters", self._list),
-            ("SetParameters", "set_parameters", self._set),
-            ("SetParametersAtomically", "set_parameters_atomically", self._set_atomically),
-        )
+        callbacks: dict[str, _Callback] = {
+            "DescribeParameters": self._describe,
+            "GetParameterTypes": self._get_types,
+            "GetParameters": self._get,
+            "ListParameters": self._list,
+            "SetParameters": self._set,
+            "SetParametersAtomically": self._set_atomically,
+        }
         self.services = [
             node.create_service(
                 service_class(f"rcl_interfaces/srv/{name}"),
                 f"{node.get_name()}/{topic}",
-                callback,
+                callbacks[name],
                 qos_profile=qos_profile_parameters,
                 callback_group=callback_group,
             )
-            for name, topic, callback in services
+            for name, topic in SERVICES.items()
         ]
 
     def _describe(self, request: Any, response: Any) -> Any:

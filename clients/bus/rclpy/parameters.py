@@ -1,15 +1,16 @@
 """The parameters of one node: declared, read, set, described, and the callbacks around a change.
 
-Owns: the values and rclpy's rules for changing them (`bus.rclpy.parameter_rules`: those for one value). Must
-not know: nodes, the bus, files and command lines. Message classes are made when one is first needed.
-
-Callbacks and hooks run in the thread that makes the change; there is no lock, a step is one dict operation.
+Owns: rclpy's calls, results and exceptions; the values and the rules for changing them are those of
+`bus.parameters`. Must not know: nodes, the bus, files and command lines. Message classes are made when one is
+first needed.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from typing import Any, TypeAlias
 
+from bus.parameters import WRONG_TYPE, Change, Declared, ParameterStore, Rules
+from bus.parameters import ParameterType as ValueType
 from bus.rclpy.exceptions import (
     InvalidParameterTypeException,
     InvalidParameterValueException,
@@ -21,12 +22,10 @@ from bus.rclpy.exceptions import (
 from bus.rclpy.parameter import (
     PARAMETER_SEPARATOR_STRING,
     Parameter,
-    ParameterChange,
-    ValueType,
     parameter_message,
     parameter_value_to_python,
 )
-from bus.rclpy.parameter_rules import WRONG_TYPE, Declared, Rules, check_declaration, find_fault
+from bus.rclpy.parameter_rules import check_declaration, describe, with_required
 from bus.rclpy.validate_parameter_name import validate_parameter_name
 
 __all__ = ["NodeParameters"]
@@ -34,17 +33,10 @@ __all__ = ["NodeParameters"]
 PreSet: TypeAlias = Callable[[list[Parameter]], list[Parameter]]
 OnSet: TypeAlias = Callable[[list[Parameter]], Any]
 PostSet: TypeAlias = Callable[[list[Parameter]], None]
-_Outcome: TypeAlias = tuple[bool, str]
-
-_OK: _Outcome = (True, "")
-_NOTHING_TO_SET = (
-    "parameter list cannot be empty, this might be due to pre_set_parameters_callback modifying the "
-    "original parameters list."
-)
 
 
 class NodeParameters:
-    """The parameters of the node with the full name `node_name`.
+    """The parameters of a node.
 
     `overrides` are the values of the command line by name (`bus.parameterfile.overrides`); those of the
     node's constructor, `parameter_overrides`, go before them. `on_change` is told each change, before the
@@ -53,21 +45,16 @@ class NodeParameters:
 
     def __init__(
         self,
-        node_name: str,
         *,
         overrides: Mapping[str, Any] | None = None,
         parameter_overrides: Iterable[Parameter] | None = None,
         allow_undeclared_parameters: bool = False,
         automatically_declare_parameters_from_overrides: bool = False,
-        on_change: Callable[[ParameterChange], object] | None = None,
+        on_change: Callable[[Change[Parameter]], object] | None = None,
     ) -> None:
-        self._node_name = node_name
         self._allow_undeclared = allow_undeclared_parameters
-        self._on_change = on_change
-        self._declared: dict[str, Declared] = {}
-        self._pre_set: list[PreSet] = []
-        self._on_set: list[OnSet] = []
-        self._post_set: list[PostSet] = []
+        self._store: ParameterStore[Parameter] = ParameterStore(on_change)
+        self._declared = self._store.declared
         self._overrides: dict[str, Any] = dict(overrides or {})
         self._overrides.update({one.name: one.value for one in parameter_overrides or ()})
         if automatically_declare_parameters_from_overrides:
@@ -170,11 +157,8 @@ class NodeParameters:
         _texts("prefixes", prefixes)
         if depth < 0:
             raise ValueError("The depth argument must not be negative")
-        found = [name for name in tuple(self._declared) if _is_below(name, prefixes, depth)]
-        above = (name.rpartition(PARAMETER_SEPARATOR_STRING)[0] for name in found)
-        return parameter_message("ListParametersResult")(
-            names=found, prefixes=list(dict.fromkeys(filter(None, above)))
-        )
+        found, above = self._store.find_below(prefixes, depth)
+        return parameter_message("ListParametersResult")(names=found, prefixes=above)
 
     # --- setting
 
@@ -193,13 +177,12 @@ class NodeParameters:
         wanted = list(parameter_list)
         if not all(isinstance(one, Parameter) for one in wanted):
             raise TypeError(f"parameter must be instance of type '{Parameter!r}'")
-        if self._pre_set:
-            wanted = [one for callback in tuple(self._pre_set) for one in callback(list(wanted))]
-        unknown = [one.name for one in wanted if one.name not in self._declared]
+        wanted = self._store.prepare(wanted)
+        unknown = self._store.unknown(wanted)
         if unknown and not self._allow_undeclared:
             raise ParameterNotDeclaredException(unknown)
-        successful, reason = self._change(wanted) if wanted else (False, _NOTHING_TO_SET)
-        return parameter_message("SetParametersResult")(successful=successful, reason=reason)
+        outcome = self._store.set(wanted)
+        return parameter_message("SetParametersResult")(**outcome._asdict())
 
     # --- describing
 
@@ -207,7 +190,7 @@ class NodeParameters:
         """Its rcl_interfaces/msg/ParameterDescriptor. Raises ParameterNotDeclaredException."""
         if name not in self._declared and self._allow_undeclared:
             return parameter_message("ParameterDescriptor")()
-        return self._find(name).describe()
+        return describe(self._find(name))
 
     def describe_parameters(self, names: Iterable[str]) -> list[Any]:
         """Raises as `describe_parameter`; TypeError where a name is no text."""
@@ -226,16 +209,16 @@ class NodeParameters:
             raise ParameterImmutableException(name)
         rules, descriptor = Rules.of(descriptor), copy(descriptor)
         parameter = declared.parameter
-        reason = find_fault(parameter, rules, is_known=True)
+        reason = rules.find_fault(parameter, is_known=True)
         if reason and alternative_value is not None:
             parameter = Parameter(name, value=parameter_value_to_python(alternative_value))
-            reason = find_fault(parameter, rules, is_known=True)
+            reason = rules.find_fault(parameter, is_known=True)
         if reason:
             raise InvalidParameterValueException(name, parameter.value, reason)
         if parameter is declared.parameter:
             self._declared[name] = Declared(parameter, rules.with_type_of(parameter), descriptor)
         else:
-            successful, reason = self._change([parameter], rules, descriptor)
+            successful, reason = self._store.declare(parameter, rules, descriptor)
             if not successful:
                 raise InvalidParameterValueException(name, parameter.value, reason)
         return parameter.get_parameter_value()
@@ -244,31 +227,31 @@ class NodeParameters:
 
     def add_pre_set_parameters_callback(self, callback: PreSet) -> None:
         """Before a change: gets what is to be set, returns what shall be set instead."""
-        self._pre_set.insert(0, callback)
+        self._store.pre_set.insert(0, callback)
 
     def add_on_set_parameters_callback(self, callback: OnSet) -> None:
         """May refuse a change: returns a SetParametersResult. The one that was added last is asked first."""
-        self._on_set.insert(0, callback)
+        self._store.on_set.insert(0, callback)
 
     def add_post_set_parameters_callback(self, callback: PostSet) -> None:
         """After a change: gets what was set."""
-        self._post_set.insert(0, callback)
+        self._store.post_set.insert(0, callback)
 
     def remove_pre_set_parameters_callback(self, callback: PreSet) -> None:
         """Raises ValueError where it was not added."""
-        self._pre_set.remove(callback)
+        self._store.pre_set.remove(callback)
 
     def remove_on_set_parameters_callback(self, callback: OnSet) -> None:
         """Raises ValueError where it was not added."""
-        self._on_set.remove(callback)
+        self._store.on_set.remove(callback)
 
     def remove_post_set_parameters_callback(self, callback: PostSet) -> None:
         """Raises ValueError where it was not added."""
-        self._post_set.remove(callback)
+        self._store.post_set.remove(callback)
 
     # --- inside
 
-    def _find(self, name: str) -> Declared:
+    def _find(self, name: str) -> Declared[Parameter]:
         declared = self._declared.get(name)
         if declared is None:
             raise ParameterNotDeclaredException(name)
@@ -278,76 +261,18 @@ class NodeParameters:
         validate_parameter_name(name)
         rules = Rules.of(descriptor)
         if isinstance(value, ValueType):
-            rules, value = rules.with_required(name, value), None
+            rules, value = with_required(rules, name, value), None
         elif not rules.is_dynamic and value is not None:
             rules = rules.with_type_of(Parameter(name, value=value))
         if not ignore_override and name in self._overrides:
             value = self._overrides[name]
         parameter = Parameter(name, value=value)
-        successful, reason = self._change([parameter], rules, copy(descriptor))
+        successful, reason = self._store.declare(parameter, rules, copy(descriptor))
         if successful:
             return self._declared[name].parameter
         if reason.startswith(WRONG_TYPE):
             raise InvalidParameterTypeException(parameter, rules.type_.name)
         raise InvalidParameterValueException(name, value, reason)
-
-    def _change(
-        self, parameters: list[Parameter], rules: Rules | None = None, descriptor: Any = None
-    ) -> _Outcome:
-        """Set all or none. With `rules` this declares, or describes anew, and the value may be missing."""
-        is_allowed, reason = self._ask(parameters, rules)
-        if not is_allowed:
-            return False, reason
-        change = self._store(parameters, rules, descriptor)
-        if self._on_change is not None and (change.new or change.changed or change.deleted):
-            self._on_change(change)
-        for after in tuple(self._post_set):
-            after(parameters)
-        return _OK
-
-    def _ask(self, parameters: list[Parameter], rules: Rules | None) -> _Outcome:
-        """Whether the rules allow it, and then the callbacks."""
-        for one in parameters:
-            if reason := self._fault(one, rules):
-                return False, reason
-        for callback in tuple(self._on_set):
-            result = callback(parameters)
-            if not hasattr(result, "successful"):
-                raise TypeError(f"{callback!r} must return a SetParametersResult, not {result!r}")
-            if not result.successful:
-                return False, result.reason
-        return _OK
-
-    def _store(self, parameters: list[Parameter], rules: Rules | None, descriptor: Any) -> ParameterChange:
-        new: list[Parameter] = []
-        changed: list[Parameter] = []
-        deleted: list[Parameter] = []
-        for one in parameters:
-            before = self._declared.get(one.name)
-            if rules is None and one.type_ is ValueType.NOT_SET:
-                self._declared.pop(one.name, None)
-                deleted.append(one)
-                continue
-            if rules is not None:
-                self._declared[one.name] = Declared(one, rules.with_type_of(one), descriptor)
-            elif before is None:
-                self._declared[one.name] = Declared(one, Rules(one.type_, is_dynamic=True))
-            else:
-                self._declared[one.name] = Declared(one, before.rules.with_type_of(one), before.descriptor)
-            if one.type_ is not ValueType.NOT_SET:
-                is_new = before is None or before.parameter.type_ is ValueType.NOT_SET
-                (new if is_new else changed).append(one)
-        return ParameterChange(self._node_name, tuple(new), tuple(changed), tuple(deleted))
-
-    def _fault(self, parameter: Parameter, rules: Rules | None) -> str:
-        declared = self._declared.get(parameter.name)
-        if rules is not None:
-            return find_fault(parameter, rules, is_known=declared is not None)
-        if declared is None:
-            return ""
-        if declared.rules.is_read_only:
-            return f"Trying to set a read-only parameter: {parameter.name}."
-        return find_fault(parameter, declared.rules, is_known=True)
 
 
 def _texts(what: str, values: Iterable[str]) -> list[str]:
@@ -355,19 +280,3 @@ def _texts(what: str, values: Iterable[str]) -> list[str]:
     if not all(isinstance(text, str) for text in texts):
         raise TypeError(f"All {what} must be instances of type str")
     return texts
-
-
-def _is_below(name: str, prefixes: list[str], depth: int) -> bool:
-    def fits(rest: str) -> bool:
-        return not depth or rest.count(PARAMETER_SEPARATOR_STRING) < depth
-
-    if not prefixes:
-        return fits(name)
-    return any(
-        name == prefix
-        or (
-            name.startswith(prefix + PARAMETER_SEPARATOR_STRING)
-            and fits(name[len(prefix) + len(PARAMETER_SEPARATOR_STRING) :])
-        )
-        for prefix in prefixes
-    )

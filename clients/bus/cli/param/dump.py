@@ -6,7 +6,8 @@ from typing import Any
 from bus.cli.output import print_json, say
 from bus.cli.param.remote import add_node_argument, find_node, listed, open_remote, plain
 from bus.cli.stream import run_stream
-from bus.parameterfile import PARAMETERS_KEY, SEPARATOR, parse_scalar
+from bus.parameterfile import PARAMETERS_KEY, parse_scalar
+from bus.parameters import SEPARATOR
 
 
 def add_arguments(parser: ArgumentParser) -> None:
