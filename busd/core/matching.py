@@ -153,8 +153,14 @@ def _refuse(
     publisher: Publisher, subscription: Subscription, policy: str, text: str, out: list[Effect]
 ) -> None:
     for mine, other in ((publisher, subscription), (subscription, publisher)):
+        is_namesake = mine.type != other.type and mine.type[0] == other.type[0]
         message = Incompatible(
-            endpoint=mine.id, topic=mine.topic.name, node=other.node.full_name, policy=policy, text=text
+            endpoint=mine.id,
+            topic=mine.topic.name,
+            node=other.node.full_name,
+            policy=policy,
+            text=text,
+            type_hash=other.type[1] if is_namesake else "",
         )
         out.append(Send(mine.node.peer.id, message))
     nodes = f"publisher {publisher.node.full_name} and subscription {subscription.node.full_name}"

@@ -25,8 +25,9 @@ from bus.events import (
 )
 from bus.link import Link
 from bus.logger import Logger
-from bus.provoked import warn
+from bus.provoked import is_worth_asking, warn
 from bus.qos import QoSProfile
+from bus.typediff import difference
 from bus.typesupport import TypeSupport
 from bus.wire import messages as m
 from bus.wire.layout import ACCESS
@@ -91,6 +92,7 @@ class Endpoint(Generic[M]):
         self._match_waiters: list[tuple[int, asyncio.Future[None]]] = []
         self._deadline: asyncio.TimerHandle | None = None
         self._last_ns = 0
+        self._explaining: set[asyncio.Task[None]] = set()
 
     @property
     def matches(self) -> tuple[Match, ...]:
@@ -111,6 +113,8 @@ class Endpoint(Generic[M]):
         self._refusal = reason.with_traceback(None)  # whose frames may know descriptors
         if self._deadline is not None:
             self._deadline.cancel()
+        for task in self._explaining:
+            task.cancel()
         for _, waiter in self._match_waiters:
             if not waiter.done():
                 waiter.set_exception(reason)
@@ -161,6 +165,8 @@ class Endpoint(Generic[M]):
             case m.Rerouted(other=other, route=route):
                 if other in self._matches:
                     self._matches[other] = msgspec.structs.replace(self._matches[other], route=route)
+            case m.Incompatible(type_hash=type_hash) if type_hash and is_worth_asking():
+                self._explaining.add(self._link.loop.create_task(self._explain(message)))
             case m.Incompatible():
                 self._report_incompatible(message)
 
@@ -204,6 +210,23 @@ class Endpoint(Generic[M]):
     def _tell_match(self, change: int, node: str) -> None:
         event = MatchedChange(len(self._matches), change, self._total_matches, max(change, 0), node)
         self._tell(self._events.matched, event)
+
+    async def _explain(self, message: m.Incompatible) -> None:
+        """Say where the two definitions of one type differ, instead of that they do."""
+        task = asyncio.current_task()
+        try:
+            own = msgspec.msgpack.encode(self._support.schema)
+            other = await self._link.description(self._support.name, message.type_hash)
+            found = difference(own, other) if self._kind == "publisher" else difference(other, own)
+        except (BusError, TimeoutError):
+            found = None  # the other has left already: then the hashes must do
+        finally:
+            assert task is not None
+            self._explaining.discard(task)
+        if found is not None:
+            text = f"both call it {self._support.name}, but {found}"
+            message = msgspec.structs.replace(message, text=text)
+        self._report_incompatible(message)
 
     def _report_incompatible(self, message: m.Incompatible) -> None:
         if message.policy == ACCESS:  # no event of ROS 2's: the other is not there

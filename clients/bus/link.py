@@ -172,6 +172,17 @@ class Link:
         """Ask the broker something; see `Connection.request`. Waits for a broker that is away."""
         return await self._when_connected(lambda connection: connection.request(make, kind))
 
+    async def description(self, type_name: str, type_hash: str) -> bytes:
+        """How a type that is on the bus was described by who has it (`bus.schema`, in MessagePack).
+
+        Raises ConfigurationError where no endpoint has it.
+        """
+        answer = await self.request(
+            lambda number: m.GetType(request=number, type_name=type_name, type_hash=type_hash),
+            m.TypeDescription,
+        )
+        return answer.schema
+
     async def observe(self, tell: Callable[[], None]) -> None:
         """Call `tell` at every change of the graph from now on, and after a reconnection."""
         self._observers.append(tell)  # before anything is awaited: whoever calls may undo it then

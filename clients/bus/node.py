@@ -304,12 +304,9 @@ class Node(ServiceHost):
 
         Raises ConfigurationError where no endpoint has that type.
         """
-        answer = await self._opened().request(
-            lambda number: m.GetType(request=number, type_name=type_name, type_hash=type_hash),
-            m.TypeDescription,
-        )
+        description = await self._opened().description(type_name, type_hash)
         try:
-            schema = msgspec.msgpack.decode(answer.schema)
+            schema = msgspec.msgpack.decode(description)
         except (ValueError, RecursionError) as error:
             raise ConfigurationError(
                 f"the description of {type_name} on the bus is broken: {error}"

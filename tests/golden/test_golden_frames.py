@@ -160,6 +160,14 @@ FROM_BROKER: dict[str, m.Message] = {
     "ring_replaced": m.RingReplaced(subscription=3, source=2),
     "rerouted": m.Rerouted(endpoint=3, other=2, route="socket", at_ns=1_000_000_007),
     "rerouted_publisher": m.Rerouted(endpoint=2, other=3, route="socket", at_ns=1_000_000_007, last_seq=5),
+    "incompatible_type": m.Incompatible(
+        endpoint=3,
+        topic="/topic",
+        node="/robot/talker",
+        policy="TYPE",
+        text="their definitions differ",
+        type_hash="RIHS01_df66",
+    ),
     "incompatible": m.Incompatible(
         endpoint=3,
         topic="/topic",

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 import bus
-from bus.events import DeadlineMissed, IncompatibleQoS, LivelinessChanged, MatchedChange
+from bus.events import DeadlineMissed, IncompatibleQoS, IncompatibleType, LivelinessChanged, MatchedChange
 from bus.msg.geometry_msgs import Twist, Vector3
 from bus.msg.std_msgs import Int32, String
 from conftest import WAIT_S, Daemon
@@ -63,6 +63,25 @@ class TestEvents:
                 await asyncio.sleep(0.002)
         assert "the publisher has std_msgs/msg/Int32, the subscription std_msgs/msg/String" in errors
         assert subscription.get_publisher_count() == 0
+
+    async def test_both_are_told_where_two_types_of_one_name_differ(self, node: bus.Node, capfd: Any) -> None:
+        told: list[IncompatibleType] = []
+        other = msgspec.defstruct("Wheel", [("speed", str)], namespace={"__type_name__": "demo/msg/Wheel"})
+        own = msgspec.defstruct("Wheel", [("speed", float)], namespace={"__type_name__": "demo/msg/Wheel"})
+        await node.create_subscription(own, "t", 10)
+        await node.create_publisher(other, "t", 10, events=bus.PublisherEvents(incompatible_type=told.append))
+        await until(lambda: told)
+        text = (
+            "both call it demo/msg/Wheel, but field 'speed' is string at the publisher and float64 at the "
+            "subscription"
+        )
+        assert told == [IncompatibleType(1, 1, text, "/tester")]
+        errors = ""
+        async with asyncio.timeout(WAIT_S):
+            while text not in errors:
+                errors += capfd.readouterr().err
+                await asyncio.sleep(0.002)
+        assert "no messages will be received from it. (node /tester: both call it" in errors
 
     async def test_deadlines_are_watched_on_both_sides(self, node: bus.Node) -> None:
         missed: dict[str, list[DeadlineMissed]] = {"publisher": [], "subscription": []}

@@ -15,6 +15,7 @@ from bus.address import socket_path
 from bus.cli.output import CommandError
 from bus.errors import (
     BrokerUnavailable,
+    ConfigurationError,
     ConnectionClosed,
     RemoteProtocolError,
 )
@@ -76,6 +77,16 @@ class Query:
         return graph_of(
             self.request(lambda number: m.GetGraph(request=number, statistics=statistics), m.Graph)
         )
+
+    def description(self, type_name: str, type_hash: str) -> bytes | None:
+        """How a type that is on the bus was described, as it travels; None where nobody has it any more."""
+        try:
+            return self.request(
+                lambda number: m.GetType(request=number, type_name=type_name, type_hash=type_hash),
+                m.TypeDescription,
+            ).schema
+        except ConfigurationError:
+            return None
 
     def charges(self) -> m.Peers | None:
         """What processes and users make busd hold; None where this busd does not know the question."""

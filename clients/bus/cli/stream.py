@@ -12,10 +12,12 @@ import msgspec
 from bus.cli.exitcodes import EXIT_INTERRUPTED, EXIT_TERMINATED
 from bus.cli.output import CommandError, complain
 from bus.cli.query import full_type_name
-from bus.graph import Graph
+from bus.errors import ConfigurationError
+from bus.graph import Graph, GraphEndpoint
 from bus.node import Node
 from bus.runner import loop_factory
-from bus.typesupport import find_type, type_hash
+from bus.typediff import difference
+from bus.typesupport import find_type, type_hash, type_support
 
 __all__ = [
     "find_class",
@@ -76,16 +78,16 @@ async def find_class(
     Without `type_name` the topic's type; None where nobody has the topic. Raises CommandError where the topic
     has several types, or where nothing knows the type that was named.
     """
-    everywhere = [
-        (one.topic, (one.type_name, one.type_hash)) for one in (*graph.publishers, *graph.subscriptions)
-    ]
+    endpoints = (*graph.publishers, *graph.subscriptions)
+    everywhere = [(one.topic, (one.type_name, one.type_hash)) for one in endpoints]
     here = list(dict.fromkeys(kind for where, kind in everywhere if where == topic))
     if type_name is None:
         if len(here) > 1:
-            types = ", ".join(
-                f"{name} ({hash})" if here[0][0] == here[-1][0] else name for name, hash in here
-            )
-            raise CommandError(f"Cannot echo topic '{topic}', as it contains more than one type: [{types}]")
+            types = ", ".join(dict.fromkeys(name for name, _ in here))
+            first = {(one.type_name, one.type_hash): one for one in reversed(endpoints) if one.topic == topic}
+            why = await _difference(node, *(first[kind] for kind in here[:2]))
+            text = f"Cannot echo topic '{topic}', as it contains more than one type: [{types}]"
+            raise CommandError(f"{text}{why}")
         kinds = here
         if not kinds:
             return None
@@ -101,6 +103,22 @@ async def find_class(
     if ready_made is not None and type_hash(ready_made) == kinds[0][1]:
         return ready_made
     return await node.get_type(*kinds[0])
+
+
+async def _difference(node: Node, one: GraphEndpoint, other: GraphEndpoint) -> str:
+    """Where two types of one name differ, as the rest of a sentence; nothing where the names differ."""
+    if one.type_name != other.type_name:
+        return ""
+    try:
+        schemas = [
+            type_support(await node.get_type(end.type_name, end.type_hash)).schema for end in (one, other)
+        ]
+        ours, theirs = map(msgspec.msgpack.encode, schemas)
+        found = difference(ours, theirs, (one.node.full_name, other.node.full_name))
+    except ConfigurationError:
+        found = None
+    found = found or f"their definitions differ ({one.type_hash} and {other.type_hash})"
+    return f"; {one.node.full_name} and {other.node.full_name} both call it {one.type_name}, but {found}"
 
 
 def not_published(topic: str) -> None:

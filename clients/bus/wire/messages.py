@@ -265,13 +265,17 @@ class Unmatched(Message, frozen=True, tag="unmatched"):
 
 
 class Incompatible(Message, frozen=True, tag="incompatible"):
-    """`endpoint` (yours) matches none of `node`'s, by `policy`: TYPE, ACCESS, or the last of its QoS."""
+    """`endpoint` (yours) matches none of `node`'s, by `policy`: TYPE, ACCESS, or the last of its QoS.
+
+    `type_hash`: the other's, where both call their type the same; GetType tells how it is described.
+    """
 
     endpoint: int
     topic: str
     node: str
     policy: str
     text: str
+    type_hash: str = ""
 
 
 class LivelinessChanged(Message, frozen=True, tag="liveliness"):

@@ -1,12 +1,14 @@
 """`bus topic info`: a topic's type and endpoints; with -v their QoS, losses and matches."""
 
 from argparse import ArgumentParser, Namespace
+from functools import cache
 from typing import Any
 
+from bus.address import socket_path
 from bus.cli.completion import completed_by, topics
-from bus.cli.mismatch import mismatch
+from bus.cli.mismatch import Describe, mismatch
 from bus.cli.output import CommandError, dropped_text, print_json, say, size_text
-from bus.cli.query import full_topic_name, get_graph
+from bus.cli.query import Query, full_topic_name
 from bus.graph import EndpointStatistics, Graph, GraphEndpoint
 from bus.qos import History, describe_profile
 
@@ -26,7 +28,11 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(args: Namespace) -> int:
     topic = full_topic_name(args.topic_name)
-    graph = get_graph(args, statistics=args.verbose)
+    with Query(socket_path(args.socket, args.domain)) as query:
+        graph = query.graph(statistics=args.verbose)
+        there = [*graph.publishers_of(topic), *graph.subscriptions_of(topic)] if args.verbose else []
+        describe = cache(query.description)
+        matches = {one.id: _matches(graph, one, describe) for one in there}
     types = graph.topics().get(topic)
     if types is None:
         raise CommandError(f"Unknown topic '{args.topic_name}'")
@@ -36,7 +42,9 @@ def main(args: Namespace) -> int:
         for name, endpoints in sides:
             record[f"{name.lower()}_count"] = len(endpoints)
             if args.verbose:
-                record[f"{name.lower()}s"] = [_record(graph, endpoint) for endpoint in endpoints]
+                record[f"{name.lower()}s"] = [
+                    _record(endpoint, matches[endpoint.id]) for endpoint in endpoints
+                ]
         print_json(record)
         return 0
     end = "\n\n" if args.verbose else "\n"
@@ -45,11 +53,11 @@ def main(args: Namespace) -> int:
         say(f"{name} count: {len(endpoints)}", end=end)
         if args.verbose:
             for endpoint in endpoints:
-                say("\n".join(_block(graph, endpoint)), end=end)
+                say("\n".join(_block(endpoint, matches[endpoint.id])), end=end)
     return 0
 
 
-def _block(graph: Graph, endpoint: GraphEndpoint) -> list[str]:
+def _block(endpoint: GraphEndpoint, matches: list[dict[str, str]]) -> list[str]:
     counters = endpoint.statistics or EndpointStatistics()
     lines = [
         f"Node name: {endpoint.node.name}",
@@ -67,7 +75,6 @@ def _block(graph: Graph, endpoint: GraphEndpoint) -> list[str]:
     lines.append(f"Dropped: {dropped_text(counters.dropped)}")
     if endpoint.kind == "subscription":
         lines.append(f"Expected: {counters.expected}")
-    matches = _matches(graph, endpoint)
     lines.append(f"Matches: {sum('route' in match for match in matches)}")
     for match in matches:
         how = f"route: {match['route']}" if "route" in match else f"no match: {match['reason']}"
@@ -75,7 +82,7 @@ def _block(graph: Graph, endpoint: GraphEndpoint) -> list[str]:
     return lines
 
 
-def _matches(graph: Graph, endpoint: GraphEndpoint) -> list[dict[str, str]]:
+def _matches(graph: Graph, endpoint: GraphEndpoint, describe: Describe) -> list[dict[str, str]]:
     """Every endpoint on the other side, with the route of the match or the reason why there is none."""
     routes = {(match.publisher, match.subscription): match.route for match in graph.matches}
     found = []
@@ -85,14 +92,15 @@ def _matches(graph: Graph, endpoint: GraphEndpoint) -> list[dict[str, str]]:
     ):
         publisher, subscription = (endpoint, other) if is_publisher else (other, endpoint)
         route = routes.get((publisher.id, subscription.id))
-        how = (
-            {"reason": mismatch(publisher, subscription) or "unknown"} if route is None else {"route": route}
-        )
+        if route is None:
+            how = {"reason": mismatch(publisher, subscription, describe) or "unknown"}
+        else:
+            how = {"route": route}
         found.append({"node": other.node.full_name, **how})
     return found
 
 
-def _record(graph: Graph, endpoint: GraphEndpoint) -> dict[str, Any]:
+def _record(endpoint: GraphEndpoint, matches: list[dict[str, str]]) -> dict[str, Any]:
     from msgspec import to_builtins
 
     qos, counters = endpoint.qos, endpoint.statistics or EndpointStatistics()
@@ -108,5 +116,5 @@ def _record(graph: Graph, endpoint: GraphEndpoint) -> dict[str, Any]:
         "queued": counters.queued,
         "dropped": counters.dropped,
         **({"expected": counters.expected} if endpoint.kind == "subscription" else {}),
-        "matches": _matches(graph, endpoint),
+        "matches": matches,
     }

@@ -1,0 +1,32 @@
+"""What `bus` says to a slip of the pen, and about types that differ."""
+
+from system.test_cli_tool import Result, bus, script
+
+WHEEL = """
+import asyncio, sys, bus, msgspec
+class Wheel(msgspec.Struct):
+    __type_name__ = "demo/msg/Wheel"
+    speed: {kind}
+async def main():
+    async with bus.Node("{name}") as node:
+        await node.create_{end}(Wheel, "wheel", 10)
+        print("ready", flush=True)
+        await asyncio.Event().wait()
+bus.run(main())
+"""
+
+
+def test_where_two_types_of_one_name_differ(daemon: object) -> None:
+    ours = WHEEL.format(kind="float", name="ours", end="publisher")
+    theirs = WHEEL.format(kind="str", name="theirs", end="subscription")
+    text = "both call it demo/msg/Wheel, but field 'speed' is float64 at {} and string at {}"
+    ends = "the publisher", "the subscription"
+    with script(ours), script(theirs):
+        result = bus("topic", "info", "-v", "/wheel")
+        assert result.out.count(f"(no match: {text.format(*ends)})\n") == 2
+        assert bus("topic", "echo", "/wheel") == Result(
+            "",
+            "Cannot echo topic '/wheel', as it contains more than one type: [demo/msg/Wheel]; "
+            f"/ours and /theirs {text.format('/ours', '/theirs')}\n",
+            1,
+        )
