@@ -21,11 +21,16 @@ __all__ = [
     "ParameterFile",
     "RemapKind",
     "RemapRule",
+    "UnknownArguments",
     "remove_ros_args",
 ]
 
 _LOG_LEVELS = ("UNSET", "DEBUG", "INFO", "WARN", "ERROR", "FATAL")
 _PARAMETER_NAME = re.compile(r"[A-Za-z0-9_/]+(?:\.[A-Za-z0-9_/]+)*")
+
+
+class UnknownArguments(ConfigurationError):
+    """ROS arguments that ROS 2 does not have."""
 
 
 class RemapKind(Enum):
@@ -90,7 +95,8 @@ class Arguments(msgspec.Struct, frozen=True):
     def parse(cls, argv: Sequence[str]) -> "Arguments":
         """Take the ROS arguments out of a command line, with or without the program's name in front.
 
-        Raises ConfigurationError naming the rule that can't be used, or a ROS argument that is not known.
+        Raises ConfigurationError naming the rule that can't be used, UnknownArguments for ROS arguments that
+        are not known.
         """
         remaps: list[RemapRule] = []
         parameters: list[ParameterSource] = []
@@ -124,7 +130,7 @@ class Arguments(msgspec.Struct, frozen=True):
             else:
                 unknown.append(argument)
         if unknown:
-            raise ConfigurationError(f"Found unknown ROS arguments: {unknown}")
+            raise UnknownArguments(f"Found unknown ROS arguments: {unknown}")
         return cls(
             remaps=tuple(remaps),
             parameters=tuple(parameters),

@@ -214,7 +214,17 @@ class _Filled:
 
 
 def _fill_empty(module: ModuleType) -> None:
-    """Its parts come when they are imported."""
+    """Its parts come when they are imported, or asked for: `import std_msgs; std_msgs.msg.Bool`.
+
+    In ROS 2 a part is there once anything has imported it, and rclpy imports those of many packages.
+    """
+    vars(module).update(__getattr__=partial(_part, module.__name__))
+
+
+def _part(package: str, name: str) -> ModuleType:
+    if name in _KINDS and _spec(f"{package}.{name}") is not None:
+        return import_module(f"{package}.{name}")
+    raise AttributeError(f"module '{package}' has no attribute '{name}'")
 
 
 def _fill_package(source: str, module: ModuleType) -> None:

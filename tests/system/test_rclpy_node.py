@@ -14,6 +14,8 @@ from bus.rclpy.exceptions import (
     InvalidTopicNameException,
     NodeNameNonExistentError,
     NotInitializedException,
+    RCLInvalidROSArgsError,
+    UnknownROSArgsError,
 )
 from bus.rclpy.node import Node
 from bus.rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -69,6 +71,24 @@ class TestNames:
         assert node.get_name() == "named"
         assert node.resolve_topic_name("a") == "/mine"
         assert node.resolve_topic_name("c") == "/d"
+
+    @pytest.mark.parametrize(
+        "arguments", [["-p", "8080", "--log-level", "--ros-args", "-r", "c:=d", "--", "-r"]]
+    )
+    @pytest.mark.parametrize("own", [[], ["--"], ["--", "-p", "8081"]])
+    def test_a_node_s_own_arguments_end_where_they_end(self, world: World, own: list[str]) -> None:
+        """What follows them, theirs or the program's, may look like ROS's but is not."""
+        node = world.node(cli_args=["-r", "--ros-args", "-r", "a:=mine", "-p", "p:=3", *own])
+        assert node.resolve_topic_name("a") == "/mine" and node.resolve_topic_name("c") == "/d"
+        assert node.declare_parameter("p", 1).value == 3
+
+    def test_a_node_s_own_arguments_that_are_wrong(self, world: World) -> None:
+        with pytest.raises(RCLInvalidROSArgsError, match="trailing -p flag"):
+            world.node(cli_args=["--ros-args", "-p"])
+        with pytest.raises(RCLInvalidROSArgsError, match="'-r bad'"):
+            world.node(cli_args=["--ros-args", "-r", "bad"])
+        with pytest.raises(UnknownROSArgsError, match="--bad"):
+            world.node(cli_args=["--ros-args", "--bad"])
 
     @pytest.mark.parametrize("arguments", [["--ros-args", "-r", "a:=b"]])
     def test_names_can_be_expanded_without_remapping(self, world: World) -> None:

@@ -8,13 +8,25 @@ from typing import Any
 import pytest
 
 import bus.rclpy as rclpy
+from bus.rclpy.callback_groups import ReentrantCallbackGroup
 from bus.rclpy.clock import Clock, ClockType
-from bus.rclpy.exceptions import ROSInterruptException
+from bus.rclpy.exceptions import InvalidHandle, ROSInterruptException
 from bus.rclpy.executors import MultiThreadedExecutor
 from bus.rclpy.node import Node
 from bus.rclpy.task import Future
 from conftest import WAIT_S
-from rclpy_world import Int64, World, arguments, in_thread, is_waiting, wait_until, world
+from rclpy_world import (
+    Int64,
+    Kind,
+    World,
+    arguments,
+    every_kind,
+    in_thread,
+    is_waiting,
+    trigger,
+    wait_until,
+    world,
+)
 
 __all__ = ["arguments", "world"]
 
@@ -218,7 +230,38 @@ class TestRates:
             rate.sleep()
         assert len(calls) == 5
 
-    def test_in_a_callback(self, world: World, node: Node) -> None:
+    def test_it_is_a_timer_of_its_node(self, world: World, node: Node) -> None:
+        """That an executor calls, as its one call; who sleeps in another thread is woken."""
+        rate = node.create_rate(50)
+        assert [timer.timer_period_ns for timer in node.timers] == [20_000_000]
+        executor, slept = world.executor(node), []
+
+        def sleep() -> None:
+            for _ in range(3):
+                rate.sleep()
+                slept.append(time.monotonic_ns())
+
+        with in_thread(sleep):
+            while len(slept) < 3:
+                executor.spin_once()
+        assert slept[2] - slept[0] > 30_000_000
+        assert node.destroy_rate(rate) and list(node.timers) == []
+
+    def test_one_that_fired_ends_the_next_sleep_at_once(self, world: World, node: Node) -> None:
+        rate = node.create_rate(1 / LONG_S)
+        rate._timer._next_ns = time.monotonic_ns()
+        rclpy.spin_once(node, timeout_sec=WAIT_S)
+        rate.sleep()
+
+    def test_all_who_sleep_wake_together(self, world: World, node: Node) -> None:
+        rate = node.create_rate(20)
+        with in_thread(rate.sleep), in_thread(rate.sleep):
+            wait_until(lambda: len(rate._timer.sleepers) == 2)
+        assert rate._timer._next_ns - rate._timer._last_ns <= 50_000_000
+
+    @every_kind
+    def test_in_all_callbacks_that_there_can_be(self, world: World, node: Node, kind: Kind) -> None:
+        """Then no thread of the executor is left to fire the timer."""
         slept: list[int] = []
         rate = node.create_rate(200)
 
@@ -226,9 +269,10 @@ class TestRates:
             rate.sleep()
             slept.append(1)
 
-        node.create_guard_condition(sleep).trigger()
-        with world.spinning(node, kind=lambda: MultiThreadedExecutor(2)):
-            wait_until(lambda: slept)
+        for _ in range(3):
+            trigger(node, sleep, ReentrantCallbackGroup())
+        with world.spinning(node, kind=kind):
+            wait_until(lambda: len(slept) == 3)
 
     def test_shutdown_ends_a_sleep(self, world: World, node: Node) -> None:
         rate = node.create_rate(1 / LONG_S)
@@ -246,9 +290,19 @@ class TestRates:
 
     def test_a_destroyed_one(self, node: Node) -> None:
         rate = node.create_rate(1000)
-        assert node.destroy_rate(rate)
-        with pytest.raises(ROSInterruptException):
+        assert node.destroy_rate(rate) and not node.destroy_rate(rate)
+        with pytest.raises(RuntimeError, match="Rate cannot sleep because it has been destroyed"):
             rate.sleep()
+
+    def test_destroying_ends_a_sleep(self, world: World, node: Node) -> None:
+        rates = [node.create_rate(1 / LONG_S) for _ in range(2)]
+        with in_thread(rates[0].sleep), in_thread(rates[1].sleep):
+            wait_until(lambda: all(rate._timer.sleepers for rate in rates))
+            node.destroy_rate(rates[0])
+            wait_until(lambda: not rates[0]._timer.sleepers)
+            node.destroy_node()
+        with pytest.raises(InvalidHandle, match="Rate cannot sleep because the timer has been destroyed"):
+            rates[1].sleep()
 
 
 class TestGuardConditions:

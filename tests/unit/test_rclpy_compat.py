@@ -183,6 +183,21 @@ def test_other_modules_of_ros(tmp_path: Path) -> None:
     ]
 
 
+def test_a_part_of_a_package_is_there_when_it_is_asked_for(tmp_path: Path) -> None:
+    code = """
+        import sys
+        import std_msgs, std_srvs, example_interfaces
+        print("std_msgs.msg" in sys.modules, hasattr(std_srvs, "msg"), hasattr(std_msgs, "__all__"))
+        print(std_msgs.msg.Bool(data=True), std_srvs.srv.SetBool.Request())
+        print(example_interfaces.action.__name__)
+        """
+    assert run(code, tmp_path) == [
+        "False False False",
+        "std_msgs.msg.Bool(data=True) std_srvs.srv.SetBool_Request(data=False)",
+        "example_interfaces.action",
+    ]
+
+
 @pytest.mark.parametrize(
     ("code", "error"),
     [
@@ -206,6 +221,8 @@ def test_other_modules_of_ros(tmp_path: Path) -> None:
         ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
         ("import std_srvs.msg", "ModuleNotFoundError: No module named 'std_srvs.msg'"),
         ("import std_msgs.msg._strin", "ModuleNotFoundError: No module named 'std_msgs.msg._strin'"),
+        ("import std_msgs; std_msgs.srv", "AttributeError: module 'std_msgs' has no attribute 'srv'"),
+        ("from std_msgs import Bool", "ImportError: cannot import name 'Bool' from 'std_msgs'"),
         ("import std_msgs.other", "ModuleNotFoundError: No module named 'std_msgs.other'"),
         ("import rclpy.no_such_part", "ModuleNotFoundError: busd has no 'rclpy.no_such_part'"),
         ("import bus.no_such_part", "ModuleNotFoundError: No module named 'bus.no_such_part'"),

@@ -9,11 +9,11 @@ from weakref import WeakSet
 
 from bus import parameterfile
 from bus.address import domain_id
-from bus.arguments import Arguments
+from bus.arguments import Arguments, UnknownArguments
 from bus.errors import ConfigurationError
 from bus.logger import configure, get_logger
 from bus.rclpy import engine as engines
-from bus.rclpy.exceptions import NotInitializedException
+from bus.rclpy.exceptions import NotInitializedException, RCLInvalidROSArgsError, UnknownROSArgsError
 
 __all__ = ["Context", "get_default_context"]
 
@@ -57,14 +57,11 @@ class Context:
     ) -> None:
         """Begin. `args`: the command line, by default the program's own; those after --ros-args are obeyed.
 
-        Raises RuntimeError where it has begun already, or for ROS arguments that can't be used.
+        Raises RuntimeError where it has begun already; RCLInvalidROSArgsError or UnknownROSArgsError, which
+        are RuntimeErrors, for ROS arguments that can't be used.
         """
         words = tuple(sys.argv[1:] if args is None else args)
-        try:
-            arguments = Arguments.parse(words)
-            parameters = parameterfile.load(arguments.parameters) if arguments.parameters else ()
-        except ConfigurationError as error:
-            raise RuntimeError(f"Failed to parse ROS arguments: {error}") from None
+        arguments, parameters = parse_arguments(words)
         if domain_id is not None and domain_id < 0:
             raise RuntimeError(f"Domain id ({domain_id}) should not be lower than zero.")
         with self._lock:
@@ -160,6 +157,19 @@ class Context:
                 callback()
             except Exception as error:
                 get_logger("rclpy").error(f"a shutdown callback raised {type(error).__name__}: {error}")
+
+
+def parse_arguments(words: Sequence[str]) -> tuple[Arguments, tuple[parameterfile.Section, ...]]:
+    """A command line, and what it says of parameters.
+
+    Raises UnknownROSArgsError, and RCLInvalidROSArgsError for others that can't be used.
+    """
+    try:
+        arguments = Arguments.parse(words)
+        return arguments, parameterfile.load(arguments.parameters) if arguments.parameters else ()
+    except ConfigurationError as error:
+        kind = UnknownROSArgsError if isinstance(error, UnknownArguments) else RCLInvalidROSArgsError
+        raise kind(f"Failed to parse ROS arguments: {error}") from None
 
 
 _contexts: WeakSet[Context] = WeakSet()

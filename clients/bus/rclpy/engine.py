@@ -176,6 +176,10 @@ class Engine:
                 self._is_asleep = False
                 self._ring()
 
+    def is_waited_on(self, waiter: "Waiter") -> bool:
+        """Whether a thread is in `wait` with it."""
+        return self._runner is waiter or waiter in self._blocked
+
     def _block(self, waiter: "Waiter", deadline_ns: int, *, is_eager: bool) -> None:
         """Sleep while another thread runs the loop, or shall."""
         if is_eager and self._runner is self:

@@ -177,6 +177,10 @@ class Executor:
     def wake_up(self) -> None:
         self.waiter.set()
 
+    def is_looking(self) -> bool:
+        """Whether a thread waits for what becomes ready, and can take it."""
+        return self._engine.is_waited_on(self.waiter)
+
     # --- inside, under the guard
 
     def _next(self, deadline_ns: int, most: int, until: Future[Any] | None) -> "tuple[Ready, Work] | None":

@@ -123,6 +123,9 @@ class MultiThreadedExecutor(Executor):
         for waiter in leaving:
             waiter.set()
 
+    def is_looking(self) -> bool:
+        return self._free > 0 and super().is_looking()
+
     def _pop(self) -> "Ready | None":
         return super()._pop() if self._free else None
 

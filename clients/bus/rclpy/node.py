@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from bus import parameterfile
-from bus.arguments import Arguments
 from bus.errors import AccessDenied, BusError, ConfigurationError
 from bus.graph import Graph
 from bus.node import Node as NativeNode
@@ -12,7 +11,7 @@ from bus.parametermessages import event_message
 from bus.parameters import Change
 from bus.qos import QoSProfile as NativeProfile
 from bus.rclpy.clock import Clock, ROSClock
-from bus.rclpy.context import Context, get_default_context
+from bus.rclpy.context import Context, get_default_context, parse_arguments
 from bus.rclpy.engine import current, engine
 from bus.rclpy.exceptions import NotInitializedException
 from bus.rclpy.expand_topic_name import expand_topic_name
@@ -41,8 +40,11 @@ class Node(EntityMaker, GraphQueries, ParameterMethods):
     """A node named `node_name`. In the graph at once, until `destroy_node` or the end of the process; its
     publishers work without anybody spinning.
 
+    Of `cli_args`, what stands after --ros-args is for this node, and goes before the program's own.
+
     Raises NotInitializedException before `rclpy.init`, InvalidNodeNameException, InvalidNamespaceException,
-    and BrokerUnavailable where no busd answers and none could be started.
+    RCLInvalidROSArgsError or UnknownROSArgsError for `cli_args`, and BrokerUnavailable where no busd answers
+    and none could be started.
     """
 
     def __init__(
@@ -64,13 +66,20 @@ class Node(EntityMaker, GraphQueries, ParameterMethods):
         context = context or get_default_context()
         if not context.ok():
             raise NotInitializedException("cannot create node")
-        words = [*(cli_args or ()), *(context.arguments if use_global_arguments else ())]
+        own = tuple(cli_args or ())
+        _, parameters = parse_arguments(own)
+        # Its ROS arguments end where they end: what follows is the program's.
+        words = [*own, "--", *context.arguments] if use_global_arguments else own
         native = _make_native(node_name, namespace or "", words, context, enable_rosout)
         super().__init__(engine(), native, context, ROSClock())
         self._parameter_events: Publisher[Any] | None = None
         self._logger = RcutilsLogger(native.get_logger().name)
         self._parameters = NodeParameters(
-            overrides=_overrides(context if use_global_arguments else None, cli_args or (), native.full_name),
+            overrides=parameterfile.overrides(
+                # Its own go before the program's.
+                [*(context.parameters if use_global_arguments else ()), *parameters],
+                native.full_name,
+            ),
             parameter_overrides=parameter_overrides,
             allow_undeclared_parameters=allow_undeclared_parameters,
             automatically_declare_parameters_from_overrides=automatically_declare_parameters_from_overrides,
@@ -248,12 +257,3 @@ def _make_native(
         if namespace:
             validate_namespace(namespace if namespace.startswith("/") else f"/{namespace}")
         raise
-
-
-def _overrides(context: Context | None, words: Sequence[str], full_name: str) -> dict[str, Any]:
-    """What the command line says of a node's parameters; its own goes before the program's."""
-    sections = [
-        *(context.parameters if context else ()),
-        *parameterfile.load(Arguments.parse(words).parameters),
-    ]
-    return parameterfile.overrides(sections, full_name)

@@ -11,7 +11,7 @@ from bus.errors import ConfigurationError
 from bus.events import PublisherEvents, SubscriptionEvents
 from bus.node import Node as NativeNode
 from bus.qos import QoSProfile as NativeProfile
-from bus.rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
+from bus.rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from bus.rclpy.client import Client
 from bus.rclpy.clock import Clock
 from bus.rclpy.context import Context
@@ -47,6 +47,7 @@ class EntityMaker:
         self._clock = clock
         self._is_destroyed = False
         self._default_callback_group = MutuallyExclusiveCallbackGroup()
+        self._rate_group = ReentrantCallbackGroup()
         self._events = Calls(self, self._default_callback_group)
         self._entities: tuple[Entity, ...] = (self._events,)
         self._publishers: tuple[Publisher[Any], ...] = ()
@@ -220,7 +221,9 @@ class EntityMaker:
         """For loops that are to run `frequency` times a second."""
         if frequency <= 0:
             raise ValueError("frequency must be > 0")
-        return Rate(round(1e9 / frequency), clock or self._clock, self._context)
+        # In a group of its own, so that other callbacks do not move it.
+        timer = self.create_timer(1 / frequency, None, self._rate_group, clock)
+        return Rate(timer, context=self._context)
 
     # --- destroying
 
@@ -254,8 +257,9 @@ class EntityMaker:
         return is_ours
 
     def destroy_rate(self, rate: Rate) -> bool:
+        is_ours = self.destroy_timer(rate._timer)
         rate.destroy()
-        return True
+        return is_ours
 
     # --- inside
 
@@ -313,6 +317,8 @@ class EntityMaker:
         with self._engine.loop:
             for entity in (*self._entities, *self.timers):
                 entity.is_destroyed = True
+            for timer in self.timers:
+                timer.forget_clock()
             self.timers, self._entities, self._publishers = (), (), ()
 
 

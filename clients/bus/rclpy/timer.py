@@ -6,13 +6,15 @@ from typing import Any
 
 from bus.callbacks import is_async
 from bus.rclpy.clock import ANY_JUMP, CHANGES_OF_SOURCE, Clock, JumpHandle, ROSClock, TimeJump
-from bus.rclpy.engine import Waiter, engine
+from bus.rclpy.engine import Engine, Waiter, engine
 from bus.rclpy.entity import Entity, Work
-from bus.rclpy.exceptions import ROSInterruptException
+from bus.rclpy.exceptions import InvalidHandle, ROSInterruptException
 
 __all__ = ["Rate", "Timer"]
 
 NEVER_NS = 1 << 62
+_GRACE_NS = 10_000_000
+"""For so long the sleepers of a rate leave its timer to an executor that waits for it."""
 
 
 def _now_ns(clock: Clock) -> int:
@@ -44,6 +46,8 @@ class Timer(Entity):
         self._last_ns = self._now_ns()
         self._next_ns = self._last_ns + timer_period_ns
         self._is_canceled = not autostart
+        self.sleepers: list[Waiter] = []
+        """Of a rate: who looks again at each change."""
         super().__init__(node, callback_group)
         self._left_ns = timer_period_ns
         self._jumps: JumpHandle | None = None
@@ -91,6 +95,7 @@ class Timer(Entity):
 
     def forget_clock(self) -> None:
         """It is destroyed."""
+        self.wake_sleepers()
         if self._jumps is not None:
             self._jumps.unregister()
 
@@ -128,8 +133,18 @@ class Timer(Entity):
         self._last_ns = now_ns
         return self.callback, ()
 
+    def wake_ns(self) -> int:
+        """When to look at it again, on the monotonic clock; 0 = when it is told: by the simulation's time."""
+        return 0 if self.is_simulated or self._is_canceled else self._next_ns
+
+    def wake_sleepers(self) -> None:
+        """Something has changed: they look again."""
+        for waiter in self.sleepers:
+            waiter.set()
+
     def rearm(self) -> None:
-        """The executor must look at the time anew."""
+        """The executor, and who sleeps, must look at the time anew."""
+        self.wake_sleepers()
         executor = self.node.own_executor
         if executor is not None:
             executor.look_at_timers()
@@ -139,40 +154,71 @@ class Timer(Entity):
 
 
 class Rate:
-    """`sleep` ends at the next multiple of the period; made by `Node.create_rate`. Nobody need spin."""
+    """`sleep` ends when the rate's timer fires; made by `Node.create_rate`.
 
-    def __init__(self, period_ns: int, clock: Clock, context: Any) -> None:
-        self._period_ns = period_ns
-        self._clock = clock
+    The timer is one of its node: an executor that works for the node fires it, in a group of its own. Where
+    nobody spins, or all threads are in callbacks, a sleeper fires it itself.
+    """
+
+    def __init__(self, timer: Timer, *, context: Any) -> None:
+        self._timer = timer
         self._context = context
-        self._next_ns = self._now_ns() + period_ns
+        self._has_fired = False  # and no sleep has ended by it
         self._is_destroyed = False
+        timer.callback = self._fire
 
     def sleep(self) -> None:
-        """Raises ROSInterruptException where the context ends meanwhile, or has ended."""
-        now_ns = self._now_ns()
-        if now_ns < self._next_ns:
-            self._sleep_until(self._next_ns)
-            self._next_ns += self._period_ns
-        else:
-            self._next_ns += ((now_ns - self._next_ns) // self._period_ns + 1) * self._period_ns
-        if self._is_destroyed or not self._context.ok():
+        """Where the timer has fired since the last sleep, do not block.
+
+        Raises ROSInterruptException where the context ends meanwhile, or has ended; RuntimeError where the
+        rate is destroyed, InvalidHandle where its node is. A destruction meanwhile ends the sleep.
+        """
+        self._check()
+        timer, mover = self._timer, engine()
+        with mover.loop:
+            waiter = Waiter(mover, self._context)
+            timer.sleepers.append(waiter)
+            try:
+                self._wait(waiter, mover)
+            finally:
+                timer.sleepers.remove(waiter)
+                if not timer.sleepers:
+                    self._has_fired = False
+        if not self._context.ok():
             raise ROSInterruptException
 
     def destroy(self) -> None:
+        """No more sleep; those who sleep return."""
         self._is_destroyed = True
+        engine().call(self._timer.wake_sleepers)
 
-    def _now_ns(self) -> int:
-        return _now_ns(self._clock)
+    def _check(self) -> None:
+        if not self._context.ok():
+            raise ROSInterruptException
+        if self._is_destroyed:
+            raise RuntimeError("Rate cannot sleep because it has been destroyed")
+        if self._timer.is_destroyed:
+            raise InvalidHandle("Rate cannot sleep because the timer has been destroyed")
 
-    def _sleep_until(self, end_ns: int) -> None:
-        if self._clock.ros_time_is_active:
-            from bus.rclpy.time import Time
+    def _wait(self, waiter: Waiter, mover: Engine) -> None:
+        timer, is_left_to_executor = self._timer, False
+        while not (self._has_fired or self._is_destroyed or timer.is_destroyed) and self._context.ok():
+            deadline_ns = timer.wake_ns()
+            if timer.is_ready():
+                executor = timer.node.own_executor
+                if is_left_to_executor or executor is None or not executor.is_looking():
+                    timer.take(1)
+                    self._tell_sleepers()
+                    return
+                is_left_to_executor = True
+                deadline_ns = monotonic_ns() + _GRACE_NS
+            waiter.is_set = False
+            if not waiter.wait(deadline_ns) and mover.loop.is_interrupted and mover.is_main():
+                return  # KeyboardInterrupt comes where the guard ends
 
-            self._clock.sleep_until(
-                Time(nanoseconds=end_ns, clock_type=self._clock.clock_type), self._context
-            )
-            return
-        mover = engine()
-        with mover.loop:
-            Waiter(mover, self._context).wait(end_ns)
+    def _fire(self) -> None:
+        engine().call(self._tell_sleepers)
+
+    def _tell_sleepers(self) -> None:
+        self._has_fired = True
+        self._timer.wake_sleepers()
