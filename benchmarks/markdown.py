@@ -10,7 +10,7 @@ from benchmarks.figures import Spread, bytes_text
 from benchmarks.looks import is_main, system_of
 from benchmarks.pictures import Picture, available
 from benchmarks.report import Comparison, Result, Row, Section, goal, number, spread
-from benchmarks.systems import BUS, BUS_SOCKET, C_FLOOR, FLOOR, RIVALS, System
+from benchmarks.systems import BUS, BUS_SOCKET, C_FLOOR, FLOOR, PIPE, RIVALS, System
 
 FOLDER = "pictures"
 """Where the pictures are, beside the report."""
@@ -26,13 +26,14 @@ _SHORT_ROWS = 24
 
 
 class _Essential(NamedTuple):
-    """A column of the README's table; `at` is None where the section has one row of each system."""
+    """A column of the short tables; `at` is None where the section has one row of each system."""
 
     heading: str
     section: str
     key: str
     at: float | None
     higher_is_better: bool = False
+    is_in_readme: bool = True
 
 
 _ESSENTIALS = (
@@ -42,8 +43,8 @@ _ESSENTIALS = (
     _Essential("messages/s of 64 B", "throughput", "per_s", 64, True),
     _Essential("bytes/s by 64 KiB", "throughput", "bytes_per_s", 1 << 16, True),
     _Essential("deliveries/s to 8", "fanout", "deliveries_per_s", 8, True),
-    _Essential("CPU s per 100k", "cost", "cpu", None),
-    _Essential("first message ms", "startup", "ms", None),
+    _Essential("CPU s per 100k", "cost", "cpu", None, is_in_readme=False),
+    _Essential("first message ms", "startup", "ms", None, is_in_readme=False),
 )
 
 
@@ -55,6 +56,7 @@ def report_of(result: Result, source: str) -> str:
         "How it is measured is in [README.md](README.md). Figures are `median (min - max)` over the "
         f"repetitions ({result.repetitions} of latency and throughput); compare those of one run only.",
         _facts(result),
+        *_in_short(result),
         *_goals(result),
         *_troubles(result),
     ]
@@ -65,27 +67,23 @@ def report_of(result: Result, source: str) -> str:
 
 
 def speed_of(result: Result, source: str) -> str:
-    """What stands between the marks in the README: systems by essential figures, with ratios."""
-    columns = [one for one in _ESSENTIALS if _essential(result, one, BUS) is not None]
+    """What stands between the marks in the README: busd, Python's pipe, the best rivals of each column."""
+    columns = [one for one in _measured(result) if one.is_in_readme]
     if not columns:
         return "No result yet."
-    rows = []
-    for system in (BUS, BUS_SOCKET, *RIVALS, FLOOR, C_FLOOR):
-        found = [_essential(result, one, system) for one in columns]
-        if any(found):
-            name = f"**{system.name}**" if system.kind == "ours" else _named(system)
-            cells = [_cell(result, one, system) for one in columns]
-            rows.append([name, *cells])
+    best = [_best_direct_rival(result, one) for one in columns]
+    systems = [BUS, *(one for one in RIVALS if one == PIPE or one in best)]
     machine = result.machine
     kind = "quick" if result.is_quick else "full"
     return "\n\n".join(
         [
-            _table(["", *(one.heading for one in columns)], rows),
-            "In brackets: how many times better busd by shared memory is; **bold** where a rival is ahead. "
+            _essentials(result, columns, systems),
+            "Beside busd: Python's own pipe, and the best rival without a broker of each column. In "
+            "brackets: how many times better busd is; **bold** where a rival is ahead. "
             f"Medians of the {kind} run of {result.began[:10]} at commit {machine.commit or 'unknown'}: "
             f"{machine.processor}, {machine.cpus} CPUs, {'virtual, ' if machine.is_virtual else ''}"
-            f"{machine.kernel}, {machine.python}. All figures, what was missed, and the pictures: "
-            "[benchmarks/REPORT.md](benchmarks/REPORT.md). Again: `make bench`, then "
+            f"{machine.kernel}, {machine.python}. The other systems, CPU time, start, pictures, and where "
+            "busd loses: [benchmarks/REPORT.md](benchmarks/REPORT.md). Again: `make bench`, then "
             f"`make bench-report RESULT=...` (this one: `benchmarks/{source}`).",
         ]
     )
@@ -124,6 +122,17 @@ def _facts(result: Result) -> str:
         ["again", "`make bench`, and `make bench-compare A=... B=...` to see what changed"],
     ]
     return _table(["", ""], rows)
+
+
+def _in_short(result: Result) -> Iterator[str]:
+    columns = _measured(result)
+    if columns:
+        yield "## In short"
+        yield _essentials(result, columns, (BUS, BUS_SOCKET, *RIVALS, FLOOR, C_FLOOR))
+        yield (
+            "In brackets: how many times better busd by shared memory is; **bold** where a rival is ahead. "
+            "A limit is no rival: it does less."
+        )
 
 
 def _goals(result: Result) -> Iterator[str]:
@@ -230,7 +239,31 @@ def _figure(figures: Mapping[str, Spread], key: str) -> str:
     return spread(figures[key]) if key in figures else "-"
 
 
-# --- the README's table
+# --- the short tables: systems by essential figures, with ratios
+
+
+def _measured(result: Result) -> list[_Essential]:
+    return [one for one in _ESSENTIALS if _essential(result, one, BUS) is not None]
+
+
+def _best_direct_rival(result: Result, one: _Essential) -> System | None:
+    """Of those without a broker, which are much of a kind."""
+    found = [
+        (value, system)
+        for system in RIVALS
+        if system.kind == "direct" and (value := _essential(result, one, system)) is not None
+    ]
+    choose = max if one.higher_is_better else min
+    return choose(found, key=lambda pair: pair[0])[1] if found else None
+
+
+def _essentials(result: Result, columns: Sequence[_Essential], systems: Iterable[System]) -> str:
+    rows = []
+    for system in systems:
+        if any(_essential(result, one, system) is not None for one in columns):
+            name = f"**{system.name}**" if system.kind == "ours" else _named(system)
+            rows.append([name, *(_cell(result, one, system) for one in columns)])
+    return _table(["", *(one.heading for one in columns)], rows)
 
 
 def _essential(result: Result, one: _Essential, system: System) -> float | None:

@@ -12,7 +12,18 @@ from benchmarks.figures import Spread
 from benchmarks.looks import is_main, look_of, system_of
 from benchmarks.machine import Machine
 from benchmarks.report import Column, Comparison, Result, Row, Section
-from benchmarks.systems import BUS, BUS_SOCKET, C_FLOOR, ICEORYX, NATS, PYZMQ, PYZMQ_PROXY, SYSTEMS
+from benchmarks.systems import (
+    BUS,
+    BUS_SOCKET,
+    C_FLOOR,
+    ECAL,
+    ICEORYX,
+    NATS,
+    PIPE,
+    PYZMQ,
+    PYZMQ_PROXY,
+    SYSTEMS,
+)
 
 MACHINE = Machine("Some CPU", 2, True, 8.0, "Linux 6", "CPython 3.11", {"msgspec": "0.19"}, "abc", 0.5)
 MIB = 1 << 20
@@ -92,14 +103,37 @@ def test_the_report_says_where_it_loses_and_what_is_missing() -> None:
         assert all(f"pictures/{file}" in text for file in picture.files().values())
 
 
-def test_the_readmes_table_has_ratios_and_tells_where_a_rival_is_ahead() -> None:
-    lines = markdown.speed_of(RESULT, "results/x.json").splitlines()
+def test_the_short_tables_have_ratios_and_tell_where_a_rival_is_ahead() -> None:
+    whole = markdown.report_of(RESULT, "results/x.json").splitlines()
+    short = markdown.speed_of(RESULT, "results/x.json").splitlines()
 
-    assert lines[0] == "|  | latency 64 B: p50 µs | p99 µs | 1 MiB: p50 µs | CPU s per 100k |"
-    assert lines[2] == "| **busd, shared memory** | **10.0** | **20.0** | **10.0** | **2.00** |"
-    assert "| pyzmq | 40.0 (4.00x) | 80.0 (4.00x) | 40.0 (4.00x) | - |" in lines
-    assert "| nats-py (a broker) | 5.00 (**0.500x**) | 10.0 (**0.500x**) | 5.00 (**0.500x**) | - |" in lines
-    assert "full run of 2025-01-02 at commit abc" in lines[-1]
+    assert short[0] == "|  | latency 64 B: p50 µs | p99 µs | 1 MiB: p50 µs |"
+    assert short[2:4] == [
+        "| **busd, shared memory** | **10.0** | **20.0** | **10.0** |",
+        "| pyzmq | 40.0 (4.00x) | 80.0 (4.00x) | 40.0 (4.00x) |",
+    ]
+    assert "full run of 2025-01-02 at commit abc" in short[-1]
+    assert "|  | latency 64 B: p50 µs | p99 µs | 1 MiB: p50 µs | CPU s per 100k |" in whole
+    assert "| nats-py (a broker) | 5.00 (**0.500x**) | 10.0 (**0.500x**) | 5.00 (**0.500x**) | - |" in whole
+
+
+def test_the_readmes_table_has_the_best_of_each_column_and_pythons_own_pipe() -> None:
+    medians = [
+        (BUS, 10, 20),
+        (PIPE, 90, 90),
+        (PYZMQ, 40, 80),
+        (ICEORYX, 50, 81),
+        (ECAL, 60, 9),
+        (NATS, 5, 5),  # a broker
+    ]
+    rows = [
+        Row(system.name, {"p50": one(p50), "p99": one(p99)}, "", system.name, 64)
+        for system, p50, p99 in medians
+    ]
+    found = markdown.speed_of(result(Section("latency", "", latency().columns, rows)), "x.json").splitlines()
+
+    shown = [line.split(" | ")[0].strip("|* ") for line in found if line.startswith("| ")]
+    assert shown[2:] == [BUS.name, PIPE.name, PYZMQ.name, ECAL.name]
 
 
 def test_what_stands_between_the_marks_is_replaced_and_nothing_else() -> None:
