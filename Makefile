@@ -6,11 +6,13 @@ BIN    := $(VENV)/bin
 # The native core (shared memory): auto builds it where that can be done, yes must have it, no goes without.
 BUS_NATIVE ?= auto
 export BUS_NATIVE
-STAMP  := $(VENV)/.installed-$(BUS_NATIVE)
-BENCH_STAMP := $(VENV)/.installed-bench-$(BUS_NATIVE)
-FUZZ_STAMP := $(VENV)/.installed-fuzz-$(BUS_NATIVE)
-SOAK_STAMP := $(VENV)/.installed-soak-$(BUS_NATIVE)
+STAMP  := $(VENV)/.busd-$(BUS_NATIVE)
+TOOLS  := $(STAMP) $(VENV)/.tools
+BENCH_STAMP := $(VENV)/.bench
+FUZZ_STAMP := $(VENV)/.fuzz
+SOAK_STAMP := $(VENV)/.soak
 CORE   := setup.py $(wildcard clients/bus/shm/*.c clients/bus/shm/*.h)
+PIP    := $(BIN)/python -m pip install -qq --disable-pip-version-check
 SECONDS ?=
 SEED ?=
 PYTEST_ARGS ?=
@@ -21,12 +23,31 @@ NATIVE_LOG := tests/native/build/short.log
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 15
 
-setup: $(STAMP) ## make .venv and install busd into it, with the development tools (BUS_NATIVE=yes|no)
-$(STAMP): pyproject.toml $(CORE)
-	@rm -f $(VENV)/.installed* clients/bus/shm/*.so
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install -qq --disable-pip-version-check --upgrade pip
-	$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[dev]'
+setup: $(TOOLS) ## make .venv and install busd into it, with the development tools (BUS_NATIVE=yes|no)
+
+$(BIN)/python:
+	@echo "making $(VENV): some 5 seconds"
+	@$(PYTHON) -m venv $(VENV)
+
+# Where somebody has installed this tree into .venv by hand, and it is no older than its sources, that will do.
+BY_HAND = $(wildcard $(VENV)/lib/python*/site-packages/__editable__.busd-*.pth)
+
+$(STAMP): pyproject.toml $(CORE) | $(BIN)/python
+	@if [ $(BUS_NATIVE) != auto ] || [ -e $(VENV)/.busd-no ] || [ -z "$(BY_HAND)" ] \
+			|| [ -n "$$(find $^ -newer "$(BY_HAND)")" ]; then \
+		echo "installing busd and what it needs into $(VENV): some 10 seconds"; \
+		rm -f $(VENV)/.busd-* $(if $(filter no,$(BUS_NATIVE)),clients/bus/shm/*.so); \
+		$(PIP) --editable .; \
+	fi
+	@touch $@
+
+# What an extra of pyproject.toml adds to busd, without installing that again.
+EXTRA = $(BIN)/python -c "import tomllib; project = tomllib.load(open('pyproject.toml', 'rb'))['project']; \
+	print(*project['optional-dependencies']['$(1)'], sep='\n')" | $(PIP) --requirement /dev/stdin
+
+$(VENV)/.tools: pyproject.toml | $(STAMP)
+	@echo "installing the development tools into $(VENV): half a minute, 200 MB"
+	@$(call EXTRA,dev)
 	@touch $@
 
 demo: $(STAMP) ## a talker and two listeners, as in the ROS 2 lesson (SECONDS=5 ends by itself)
@@ -35,11 +56,11 @@ demo: $(STAMP) ## a talker and two listeners, as in the ROS 2 lesson (SECONDS=5 
 robot: $(STAMP) ## the lesson's robot: perception, cognition, actuation, monitoring (SECONDS=10)
 	@$(BIN)/python examples/robot/main.py $(SECONDS)
 
-test: $(STAMP) ## the whole test suite (BUS_NATIVE=no: as without the native core)
+test: $(TOOLS) ## the whole test suite (BUS_NATIVE=no: as without the native core)
 	$(if $(PYTEST_ARGS)$(filter no,$(BUS_NATIVE)),,@$(MAKE) --no-print-directory native)
 	PYTHONASYNCIODEBUG=1 $(BIN)/python -m pytest -n logical --dist worksteal $(PYTEST_ARGS)
 
-lint: $(STAMP) ## style, types and layers
+lint: $(TOOLS) ## style, types and layers
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -59,12 +80,12 @@ fuzz: $(FUZZ_STAMP) ## fuzz all that takes input, guided by coverage (SECONDS=60
 	PYTHONPATH=tests $(BIN)/python -m fuzz --seconds $(or $(SECONDS),60)
 
 # Where atheris can't be had, the fuzzers in Python are left out, and the run says so.
-$(FUZZ_STAMP): $(STAMP)
+$(FUZZ_STAMP): $(TOOLS)
 	@rm -f $@
-	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[fuzz]' && touch $@ \
+	@$(call EXTRA,fuzz) && touch $@ \
 		|| echo "atheris can't be installed"
 
-fmt: $(STAMP) ## format the sources
+fmt: $(TOOLS) ## format the sources
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
@@ -74,19 +95,19 @@ bench-quick: $(BENCH_STAMP) ## latency, throughput, fan-out, cost, start ... bes
 bench: $(BENCH_STAMP) ## the same, longer: about 20 minutes
 	$(BIN)/python -m benchmarks
 
-chaos: $(STAMP) ## kill, stop, cut off and starve the processes of a bus, and see what holds (SECONDS=60 SEED=7)
+chaos: $(TOOLS) ## kill, stop, cut off and starve the processes of a bus, and see what holds (SECONDS=60 SEED=7)
 	@PYTHONPATH=tests $(BIN)/python -m chaos --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED))
 
 soak: $(SOAK_STAMP) ## a steady load: memory and descriptors flat, latency over time (MINUTES=30)
 	$(BIN)/python -m benchmarks.soak --minutes $(or $(MINUTES),30)
 
 # Where matplotlib can't be had, there is no picture, and the run says so.
-$(SOAK_STAMP): $(STAMP)
+$(SOAK_STAMP): $(TOOLS)
 	@rm -f $@
-	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[soak]' && touch $@ \
+	@$(call EXTRA,soak) && touch $@ \
 		|| echo "matplotlib can't be installed"
 
-bench-compare: $(STAMP) ## what changed from one result to another (A=one.json B=other.json)
+bench-compare: $(TOOLS) ## what changed from one result to another (A=one.json B=other.json)
 	$(if $(and $(A),$(B)),,$(error say which: make bench-compare A=one.json B=other.json))
 	@$(BIN)/python -m benchmarks.compare $(A) $(B)
 
@@ -95,9 +116,9 @@ bench-report: $(BENCH_STAMP) ## the report, its pictures and the README's table 
 	$(BIN)/python -m benchmarks.write $(RESULT)
 
 # What is measured beside busd. Where it can't be had, its rows say so, and the rest is measured.
-$(BENCH_STAMP): $(STAMP) $(wildcard benchmarks/floors/*.c benchmarks/floors/Makefile)
+$(BENCH_STAMP): $(TOOLS) $(wildcard benchmarks/floors/*.c benchmarks/floors/Makefile)
 	@rm -f $@
-	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[bench]' && touch $@ \
+	@$(call EXTRA,bench) && touch $@ \
 		|| echo "the rivals can't be installed: the rows of those that are not there say so"
 	@$(MAKE) --no-print-directory -C benchmarks/floors \
 		|| { rm -f $@; echo "the limits in C can't be built: their rows say so"; }

@@ -38,6 +38,12 @@ def read_on_an_index(text: str) -> str:
 class BuildExt(build_ext):
     """Leaves no core of an earlier build where this one can't be built."""
 
+    def run(self) -> None:
+        if self.inplace:
+            for core in (HERE / FOLDER).glob("_core*.so"):
+                core.unlink()
+        super().run()
+
     def build_extension(self, ext: Extension) -> None:
         Path(self.get_ext_fullpath(ext.name)).unlink(missing_ok=True)
         super().build_extension(ext)
