@@ -11,7 +11,7 @@ from typing import Any, Literal, Self, TypeVar, overload
 
 import msgspec
 
-from bus import names
+from bus import names, shm
 from bus.address import socket_path
 from bus.arguments import Arguments
 from bus.errors import AccessDenied, ConfigurationError, ConnectionClosed, ForkError
@@ -37,6 +37,12 @@ _log = get_logger("bus")
 
 _REST, _LONGEST_REST_S = 16, 0.2
 """Between two questions for the graph: so many times as long as the first took to be answered."""
+
+
+def _say_why_slow() -> None:
+    """Once for each process that could be faster, unless somebody wants it so."""
+    if not shm.turned_off_by() and (advice := shm.advice()):
+        _log.warning(f"messages go by socket, not by shared memory: {shm.why_not()}; {advice}", once=True)
 
 
 class NodeStatistics(msgspec.Struct, frozen=True):
@@ -103,6 +109,8 @@ class Node(ServiceHost):
         Raises BrokerUnavailable where no busd answers and none could be started.
         """
         self._link = await Link.acquire(self._path)
+        if self._link.sharing is None and not names.is_hidden_node(self.name):
+            _say_why_slow()
         try:
             await self._link.declare_node(self)
             if self._wants_rosout:

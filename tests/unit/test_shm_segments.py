@@ -40,9 +40,15 @@ def test_whether_memory_can_be_shared(monkeypatch: pytest.MonkeyPatch) -> None:
         with monkeypatch.context() as context:
             context.setenv(name, value)
             assert shm.why_not() == f"{name}={value} is set"
+            assert (shm.turned_off_by(), shm.advice()) == (name, f"unset {name}")
             assert not shm.is_available()
+    assert (shm.turned_off_by(), shm.advice()) == ("", "")
     monkeypatch.setitem(sys.modules, "bus.shm._core", None)
     assert "not built" in shm.why_not()
+    assert "BUS_NATIVE=yes" in shm.advice()
+    monkeypatch.setattr(sys, "abiflags", "t")
+    assert "free-threaded" in shm.why_not()
+    assert "GIL" in shm.advice()
 
 
 # --- as they are made

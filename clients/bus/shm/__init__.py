@@ -9,9 +9,10 @@ import sys
 from importlib import import_module
 from types import ModuleType
 
-__all__ = ["core", "is_available", "why_not"]
+__all__ = ["advice", "core", "is_available", "turned_off_by", "why_not"]
 
 _CORE = "bus.shm._core"
+_OFF = {"BUS_ROUTE": "socket", "BUS_NATIVE": "no"}
 
 
 def core() -> ModuleType:
@@ -26,17 +27,37 @@ def is_available() -> bool:
 
 def why_not() -> str:
     """Why all goes by socket, in a few words; "" where memory can be shared."""
-    if os.environ.get("BUS_ROUTE") == "socket":
-        return "BUS_ROUTE=socket is set"
-    if os.environ.get("BUS_NATIVE") == "no":
-        return "BUS_NATIVE=no is set"
+    if name := turned_off_by():
+        return f"{name}={_OFF[name]} is set"
     if sys.platform != "linux":
         return f"shared memory needs Linux, this is {sys.platform}"
     try:
         core()
     except ImportError as error:
+        if _is_free_threaded():
+            return "the native core needs a Python with the GIL, and this one is free-threaded"
         return f"the native core was not built ({error})"
     return ""
+
+
+def turned_off_by() -> str:
+    """The environment variable by which somebody has turned shared memory off, or ""."""
+    return next((name for name, value in _OFF.items() if os.environ.get(name) == value), "")
+
+
+def advice() -> str:
+    """What to do about what `why_not` says; "" where that says nothing, or nothing helps."""
+    if name := turned_off_by():
+        return f"unset {name}"
+    if sys.platform != "linux" or not why_not():
+        return ""
+    if _is_free_threaded():
+        return "run it with a Python that has the GIL"
+    return "install a C compiler, then busd again from its sources with BUS_NATIVE=yes"
+
+
+def _is_free_threaded() -> bool:
+    return "t" in sys.abiflags
 
 
 def _forked() -> None:

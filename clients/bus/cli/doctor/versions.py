@@ -1,6 +1,5 @@
 """What the library runs on: Python, packages, the native core."""
 
-import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -33,9 +32,9 @@ def examine() -> Iterator[Finding]:
 
 def shared_memory() -> Finding:
     """Whether messages go straight from process to process, and if not, why."""
-    from bus.shm import why_not
+    from bus import shm
 
-    reason, advice = why_not(), ""
+    reason, advice = shm.why_not(), shm.advice()
     if not reason:
         from bus.shm import segments
 
@@ -44,12 +43,6 @@ def shared_memory() -> Finding:
             segments.make_readers(1)[0].close()
         except OSError as error:
             reason = f"this machine gives none ({error.strerror})"
-    elif os.environ.get("BUS_ROUTE") == "socket":
-        advice = "unset BUS_ROUTE"
-    elif os.environ.get("BUS_NATIVE") == "no":
-        advice = "unset BUS_NATIVE"
-    elif sys.platform == "linux":
-        advice = "install busd again with BUS_NATIVE=yes; pip then says what is missing"
     if reason:
         return warn("shared memory", f"not used: {reason}; messages go through busd", advice)
     return ok("shared memory", "used between processes of one user")
