@@ -22,7 +22,7 @@ from bus.logger import Logger
 from bus.names import reply_topic, request_topic
 from bus.provoked import warn
 from bus.publisher import Publisher
-from bus.qos import QoSProfile
+from bus.qos import QoSProfile, in_words
 from bus.subscription import Subscription
 
 __all__ = ["MAX_PENDING", "ServiceClient", "ServiceClientStatistics"]
@@ -121,6 +121,11 @@ class ServiceClient:
             self._take,
         )
         self._replies._on_end = self._end
+
+    def __repr__(self) -> str:
+        name = f"{self._requests._state()}{self.service_name} {self._support.name}"
+        counts = f"servers={len(self._servers)} requests={self._sent} pending={len(self._calls)}"
+        return f"<{type(self).__name__} {name} ({in_words(self.qos)}) {counts}>"
 
     @property
     def _endpoints(self) -> tuple[Subscription[Any], Publisher[Any]]:

@@ -26,7 +26,7 @@ from bus.events import (
 from bus.link import Link
 from bus.logger import Logger
 from bus.provoked import is_worth_asking, warn
-from bus.qos import QoSProfile
+from bus.qos import QoSProfile, in_words
 from bus.typediff import difference
 from bus.typesupport import TypeSupport
 from bus.wire import messages as m
@@ -94,6 +94,10 @@ class Endpoint(Generic[M]):
         self._last_ns = 0
         self._explaining: set[asyncio.Task[None]] = set()
 
+    def __repr__(self) -> str:
+        kind, qos = type(self).__name__, in_words(self.qos)
+        return f"<{kind} {self._state()}{self.topic_name} {self._support.name} ({qos}) {self._counts()}>"
+
     @property
     def matches(self) -> tuple[Match, ...]:
         """The endpoints that this one is matched with now."""
@@ -119,6 +123,7 @@ class Endpoint(Generic[M]):
             if not waiter.done():
                 waiter.set_exception(reason)
         self._match_waiters.clear()
+        self._matches.clear()
 
     def _abandon(self, reason: BusError) -> None:
         """In the child of a fork: not to be used any more; nothing of the parent's loop is touched."""
@@ -169,6 +174,17 @@ class Endpoint(Generic[M]):
                 self._explaining.add(self._link.loop.create_task(self._explain(message)))
             case m.Incompatible():
                 self._report_incompatible(message)
+
+    def _state(self) -> str:
+        """For `repr`, where it can't be used, or not now."""
+        if self._refusal is not None:
+            kind = type(self._refusal)
+            return "closed " if kind is ConnectionClosed else f"ended by {kind.__name__} "
+        return "" if self._id else "not connected "
+
+    def _counts(self) -> str:
+        """For `repr`, at any time and from any thread."""
+        raise NotImplementedError
 
     async def _wait_for_matches(self, number: int) -> None:
         if self._refusal is not None:

@@ -92,6 +92,9 @@ class Logger:
         self._logger = logging.getLogger(f"{TOP_NAME}.{name}")
         self._filters: dict[_CallSite, _FilterState] = {}
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name!r} {self.get_effective_level().name}>"
+
     def debug(self, message: object, **filters: Unpack[Filters]) -> bool:
         return self._logger.isEnabledFor(Severity.DEBUG) and self._log(Severity.DEBUG, message, filters)
 

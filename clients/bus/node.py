@@ -98,6 +98,16 @@ class Node(ServiceHost):
         self._wants_rosout = rosout and self._arguments.log_to_rosout
         self._rosout: Rosout | None = None
 
+    def __repr__(self) -> str:
+        state = "not open "
+        if self._link is not None:
+            failure = self._link.failure
+            state = "" if failure is None else f"ended by {type(failure).__name__} "
+        used = [one for one in tuple(self._endpoints) if one._refusal is None]
+        publishers = sum(isinstance(one, Publisher) for one in used)
+        counts = f"publishers={publishers} subscriptions={len(used) - publishers} timers={len(self._timers)}"
+        return f"<{type(self).__name__} {state}{self.full_name} {counts}>"
+
     @property
     def full_name(self) -> str:
         """Namespace and name, as the graph shows them."""

@@ -307,6 +307,9 @@ class Publisher(Endpoint[M]):
     def _ready_matches(self) -> int:
         return len(self._matches) - self._outlet.expected
 
+    def _counts(self) -> str:
+        return f"subscriptions={len(self._matches)} published={self._outlet.published[0]}"
+
     def _unmatch(self, other: int, *, is_lost: bool = False) -> None:
         gone = self._matches.get(other)
         super()._unmatch(other)

@@ -33,6 +33,7 @@ __all__ = [
     "default",
     "describe_incompatibilities",
     "describe_profile",
+    "in_words",
     "parameter_events",
     "parameters",
     "profile",
@@ -226,6 +227,19 @@ def describe_profile(qos: QoSProfile) -> list[str]:
         f"  Liveliness: {qos.liveliness.name}",
         f"  Liveliness lease duration: {_duration_text(qos.lease_ns)}",
     ]
+
+
+def in_words(qos: QoSProfile) -> str:
+    """A profile in few words: how much is kept, how reliably, and what else differs from the default."""
+    kept = "keep all" if qos.history is History.KEEP_ALL else f"keep last {qos.depth}"
+    words = [kept, qos.reliability.replace("_", " ")]
+    if qos.durability is not Durability.VOLATILE:
+        words.append("transient local")
+    if qos.liveliness is not Liveliness.AUTOMATIC:
+        words.append("liveliness manual by topic")
+    durations = {"deadline": qos.deadline, "lifespan": qos.lifespan, "lease": qos.liveliness_lease_duration}
+    words += [f"{name} {value:g} s" for name, value in durations.items() if value is not None]
+    return ", ".join(words)
 
 
 _BEST_EFFORT = Incompatibility(Policy.RELIABILITY, "ERROR: Best effort publisher and reliable subscription;")

@@ -22,7 +22,7 @@ from bus.logger import Logger
 from bus.names import reply_topic, request_topic
 from bus.provoked import warn
 from bus.publisher import Publisher
-from bus.qos import QoSProfile
+from bus.qos import QoSProfile, in_words
 from bus.subscription import Subscription
 
 __all__ = ["RequestId", "ServiceServer", "ServiceServerStatistics"]
@@ -112,6 +112,11 @@ class ServiceServer:
             self._take_async if is_async(on_request) else self._take,
         )
         self._requests._on_end = self._end_work
+
+    def __repr__(self) -> str:
+        name = f"{self._requests._state()}{self.service_name} {self._support.name}"
+        counts = f"clients={len(self._requests.matches)} requests={self._taken} responses={self._answered}"
+        return f"<{type(self).__name__} {name} ({in_words(self.qos)}) {counts}>"
 
     @property
     def _endpoints(self) -> tuple[Publisher[Any], Subscription[Any]]:

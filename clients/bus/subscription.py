@@ -309,6 +309,10 @@ class Subscription(Endpoint[M]):
         self._inbox.drain_rings()
         self._link.loop.call_soon(self._wake)  # a publisher that has refused to share did not ring
 
+    def _counts(self) -> str:
+        dropped = sum(self._accounts.dropped.values())
+        return f"publishers={len(self._matches)} delivered={self._inbox.delivered} dropped={dropped}"
+
     async def _wait(self) -> None:
         if self._refusal is not None:
             raise again(self._refusal)

@@ -35,6 +35,12 @@ class Timer:
         self._next_ns = 0
         self.reset()
 
+    def __repr__(self) -> str:
+        state = "canceled " if self.is_canceled else ""
+        name = getattr(self._callback, "__qualname__", type(self._callback).__name__)
+        counts = f"calls={self.calls} missed={self.missed}"
+        return f"<{type(self).__name__} {state}{name} every {self.period_s:g} s {counts}>"
+
     @property
     def is_canceled(self) -> bool:
         return self._handle is None
