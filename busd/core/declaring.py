@@ -280,7 +280,9 @@ class Registrar:
         if qos.history is History.KEEP_LAST and qos.depth > self._limits.depth:
             if topic in _OF_EVERY_NODE or names.service_of_topic(topic) is not None:
                 return structs.replace(qos, depth=self._limits.depth)
-            raise ConfigurationError(f"depth {qos.depth} is more than busd's limit of {self._limits.depth}")
+            raise ConfigurationError(
+                f"depth {qos.depth} is more than busd's limit of {self._limits.depth} (limits.depth)"
+            )
         return qos
 
     def _created(self, request: int, endpoint: Publisher | Subscription) -> m.Created:

@@ -83,7 +83,10 @@ class PayloadTooLarge(BusError, ValueError):
     """An encoded message is larger than the topic allows."""
 
     def __init__(self, topic: str, *, size_bytes: int, limit_bytes: int) -> None:
-        super().__init__(f"message on '{topic}' has {size_bytes} bytes, the limit is {limit_bytes}")
+        super().__init__(
+            f"message on '{topic}' has {size_bytes} bytes, the limit is {limit_bytes}; in busd.toml it is "
+            "message_bytes of [limits], or max_message_bytes of a rule in [[topics]]"
+        )
         self.topic = topic
         self.size_bytes = size_bytes
         self.limit_bytes = limit_bytes

@@ -260,7 +260,12 @@ def _character_fault(name: str) -> _Fault | None:
 
 def _require_text(what: str, value: object) -> None:
     if not isinstance(value, str):
-        raise ConfigurationError(f"{what} must be a string, not {type(value).__name__} {value!r}")
+        given = (
+            f"the class {value.__qualname__}"
+            if isinstance(value, type)
+            else f"{type(value).__name__} {value!r}"
+        )
+        raise ConfigurationError(f"{what} must be a string, not {given}")
 
 
 def _invalid(what: str, name: str, fault: _Fault, *, typed: str | None = None) -> ConfigurationError:

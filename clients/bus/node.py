@@ -118,6 +118,10 @@ class Node(ServiceHost):
 
         Raises BrokerUnavailable where no busd answers and none could be started.
         """
+        if asyncio._get_running_loop() is None:
+            from bus.mistakes import no_loop
+
+            raise no_loop()
         self._link = await Link.acquire(self._path)
         if self._link.sharing is None and not names.is_hidden_node(self.name):
             _say_why_slow()
@@ -360,6 +364,10 @@ class Node(ServiceHost):
             )
         if self._link.failure is not None:
             raise self._link.failure
+        if self._link.guard is None and self._link.loop is not asyncio._get_running_loop():
+            from bus.mistakes import other_loop
+
+            raise other_loop(f"node {self.full_name}", self._link.loop)
         return self._link
 
     async def _declare(self, link: Link, endpoint: Publisher[Any] | Subscription[Any]) -> None:

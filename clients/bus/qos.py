@@ -172,6 +172,11 @@ def profile(value: QoS) -> QoSProfile:
         if preset is None:
             raise ConfigurationError(_unknown("QoS preset", value, PRESETS))
         return preset
+    if callable(value) and not isinstance(value, type):
+        raise ConfigurationError(
+            "a callback stands in the place of the QoS: the order is create_subscription(type, topic, QoS, "
+            "callback), and create_service(type, name, callback, QoS)"
+        )
     if isinstance(value, bool) or not hasattr(value, "__index__"):
         kind = type(value).__name__
         raise ConfigurationError(

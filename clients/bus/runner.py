@@ -27,7 +27,10 @@ def run(main: Coroutine[Any, Any, T]) -> T | None:
 
     Both cancel `main`, so that its `finally` and `async with` blocks run; no traceback is printed. Where no
     busd answers and none may be started, the program ends with one line that says so.
+
+    Raises TypeError for what is no coroutine, RuntimeError where an event loop runs already.
     """
+    _check(main)
     with asyncio.Runner(loop_factory=loop_factory()) as runner:
         try:
             gc.freeze()  # what was imported stays: no collection need look at it
@@ -36,6 +39,19 @@ def run(main: Coroutine[Any, Any, T]) -> T | None:
             return None
         except BrokerUnavailable as error:
             sys.exit(f"{type(error).__name__}: {error}")
+
+
+def _check(main: Any) -> None:
+    """Say what is wrong with a call that can't work, without warnings of a coroutine that nobody awaits."""
+    if not asyncio.iscoroutine(main):
+        from bus.mistakes import no_coroutine
+
+        raise no_coroutine(main)
+    if asyncio._get_running_loop() is not None:
+        from bus.mistakes import nested_run
+
+        main.close()
+        raise nested_run()
 
 
 async def _with_sigterm(main: Coroutine[Any, Any, T]) -> T | None:

@@ -55,8 +55,9 @@ def describe(cls: type[Struct]) -> Schema:
     ConfigurationError for a bad type name or two classes of one name.
     """
     if not isinstance(cls, type) or not issubclass(cls, Struct):
-        what = f"{cls.__module__}.{cls.__qualname__}" if isinstance(cls, type) else f"{cls!r:.80}"
-        raise MessageTypeError(f"{what} is no message class: one is derived from msgspec.Struct")
+        from bus.mistakes import no_message_class
+
+        raise no_message_class(cls)
     try:
         info = inspect.type_info(cls)
     except (TypeError, NameError) as error:
@@ -95,6 +96,10 @@ def _plain(value: object) -> Any:
     return msgspec.msgpack.decode(data)
 
 
+class _Undecodable(Exception):
+    """A type of which there are values on the way out only."""
+
+
 class _Describer:
     def __init__(self) -> None:
         self.types: dict[str, Type] = {}
@@ -117,7 +122,13 @@ class _Describer:
             self._open.add(name)
             described = self.types[name] = Type([], info.array_like, info.tag)
             described.tag_field = None if info.array_like else info.tag_field
-            described.fields.extend(map(self._field, info.fields))
+            for field in info.fields:
+                try:
+                    described.fields.append(self._field(field))
+                except _Undecodable as error:
+                    from bus.mistakes import array_field
+
+                    raise array_field(name, field.name, *error.args) from None
             self._open.discard(name)
         return name
 
@@ -190,6 +201,8 @@ class _Describer:
                 return ["literal", *sorted((member.value for member in info.cls), key=repr)]
             case inspect.EnumType():
                 return "int"
+            case inspect.CustomType(cls=cls) if hasattr(cls, "tolist"):
+                raise _Undecodable(cls)  # it could be sent, as a list, but a list is what comes out
             case inspect.LiteralType():
                 return ["literal", *sorted(info.values, key=repr)]
             case inspect.UnionType():

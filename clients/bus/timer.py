@@ -20,6 +20,8 @@ class Timer:
     def __init__(
         self, period_s: float, callback: Callable[[], Any], on_error: Callable[[BaseException], None]
     ) -> None:
+        if callable(period_s):
+            raise ConfigurationError("the period comes first: create_timer(0.5, callback)")
         if not 0 <= period_s < 1e9:
             raise ConfigurationError(f"timer period {period_s!r} is not a number of seconds from 0")
         self.period_s = period_s

@@ -27,6 +27,12 @@ class Waiters:
                     return False
             await waiter
             return True
+        except RuntimeError:
+            if self._loop is asyncio.get_running_loop():
+                raise
+            from bus.mistakes import other_loop
+
+            raise other_loop("what is waited for", self._loop) from None
         finally:
             if waiter in self._waiting:
                 self._waiting.remove(waiter)

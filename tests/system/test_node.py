@@ -14,6 +14,7 @@ import bus.node
 from bus import events
 from bus.callbacks import is_async, takes_info
 from bus.logger import enable_console, set_default_level
+from bus.srv.std_srvs import SetBool
 from semantics import node, until
 
 __all__ = ["node"]
@@ -120,6 +121,24 @@ def test_run_in_another_thread() -> None:
     thread.start()
     thread.join()
     assert results == [7]
+
+
+def test_a_node_in_another_loop(daemon: object) -> None:
+    node = bus.Node("tester", arguments=())
+
+    async def use() -> None:
+        for use in (
+            lambda: node.create_timer(1.0, print),
+            lambda: node.create_client(SetBool, "x").send(None),
+        ):
+            with pytest.raises(
+                bus.ProtocolError, match="node /tester belongs to an event loop that has ended"
+            ):
+                use()
+
+    bus.run(node.open())
+    bus.run(use())
+    bus.run(node.close())
 
 
 def test_the_public_names() -> None:

@@ -67,7 +67,7 @@ def test_a_decoder_reads_any_buffer_and_refuses_what_is_no_message() -> None:
 
 @pytest.mark.parametrize("wrong", [int, dict, 5, "std_msgs/msg/String", String(), None, []])
 def test_only_a_message_class_has_it(wrong: Any) -> None:
-    with pytest.raises(MessageTypeError, match=r"is no message class: one is derived from msgspec\.Struct"):
+    with pytest.raises(MessageTypeError, match=r"is no message class"):
         type_support(wrong)
 
 

@@ -1,0 +1,98 @@
+"""What to say to those who have taken one thing for another: one line that has the right way in it.
+
+Owns the texts of mistakes that many make who come from rclpy, from plain asyncio or from NumPy. Needed for
+mistakes only: import it late.
+"""
+
+import asyncio
+import sys
+from typing import Any
+
+from bus.errors import LocalProtocolError, MessageTypeError
+
+__all__ = [
+    "array_field",
+    "nested_run",
+    "no_coroutine",
+    "no_loop",
+    "no_message_class",
+    "other_loop",
+]
+
+
+def no_message_class(what: Any) -> MessageTypeError:
+    """Something else was given as a message type."""
+    if not isinstance(what, type):
+        how = "one is derived from msgspec.Struct"
+        if isinstance(what, str):
+            how = "give the class itself, as bus.msg.std_msgs.String"
+        elif hasattr(type(what), "__struct_fields__"):
+            how = f"give its class, {type(what).__name__}"
+        return MessageTypeError(f"{what!r:.80} is no message class: {how}")
+    name = f"{what.__module__}.{what.__qualname__}"
+    if hasattr(what, "__dataclass_fields__"):
+        return MessageTypeError(
+            f"{name} is no message class, but a dataclass: derive it from msgspec.Struct, without @dataclass"
+        )
+    if hasattr(what, "Request") and hasattr(what, "Response"):
+        return MessageTypeError(
+            f"{name} is no message class, but a service: create_service and create_client take it"
+        )
+    return MessageTypeError(f"{name} is no message class: one is derived from msgspec.Struct")
+
+
+def array_field(owner: str, field: str, cls: type) -> MessageTypeError:
+    """A field is declared as an array or a scalar of NumPy or the like, as which nothing can be decoded."""
+    name = f"{cls.__module__}.{cls.__qualname__}"
+    if any(base.__module__ == "numpy" and base.__qualname__ == "generic" for base in cls.__mro__):
+        use = "declare it as int or float, or as one of bus.msg's (uint8, float32, ...)"
+    else:
+        use = (
+            "declare it as bytes or list[float], or send a picture as bus.msg.sensor_msgs.Image "
+            "(docs/large-messages.md)"
+        )
+    return MessageTypeError(f"{owner}: field '{field}' is a {name}, which no subscription can decode: {use}")
+
+
+def no_coroutine(main: Any) -> TypeError:
+    """`bus.run` was given something else than a coroutine."""
+    if callable(main):
+        name = getattr(main, "__name__", "main")
+        return TypeError(f"bus.run takes a coroutine: write bus.run({name}()), not bus.run({name})")
+    return TypeError(f"bus.run takes a coroutine, as in bus.run(main()), not {main!r:.80}")
+
+
+def nested_run() -> RuntimeError:
+    """`bus.run` was called where an event loop runs."""
+    return RuntimeError(
+        "bus.run starts an event loop, but one is running here already: write await main(), in Jupyter too"
+    )
+
+
+def no_loop() -> LocalProtocolError:
+    """A node is to be opened where no event loop of asyncio runs."""
+    if _is_trio():
+        return LocalProtocolError(
+            "a node needs asyncio's event loop, but trio's is running here: "
+            "write await trio.to_thread.run_sync(lambda: bus.run(main()))"
+        )
+    return LocalProtocolError(
+        "a node needs a running event loop: open it in async def main(): bus.run(main())"
+    )
+
+
+def other_loop(what: str, loop: asyncio.AbstractEventLoop) -> LocalProtocolError:
+    """Something of a node is used where the event loop that opened the node does not run."""
+    if loop.is_closed():
+        return LocalProtocolError(
+            f"{what} belongs to an event loop that has ended: open a node in the main() that uses it"
+        )
+    return LocalProtocolError(
+        f"{what} belongs to another event loop than the one here: open a node in each, or call "
+        "asyncio.run_coroutine_threadsafe(..., loop)"
+    )
+
+
+def _is_trio() -> bool:
+    trio = sys.modules.get("trio")
+    return trio is not None and bool(trio.lowlevel.in_trio_run())
