@@ -11,6 +11,7 @@ TOOLS  := $(STAMP) $(VENV)/.tools
 BENCH_STAMP := $(VENV)/.bench
 FUZZ_STAMP := $(VENV)/.fuzz
 SOAK_STAMP := $(VENV)/.soak
+RELEASE_STAMP := $(VENV)/.release
 CORE   := setup.py $(wildcard clients/bus/shm/*.c clients/bus/shm/*.h)
 PIP    := $(BIN)/python -m pip install -qq --disable-pip-version-check
 SECONDS ?=
@@ -123,8 +124,16 @@ $(BENCH_STAMP): $(TOOLS) $(wildcard benchmarks/floors/*.c benchmarks/floors/Make
 	@$(MAKE) --no-print-directory -C benchmarks/floors \
 		|| { rm -f $@; echo "the limits in C can't be built: their rows say so"; }
 
+wheels: $(RELEASE_STAMP) ## sdist, pure and native wheel into dist/, each checked and used with every Python found
+	@PYTHONPATH=tests $(BIN)/python -m wheels
+
+$(RELEASE_STAMP): pyproject.toml $(TOOLS)
+	@echo "installing what makes and checks packages into $(VENV): some 10 seconds"
+	@$(call EXTRA,release)
+	@touch $@
+
 clean: ## remove what the other targets made
-	rm -rf $(VENV) build tests/native/build benchmarks/floors/build clients/bus/shm/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
+	rm -rf $(VENV) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test native lint sanitize fuzz fmt bench-quick bench chaos soak bench-compare bench-report clean
+.PHONY: help setup demo robot test native lint sanitize fuzz fmt bench-quick bench chaos soak bench-compare bench-report wheels clean

@@ -1,0 +1,73 @@
+"""What is in the packages, file for file, and whether their names and pages tell the truth."""
+
+import re
+import tarfile
+from email import message_from_bytes
+from pathlib import Path, PurePosixPath
+from zipfile import ZipFile
+
+from wheels import Wrong
+
+__all__ = ["check_sdist", "check_wheel"]
+
+_CORE = re.compile(r"bus/shm/_core\.abi3\.so")
+_SOURCES = (".c", ".h")
+_FROM_BUILD = re.compile(r"PKG-INFO|setup\.cfg|busd\.egg-info/.*")
+_PATH = re.compile(rb"(?<![\w.])/(?!dev/|proc/)\w{3,}(?:/[\w.+-]{3,})+")
+_LINK = re.compile(r"\[[^\]\n]+\]\((?!https?:|#)[^)]*\)")
+_FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
+
+
+def check_sdist(sdist: Path, tree: Path) -> None:
+    """It has every file of the tree."""
+    with tarfile.open(sdist) as archive:
+        there = {name.partition("/")[2] for name in archive.getnames() if not archive.getmember(name).isdir()}
+    there = {name for name in there if not _FROM_BUILD.fullmatch(name)}
+    wanted = {name for name in _files(tree) if not _FROM_BUILD.fullmatch(name)}
+    _compare(sdist.name, wanted, there)
+
+
+def check_wheel(wheel: Path, tree: Path, *, with_core: bool) -> None:
+    """It has all of the packages but C, says whether it needs this platform, and knows no folder of ours."""
+    info = "-".join(wheel.name.split("-")[:2]) + ".dist-info/"
+    with ZipFile(wheel) as archive:
+        files = {name: archive.read(name) for name in archive.namelist() if not name.endswith("/")}
+    there = {name for name in files if not name.startswith(info)}
+    cores = {name for name in there if _CORE.fullmatch(name)}
+    wanted = {f"busd/{name}" for name in _files(tree / "busd")}
+    wanted |= {f"bus/{name}" for name in _files(tree / "clients" / "bus")}
+    _compare(wheel.name, {name for name in wanted if not name.endswith(_SOURCES)}, there - cores)
+    if len(cores) != with_core:
+        raise Wrong(f"{wheel.name} has {len(cores)} native cores, wanted: {int(with_core)}")
+    _check_tags(wheel, message_from_bytes(files[f"{info}WHEEL"]).get_all("Tag", []), with_core=with_core)
+    for name in cores:
+        if paths := _PATH.findall(files[name]):
+            raise Wrong(f"{wheel.name}: {name} names {b', '.join(paths).decode()}")
+    if f"{info}licenses/LICENSE" not in files:
+        raise Wrong(f"{wheel.name} has no licence")
+    page = _FENCE.sub("", files[f"{info}METADATA"].decode().partition("\n\n")[2])
+    if dead := _LINK.findall(page):
+        raise Wrong(f"{wheel.name}: links that lead nowhere on an index: {', '.join(dead)}")
+
+
+def _check_tags(wheel: Path, tags: list[str], *, with_core: bool) -> None:
+    pattern = r"cp311-abi3-manylinux_\d+_\d+_\w+" if with_core else "py3-none-any"
+    said = wheel.name.removesuffix(".whl").split("-", 2)[2]
+    for tag in [*tags, *said.split(".")[:1]]:
+        if not re.fullmatch(pattern, tag):
+            raise Wrong(f"{wheel.name} says {tag}, wanted: {pattern}")
+
+
+def _files(folder: Path) -> set[str]:
+    return {
+        str(PurePosixPath(path.relative_to(folder)))
+        for path in folder.rglob("*")
+        if path.is_file() and not path.name.startswith(".")
+    }
+
+
+def _compare(name: str, wanted: set[str], there: set[str]) -> None:
+    if lacking := sorted(wanted - there):
+        raise Wrong(f"{name} lacks {', '.join(lacking[:10])}")
+    if more := sorted(there - wanted):
+        raise Wrong(f"{name} has what it should not: {', '.join(more[:10])}")
