@@ -107,9 +107,16 @@ class World:
         """How much more than the budget was ever done at a time."""
         self.gids = count(1)
 
-    def process(self, program: str = "program", *, uid: int = UID, shares: bool = False) -> "Process":
+    def process(
+        self,
+        program: str = "program",
+        *,
+        uid: int = UID,
+        shares: bool = False,
+        capabilities: tuple[str, ...] = (),
+    ) -> "Process":
         """A process that has connected and said Hello, and perhaps Share."""
-        process = Process(self, program, uid)
+        process = Process(self, program, uid, capabilities)
         if shares:
             process.share()
         return process
@@ -178,7 +185,7 @@ class Process:
     While `is_blocked`, its socket takes nothing more.
     """
 
-    def __init__(self, world: World, program: str, uid: int) -> None:
+    def __init__(self, world: World, program: str, uid: int, capabilities: tuple[str, ...] = ()) -> None:
         self.world = world
         self.outbox = Outbox()
         self.is_blocked = False
@@ -196,7 +203,7 @@ class Process:
         self._node: Node | None = None
         self._to_broker = Session(Role.BROKER, max_message_bytes=world.broker.limits.message_bytes)
         self._from_broker = Session(Role.CLIENT)
-        greeting = m.Hello(version=VERSION, capabilities=(GUESTS,), program=program)
+        greeting = m.Hello(version=VERSION, capabilities=(GUESTS, *capabilities), program=program)
         (hello,) = feed(self._to_broker, m.encode_frame(greeting))
         self.id = world.broker.attach(world.now_ns, hello, pid=100 + len(world.processes), uid=uid)
         world.processes[self.id] = self

@@ -22,7 +22,7 @@ from typing import Any
 from bus.errors import AccessDenied, BusError, ConfigurationError, QuotaExceeded, RemoteProtocolError
 from bus.ids import EndpointId, PeerId
 from bus.wire import messages as m
-from bus.wire.layout import GUESTS
+from bus.wire.layout import GUESTS, NAMESAKES
 from bus.wire.runs import Account, Run
 from busd.core.absent import Absentees
 from busd.core.access import Access, Subject
@@ -158,6 +158,7 @@ class Broker:
             gids=gids,
             is_guest=not self._guard.access.is_free(uid),
             may_share=self.has_guests and GUESTS in hello.capabilities,
+            hears_of_namesakes=NAMESAKES in hello.capabilities,
             user=user,
             program=_printable(hello.program),
             version=_printable(hello.release),

@@ -95,10 +95,15 @@ class Registrar:
         names.validate_namespace(message.namespace)
         self._quotas.check_node(peer)
         node = Node(NodeId(self._graph.next_id()), peer, message.name, message.namespace)
-        if self._graph.has_node_named(node.full_name):
-            out.append(Note(logging.WARNING, f"there is more than one node named {node.full_name}"))
+        other = self._graph.node_named(node.full_name)
         self._graph.add_node(node)
         out.append(Send(peer.id, m.Created(request=message.request, id=node.id)))
+        if other is not None:
+            text = f"there is more than one node named {node.full_name}"
+            processes = dict.fromkeys((other.peer.describe(), peer.describe()))
+            out.append(Note(logging.WARNING, f"{text}: {' and '.join(processes)}"))
+            _introduce(node, other, out)
+            _introduce(other, node, out)
 
     def destroy_node(self, now_ns: int, peer: Peer, message: m.DestroyNode, out: list[Effect]) -> Work:
         return self.remove_node(self._own_node(peer, message.node), out)
@@ -280,9 +285,7 @@ class Registrar:
         if qos.history is History.KEEP_LAST and qos.depth > self._limits.depth:
             if topic in _OF_EVERY_NODE or names.service_of_topic(topic) is not None:
                 return structs.replace(qos, depth=self._limits.depth)
-            raise ConfigurationError(
-                f"depth {qos.depth} is more than busd's limit of {self._limits.depth} (limits.depth)"
-            )
+            raise ConfigurationError(f"depth {qos.depth} is more than busd's limit of {self._limits.depth}")
         return qos
 
     def _created(self, request: int, endpoint: Publisher | Subscription) -> m.Created:
@@ -295,6 +298,17 @@ class Registrar:
             window_bytes=self._limits.keep_all_window_bytes,
             ring_bytes=self._limits.ring_bytes,
         )
+
+
+def _introduce(node: Node, other: Node, out: list[Effect]) -> None:
+    """Tell the process of `node`, once, that `other` has the same name; as far as it may see that."""
+    mine, its = node.peer, other.peer
+    # The same process by another connection may be one that comes back, before the old one was seen to end.
+    is_back = mine is not its and mine.pid == its.pid
+    may_hear = mine.hears_of_namesakes and (mine.uid == its.uid or not mine.is_guest)
+    if may_hear and not is_back and not node.knows_namesake:
+        node.knows_namesake = True
+        out.append(Send(mine.id, m.Namesake(node=node.id, pid=its.pid, program=its.program)))
 
 
 def _depth(qos: QoSProfile) -> int:

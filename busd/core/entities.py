@@ -98,6 +98,8 @@ class Peer(Holder):
     """Of another user than the daemon's own and root."""
     may_share: bool = False
     """With processes of other users: it was told so in the Hello, and knows how to take care."""
+    hears_of_namesakes: bool = False
+    """It understands the message Namesake."""
     nodes: dict[NodeId, "Node"] = field(default_factory=dict)
     endpoints: "dict[EndpointId, Publisher | Subscription]" = field(default_factory=dict)
     types: dict[MessageType, int] = field(default_factory=dict)
@@ -136,6 +138,8 @@ class Node:
     namespace: str
     endpoints: "dict[EndpointId, Publisher | Subscription]" = field(default_factory=dict)
     full_name: str = field(init=False)
+    knows_namesake: bool = False
+    """Its process was told that another node has the same name."""
 
     def __post_init__(self) -> None:
         self.full_name = f"{self.namespace.rstrip('/')}/{self.name}"

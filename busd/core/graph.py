@@ -26,7 +26,7 @@ class Graph:
         self.revision = 0
         self._matches = 0
         self._left_samples = self._left_bytes = 0  # of publishers that are gone
-        self._names: Counter[str] = Counter()
+        self._names: dict[str, dict[NodeId, Node]] = {}
         self._declarers: Counter[MessageType] = Counter()  # peers that have declared a type
         self._ids = count(1)
         self._nodes_added: list[NodeRecord] = []
@@ -46,7 +46,7 @@ class Graph:
 
     def add_node(self, node: Node) -> None:
         self.nodes[node.id] = node
-        self._names[node.full_name] += 1
+        self._names.setdefault(node.full_name, {})[node.id] = node
         node.peer.nodes[node.id] = node
         node.peer.user.nodes += 1
         self._nodes_added.append(node.record())
@@ -55,13 +55,14 @@ class Graph:
         """The node's endpoints must have been removed."""
         del self.nodes[node.id], node.peer.nodes[node.id]
         node.peer.user.nodes -= 1
-        self._names[node.full_name] -= 1
+        del self._names[node.full_name][node.id]
         if not self._names[node.full_name]:
             del self._names[node.full_name]
         self._nodes_removed.append(node.id)
 
-    def has_node_named(self, full_name: str) -> bool:
-        return full_name in self._names
+    def node_named(self, full_name: str) -> Node | None:
+        """The oldest of that name."""
+        return next(iter(self._names.get(full_name, {}).values()), None)
 
     def topic(self, name: str) -> Topic:
         """The topic of that name; a new one is not in the table until it has an endpoint."""

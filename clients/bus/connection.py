@@ -29,7 +29,7 @@ from bus.transport.stream import Stream
 from bus.typesupport import TypeSupport
 from bus.wire import messages as m
 from bus.wire.answers import expect
-from bus.wire.layout import GUESTS, LEAVING, VERSION
+from bus.wire.layout import GUESTS, LEAVING, NAMESAKES, VERSION
 from bus.wire.outbox import Outbox
 from bus.wire.session import Role, Session
 
@@ -113,7 +113,7 @@ class Connection:
         self.send(
             m.Hello(
                 version=VERSION,
-                capabilities=(LEAVING, GUESTS),
+                capabilities=(LEAVING, GUESTS, NAMESAKES),
                 pid=os.getpid(),
                 program=_program(),
                 release=RELEASE,

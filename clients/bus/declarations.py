@@ -5,6 +5,7 @@ underscore, though other modules of `bus` call them: the objects are the users',
 """
 
 import asyncio
+import os
 from collections.abc import Callable, Iterator
 from typing import Any, Protocol
 
@@ -115,6 +116,8 @@ class Declarations:
         self._nodes: dict[Node, dict[Endpoint, None]] = {}
         self._admissions: dict[int, _Admission] = {}
         self._waiting: dict[Declared, QuotaExceeded] = {}
+        self._namesakes: set[str] = set()
+        """Names of nodes of which it was said that others have them too."""
         self._retry: asyncio.Task[None] | None = None
 
     def __iter__(self) -> Iterator[Endpoint]:
@@ -200,6 +203,17 @@ class Declarations:
         """The endpoint that a message is about; None where it is about none, or one that is closed."""
         field = _ABOUT.get(type(news))
         return None if field is None else self.by_id.get(getattr(news, field))
+
+    def warn_of_namesake(self, news: m.Namesake) -> None:
+        """Another node has the name of one of ours. It is said once, also where brokers come and go."""
+        node = next((node for node in self._nodes if node._id == news.node), None)
+        if node is not None and node.full_name not in self._namesakes:
+            self._namesakes.add(node.full_name)
+            where = "in this process" if news.pid == os.getpid() else f"in pid {news.pid} ({news.program})"
+            _log.warning(
+                f"there is another node named {node.full_name}, {where}, and tools can't tell them apart; "
+                "rename one, as by --ros-args -r __node:=NAME"
+            )
 
     def remove(self, endpoint: Endpoint) -> None:
         for endpoints in self._nodes.values():

@@ -296,6 +296,8 @@ class Link:
         if isinstance(message, m.GraphChanged):
             for tell in tuple(self._observers):
                 tell()
+        elif isinstance(message, m.Namesake):
+            self._declarations.warn_of_namesake(message)
         elif (endpoint := self._declarations.concerned(message)) is not None:
             endpoint._handle(message, descriptors)
 

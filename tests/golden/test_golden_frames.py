@@ -160,6 +160,7 @@ FROM_BROKER: dict[str, m.Message] = {
     "ring_replaced": m.RingReplaced(subscription=3, source=2),
     "rerouted": m.Rerouted(endpoint=3, other=2, route="socket", at_ns=1_000_000_007),
     "rerouted_publisher": m.Rerouted(endpoint=2, other=3, route="socket", at_ns=1_000_000_007, last_seq=5),
+    "namesake": m.Namesake(node=1, pid=4711, program="talker.py"),
     "incompatible_type": m.Incompatible(
         endpoint=3,
         topic="/topic",

@@ -1,6 +1,8 @@
 """What `bus` says to a slip of the pen, and about types that differ."""
 
-from system.test_cli_tool import Result, bus, script
+import signal
+
+from system.test_cli_tool import LISTENER, Result, bus, script
 
 WHEEL = """
 import asyncio, sys, bus, msgspec
@@ -30,3 +32,14 @@ def test_where_two_types_of_one_name_differ(daemon: object) -> None:
             f"/ours and /theirs {text.format('/ours', '/theirs')}\n",
             1,
         )
+
+
+def test_two_nodes_of_one_name_are_told_to_both(daemon: object) -> None:
+    with script(LISTENER) as first, script(LISTENER) as second:
+        for one, other in ((first, second), (second, first)):
+            line = one.error_line()
+            assert line.startswith("[WARN]")
+            assert (
+                f"there is another node named /minimal_subscriber, in pid {other.process.pid} (-c), " in line
+            )
+        assert first.end(signal.SIGINT).err == second.end(signal.SIGINT).err == ""

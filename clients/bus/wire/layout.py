@@ -30,6 +30,9 @@ VERSION: Final = 1
 LEAVING: Final = "leaving"
 """Capability, in the Hello of a client that understands the message Leaving."""
 
+NAMESAKES: Final = "namesakes"
+"""Capability, in the Hello of a client that understands the message Namesake."""
+
 GUESTS: Final = "guests"
 """Capability: memory may be shared with other users. In the Hello of a client, it knows how to take care; in
 that of a broker, it has to."""

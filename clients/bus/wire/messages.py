@@ -19,6 +19,7 @@ from bus.wire.bounds import (
     Lease,
     Missed,
     NextSeq,
+    Pid,
     Seq,
     Text,
 )
@@ -278,6 +279,14 @@ class Incompatible(Message, frozen=True, tag="incompatible"):
     type_hash: str = ""
 
 
+class Namesake(Message, frozen=True, tag="namesake"):
+    """A node of that process has the name of `node`, which is yours. For who has NAMESAKES."""
+
+    node: int
+    pid: Pid
+    program: Text = ""
+
+
 class LivelinessChanged(Message, frozen=True, tag="liveliness"):
     """To a subscription: a matched publisher's lease ended or was taken up again."""
 
@@ -361,7 +370,7 @@ FromClient = _Both | _Declaring | _Sharing | AssertLiveliness | Ack | Report | _
 
 _Answers = Created | Done | Refused | Graph | TypeDescription | Peers
 _Matching = Matched | Unmatched | Incompatible | Attached | RingReplaced | Rerouted
-_News = LivelinessChanged | LivelinessLost | Dropped | Credit | GraphChanged | Fault | Leaving
+_News = LivelinessChanged | LivelinessLost | Dropped | Credit | GraphChanged | Namesake | Fault | Leaving
 FromBroker = _Both | _Answers | _Matching | _News
 
 from_client = Decoder(FromClient)

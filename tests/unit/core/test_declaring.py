@@ -3,12 +3,18 @@
 import msgspec
 import pytest
 
-from broker_world import NUMBER, TEXT, Process, World, refused
+from broker_world import ALL_MAY, NUMBER, TEXT, Process, World, refused
 from bus.qos import QoSProfile
 from bus.wire import messages as m
+from bus.wire.layout import NAMESAKES
 from busd.core.limits import Limits, TopicRule
 
 ONE_KIB = 1024
+
+
+def told(process: Process) -> list[m.Namesake]:
+    """Of the nodes that have the name of one of its own."""
+    return [message for message in process.messages if isinstance(message, m.Namesake)]
 
 
 class TestNames:
@@ -49,7 +55,38 @@ class TestNames:
         world.process().node("twin")
         assert not world.notes
         world.process().node("twin", "/a")
-        assert world.notes == ["there is more than one node named /a/twin"]
+        assert world.notes == [
+            "there is more than one node named /a/twin: program (pid 100) and program (pid 102)"
+        ]
+
+    def test_both_processes_are_told_once_of_two_nodes_of_one_name(self) -> None:
+        world = World()
+        first, second, third = (world.process(name, capabilities=(NAMESAKES,)) for name in ("a", "b", "c"))
+        old = world.process("old")
+        nodes = [process.node("twin") for process in (first, second, third, old)]
+        assert told(first) == [m.Namesake(node=nodes[0].id, pid=101, program="b")]
+        assert told(second) == [m.Namesake(node=nodes[1].id, pid=100, program="a")]
+        assert told(third) == [m.Namesake(node=nodes[2].id, pid=100, program="a")]
+        assert told(old) == []
+        two = [third.node("alone").id for _ in range(2)]
+        assert sorted(message.node for message in told(third)[1:]) == two
+        assert told(third)[1].pid == 102
+
+    def test_a_name_is_free_when_its_node_has_gone(self) -> None:
+        world = World()
+        first, second = (world.process(capabilities=(NAMESAKES,)) for _ in range(2))
+        first.tell(m.DestroyNode(node=first.node("twin").id))
+        second.node("twin")
+        assert told(first) == told(second) == []
+
+    def test_a_guest_is_not_told_of_the_nodes_of_others(self) -> None:
+        world = World(access=(ALL_MAY,))
+        owner = world.process("owner", capabilities=(NAMESAKES,))
+        guest = world.process("guest", uid=12345, capabilities=(NAMESAKES,))
+        owner.node("twin")
+        guest.node("twin")
+        assert [message.program for message in told(owner)] == ["guest"]
+        assert told(guest) == []
 
 
 class TestQuotas:
