@@ -13,7 +13,7 @@ __all__ = ["check_sdist", "check_wheel"]
 _CORE = re.compile(r"bus/shm/_core\.abi3\.so")
 _SOURCES = (".c", ".h")
 _FROM_BUILD = re.compile(r"PKG-INFO|setup\.cfg|busd\.egg-info/.*")
-_PATH = re.compile(rb"(?<![\w.])/(?!dev/|proc/)\w{3,}(?:/[\w.+-]{3,})+")
+_PATH = re.compile(rb"(?<![\w.])/(?!dev/|proc/)\w{2,}(?:/[\w.+-]{2,})+")
 _LINK = re.compile(r"\[[^\]\n]+\]\((?!https?:|#)[^)]*\)")
 _FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 
