@@ -152,6 +152,14 @@ BUS_BYTES = BUS._replace(module=_BYTES, guess=Speed(1_000_000, 5e9))
 BUS_SOCKET_BYTES = BUS_SOCKET._replace(module=_BYTES)
 BUS_FAN_OUT = BUS._replace(module=_FAN)
 BUS_SOCKET_FAN_OUT = BUS_SOCKET._replace(module=_FAN)
+BUS_BLOCKING = BUS._replace(
+    name="busd, blocking API",
+    module="benchmarks.adapters.bus_blocking",
+    fans_out=False,
+    takes_by="blocking",
+    floods=False,
+    gives_turns=False,
+)
 RCLPY = BUS._replace(name="rclpy", module="benchmarks.adapters.rclpy_string", guess=Speed(700_000, 1e9))
 
 FLOOR = System(

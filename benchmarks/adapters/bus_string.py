@@ -20,7 +20,8 @@ _TURN = 64
 """Messages that may be lost are published so many at a time, and then the event loop gets a turn."""
 
 
-def _qos(work: Work) -> bus.QoSProfile:
+def qos_of(work: Work) -> bus.QoSProfile:
+    """What both ends of a measurement have."""
     if work.publish_by == LAST:
         return bus.QoSProfile(depth=10)
     if not work.rate or work.size >= LARGE:
@@ -32,7 +33,7 @@ def _qos(work: Work) -> bus.QoSProfile:
 async def publisher(parent: Parent) -> None:
     work: Work = options(Work)
     async with bus.Node("bench_publisher") as node:
-        pub = await node.create_publisher(String, work.topic, _qos(work))
+        pub = await node.create_publisher(String, work.topic, qos_of(work))
         await pub.wait_for_subscriptions(work.subscribers)
         if work.publish_by == AT_ONCE:
             pub.publish(String(data=stamped(work)))
@@ -136,7 +137,7 @@ async def _take_flood(parent: Parent, node: bus.Node, work: Work) -> None:
             reached.set()
 
     by_callback = work.take_by == "callback"
-    sub = await node.create_subscription(String, work.topic, _qos(work), count if by_callback else None)
+    sub = await node.create_subscription(String, work.topic, qos_of(work), count if by_callback else None)
     parent.tell("ready")
     for event, number in (("warm", work.warm_up), ("received", work.count)):
         left = number
@@ -163,7 +164,7 @@ async def _take_to_the_last(parent: Parent, node: bus.Node, work: Work) -> None:
             parent.tell("received", end_ns=monotonic_ns(), count=count)
             ended.set()
 
-    await node.create_subscription(String, work.topic, _qos(work), take)
+    await node.create_subscription(String, work.topic, qos_of(work), take)
     parent.tell("ready")
     await ended.wait()
 
@@ -192,11 +193,11 @@ async def _take_paced(parent: Parent, node: bus.Node, work: Work) -> None:
 
     ways: Any = {"busy_poll": work.busy_poll_s, "events": bus.SubscriptionEvents(message_lost=lose)}
     if work.take_by == "callback":
-        await node.create_subscription(String, work.topic, _qos(work), note, **ways)
+        await node.create_subscription(String, work.topic, qos_of(work), note, **ways)
         parent.tell("ready")
         await complete.wait()
     else:
-        sub = await node.create_subscription(String, work.topic, _qos(work), **ways)
+        sub = await node.create_subscription(String, work.topic, qos_of(work), **ways)
         parent.tell("ready")
         async for message in sub:
             note(message)

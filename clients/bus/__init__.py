@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from bus import qos as qos
+    from bus.blocking import BlockingNode, BlockingPublisher, BlockingSubscription, connect
     from bus.client import ServiceClient, ServiceClientStatistics
     from bus.endpoint import Match
     from bus.errors import (
@@ -62,6 +63,7 @@ if TYPE_CHECKING:
     from bus.timer import Timer
 
 _HOMES = {
+    "bus.blocking": ("BlockingNode", "BlockingPublisher", "BlockingSubscription", "connect"),
     "bus.client": ("ServiceClient", "ServiceClientStatistics"),
     "bus.endpoint": ("Match",),
     "bus.errors": (
@@ -108,6 +110,9 @@ _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "AccessDenied",
+    "BlockingNode",
+    "BlockingPublisher",
+    "BlockingSubscription",
     "BrokerUnavailable",
     "BusError",
     "ConfigurationError",
@@ -157,6 +162,7 @@ __all__ = [
     "SubscriptionStatistics",
     "Timer",
     "__version__",
+    "connect",
     "get_logger",
     "qos",
     "run",

@@ -34,8 +34,9 @@ _MANY_CANCELLED = 100
 class Until(Protocol):
     """What a run of the loop is for."""
 
-    is_set: bool
-    """It is there: the run ends after the turn that brought it."""
+    @property
+    def is_set(self) -> bool:
+        """It is there: the run ends after the turn that brought it."""
 
 
 class _ForEver:
@@ -147,16 +148,26 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         """Whether callbacks wait to be called."""
         return bool(self._ready or self.deferred)
 
+    def has_events(self) -> bool:
+        """Whether a run would find anything to do at once."""
+        scheduled = self._scheduled
+        return bool(
+            self._ready or self._epoll.poll(0, 1) or (scheduled and scheduled[0]._when <= time.monotonic())
+        )
+
     def stop(self) -> None:
         self._stopping = True
         if self.is_waiting:
             self.wake()
 
-    def run(self, until: Until = _FOR_EVER, deadline_ns: int = 0) -> None:
+    def run(
+        self, until: Until = _FOR_EVER, deadline_ns: int = 0, look: Callable[[], Any] | None = None
+    ) -> Any:
         """As `run_forever`, until `stop`, until `until.is_set`, or `deadline_ns` on the monotonic clock.
 
         With less around each turn, because somebody waits for what it brings: who can be read from is called
-        first, and in nobody's context.
+        first, and in nobody's context. Before that, where there are events, `look` may find what is waited
+        for: then that is returned at once, and the next run handles the events.
         """
         ready, deferred, guard, keys = self._ready, self.deferred, self.guard, self._keys
         self._thread_id = get_ident()
@@ -176,6 +187,8 @@ class GuardedLoop(asyncio.SelectorEventLoop):
                 finally:
                     guard.acquire()
                     self.is_waiting = False
+                if events and look is not None and (found := look()):
+                    return found
                 for descriptor, event in events:
                     key = keys.get(descriptor)
                     if key is not None:
@@ -188,12 +201,12 @@ class GuardedLoop(asyncio.SelectorEventLoop):
                         if writer is not None and event & ~select.EPOLLIN:
                             ready.append(writer)
                 if until.is_set:
-                    return  # the rest can wait for the next run
+                    return None  # the rest can wait for the next run
                 self._call_ready()
                 if until.is_set or self._stopping:
-                    return
+                    return None
                 if deadline_ns and time.monotonic_ns() >= deadline_ns:
-                    return
+                    return None
         finally:
             self._stopping = False
             self._thread_id = None

@@ -1,0 +1,489 @@
+"""Nodes for scripts: every call waits until it is done, and no event loop is in the way.
+
+    with bus.connect("talker") as node:
+        node.publish("topic", String(data="hi"))
+
+A node of the library (`bus.Node`) on a loop that runs only while one of these calls waits. Between the calls
+nothing runs.
+"""
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from os import PathLike
+from time import monotonic_ns
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
+
+import msgspec
+
+from bus.endpoint import Match
+from bus.errors import ConnectionClosed, again
+from bus.events import MatchedChange, PublisherEvents
+from bus.foreground import Condition, Foreground, Signal, deadline_after
+from bus.graph import Graph
+from bus.logger import Logger
+from bus.node import Node
+from bus.publisher import Publisher, PublisherStatistics
+from bus.qos import Durability, QoS
+from bus.subscription import MessageInfo, Subscription, SubscriptionStatistics
+
+if TYPE_CHECKING:
+    from bus.client import ServiceClient
+
+M = TypeVar("M", bound=msgspec.Struct)
+T = TypeVar("T")
+
+_READY_NS, _PAUSE_NS = 100_000_000, 1_000_000_000
+"""A message waits so long at most for busd to come back, or for a new subscription to be there to be woken;
+and no other one within the pause."""
+
+
+class BlockingPublisher(Generic[M]):
+    """Publishes messages of one type on one topic; made by `BlockingNode.create_publisher`."""
+
+    def __init__(self, foreground: Foreground) -> None:
+        self._foreground = foreground
+        self._loop = foreground.loop
+        self._guard = foreground.loop.guard
+        self._native: Publisher[M]
+        self._has_new_matches = False
+        self._tried_ns = 0
+
+    @classmethod
+    async def _make(
+        cls, foreground: Foreground, node: Node, message_type: type[M], topic: str, qos: QoS
+    ) -> "BlockingPublisher[M]":
+        """For BlockingNode."""
+        self = cls(foreground)
+        events = PublisherEvents(matched=self._matched)
+        self._native = await node.create_publisher(message_type, topic, qos, events=events)
+        return self
+
+    @property
+    def topic_name(self) -> str:
+        """The full name of its topic."""
+        return self._native.topic_name
+
+    @property
+    def matches(self) -> tuple[Match, ...]:
+        """The endpoints that this one is matched with now."""
+        return self._native.matches
+
+    def publish(self, message: M, timeout: float | None = None) -> None:
+        """Publish `message`. On return it is in the ring, and was sent where it goes by socket. From any
+        thread.
+
+        Where the QoS is reliable + keep all and there is no room, it waits until the subscriptions have taken
+        more, for up to `timeout` seconds; TimeoutError says that it was not published. Else raises as
+        `bus.Publisher.publish`.
+        """
+        with self._guard:
+            is_taken = self._native.publish(message)
+        if self._loop.is_interrupted:
+            self._loop.check()
+        if self._foreground.is_mine():
+            # Somebody waits for the message: only now what has come, and what waits for the end of a turn.
+            self._foreground.attend()
+            if self._has_new_matches or not self._native._id:
+                self._reach()
+        if not is_taken:
+            self._wait_for_room(message, timeout)
+
+    def wait_for_subscriptions(self, number: int = 1, timeout: float | None = None) -> None:
+        """Wait until at least `number` subscriptions are matched, and are there to be woken.
+
+        Raises TimeoutError after `timeout` seconds.
+        """
+        native = self._native
+        self._foreground.run_or_tell(
+            lambda: native.wait_for_subscriptions(number),
+            timeout,
+            lambda: f"{native.get_subscription_count()} of {number} subscriptions to '{self.topic_name}'",
+        )
+
+    def get_subscription_count(self) -> int:
+        """Subscriptions matched now."""
+        self._foreground.attend()
+        return self._native.get_subscription_count()
+
+    def statistics(self) -> PublisherStatistics:
+        """Its totals."""
+        return self._native.statistics()
+
+    @property
+    def _is_open(self) -> bool:
+        """It was not closed."""
+        return self._native._refusal is None
+
+    def _warn_if_unheard(self) -> None:
+        """A script that ends must not seem to have been heard."""
+        native = self._native
+        if (
+            native._total_matches
+            or native.qos.durability is not Durability.VOLATILE
+            or native._refusal is not None
+        ):
+            return
+        if count := native.statistics().published:
+            what = "a message was" if count == 1 else f"{count} messages were"
+            native._logger.warning(
+                f"{what} published on '{native.topic_name}' and reached nobody: no subscription was there"
+                " (wait_for_subscriptions waits for one)"
+            )
+
+    def close(self) -> None:
+        """Hand over what was published, leave the graph. Closing twice is allowed."""
+        if self._native._refusal is None:
+            self._warn_if_unheard()
+            self._foreground.run(self._native.close)
+
+    # --- inside
+
+    def _matched(self, change: MatchedChange) -> None:
+        self._has_new_matches |= change.current_count_change > 0
+
+    def _reach(self) -> None:
+        """Give new subscriptions the time to say how they are woken, which wakes them; and busd to come back.
+
+        A script that sleeps after each message would come to neither. What does not come in time does not
+        hold up each message.
+        """
+        now_ns = monotonic_ns()
+        if now_ns - self._tried_ns < _PAUSE_NS:
+            return
+        self._tried_ns = now_ns
+        native = self._native
+        is_ready = Condition(
+            lambda: native._id != 0 and native._ready_matches() == native.get_subscription_count()
+        )
+        with self._guard:
+            self._has_new_matches = not self._foreground.wait(is_ready, now_ns + _READY_NS)
+
+    def _wait_for_room(self, message: M, timeout: float | None) -> None:
+        self._foreground.run_or_tell(
+            lambda: self._native.send(message), timeout, lambda: f"no room on '{self.topic_name}'"
+        )
+
+
+class BlockingSubscription(Generic[M]):
+    """Receives messages of one type on one topic; made by `BlockingNode.create_subscription`.
+
+    `for message in subscription` waits for each; `listen` not for ever.
+    """
+
+    def __init__(self, foreground: Foreground, native: Subscription[M]) -> None:
+        self._foreground = foreground
+        self._native = native
+        self._loop = foreground.loop
+        self._guard = foreground.loop.guard
+        self._inbox = native._inbox
+        self._arrival = Signal()
+        native._on_arrival = native._on_end = self._arrival.set
+
+    @property
+    def topic_name(self) -> str:
+        """The full name of its topic."""
+        return self._native.topic_name
+
+    @property
+    def matches(self) -> tuple[Match, ...]:
+        """The endpoints that this one is matched with now."""
+        return self._native.matches
+
+    def __iter__(self) -> Iterator[M]:
+        return self.listen()
+
+    def listen(self, timeout: float | None = None) -> Iterator[M]:
+        """The messages as they come; ends when none has come for `timeout` seconds.
+
+        Raises ConnectionClosed once it is closed.
+        """
+        deadline_after(timeout)  # a wrong one is told here
+        self._foreground.check()
+        return self._listen(timeout)
+
+    def receive(self, timeout: float | None = None) -> tuple[M, MessageInfo]:
+        """Wait for the next message; returns it with its info.
+
+        Raises TimeoutError after `timeout` seconds, ConnectionClosed once it is closed.
+        """
+        self._foreground.check()
+        taken = self._next(timeout, None)
+        if taken is None:
+            raise TimeoutError(f"no message on '{self.topic_name}' within {timeout:g} s")
+        return taken[0], self._native._info(taken)
+
+    def take(self) -> tuple[M, MessageInfo] | None:
+        """The oldest waiting message and its info; None where none waits. Never blocks."""
+        self._foreground.check()
+        self._foreground.attend()
+        return self._native.take()
+
+    def wait_for_publishers(self, number: int = 1, timeout: float | None = None) -> None:
+        """Wait until at least `number` publishers are matched.
+
+        Raises TimeoutError after `timeout` seconds.
+        """
+        native = self._native
+        self._foreground.run_or_tell(
+            lambda: native.wait_for_publishers(number),
+            timeout,
+            lambda: f"{native.get_publisher_count()} of {number} publishers of '{self.topic_name}'",
+        )
+
+    def get_publisher_count(self) -> int:
+        """Publishers matched now."""
+        self._foreground.attend()
+        return self._native.get_publisher_count()
+
+    def statistics(self) -> SubscriptionStatistics:
+        """Its totals."""
+        return self._native.statistics()
+
+    def close(self) -> None:
+        """Leave the graph. Closing twice is allowed."""
+        if self._native._refusal is None:
+            self._foreground.run(self._native.close)
+
+    # --- inside
+
+    def _listen(self, timeout: float | None) -> Iterator[M]:
+        look = self._inbox.quick_take()
+        while (found := self._next(timeout, look)) is not None:
+            yield found[0]
+
+    def _next(self, timeout: float | None, look: Callable[[], list[M]] | None) -> Any:
+        """What comes next, or None where the time is over first: `Taken`, or, with `look`, perhaps what that
+        finds. The message comes first in both.
+        """
+        foreground, inbox = self._foreground, self._inbox
+        foreground.attend_rarely()
+        with self._guard:
+            found: Any = look is not None and inbox.take_messages(1)
+            found = found or inbox.take() or self._wait(deadline_after(timeout), look)
+        if self._loop.is_interrupted:
+            self._loop.check()
+        if found is None and self._native._refusal is not None:
+            raise again(self._native._refusal)
+        return found
+
+    def _wait(self, deadline_ns: int, look: Callable[[], list[M]] | None) -> Any:
+        """Under the guard, where nothing waits. `look` comes first of all after the wake-up."""
+        loop, arrival = self._loop, self._arrival
+        while self._native._refusal is None:
+            arrival.is_set = False
+            found = loop.run(arrival, deadline_ns, look)
+            if found or (arrival.is_set and (found := self._inbox.take())):
+                return found
+            if loop.is_interrupted or (deadline_ns and monotonic_ns() >= deadline_ns):
+                break
+        return None
+
+
+class BlockingNode:
+    """A node that waits in each call; made by `bus.connect`, ended by `with` or `close`.
+
+    What `publish`, `listen`, `wait_for_message` and `call` need is made at their first use for a topic or
+    service, and kept: what comes between two calls of `listen` is there for the second, within the depth.
+    """
+
+    def __init__(self, node: Node, foreground: Foreground) -> None:
+        self.name = node.name
+        self.namespace = node.namespace
+        self.full_name = node.full_name
+        self._node = node
+        self._foreground = foreground
+        self._is_closed = False
+        self._publishers: dict[tuple[str, QoS], BlockingPublisher[Any]] = {}
+        self._subscriptions: dict[tuple[type, str, QoS], BlockingSubscription[Any]] = {}
+        self._clients: dict[tuple[type, str], ServiceClient] = {}
+        self._made: list[BlockingPublisher[Any]] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+        if kind is KeyboardInterrupt:
+            _say_nothing_of_interrupts()
+
+    def publish(self, topic: str, message: Any, qos: QoS = 10, timeout: float | None = None) -> None:
+        """Publish `message` on `topic`; see `BlockingPublisher.publish`.
+
+        Every subscription that is there gets it, also where the script ends next. One that is still to come
+        does not: `create_publisher(...).wait_for_subscriptions()` waits for it.
+        """
+        publisher = self._publishers.get((topic, qos))
+        if publisher is None:
+            publisher = self._publishers[topic, qos] = self.create_publisher(type(message), topic, qos)
+        publisher.publish(message, timeout)
+
+    def listen(
+        self, message_type: type[M], topic: str, qos: QoS = 10, timeout: float | None = None
+    ) -> Iterator[M]:
+        """The messages on `topic` as they come: `for message in node.listen(String, "topic", timeout=1)`.
+
+        It hears from this call on, and ends when none has come for `timeout` seconds.
+        """
+        return self._subscription(message_type, topic, qos).listen(timeout)
+
+    def wait_for_message(
+        self, message_type: type[M], topic: str, qos: QoS = 10, timeout: float | None = None
+    ) -> M:
+        """The next message on `topic`. Raises TimeoutError where none comes within `timeout` seconds."""
+        return self._subscription(message_type, topic, qos).receive(timeout)[0]
+
+    def call(self, service_type: type[Any], name: str, request: Any, timeout: float | None = None) -> Any:
+        """Call the service `name` and wait for its answer.
+
+        Raises TimeoutError where none comes within `timeout` seconds, else as `bus.ServiceClient.call`:
+        ServiceUnavailable where nobody serves (see `wait_for_service`), ServiceError where the service's
+        callback raised.
+        """
+        client = self._client(service_type, name)
+        return self._opened().run_or_tell(
+            lambda: client.call(request), timeout, lambda: f"no answer of service '{client.service_name}'"
+        )
+
+    def wait_for_service(self, service_type: type[Any], name: str, timeout: float | None = None) -> None:
+        """Wait until somebody serves `name`. Raises TimeoutError after `timeout` seconds."""
+        client = self._client(service_type, name)
+        self._opened().run_or_tell(
+            client.wait_for_service, timeout, lambda: f"nobody serves '{client.service_name}'"
+        )
+
+    def create_publisher(self, message_type: type[M], topic: str, qos: QoS = 10) -> BlockingPublisher[M]:
+        """A publisher of `message_type` on `topic`, which every subscription that is there knows on return.
+
+        Raises as `bus.Node.create_publisher`.
+        """
+        foreground, node = self._opened(), self._node
+        publisher = foreground.run(
+            lambda: BlockingPublisher._make(foreground, node, message_type, topic, qos)
+        )
+        self._made = [one for one in self._made if one._is_open]
+        self._made.append(publisher)
+        return publisher
+
+    def create_subscription(
+        self,
+        message_type: type[M],
+        topic: str,
+        qos: QoS = 10,
+        *,
+        raw: bool = False,
+        views: bool = False,
+    ) -> BlockingSubscription[M]:
+        """A subscription of its own to `topic`: it gets every message whose publish begins after its return,
+        within its depth. Parameters and errors are those of `bus.Node.create_subscription`.
+        """
+        node = self._node
+        foreground = self._opened()
+        native = foreground.run(
+            lambda: node.create_subscription(message_type, topic, qos, raw=raw, views=views)
+        )
+        return BlockingSubscription(foreground, native)
+
+    def sleep(self, seconds: float) -> None:
+        """Sleep, while what has to be said to busd is said.
+
+        `time.sleep` does as well where no QoS of this node asks for a sign of life (liveliness with a lease).
+        """
+        deadline_ns = deadline_after(seconds)
+        foreground = self._opened()
+        foreground.check()
+        with foreground.loop:
+            foreground.wait(Signal(), deadline_ns)
+
+    def get_logger(self) -> Logger:
+        """The logger of this node; it writes ROS 2's log lines to stderr, and to the topic /rosout."""
+        return self._node.get_logger()
+
+    def resolve_topic_name(self, topic: str) -> str:
+        """The full name of `topic` as this node means it, after expansion and remapping."""
+        return self._node.resolve_topic_name(topic)
+
+    def graph(self, *, statistics: bool = False) -> Graph:
+        """All nodes, endpoints and matches now; with the endpoints' live counters if asked."""
+        return self._opened().run(lambda: self._node.graph(statistics=statistics))
+
+    def wait_for_graph(self, condition: Callable[[Graph], bool], timeout: float | None = None) -> Graph:
+        """Wait until `condition(graph)` holds; returns that graph. Raises TimeoutError after `timeout`
+        seconds."""
+        return self._opened().run_or_tell(
+            lambda: self._node.wait_for_graph(condition), timeout, lambda: "the graph is not as it should be"
+        )
+
+    def close(self) -> None:
+        """Hand over what was published, leave the graph. Closing twice is allowed."""
+        if self._is_closed:
+            return
+        self._is_closed = True
+        try:
+            if self._foreground.failure is None:  # else the parent of this fork leaves
+                for publisher in self._made:
+                    publisher._warn_if_unheard()
+                self._foreground.run(self._node.close)
+        finally:
+            self._foreground.release()
+
+    # --- inside
+
+    def _opened(self) -> Foreground:
+        if self._is_closed:
+            raise ConnectionClosed(f"node {self.full_name} is closed")
+        return self._foreground
+
+    def _subscription(self, message_type: type[M], topic: str, qos: QoS) -> BlockingSubscription[M]:
+        kept = self._subscriptions.get((message_type, topic, qos))
+        if kept is None:
+            kept = self.create_subscription(message_type, topic, qos)
+            self._subscriptions[message_type, topic, qos] = kept
+        return kept
+
+    def _client(self, service_type: type[Any], name: str) -> "ServiceClient":
+        kept = self._clients.get((service_type, name))
+        if kept is None:
+            kept = self._opened().run(lambda: self._node.create_client(service_type, name))
+            self._clients[service_type, name] = kept
+        return kept
+
+
+def connect(
+    name: str,
+    *,
+    namespace: str = "",
+    arguments: Sequence[str] | None = None,
+    socket: str | PathLike[str] | None = None,
+    domain: int | None = None,
+    rosout: bool = True,
+) -> BlockingNode:
+    """A node for a script, connected; use it as `with bus.connect("talker") as node:`.
+
+    The parameters are those of `bus.Node`. The node belongs to the thread that connected; only `publish` may
+    be called from any.
+
+    Raises ConfigurationError for a name that breaks the rules, BrokerUnavailable where no busd answers and
+    none could be started, LocalProtocolError where an event loop runs in this thread: that is for `bus.Node`.
+    """
+    node = Node(name, namespace=namespace, arguments=arguments, socket=socket, domain=domain, rosout=rosout)
+    foreground = Foreground.acquire(f"async with bus.Node({name!r}) as node")
+    try:
+        foreground.run(node.open)
+    except BaseException:
+        foreground.release()
+        raise
+    return BlockingNode(node, foreground)
+
+
+def _say_nothing_of_interrupts() -> None:
+    """One that nobody catches ends the program, as Python does it, but without a traceback."""
+    if sys.excepthook is sys.__excepthook__ and not hasattr(sys, "ps1"):
+        sys.excepthook = _tell_others
+
+
+def _tell_others(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    if not issubclass(kind, KeyboardInterrupt):
+        sys.__excepthook__(kind, error, trace)
