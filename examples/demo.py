@@ -39,7 +39,8 @@ async def demonstrate(seconds: float | None) -> int:
             await launch.start("talker", EXAMPLES / "talker.py", stderr=transcript.sink)
             await launch.during(until(node, listeners_match), "the matches", limit_s=START_S)
             await launch.during(asyncio.sleep(seconds) if seconds is not None else asyncio.Event().wait())
-            if status := await launch.stop("talker", signal.SIGINT):
+            status = await launch.stop("talker", signal.SIGINT)
+            if status != -signal.SIGINT:
                 raise Failure(f"the talker exited with {status} at SIGINT")
             transcript.read()  # what it said last
             await everything_is_heard(transcript)

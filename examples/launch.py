@@ -123,10 +123,12 @@ class Launch:
 
 
 def run(main: Coroutine[Any, Any, int], *, if_interrupted: int) -> int:
-    """Run `main` to its exit status; Ctrl-C, SIGTERM and the terminal's end end it in order."""
+    """Run `main` to its exit status; Ctrl-C, SIGTERM and the terminal's end end it in order, with another."""
     # A background job of a script has SIGINT ignored, and its children would inherit that.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:
         signal.signal(signal.SIGHUP, lambda *_: os.kill(os.getpid(), signal.SIGTERM))
-    status = bus.run(main)
-    return if_interrupted if status is None else status
+    try:
+        return bus.run(main)
+    except KeyboardInterrupt:  # also of SIGTERM
+        return if_interrupted

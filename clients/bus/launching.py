@@ -14,11 +14,10 @@ from collections.abc import Callable, Sequence
 from types import ModuleType, TracebackType
 from typing import Any, NoReturn
 
+from bus.ending import is_ending
 from bus.errors import BrokerUnavailable
 
 __all__ = [
-    "EXIT_INTERRUPTED",
-    "EXIT_SHUTDOWN",
     "add_paths",
     "fill_in",
     "is_python",
@@ -27,11 +26,6 @@ __all__ = [
     "run_module",
     "run_script",
 ]
-
-EXIT_INTERRUPTED = 2
-"""Nobody caught the KeyboardInterrupt of Ctrl-C: SIGINT's number, as ros2 has it."""
-EXIT_SHUTDOWN = 15
-"""Nobody caught the ExternalShutdownException that rclpy raises at SIGTERM."""
 
 _HOOK = "bus.rclpy_compat"
 _SI_USER = 0
@@ -94,8 +88,9 @@ def run_entry_point(target: str, path: str, arguments: Sequence[str]) -> NoRetur
 def run_child(command: Sequence[str], *, of_package: bool = False) -> int:
     """Run a program to its end as a child, with our environment and terminal; returns its exit code.
 
-    One that a signal ended has the signal's number. Signals that are sent to this process reach it too.
-    Raises OSError where the program can't be executed.
+    Where SIGINT, SIGTERM or SIGHUP ended it, that is minus the signal's number, for the caller to die by it;
+    for other signals it is 128 more than the number, as in a shell. Signals that are sent to this process
+    reach it too. Raises OSError where the program can't be executed.
     """
     import signal
 
@@ -119,7 +114,9 @@ def run_child(command: Sequence[str], *, of_package: bool = False) -> int:
     code = os.waitstatus_to_exitcode(status)
     if of_package:
         _say_failure(code)
-    return abs(code)
+    if code >= 0 or -code in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        return code
+    return 128 - code  # to die by it would leave a core of our own
 
 
 def is_python(path: str) -> bool:
@@ -177,26 +174,19 @@ def _run(body: Callable[[], Any], *, of_package: bool = False) -> NoReturn:
     except SystemExit as end:
         code = end.code
     except KeyboardInterrupt:
-        raise SystemExit(EXIT_INTERRUPTED) from None
+        raise  # whoever called us says nothing of it
     except BaseException as error:
-        if _is_shutdown(error):
-            raise SystemExit(EXIT_SHUTDOWN) from None
         if isinstance(error, BrokerUnavailable):
             print(f"{type(error).__name__}: {error}", file=sys.stderr)  # as bus.run does
         else:
             _show(error)
         code = 1
-    if of_package and code is not None:
+    if of_package and code is not None and not is_ending():
         if not isinstance(code, int):
             print(code, file=sys.stderr)
             code = 1
         _say_failure(code)
     raise SystemExit(code) from None
-
-
-def _is_shutdown(error: BaseException) -> bool:
-    kind = type(error)
-    return kind.__name__ == "ExternalShutdownException" and "rclpy" in kind.__module__
 
 
 def _show(error: BaseException) -> None:

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
+from bus.ending import Terminated, say_nothing_of_signals
 from bus.errors import BrokerUnavailable
 
 T = TypeVar("T")
@@ -22,23 +23,55 @@ def loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
     return uvloop.new_event_loop
 
 
-def run(main: Coroutine[Any, Any, T]) -> T | None:
-    """Run `main` and return its result, or None where Ctrl-C or SIGTERM ended it (in the main thread only).
+def run(main: Coroutine[Any, Any, T]) -> T:
+    """Run `main` and return its result.
 
-    Both cancel `main`, so that its `finally` and `async with` blocks run; no traceback is printed. Where no
-    busd answers and none may be started, the program ends with one line that says so.
+    Ctrl-C and SIGTERM cancel it, so that its `finally` and `async with` blocks run; then KeyboardInterrupt is
+    raised, for SIGTERM a subclass of it. Where nobody catches that, the program dies by the same signal, for
+    a shell to see, and no traceback is printed. The result of a `main` that catches its cancellation is
+    returned. All this in the main thread only, and where the program has no handlers of its own.
+
+    Where no busd answers and none may be started, the program ends with one line that says so.
 
     Raises TypeError for what is no coroutine, RuntimeError where an event loop runs already.
     """
     _check(main)
-    with asyncio.Runner(loop_factory=loop_factory()) as runner:
+    is_terminated = False
+
+    async def until_sigterm() -> T:
+        loop, task = asyncio.get_running_loop(), asyncio.current_task()
+        assert task is not None
+
+        def terminate() -> None:
+            nonlocal is_terminated
+            is_terminated = True
+            task.cancel()
+
+        loop.add_signal_handler(signal.SIGTERM, terminate)
         try:
+            return await main
+        finally:
+            loop.remove_signal_handler(signal.SIGTERM)
+
+    # Python gives signals to the main thread alone.
+    is_main = threading.current_thread() is threading.main_thread()
+    is_ours = is_main and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    try:
+        with asyncio.Runner(loop_factory=loop_factory()) as runner:
             gc.freeze()  # what was imported stays: no collection need look at it
-            return runner.run(_with_sigterm(main))
-        except KeyboardInterrupt:
-            return None
-        except BrokerUnavailable as error:
-            sys.exit(f"{type(error).__name__}: {error}")
+            return runner.run(until_sigterm() if is_ours else main)
+    except KeyboardInterrupt:
+        say_nothing_of_signals()
+        raise
+    except asyncio.CancelledError:
+        if not is_terminated:
+            raise
+        say_nothing_of_signals()
+        raise Terminated from None
+    except BrokerUnavailable as error:
+        sys.exit(f"{type(error).__name__}: {error}")
+    finally:
+        gc.unfreeze()  # else Python would not find files that were left open, to write what they hold
 
 
 def _check(main: Any) -> None:
@@ -52,27 +85,3 @@ def _check(main: Any) -> None:
 
         main.close()
         raise nested_run()
-
-
-async def _with_sigterm(main: Coroutine[Any, Any, T]) -> T | None:
-    if threading.current_thread() is not threading.main_thread():
-        return await main  # Python gives signals to the main thread alone
-    loop = asyncio.get_running_loop()
-    task = asyncio.current_task()
-    assert task is not None
-    is_terminated = False
-
-    def terminate() -> None:
-        nonlocal is_terminated
-        is_terminated = True
-        task.cancel()
-
-    loop.add_signal_handler(signal.SIGTERM, terminate)
-    try:
-        return await main
-    except asyncio.CancelledError:
-        if not is_terminated:
-            raise
-        return None
-    finally:
-        loop.remove_signal_handler(signal.SIGTERM)

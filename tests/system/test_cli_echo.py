@@ -52,7 +52,7 @@ def test_yaml(daemon: object) -> None:
         matched()
         teller.write("String(data='Hello World: 1')\nString(data='Hello')\nString()\n")
         assert echo.lines(6) == "data: 'Hello World: 1'\n---\ndata: Hello\n---\ndata: ''\n---\n"
-        assert without_hint(echo.end(signal.SIGINT)) == Result("", "", 2)
+        assert without_hint(echo.end(signal.SIGINT)) == Result("", "", -signal.SIGINT)
 
 
 def matched(count: int = 1) -> None:
@@ -242,7 +242,7 @@ def test_a_topic_with_two_types(daemon: object) -> None:
 def test_it_says_that_nobody_publishes(daemon: object) -> None:
     with start("topic", "echo", "/nosuch", "std_msgs/msg/String") as echo:
         assert echo.error_line() == "nobody publishes on '/nosuch' (waiting)"
-        assert echo.end(signal.SIGINT) == Result("", "", 2)
+        assert echo.end(signal.SIGINT) == Result("", "", -signal.SIGINT)
 
 
 def test_it_finds_the_topic_that_was_meant(daemon: object) -> None:
@@ -333,7 +333,7 @@ def test_no_lost_messages(daemon: object) -> None:
             lines.append(echo.line())
         assert set(lines) == {"x...", "e..."}
         assert len(lines) < 51
-        assert without_hint(echo.end(signal.SIGTERM)) == Result("", "", 15)
+        assert without_hint(echo.end(signal.SIGTERM)) == Result("", "", -signal.SIGTERM)
 
 
 def test_timeout(daemon: object) -> None:

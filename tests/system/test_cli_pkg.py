@@ -126,15 +126,15 @@ def test_a_prefix_that_has_only_programs(here: Path, run: Run) -> None:
     ("text", "code", "said"),
     [
         ("#!/bin/sh\nexit 7\n", 7, "[ros2run]: Process exited with failure 7\n"),
-        ("#!/bin/sh\nkill -SEGV $$\n", signal.SIGSEGV, "[ros2run]: Segmentation fault\n"),
-        ("#!/bin/sh\nkill -INT $$\n", signal.SIGINT, ""),
+        ("#!/bin/sh\nkill -SEGV $$\n", 128 + signal.SIGSEGV, "[ros2run]: Segmentation fault\n"),
+        ("#!/bin/sh\nkill -INT $$\n", -signal.SIGINT, ""),
         ("#!/usr/bin/env python3\nraise SystemExit(3)\n", 3, "[ros2run]: Process exited with failure 3\n"),
         (
             "#!/usr/bin/env python3\nraise SystemExit('so')\n",
             1,
             "so\n[ros2run]: Process exited with failure 1\n",
         ),
-        ("#!/usr/bin/env python3\nraise KeyboardInterrupt\n", 2, ""),
+        ("#!/usr/bin/env python3\nraise KeyboardInterrupt\n", -signal.SIGINT, ""),
         ("no program\n", 1, "bus run: can't run '"),
     ],
 )

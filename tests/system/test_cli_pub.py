@@ -47,7 +47,7 @@ def test_for_ever(daemon: object) -> None:
             "publishing #3: std_msgs.msg.String(data='hi')\n\n"
         )
         rest = running.end(signal.SIGINT)
-    assert (rest.err, rest.code) == ("", 2)
+    assert (rest.err, rest.code) == ("", -signal.SIGINT)
     assert re.fullmatch(r"(publishing #\d+: std_msgs\.msg\.String\(data='hi'\)\n\n)*", rest.out)
 
 
@@ -176,7 +176,7 @@ def test_a_wrong_document_ends_it(daemon: object) -> None:
 def test_a_signal_while_it_reads(daemon: object) -> None:
     with start("topic", "pub", "/topic", STRING, "--stdin") as running:
         running.line()
-        assert running.end(signal.SIGINT) == Result("", "", 2)
+        assert running.end(signal.SIGINT) == Result("", "", -signal.SIGINT)
 
 
 def test_echo_can_be_piped_into_pub(daemon: object) -> None:

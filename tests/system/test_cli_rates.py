@@ -76,7 +76,7 @@ def test_hz(daemon: object) -> None:
         second = report_that(fits, lambda: hz_lines(running))
         assert re.fullmatch(HZ + FLOW + "\n", first)
         assert re.fullmatch(HZ + FLOW + "\n", second)
-        assert running.end(signal.SIGINT).code == 2
+        assert running.end(signal.SIGINT).code == -signal.SIGINT
     assert number(second, "window") > number(first, "window")
 
 
@@ -173,7 +173,7 @@ def test_they_wait_for_the_topic(daemon: object, verb: str) -> None:
         assert running.error_line() == "WARNING: topic [/topic] does not appear to be published yet"
         with script(STAMPER):
             assert running.line()
-        assert running.end(signal.SIGTERM).code == 15
+        assert running.end(signal.SIGTERM).code == -signal.SIGTERM
 
 
 def test_bw(daemon: object) -> None:

@@ -29,7 +29,7 @@ async def test_the_talker_obeys_its_arguments_and_ends_quietly(tmp_path: Path) -
             texts = [(await subscription.receive())[0].data for _ in range(3)]
             await talker.line('Publishing: "Hello World: 2"')
             talker.process.send_signal(signal.SIGINT)
-            assert await talker.end() == 0
+            assert await talker.end() == -signal.SIGINT
     assert texts == ["Hello World: 0", "Hello World: 1", "Hello World: 2"]
     pattern = r'\[INFO\] \[\d{10}\.\d{9}\] \[other\]: Publishing: "Hello World: \d+"'
     assert all(re.fullmatch(pattern, line) for line in talker.lines)
@@ -47,7 +47,7 @@ async def test_the_listener_warns_of_an_empty_message_and_ends_quietly(tmp_path:
             publisher.publish(String(data="after it"))
             await listener.line("after it")
             listener.process.send_signal(signal.SIGINT)
-            assert await listener.end() == 0
+            assert await listener.end() == -signal.SIGINT
     warning, info = listener.lines
     assert re.fullmatch(r"\[WARN\] \[\d{10}\.\d{9}\] \[other\]: Received empty message", warning)
     assert re.fullmatch(r'\[INFO\] \[\d{10}\.\d{9}\] \[other\]: I heard: "after it"', info)

@@ -69,7 +69,7 @@ async def subscribed(topic: str) -> None:
 @pytest.mark.parametrize(
     ("way", "form", "code"),
     [
-        (RUN, "node", 2),
+        (RUN, "node", -signal.SIGINT),
         (RUN, "member_function", 0),
         (FROM_INSIDE, "node", -signal.SIGINT),
         (FROM_INSIDE, "member_function", 0),
@@ -102,7 +102,7 @@ async def test_a_publisher_and_two_subscribers(
 @pytest.mark.usefixtures("daemon")
 @pytest.mark.parametrize(
     ("way", "form", "code"),
-    [(RUN, "node", 15), (RUN, "member_function", 0), (FROM_INSIDE, "member_function", 0)],
+    [(RUN, "node", -signal.SIGTERM), (RUN, "member_function", 0), (FROM_INSIDE, "member_function", 0)],
 )
 @on_one_loop
 async def test_sigterm_ends_them_quietly(tmp_path: Path, way: tuple[str, ...], form: str, code: int) -> None:
@@ -197,8 +197,8 @@ async def test_a_daemon_that_dies_and_comes_back(tmp_path: Path, daemon: Daemon,
         daemon.restart()
         heard = len(listener.lines)
         await until(lambda: sum("I heard" in line for line in listener.lines[heard:]) >= 3)
-        assert await interrupt(listener) == 2
-        assert await interrupt(talker) == 2
+        assert await interrupt(listener) == -signal.SIGINT
+        assert await interrupt(talker) == -signal.SIGINT
     for program in (listener, talker):
         assert not any("Traceback" in line for line in program.lines), program.lines
     said_all = [int(n) for line in listener.lines for n in re.findall(r'"Hello World: (\d+)"', line)]
@@ -235,7 +235,7 @@ async def test_ctrl_c_while_the_client_waits(tmp_path: Path) -> None:
     """Nobody serves, and nobody catches it."""
     async with running(tmp_path, *RUN, LESSON / "client_member_function.py", "2", "3") as client:
         await client.line("waiting again")
-        assert await interrupt(client) == 2
+        assert await interrupt(client) == -signal.SIGINT
     assert all("waiting again" in line for line in client.lines)
     assert client.family() == []
 

@@ -11,7 +11,7 @@ import pytest
 import bus.rclpy as rclpy
 from bus.rclpy.context import Context
 from bus.rclpy.exceptions import NotInitializedException
-from bus.rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from bus.rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
 from bus.rclpy.node import Node
 from bus.rclpy.signals import SignalHandlerOptions
 from conftest import WAIT_S, Daemon
@@ -146,6 +146,19 @@ def test_shutdown_in_a_callback_ends_the_spin(world: World) -> None:
     node = world.node()
     node.create_timer(0, rclpy.shutdown)
     rclpy.spin(node)
+    assert not rclpy.ok()
+
+
+def test_shutdown_in_a_callback_of_many_threads_ends_the_spin(world: World) -> None:
+    """The thread that spins waits meanwhile, and it is no error there either."""
+    executor = world.executor(node := world.node(), kind=MultiThreadedExecutor)
+
+    def shut_down() -> None:
+        wait_until(lambda: is_waiting(executor))
+        rclpy.shutdown()
+
+    node.create_timer(0, shut_down)
+    executor.spin()
     assert not rclpy.ok()
 
 

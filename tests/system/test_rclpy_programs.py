@@ -104,7 +104,7 @@ rclpy.spin(node)
             told = rf"New {other} discovered on topic '/t', .*incompatible QoS.*RELIABILITY"
             await program.line(rf"\[WARN\] \[\d{{10}}\.\d{{9}}\] \[{name}\]: {told}")
         program.process.send_signal(signal.SIGINT)
-        assert await program.end() == 2
+        assert await program.end() == -signal.SIGINT
     assert len(program.lines) == 3
 
 
@@ -260,5 +260,5 @@ while rclpy.ok():
                 await until(subscription.get_publisher_count)
                 await subscription.receive()
             program.process.send_signal(signal.SIGINT)
-            assert await program.end() == 2, program.lines
+            assert await program.end() == -signal.SIGINT, program.lines
     assert not any("Traceback" in line for line in program.lines)

@@ -50,11 +50,11 @@ def test_separate_terminals(talking: dict[str, Program], start: Start) -> None:
         program = start(shown.command)
         check(program, shown)
         if shown.is_interrupted:
-            assert program.end(signal.SIGINT) == 2
+            assert program.end(signal.SIGINT) == -signal.SIGINT
             assert "Traceback" not in program.text
     for command in ("python examples/talker.py", "python examples/listener.py"):
         assert COMMANDS[command].is_interrupted
-        assert talking[command].end(signal.SIGINT) == 0
+        assert talking[command].end(signal.SIGINT) == -signal.SIGINT
         assert "Traceback" not in talking[command].text
     assert talking["busd"].end(signal.SIGINT) == 0
 
@@ -160,9 +160,9 @@ def test_the_steps_of_the_lesson_page(step: str, daemon: Daemon, lesson: Path, s
         if shown.is_interrupted and command.startswith("bus run"):
             running.append(program)
         elif shown.is_interrupted:
-            assert program.end(signal.SIGINT) == 2
+            assert program.end(signal.SIGINT) == -signal.SIGINT
     for program in running:
-        assert program.end(signal.SIGINT) in (0, 2)
+        assert program.end(signal.SIGINT) in (0, -signal.SIGINT)
         assert "Traceback" not in program.text
 
 

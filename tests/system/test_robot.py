@@ -231,4 +231,4 @@ async def test_actuation_refuses_what_is_out_of_bounds_and_stops_without_command
             assert [(await applied.receive())[0] for _ in range(2)] == [good, Twist()]
             await actuation.line(r"\[WARN\] .* \[actuation\]: no command for 0.5 s: stopped$")
             actuation.process.send_signal(signal.SIGTERM)
-            assert await actuation.end() == 0
+            assert await actuation.end() == -signal.SIGTERM

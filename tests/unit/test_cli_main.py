@@ -1,5 +1,6 @@
 """Parsers, dispatch and exit codes of `bus`, without a daemon."""
 
+import signal
 import sys
 from argparse import ArgumentParser, _SubParsersAction
 from importlib import import_module
@@ -12,6 +13,7 @@ from bus.cli import main as cli
 from bus.cli.main import COMMANDS, make_parser, run
 from bus.cli.output import CommandError
 from bus.cli.query import full_topic_name, full_type_name
+from bus.ending import Terminated
 
 VERBS = [(command, verb) for command, (_, verbs) in COMMANDS.items() for verb in verbs or ("",)]
 
@@ -180,7 +182,13 @@ def test_a_socket_may_be_called_like_a_command() -> None:
 
 @pytest.mark.parametrize(
     ("error", "code"),
-    [(BrokenPipeError(), 0), (KeyboardInterrupt(), 2), (CommandError("x"), 1), (OSError("x"), 1)],
+    [
+        (BrokenPipeError(), 0),
+        (KeyboardInterrupt(), -signal.SIGINT),
+        (Terminated(), -signal.SIGTERM),
+        (CommandError("x"), 1),
+        (OSError("x"), 1),
+    ],
 )
 def test_how_a_verb_may_end(
     error: BaseException, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

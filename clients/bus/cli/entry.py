@@ -8,13 +8,17 @@ import sys
 from typing import NoReturn
 
 from bus.cli.run import read, start
+from bus.ending import die_by
 
 
 def main() -> NoReturn:
     """The program."""
     call = read(sys.argv[1:])
     if call is not None:
-        sys.exit(start(call))
+        code = start(call)
+        if code < 0:
+            die_by(-code)
+        sys.exit(code)
     from bus.cli import main as others
 
     others.main()

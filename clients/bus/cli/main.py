@@ -14,8 +14,9 @@ from functools import cache
 from importlib import import_module
 from typing import Any, NoReturn
 
-from bus.cli.exitcodes import EXIT_ERROR, EXIT_INTERRUPTED
+from bus.cli.exitcodes import EXIT_ERROR
 from bus.cli.output import CommandError, complain, say
+from bus.ending import Terminated, die_by
 from bus.errors import BusError
 from bus.release import RELEASE
 
@@ -113,7 +114,8 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
 
 _EPILOG = """\
 {verbs}
-exit status: 0 done, 1 an error (its text is on stderr), 2 wrong usage or Ctrl-C, 15 ended by SIGTERM
+exit status: 0 done, 1 an error (its text is on stderr), 2 wrong usage.
+Ctrl-C and SIGTERM end it as they end any program: 130 and 143 in a shell
 see also: busd --help
 """
 
@@ -129,21 +131,25 @@ def main() -> NoReturn:
         sys.stderr.flush()
     except BrokenPipeError:
         pass
+    if code < 0:
+        die_by(-code)
     # Nothing is left to do, and taking the interpreter down costs as much as a quarter of `bus topic list`.
     # It would also abort where a thread still reads the standard input.
     os._exit(code)
 
 
 def run(words: Sequence[str]) -> int:
-    """Run one command line; returns its exit code."""
+    """Run one command line; returns its exit code, or minus the number of the signal that shall end us."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True, errors="backslashreplace")
     try:
         return _run(words)
     except BrokenPipeError:
         return 0  # whoever read us has seen enough
-    except KeyboardInterrupt:
-        return EXIT_INTERRUPTED
+    except KeyboardInterrupt as interrupt:
+        import signal
+
+        return -(signal.SIGTERM if isinstance(interrupt, Terminated) else signal.SIGINT)
     except (CommandError, BusError, OSError) as error:
         complain(error)
         return EXIT_ERROR

@@ -11,8 +11,9 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
-from bus.cli.exitcodes import EXIT_ERROR, EXIT_INTERRUPTED, EXIT_USAGE
+from bus.cli.exitcodes import EXIT_ERROR, EXIT_USAGE
 from bus.cli.output import complain
+from bus.ending import say_nothing_of_signals
 
 if TYPE_CHECKING:
     from argparse import ArgumentParser, Namespace
@@ -82,8 +83,8 @@ def read(words: Sequence[str]) -> Call | None:
 
 
 def start(call: Call) -> int:
-    """Do it. Returns the exit code of a child, or of a call that can't be done (its text is on stderr);
-    a program that runs in this process ends it.
+    """Do it. Returns the exit code of a child, minus the number of a signal to die by, or the code
+    of a call that can't be done (its text is on stderr); a program that runs in this process ends it.
     """
     from bus.errors import BusError
 
@@ -91,7 +92,8 @@ def start(call: Call) -> int:
         _export(call)
         return _start(call)
     except KeyboardInterrupt:
-        return EXIT_INTERRUPTED
+        say_nothing_of_signals()
+        raise
     except _Refused as refused:
         complain("\n".join(refused.lines))
         return refused.code

@@ -1,4 +1,4 @@
-"""What the verbs that stay have in common: a hidden node, types found on the bus, exit codes of signals."""
+"""What the verbs that stay have in common: a hidden node, types found on the bus, how signals end them."""
 
 import asyncio
 import os
@@ -9,9 +9,9 @@ from typing import Any
 
 import msgspec
 
-from bus.cli.exitcodes import EXIT_INTERRUPTED, EXIT_TERMINATED
 from bus.cli.output import CommandError, complain
 from bus.cli.query import full_type_name
+from bus.ending import Terminated
 from bus.errors import ConfigurationError
 from bus.graph import Graph, GraphEndpoint
 from bus.node import Node
@@ -32,34 +32,38 @@ __all__ = [
 ]
 
 _LOOK_S = 0.2
-_EXIT_CODES = {signal.SIGINT: EXIT_INTERRUPTED, signal.SIGTERM: EXIT_TERMINATED}
+_ENDING: dict[int, type[KeyboardInterrupt]] = {signal.SIGINT: KeyboardInterrupt, signal.SIGTERM: Terminated}
 
 
 def run_stream(main: Coroutine[Any, Any, int]) -> int:
-    """Run a verb on an event loop; returns its exit code, or the one of the signal that ended it."""
-    with asyncio.Runner(loop_factory=loop_factory()) as runner:
-        return runner.run(_until_signal(main))
+    """Run a verb on an event loop; returns its exit code.
 
-
-async def _until_signal(main: Coroutine[Any, Any, int]) -> int:
-    loop, task = asyncio.get_running_loop(), asyncio.current_task()
-    assert task is not None
-    received: list[signal.Signals] = []
-
-    def end(number: signal.Signals) -> None:
-        received.append(number)
-        task.cancel()
-
-    for number in _EXIT_CODES:
-        loop.add_signal_handler(number, end, number)
+    Raises KeyboardInterrupt or Terminated where a signal ended it, after it has cleaned up.
+    """
+    received: list[int] = []
     try:
-        return await main
+        with asyncio.Runner(loop_factory=loop_factory()) as runner:
+            return runner.run(_until_signal(main, received))
     except asyncio.CancelledError:
         if not received:
             raise
-        return _EXIT_CODES[received[0]]
+        raise _ENDING[received[0]] from None
+
+
+async def _until_signal(main: Coroutine[Any, Any, int], received: list[int]) -> int:
+    loop, task = asyncio.get_running_loop(), asyncio.current_task()
+    assert task is not None
+
+    def end(number: int) -> None:
+        received.append(number)
+        task.cancel()
+
+    for number in _ENDING:
+        loop.add_signal_handler(number, end, number)
+    try:
+        return await main
     finally:
-        for number in _EXIT_CODES:
+        for number in _ENDING:
             loop.remove_signal_handler(number)
 
 

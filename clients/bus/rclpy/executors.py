@@ -131,7 +131,12 @@ class MultiThreadedExecutor(Executor):
 
     def _spin_once(self, deadline_ns: int, most: int, until: Future[Any] | None = None) -> None:
         with self._engine.loop:
-            found = self._next(deadline_ns, 1, until)
+            try:
+                found = self._next(deadline_ns, 1, until)
+            except ExternalShutdownException:
+                if self._context.was_ended_by_signal:
+                    raise
+                return  # one of our own calls may have shut down, and rclpy's spin just ends then
             if found is not None and not self.is_shutdown:
                 try:
                     self._pool.submit(self._work, *found)

@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from types import TracebackType
 from typing import Any
 
+from bus.ending import end_by
 from bus.rclpy import engine as engines
 from bus.rclpy import signals
 from bus.rclpy.context import Context, get_default_context
@@ -182,8 +183,11 @@ def _end(context: Context | None, uninstall_handlers: bool | None, end: Any) -> 
 
 
 def _say_what_ended_it(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """Ctrl-C and SIGTERM are no mistakes of the program's, and need no traceback."""
-    if not issubclass(kind, (KeyboardInterrupt, *_ENDS)):
+    """Ctrl-C and SIGTERM are no mistakes of the program's: it dies by the signal, without a traceback."""
+    number = signals.last_signal()
+    if issubclass(kind, _ENDS) and number is not None:
+        end_by(number)
+    elif not issubclass(kind, KeyboardInterrupt):  # by which Python ends like that itself
         sys.__excepthook__(kind, error, trace)
 
 

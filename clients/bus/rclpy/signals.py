@@ -29,13 +29,15 @@ class SignalHandlerOptions(IntEnum):
 
 _installed = SignalHandlerOptions.NO
 _before: dict[int, Any] = {}
+_came: int | None = None
 
 
 def install_signal_handlers(options: SignalHandlerOptions = SignalHandlerOptions.ALL) -> None:
     """Handle signals, for all contexts. Nothing happens but in the main thread."""
-    global _installed
+    global _installed, _came
     if threading.current_thread() is not threading.main_thread():
         return
+    _came = None
     for option, number, handler in _HANDLERS:
         if options & option and number not in _before:
             _before[number] = signal.signal(number, handler)
@@ -60,8 +62,13 @@ def get_current_signal_handlers_options() -> SignalHandlerOptions:
     return _installed
 
 
+def last_signal() -> int | None:
+    """The one that ended the contexts since handlers were installed; None where there was none."""
+    return _came
+
+
 def _on_sigint(number: int, frame: FrameType | None) -> None:
-    _end_contexts()
+    _end_contexts(number)
     engine = engines.current()
     if engine is not None and engine.is_busy(frame):
         engine.interrupt()
@@ -76,13 +83,15 @@ def _on_sigint(number: int, frame: FrameType | None) -> None:
 
 
 def _on_sigterm(number: int, frame: FrameType | None) -> None:
-    _end_contexts()
+    _end_contexts(number)
     before = _before.get(number)
     if callable(before):
         before(number, frame)
 
 
-def _end_contexts() -> None:
+def _end_contexts(number: int) -> None:
+    global _came
+    _came = number
     for context in Context.all():
         context.end_by_signal()
 

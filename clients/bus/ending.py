@@ -1,0 +1,72 @@
+"""How a program ends by a signal: without a traceback, and so that its parent sees which signal it was.
+
+Whether a shell goes on with its loop, and a supervisor sees a failure, hangs on what `waitpid` says. So a
+program that was told to end cleans up and then dies by that very signal. For SIGINT Python does this itself,
+where nobody catches the KeyboardInterrupt. Owns the same for SIGTERM, and the silence of both.
+"""
+
+import sys
+from types import TracebackType
+from typing import NoReturn
+
+__all__ = ["Terminated", "die_by", "end_by", "is_ending", "say_nothing_of_signals"]
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM came. A program that ends in order at Ctrl-C does the same then."""
+
+
+def say_nothing_of_signals() -> None:
+    """Have no traceback printed for a KeyboardInterrupt that nobody catches; a Terminated ends by SIGTERM."""
+    before = sys.excepthook
+
+    def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+        if kind is not KeyboardInterrupt and kind is not Terminated:
+            before(kind, error, trace)
+            return
+        import signal
+
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # one more ends it at once
+        if kind is Terminated:
+            end_by(signal.SIGTERM)
+
+    sys.excepthook = hook
+
+
+def end_by(number: int) -> None:
+    """Have this process die by a signal once Python has taken everything down.
+
+    Exit handlers run before that, and files that were left open are written.
+    """
+    # Python destroys what `sys` has last of all.
+    setattr(sys, _Death.__name__, _Death(number))
+
+
+def is_ending() -> bool:
+    """Whether `end_by` was called."""
+    return hasattr(sys, _Death.__name__)
+
+
+def die_by(number: int) -> NoReturn:
+    """Die by a signal at once. The caller has flushed what it wrote."""
+    import os
+    import signal
+
+    signal.signal(number, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, [number])
+    signal.raise_signal(number)
+    os._exit(128 + number)  # a signal whose default is to be ignored
+
+
+class _Death:
+    """The process dies when this is destroyed."""
+
+    def __init__(self, number: int) -> None:
+        import signal
+
+        signal.signal(number, signal.SIG_DFL)
+        self._number = number
+        self._raise = signal.raise_signal  # there are no modules any more when it is called
+
+    def __del__(self) -> None:
+        self._raise(self._number)
