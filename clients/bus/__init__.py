@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from bus import qos as qos
     from bus.blocking import BlockingNode, BlockingPublisher, BlockingSubscription, connect
     from bus.client import ServiceClient, ServiceClientStatistics
+    from bus.clock import Rate
     from bus.endpoint import Match
     from bus.errors import (
         AccessDenied,
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
         ForkError,
         LocalProtocolError,
         MessageTypeError,
+        ParameterError,
         PayloadTooLarge,
         ProtocolError,
         QuotaExceeded,
@@ -65,6 +67,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "bus.blocking": ("BlockingNode", "BlockingPublisher", "BlockingSubscription", "connect"),
     "bus.client": ("ServiceClient", "ServiceClientStatistics"),
+    "bus.clock": ("Rate",),
     "bus.endpoint": ("Match",),
     "bus.errors": (
         "AccessDenied",
@@ -75,6 +78,7 @@ _HOMES = {
         "ForkError",
         "LocalProtocolError",
         "MessageTypeError",
+        "ParameterError",
         "PayloadTooLarge",
         "ProtocolError",
         "QuotaExceeded",
@@ -137,6 +141,7 @@ __all__ = [
     "MessageTypeError",
     "Node",
     "NodeStatistics",
+    "ParameterError",
     "PayloadTooLarge",
     "ProtocolError",
     "Publisher",
@@ -145,6 +150,7 @@ __all__ = [
     "QoS",
     "QoSProfile",
     "QuotaExceeded",
+    "Rate",
     "Reliability",
     "RemoteProtocolError",
     "RequestId",

@@ -2,6 +2,7 @@
 
     BusError
     ├── ConfigurationError (ValueError)   a bad name, QoS profile, remap rule or configuration
+    ├── ParameterError (ValueError)       a parameter can't be declared, read or set so
     ├── MessageTypeError (TypeError)      a message of the wrong class, or a field of the wrong type
     ├── PayloadTooLarge (ValueError)      size_bytes, limit_bytes
     ├── QuotaExceeded                     resource, used, limit
@@ -33,6 +34,7 @@ __all__ = [
     "ForkError",
     "LocalProtocolError",
     "MessageTypeError",
+    "ParameterError",
     "PayloadTooLarge",
     "ProtocolError",
     "QuotaExceeded",
@@ -77,6 +79,17 @@ class ConfigurationError(BusError, ValueError):
 
 class MessageTypeError(BusError, TypeError):
     """A message does not have the type of its topic; the text names the field's path."""
+
+
+class ParameterError(BusError, ValueError):
+    """A parameter can't be declared, read or set so; the text names it, the value and the rule.
+
+    `name` is the parameter's; several are joined by commas.
+    """
+
+    def __init__(self, name: str, message: str) -> None:
+        super().__init__(message)
+        self.name = name
 
 
 class PayloadTooLarge(BusError, ValueError):

@@ -19,11 +19,11 @@ from bus.events import PublisherEvents, SubscriptionEvents
 from bus.graph import Graph, graph_of
 from bus.link import Link
 from bus.logger import Logger, configure, get_logger
+from bus.parameterhost import ParameterHost
 from bus.publisher import Publisher
 from bus.qos import QoS, profile, rosout_default
 from bus.rosout import Rosout
 from bus.schema import build
-from bus.servicehost import ServiceHost
 from bus.subscription import MessageInfo, Subscription
 from bus.timer import Timer
 from bus.typesupport import type_support
@@ -55,7 +55,7 @@ class NodeStatistics(msgspec.Struct, frozen=True):
     subscriptions: int
 
 
-class Node(ServiceHost):
+class Node(ParameterHost):
     """A node named `name` in `namespace`; use it as `async with bus.Node("talker") as node:`.
 
     `arguments` are command-line arguments of which those after --ros-args are obeyed (remapping of topics,
@@ -66,8 +66,6 @@ class Node(ServiceHost):
 
     Raises ConfigurationError for a name that breaks the rules; on entering, BrokerUnavailable.
     """
-
-    _has_parameters = False
 
     def __init__(
         self,
@@ -87,8 +85,7 @@ class Node(ServiceHost):
         self._path = socket_path(socket, domain)
         self._logger = get_logger(names.logger_name(self.namespace, self.name))
         configure(self._arguments)
-        if self._arguments.parameters and not self._has_parameters:
-            _log.warning("parameters (-p, --params-file) are for programs of rclpy; ignored here", once=True)
+        self._read_parameters(self._arguments)
         self._link: Link | None = None
         self._endpoints: list[Publisher[Any] | Subscription[Any]] = []  # some of them may be closed
         self._sweep_at = _LEAST_SWEPT
@@ -129,6 +126,7 @@ class Node(ServiceHost):
             await self._link.declare_node(self)
             if self._wants_rosout:
                 await self._open_rosout()
+            await self._open_parameters()
         except BaseException:
             await self.close()
             raise
@@ -140,6 +138,7 @@ class Node(ServiceHost):
             return
         for timer in tuple(self._timers):
             timer.close()
+        self._close_parameters()
         if self._rosout is not None:
             self._logger.remove_sink(self._rosout.publish)
         try:

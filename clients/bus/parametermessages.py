@@ -5,9 +5,17 @@ The messages are native ones or rclpy's: whoever calls brings the classes. Must 
 
 from typing import Any, Protocol
 
-from bus.parameters import Change, ParameterType, Setting
+from bus.parameters import Change, ParameterType, Rules, Setting
 
-__all__ = ["SERVICES", "MessageClass", "event_message", "parameter_message", "python_value", "value_message"]
+__all__ = [
+    "SERVICES",
+    "MessageClass",
+    "descriptor_message",
+    "event_message",
+    "parameter_message",
+    "python_value",
+    "value_message",
+]
 
 SERVICES = {
     "DescribeParameters": "describe_parameters",
@@ -49,6 +57,25 @@ def event_message(message_class: MessageClass, node: str, change: Change[Any]) -
         new_parameters=[parameter_message(message_class, one) for one in change.new],
         changed_parameters=[parameter_message(message_class, one) for one in change.changed],
         deleted_parameters=[parameter_message(message_class, one) for one in change.deleted],
+    )
+
+
+def descriptor_message(
+    message_class: MessageClass, name: str, rules: Rules, description: str, constraints: str
+) -> Any:
+    """A ParameterDescriptor."""
+    integers, doubles = rules.integer_range, rules.floating_point_range
+    return message_class("ParameterDescriptor")(
+        name=name,
+        type=int(rules.type_),
+        description=description,
+        additional_constraints=constraints,
+        read_only=rules.is_read_only,
+        dynamic_typing=rules.is_dynamic,
+        integer_range=[] if integers is None else [message_class("IntegerRange")(**integers._asdict())],
+        floating_point_range=(
+            [] if doubles is None else [message_class("FloatingPointRange")(**doubles._asdict())]
+        ),
     )
 
 

@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 import bus
-import bus.node
 from bus import events
 from bus.callbacks import is_async, takes_info
 from bus.logger import enable_console, set_default_level
@@ -74,15 +73,6 @@ class TestArguments:
         node = bus.Node("node", arguments=["--ros-args", "--disable-stdout-logs"])
         node.get_logger().error("heard?")
         assert "heard?" not in capsys.readouterr().err
-
-    @pytest.mark.parametrize("given", [["-p", "rate:=5"], ["--params-file", "robot.yaml"]])
-    def test_parameters_are_declined_aloud_and_once(
-        self, given: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setattr(bus.node, "_log", bus.get_logger("bus"))
-        for name in ("one", "two"):
-            bus.Node(name, arguments=["--ros-args", *given])
-        assert capsys.readouterr().err.count("are for programs of rclpy; ignored here") == 1
 
 
 class TestTimers:

@@ -240,9 +240,9 @@ class Node(EntityMaker, GraphQueries, ParameterMethods):
 
 
 class _Native(NativeNode):
-    """The one beneath takes no parameters; this one does."""
+    """Parameters are those of the facade's node; the one beneath has none."""
 
-    _has_parameters = True
+    _takes_parameters = False
 
 
 def _make_native(

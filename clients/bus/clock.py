@@ -1,0 +1,158 @@
+"""A node's time: the machine's, or a simulation's; and rates, which sleep by it.
+
+Must not know where the simulation's time comes from (`bus.timesource`).
+"""
+
+import asyncio
+from time import monotonic_ns, time_ns
+
+from bus.errors import ConfigurationError, ConnectionClosed
+
+__all__ = ["Clock", "Rate"]
+
+_S = 1_000_000_000
+_MOST_HZ = 1e9
+
+
+class Clock:
+    """The time of the node with that full name, and those that wait for it."""
+
+    def __init__(self, node: str) -> None:
+        self.is_simulated = False
+        self.epoch = 0
+        """Counts the jumps after which a plan is void: back in time, or to another source of time."""
+        self._node = node
+        self._simulated_ns = 0
+        self._is_closed = False
+        self._waiting: dict[asyncio.Future[None], int] = {}
+
+    def now_ns(self) -> int:
+        """Nanoseconds since 1970, or what the simulation says."""
+        return self._simulated_ns if self.is_simulated else time_ns()
+
+    def steady_ns(self) -> int:
+        """For spans: of the machine's clocks the one that nobody sets."""
+        return self._simulated_ns if self.is_simulated else monotonic_ns()
+
+    def simulate(self, is_simulated: bool) -> None:
+        """From now on the time comes from `set`, or from the machine again."""
+        if is_simulated is not self.is_simulated:
+            self.is_simulated = is_simulated
+            self._jump()
+
+    def set(self, now_ns: int) -> None:
+        """The simulation's time; it shows while that is in use."""
+        before_ns, self._simulated_ns = self._simulated_ns, now_ns
+        if not self.is_simulated:
+            return
+        if now_ns < before_ns:
+            self._jump()
+            return
+        for waiting, due_ns in self._waiting.items():
+            if due_ns <= now_ns:
+                _wake(waiting)
+
+    async def wait(self, due_ns: int) -> None:
+        """Wait until `steady_ns` shows that, or for a jump. It may end early: look again.
+
+        Raises ConnectionClosed where the clock is closed, or meanwhile is. Cancellation leaves nothing
+        behind.
+        """
+        self.check_open()
+        loop = asyncio.get_running_loop()
+        waiting = loop.create_future()
+        handle = None
+        if not self.is_simulated:
+            handle = loop.call_later(max(0, due_ns - monotonic_ns()) / _S, _wake, waiting)
+        self._waiting[waiting] = due_ns
+        try:
+            await waiting
+        finally:
+            del self._waiting[waiting]
+            if handle is not None:
+                handle.cancel()
+        self.check_open()
+
+    def close(self) -> None:
+        """Those that wait are told that the node is closed."""
+        self._is_closed = True
+        self._wake_all()
+
+    def check_open(self) -> None:
+        """Raises ConnectionClosed after `close`."""
+        if self._is_closed:
+            raise ConnectionClosed(f"node {self._node} is closed")
+
+    def _jump(self) -> None:
+        self.epoch += 1
+        self._wake_all()
+
+    def _wake_all(self) -> None:
+        for waiting in self._waiting:
+            _wake(waiting)
+
+
+class Rate:
+    """Sleeps between the turns of a loop, so that they come `hz` times a second; made by `Node.create_rate`.
+
+    rate = node.create_rate(10.0)
+    while True:
+        drive()
+        await rate.sleep()
+    """
+
+    def __init__(self, hz: float, clock: Clock) -> None:
+        if not 0 < hz <= _MOST_HZ:
+            raise ConfigurationError(f"rate {hz!r} Hz is not above 0 and up to {_MOST_HZ:.0f}")
+        self.hz = hz
+        self._period_ns = max(1, round(_S / hz))
+        self._clock = clock
+        self._epoch = clock.epoch
+        self._next_ns = clock.steady_ns() + self._period_ns
+
+    async def sleep(self) -> None:
+        """Wait for the next multiple of the period, counted from the rate's making.
+
+        Where that is past, because the turn took longer, it returns at once, and the next sleep ends at the
+        next multiple that is to come: turns that were missed are not made up for. While the node's parameter
+        `use_sim_time` is true these are multiples in simulated time; after a jump back in it the period is
+        counted anew. Several tasks may sleep by one rate.
+
+        Raises ConnectionClosed where the node is closed, or meanwhile is. Cancellation leaves the rate as it
+        is.
+        """
+        clock = self._clock
+        clock.check_open()
+        end_ns = self._due_ns()
+        if clock.steady_ns() >= end_ns:
+            self._pass(end_ns)
+            await asyncio.sleep(0)  # a loop that is always late must not keep all others from their work
+            clock.check_open()
+            return
+        epoch = clock.epoch
+        while clock.steady_ns() < end_ns:
+            await clock.wait(end_ns)
+            if clock.epoch != epoch:
+                epoch = clock.epoch
+                end_ns = self._due_ns()
+        self._pass(end_ns)
+
+    def __repr__(self) -> str:
+        return f"<Rate {self.hz:g} Hz>"
+
+    def _due_ns(self) -> int:
+        if self._epoch != self._clock.epoch:
+            self._epoch = self._clock.epoch
+            self._next_ns = self._clock.steady_ns() + self._period_ns
+        return self._next_ns
+
+    def _pass(self, end_ns: int) -> None:
+        """That time has come; of several tasks the first to wake sees to it."""
+        if self._next_ns == end_ns:
+            late_ns = self._clock.steady_ns() - end_ns
+            self._next_ns += (late_ns // self._period_ns + 1) * self._period_ns
+
+
+def _wake(waiting: "asyncio.Future[None]") -> None:
+    if not waiting.done():
+        waiting.set_result(None)

@@ -1,0 +1,202 @@
+"""A node's clock and rates: by the machine's time and by a simulation's."""
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from bus.clock import Clock, Rate
+from bus.errors import ConfigurationError, ConnectionClosed
+from jumping_loop import play
+
+S = 10**9
+
+
+def simulated(seconds: float = 0.0) -> Clock:
+    clock = Clock("/robot")
+    clock.simulate(True)
+    clock.set(round(seconds * S))
+    return clock
+
+
+def now_s() -> float:
+    return asyncio.get_running_loop().time()
+
+
+async def turns(count: int = 5) -> None:
+    """Let all go on that can."""
+    for _ in range(count):
+        await asyncio.sleep(0)
+
+
+class Sleeper:
+    """Sleeps by a rate, again and again, and notes when it wakes."""
+
+    def __init__(self, rate: Rate, now: Callable[[], float]) -> None:
+        self.woken: list[float] = []
+        self._rate = rate
+        self._now = now
+        self.task = asyncio.create_task(self._run())
+
+    async def _run(self) -> None:
+        while True:
+            await self._rate.sleep()
+            self.woken.append(self._now())
+
+
+class TestBySystemTime:
+    def test_the_phase_stays(self) -> None:
+        async def story() -> None:
+            began = now_s()
+            rate = Rate(10.0, Clock("/robot"))
+            woken = []
+            for work_s in (0.0, 0.03, 0.09, 0.05):
+                await asyncio.sleep(work_s)
+                await rate.sleep()
+                woken.append(now_s() - began)
+            assert woken == pytest.approx([0.1, 0.2, 0.3, 0.4], abs=0.002)
+
+        play(story)
+
+    def test_what_was_missed_is_not_made_up_for(self) -> None:
+        async def story() -> None:
+            began = now_s()
+            rate = Rate(10.0, Clock("/robot"))
+            await asyncio.sleep(0.35)
+            woken = []
+            for _ in range(3):
+                await rate.sleep()
+                woken.append(now_s() - began)
+            assert woken == pytest.approx([0.35, 0.4, 0.5], abs=0.002)
+
+        play(story)
+
+    def test_one_that_is_always_late_lets_others_work(self) -> None:
+        async def story() -> None:
+            rate = Rate(1e9, Clock("/robot"))
+            others = 0
+
+            async def work() -> None:
+                nonlocal others
+                while True:
+                    others += 1
+                    await asyncio.sleep(0)
+
+            task = asyncio.create_task(work())
+            for _ in range(20):
+                await rate.sleep()
+            assert others >= 10
+            task.cancel()
+
+        play(story)
+
+    def test_a_cancelled_sleep_leaves_the_rate_as_it_is(self) -> None:
+        async def story() -> None:
+            began = now_s()
+            clock = Clock("/robot")
+            rate = Rate(10.0, clock)
+            with pytest.raises(TimeoutError):
+                await asyncio.wait_for(rate.sleep(), 0.04)
+            assert not clock._waiting
+            await rate.sleep()
+            assert now_s() - began == pytest.approx(0.1, abs=0.002)
+
+        play(story)
+
+    def test_several_sleep_by_one(self) -> None:
+        async def story() -> None:
+            began = now_s()
+            rate = Rate(10.0, Clock("/robot"))
+            sleepers = [Sleeper(rate, lambda: now_s() - began) for _ in range(3)]
+            await asyncio.sleep(0.35)
+            for one in sleepers:
+                assert one.woken == pytest.approx([0.1, 0.2, 0.3], abs=0.002)
+                one.task.cancel()
+
+        play(story)
+
+    def test_the_end_of_the_node_ends_the_sleep(self) -> None:
+        async def story() -> None:
+            clock = Clock("/robot")
+            rate = Rate(0.001, clock)
+            sleeping = asyncio.create_task(rate.sleep())
+            await turns()
+            clock.close()
+            with pytest.raises(ConnectionClosed, match="node /robot is closed"):
+                await sleeping
+            with pytest.raises(ConnectionClosed):
+                await rate.sleep()
+
+        play(story)
+
+    @pytest.mark.parametrize("hz", [0, -1.0, float("nan"), float("inf"), 2e9])
+    def test_no_rates(self, hz: float) -> None:
+        with pytest.raises(ConfigurationError, match="is not above 0 and up to 1000000000"):
+            Rate(hz, Clock("/robot"))
+
+
+class TestBySimulatedTime:
+    async def test_the_clock_shows_it_while_it_is_active(self) -> None:
+        clock = Clock("/robot")
+        clock.set(5 * S)
+        assert clock.now_ns() > 10**18
+        clock.simulate(True)
+        assert clock.now_ns() == clock.steady_ns() == 5 * S
+        clock.simulate(False)
+        assert clock.now_ns() > 10**18
+
+    async def test_a_rate_follows(self) -> None:
+        clock = simulated(100.0)
+        sleeper = Sleeper(Rate(10.0, clock), lambda: clock.now_ns() / S)
+        for at in (100.05, 100.1, 100.15, 100.19, 100.2, 107.33, 107.39, 107.4):
+            await turns()
+            clock.set(round(at * S))
+        await turns()
+        assert sleeper.woken == [100.1, 100.2, 107.33, 107.4]
+        sleeper.task.cancel()
+
+    async def test_after_a_jump_back_the_period_is_counted_anew(self) -> None:
+        clock = simulated(100.0)
+        sleeper = Sleeper(Rate(1.0, clock), lambda: clock.now_ns() / S)
+        for at in (101.0, 50.0, 50.9, 51.0, 51.9, 52.0):
+            await turns()
+            clock.set(round(at * S))
+        await turns()
+        assert sleeper.woken == [101.0, 51.0, 52.0]
+        sleeper.task.cancel()
+
+    async def test_a_jump_back_while_nobody_sleeps(self) -> None:
+        clock = simulated(100.0)
+        rate = Rate(1.0, clock)
+        clock.set(5 * S)
+        clock.set(6 * S)
+        sleeping = asyncio.create_task(rate.sleep())
+        await turns()
+        clock.set(6_500_000_000)
+        await turns()
+        assert not sleeping.done()
+        clock.set(7 * S)
+        await sleeping
+
+    @pytest.mark.parametrize("from_simulation", [True, False])
+    def test_another_source_of_time(self, from_simulation: bool) -> None:
+        async def story() -> None:
+            clock = simulated(100.0)
+            clock.simulate(from_simulation)
+            sleeping: Any = asyncio.create_task(Rate(10.0, clock).sleep())
+            await turns()
+            clock.simulate(not from_simulation)
+            await turns()
+            if from_simulation:
+                await asyncio.sleep(0.09)
+                assert not sleeping.done()
+                await asyncio.sleep(0.02)
+            else:
+                await asyncio.sleep(1000)
+                assert not sleeping.done()
+                clock.set(round(100.1 * S))
+                await turns()
+            assert sleeping.done()
+
+        play(story)
