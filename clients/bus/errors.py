@@ -1,7 +1,8 @@
 """Every error of busd, as a tree.
 
     BusError
-    ├── ConfigurationError (ValueError)   a bad name, QoS profile, remap rule or configuration
+    ├── ConfigurationError (ValueError)   a bad name, QoS profile or configuration
+    │   └── CommandLineError              what stands after --ros-args can't be used
     ├── ParameterError (ValueError)       a parameter can't be declared, read or set so
     ├── MessageTypeError (TypeError)      a message of the wrong class, or a field of the wrong type
     ├── PayloadTooLarge (ValueError)      size_bytes, limit_bytes
@@ -29,6 +30,7 @@ __all__ = [
     "AccessDenied",
     "BrokerUnavailable",
     "BusError",
+    "CommandLineError",
     "ConfigurationError",
     "ConnectionClosed",
     "ForkError",
@@ -75,6 +77,13 @@ class ConfigurationError(BusError, ValueError):
     def __init__(self, message: str, *, index: int | None = None) -> None:
         super().__init__(message)
         self.index = index
+
+
+class CommandLineError(ConfigurationError):
+    """What stands after --ros-args can't be used: a mistake of whoever started the program.
+
+    Where nobody catches it, `bus.run` ends the program with its text alone.
+    """
 
 
 class MessageTypeError(BusError, TypeError):

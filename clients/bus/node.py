@@ -14,7 +14,7 @@ import msgspec
 from bus import names, shm
 from bus.address import socket_path
 from bus.arguments import Arguments
-from bus.errors import AccessDenied, ConfigurationError, ConnectionClosed, ForkError
+from bus.errors import AccessDenied, CommandLineError, ConfigurationError, ConnectionClosed, ForkError
 from bus.events import PublisherEvents, SubscriptionEvents
 from bus.graph import Graph, graph_of
 from bus.link import Link
@@ -64,7 +64,8 @@ class Node(ParameterHost):
 
     An exception in a callback or timer cancels the body of the `async with`, which then raises it.
 
-    Raises ConfigurationError for a name that breaks the rules; on entering, BrokerUnavailable.
+    Raises ConfigurationError for a name that breaks the rules, CommandLineError for `arguments` that can't be
+    used; on entering, BrokerUnavailable.
     """
 
     def __init__(
@@ -78,7 +79,10 @@ class Node(ParameterHost):
         rosout: bool = True,
     ) -> None:
         names.validate_node_name(name)
-        self._arguments = Arguments.parse(sys.argv[1:] if arguments is None else arguments)
+        try:
+            self._arguments = Arguments.parse(sys.argv[1:] if arguments is None else arguments)
+        except ConfigurationError as error:
+            raise CommandLineError(str(error)) from None
         self.name = self._arguments.node_name(name)
         self.namespace = self._arguments.namespace(names.absolute_namespace(namespace), self.name)
         self._id = 0

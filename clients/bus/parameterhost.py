@@ -11,7 +11,7 @@ from time import time_ns
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from bus.arguments import Arguments
-from bus.errors import AccessDenied
+from bus.errors import AccessDenied, CommandLineError, ConfigurationError
 from bus.publisher import Publisher
 from bus.qos import QoS, parameter_events
 from bus.servicehost import ServiceHost
@@ -121,7 +121,8 @@ class ParameterHost(ServiceHost):
 
         The first declaration makes the six services by which other programs see the node's parameters, and
         the publisher of /parameter_events. Raises ParameterError for a name, value or range that can't be,
-        also where the value is the command line's, or a callback refuses it. Cancellation: not declared.
+        or where a callback refuses; CommandLineError where the value is the command line's. Cancellation: not
+        declared.
         """
         from bus.parameterset import Description
 
@@ -224,7 +225,7 @@ class ParameterHost(ServiceHost):
     # --- for Node
 
     def _read_parameters(self, arguments: Arguments) -> None:
-        """What the command line says of this node's. Raises ConfigurationError, as for a broken file."""
+        """What the command line says of this node's. Raises CommandLineError, as for a broken file."""
         self._overrides: dict[str, Any] = {}
         self._clock: Clock | None = None
         self._parameters: ParameterSet | None = None
@@ -235,7 +236,10 @@ class ParameterHost(ServiceHost):
         if arguments.parameters and self._takes_parameters:
             from bus import parameterfile
 
-            sections = parameterfile.load(arguments.parameters)
+            try:
+                sections = parameterfile.load(arguments.parameters)
+            except ConfigurationError as error:
+                raise CommandLineError(str(error)) from None
             self._overrides = parameterfile.overrides(sections, self.full_name)
 
     async def _open_parameters(self) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final, NamedTuple, TypeAlias
 
 from bus.callbacks import is_async
-from bus.errors import ConfigurationError, ParameterError
+from bus.errors import CommandLineError, ConfigurationError, ParameterError
 from bus.parameters import (
     SEPARATOR,
     UNDECLARED,
@@ -66,7 +66,7 @@ class ParameterSet:
 
     `overrides` are the values of the command line by name; `provided` the defaults of what each node has by
     itself, which a program may still declare, with another one. `on_change` is told each change. Raises
-    ParameterError for a value of the command line that something provided can't have.
+    CommandLineError for a value that something provided can't have.
     """
 
     def __init__(
@@ -97,7 +97,10 @@ class ParameterSet:
         is_read_only: bool = False,
         is_dynamic: bool = False,
     ) -> Any:
-        """Declare one; returns its value, None where it has none yet. Raises ParameterError."""
+        """Declare one; returns its value, None where it has none yet.
+
+        Raises ParameterError, or CommandLineError where the value is the command line's.
+        """
         if not isinstance(name, str) or not name:
             raise self._error(name, "a name is a text that is not empty")
         is_provided = name in self._provided
@@ -111,13 +114,12 @@ class ParameterSet:
         # A default that breaks its own rules is the program's mistake, whatever the command line says.
         if reason := rules.find_fault(one, is_known=False):
             raise self._refused([one], reason)
-        source = ""
-        if name in self._overrides:
+        is_outside = name in self._overrides
+        if is_outside:
             one = self._parameter(name, self._overrides[name], wanted, is_outside=True)
-            source = ", as the command line says"
         outcome = self._store.declare(one, rules, description)
         if not outcome.successful:
-            raise self._refused([one], outcome.reason, rules.type_, source)
+            raise self._refused([one], outcome.reason, rules.type_, is_outside=is_outside)
         self._provided.discard(name)
         return _copy(one.value)
 
@@ -310,13 +312,16 @@ class ParameterSet:
         wanted: Sequence[Parameter],
         reason: str,
         type_: ParameterType = ParameterType.NOT_SET,
-        source: str = "",
-    ) -> ParameterError:
+        *,
+        is_outside: bool = False,
+    ) -> ConfigurationError | ParameterError:
         if len(wanted) == 1:
             name, found, value = wanted[0]
             if type_ is ParameterType.DOUBLE and found is ParameterType.INTEGER:
                 reason += f"; write {float(value)}"
-            return self._error(name, f"can't be {_shown(value)}{source}: {reason}")
+            source = ", as the command line says" if is_outside else ""
+            error = self._error(name, f"can't be {_shown(value)}{source}: {reason}")
+            return CommandLineError(str(error)) if is_outside else error
         names = ", ".join(one.name for one in wanted)
         values = ", ".join(f"{one.name}={_shown(one.value)}" for one in wanted)
         return ParameterError(names, f"parameters of {self._node} can't be set to {values}: {reason}")

@@ -9,7 +9,7 @@ from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
 from bus.ending import Terminated, say_nothing_of_signals
-from bus.errors import BrokerUnavailable
+from bus.errors import BrokerUnavailable, CommandLineError
 
 T = TypeVar("T")
 
@@ -31,7 +31,8 @@ def run(main: Coroutine[Any, Any, T]) -> T:
     a shell to see, and no traceback is printed. The result of a `main` that catches its cancellation is
     returned. All this in the main thread only, and where the program has no handlers of its own.
 
-    Where no busd answers and none may be started, the program ends with one line that says so.
+    Where no busd answers and none may be started, or the command line can't be used, the program ends with
+    one line that says so.
 
     Raises TypeError for what is no coroutine, RuntimeError where an event loop runs already.
     """
@@ -68,7 +69,7 @@ def run(main: Coroutine[Any, Any, T]) -> T:
             raise
         say_nothing_of_signals()
         raise Terminated from None
-    except BrokerUnavailable as error:
+    except (BrokerUnavailable, CommandLineError) as error:
         sys.exit(f"{type(error).__name__}: {error}")
     finally:
         gc.unfreeze()  # else Python would not find files that were left open, to write what they hold

@@ -142,10 +142,27 @@ def test_the_command_line(daemon: object, tmp_path: Path) -> None:
         assert running.line() == "3.0 left 3 True"
 
 
+MISTAKES = {
+    "-p speed:=5": "parameter 'speed' of /robot/wheels: can't be 5, as the command line says: "
+    "Wrong parameter type, expected 'Type.DOUBLE' got 'Type.INTEGER'; write 5.0",
+    "-p use_sim_time:=x": "parameter 'use_sim_time' of /robot/wheels: can't be 'x', "
+    "as the command line says: Wrong parameter type, expected 'Type.BOOL' got 'Type.STRING'",
+    "--params-file nosuch": "Couldn't parse params file: '--params-file nosuch'. Error: "
+    "cannot read 'nosuch': No such file or directory",
+    "-p speed": "Couldn't parse parameter override rule: '-p speed'. Error: expected ':=' between two names",
+}
+
+
+def test_mistakes_on_the_command_line_get_one_line(daemon: object) -> None:
+    for words, said in MISTAKES.items():
+        with Running((sys.executable, "-c", GIVEN, "--ros-args", *words.split())) as running:
+            assert running.end() == ("", f"CommandLineError: {said}\n", 1), words
+
+
 async def test_a_file_that_cannot_be_used(tmp_path: Path) -> None:
     path = tmp_path / "wheels.yaml"
     path.write_text("/wheels:\n  ros__parameters:\n    speed: {}\n    gain: [1, a]\n")
-    with pytest.raises(bus.ConfigurationError, match=r"wheels.yaml:4: parameter 'gain': a list must hold"):
+    with pytest.raises(bus.CommandLineError, match=r"wheels.yaml:4: parameter 'gain': a list must hold"):
         bus.Node("wheels", arguments=["--ros-args", "--params-file", str(path)])
 
 

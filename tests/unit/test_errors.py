@@ -6,6 +6,7 @@ from bus import errors
 
 ERRORS = [
     errors.ConfigurationError("no name", index=3),
+    errors.CommandLineError("Couldn't parse remap rule: '-r x'"),
     errors.ParameterError("rate", "parameter 'rate' of /talker: is not declared"),
     errors.PayloadTooLarge("/t", size_bytes=2, limit_bytes=1),
     errors.QuotaExceeded("nodes", used=2, limit=2),

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.errors import ConfigurationError, ParameterError
+from bus.errors import CommandLineError, ConfigurationError, ParameterError
 from bus.parameters import Change, Outcome, ParameterType
 from bus.parameterset import Description, Parameter, ParameterSet
 
@@ -19,8 +19,9 @@ def parameters(**overrides: Any) -> ParameterSet:
 
 
 def refusal(call: Callable[..., object], *arguments: Any, **options: Any) -> str:
-    with pytest.raises(ParameterError) as found:
+    with pytest.raises((ParameterError, CommandLineError)) as found:
         call(*arguments, **options)
+    assert ("as the command line says" in str(found.value)) is (found.type is CommandLineError)
     return str(found.value)
 
 

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 from bus.cli.completion import completed_by, nodes
 from bus.cli.output import CommandError, complain, print_json, say
 from bus.cli.query import get_graph
+from bus.parametermessages import SERVICES, python_value, value_message
+from bus.parameters import ParameterType
 
 if TYPE_CHECKING:
     from bus.graph import Graph
@@ -62,21 +64,6 @@ LABELS = (
 
 _ANSWER_S = 10.0
 _APPEAR_S = 2.0  # a node that has just started may not serve yet
-_FIELDS = (
-    "",
-    "bool_value",
-    "integer_value",
-    "double_value",
-    "string_value",
-    "byte_array_value",
-    "bool_array_value",
-    "integer_array_value",
-    "double_array_value",
-    "string_array_value",
-)
-_SCALARS: dict[type, int] = {bool: 1, int: 2, float: 3, str: 4}
-_BYTES, _ARRAYS = 5, 5  # an array's number is that of its items, and so much more
-_EMPTY_ARRAY = 6  # to ROS one of booleans
 _TYPECODES = {7: "q", 8: "d"}
 
 
@@ -110,7 +97,7 @@ class Remote:
         from bus.interfacetypes import service_class
 
         definition: Any = service_class(f"rcl_interfaces/srv/{service}")
-        full_name = f"{self.name}/{_topic(service)}"
+        full_name = f"{self.name}/{SERVICES[service]}"
         await self._wait_until_served(full_name)
         client = await self._node.create_client(definition, full_name)
         try:
@@ -182,11 +169,12 @@ def set_parameters(args: Namespace, name: str, values: dict[str, Any]) -> list[A
 
 def plain(value: Any) -> Any:
     """What is in a ParameterValue, None where it is not set; many numbers are an `array`, as in rclpy."""
-    if not 0 < value.type < len(_FIELDS):
+    try:
+        found = python_value(value)
+    except ValueError:  # a type that does not exist
         return None
-    found = getattr(value, _FIELDS[value.type])
-    if value.type == _BYTES:
-        return [bytes((octet,)) for octet in bytes(found)]
+    if isinstance(found, bytes):
+        return [bytes((octet,)) for octet in found]
     return array(_TYPECODES[value.type], found) if value.type in _TYPECODES else found
 
 
@@ -210,22 +198,12 @@ def say_result(args: Namespace, result: Any, done: str, failed: str) -> int:
 
 def value_of(value: Any) -> Any:
     """A ParameterValue of a value as `bus.parameterfile` reads it; None = not set."""
-    make = _message("ParameterValue")
-    if value is None:
-        return make()
-    if not isinstance(value, list):
-        type_ = _SCALARS[type(value)]
-    else:
-        type_ = _SCALARS[type(value[0])] + _ARRAYS if value else _EMPTY_ARRAY
-    return make(type=type_, **{_FIELDS[type_]: value})
+    # To ROS an empty list is one of booleans here.
+    type_ = ParameterType.BOOL_ARRAY if value == [] else ParameterType.from_parameter_value(value)
+    return value_message(_message, type_, value)
 
 
 def _message(name: str) -> Any:
     from bus.interfacetypes import message_class
 
     return message_class(f"rcl_interfaces/msg/{name}")
-
-
-def _topic(service: str) -> str:
-    """GetParameters is served as get_parameters."""
-    return "".join(f"_{letter.lower()}" if letter.isupper() else letter for letter in service)[1:]
