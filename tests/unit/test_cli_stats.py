@@ -130,22 +130,40 @@ def test_delays_keep_their_window() -> None:
     assert delays.due() == (2.5, 2, 3, 0.5, 2)
 
 
-def test_flow_compares_from_the_first_look_on() -> None:
+def flow_of(*messages: tuple[bytes, int, float]) -> Flow:
     flow = Flow()
-    assert flow.rates() is None
-    flow.look(0, {1: 100}, 40)
-    assert flow.rates() is None
-    flow.look(2 * S, {1: 120}, 50)
-    assert flow.rates() == (10.0, 5.0)
-    flow.look(4 * S, {1: 140}, 60)
-    assert flow.rates() == (10.0, 5.0)
+    for publisher, number, time_s in messages:
+        flow.add(publisher, number, round(time_s * S))
+    return flow
 
 
-def test_flow_counts_publishers_that_come_and_go() -> None:
-    flow = Flow()
-    flow.look(0, {1: 100}, 0)
-    flow.look(S, {1: 110, 2: 5}, 15)
-    flow.look(2 * S, {2: 7}, 17)
-    assert (flow.published, flow.received) == (17, 17)
-    flow.look(3 * S, {2: 7}, 17)
-    assert flow.published == 17
+def test_flow_needs_two_moments() -> None:
+    assert flow_of().rates() is None
+    assert flow_of((b"a", 7, 1)).rates() is None
+    assert flow_of((b"a", 7, 1), (b"b", 1, 1)).rates() is None
+
+
+@pytest.mark.parametrize("heard", [2, 30, 31, 59])
+def test_flow_of_a_camera_that_loses_nothing(heard: int) -> None:
+    """Both rates are the camera's, whenever one looks."""
+    rates = flow_of(*((b"camera", 100 + n, 5 + n / 30) for n in range(heard))).rates()
+    assert rates == pytest.approx((30, 30))
+
+
+def test_flow_counts_what_was_lost() -> None:
+    flow = flow_of(*((b"camera", n, n / 30) for n in range(1, 62) if n % 3 == 1))
+    assert (flow.published, flow.received) == (61, 21)
+    assert flow.rates() == pytest.approx((30, 10))
+
+
+def test_flow_of_several_publishers_that_come_and_go() -> None:
+    first = [(b"a", n, n / 10) for n in range(1, 21)]
+    second = [(b"b", n, 1 + n / 10) for n in range(1, 21)]
+    flow = flow_of(*sorted(first + second, key=lambda one: one[2]))
+    assert (flow.published, flow.received) == (40, 40)
+    assert flow.rates() == pytest.approx((39 / 2.9, 39 / 2.9))
+
+
+def test_flow_takes_them_in_any_order() -> None:
+    """A history that comes behind newer messages, say."""
+    assert flow_of((b"a", 3, 3), (b"a", 1, 1), (b"a", 2, 2)).rates() == (1.0, 1.0)

@@ -5,7 +5,7 @@ Pure: times come in as arguments. The rules are those of ros2topic's verbs.
 
 import math
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import NamedTuple
 
 __all__ = ["Bandwidth", "Delays", "Flow", "Intervals", "Spread", "spread"]
@@ -110,29 +110,40 @@ class Delays:
 
 
 class Flow:
-    """How fast a topic's publishers publish and one subscription receives, both since the first look."""
+    """How fast a topic's publishers publish and one subscription receives.
+
+    By the numbers and stamps of the messages that came, from the oldest to the newest: so both rates are of
+    the same time, and their difference was lost.
+    """
 
     def __init__(self) -> None:
-        self.published = 0
         self.received = 0
-        self._began_ns = 0
-        self._looked_ns = 0
-        self._received_before = 0
-        self._known: dict[int, int] | None = None
+        self._began_ns = self._ended_ns = 0
+        self._oldest: dict[bytes, int] = {}
+        self._newest: dict[bytes, int] = {}
 
-    def look(self, now_ns: int, publishers: Mapping[int, int], received: int) -> None:
-        """`publishers` are their totals by id. One that is new began at 0; one that has left still counts."""
-        if self._known is None:
-            self._known = {}
-            self._began_ns, self._received_before = now_ns, received
-        else:
-            self.published += sum(total - self._known.get(number, 0) for number, total in publishers.items())
-        self._known.update(publishers)
-        self._looked_ns, self.received = now_ns, received - self._received_before
+    def add(self, publisher: bytes, number: int, stamp_ns: int) -> None:
+        """A message came: the publisher's gid, its number there, and when it was published."""
+        if not self.received:
+            self._began_ns = self._ended_ns = stamp_ns
+        self.received += 1
+        if stamp_ns > self._ended_ns:
+            self._ended_ns = stamp_ns
+        elif stamp_ns < self._began_ns:
+            self._began_ns = stamp_ns
+        if number > self._newest.setdefault(publisher, number):
+            self._newest[publisher] = number
+        elif number < self._oldest.setdefault(publisher, number):
+            self._oldest[publisher] = number
+
+    @property
+    def published(self) -> int:
+        """Messages from the first to the last that came of each publisher."""
+        return sum(newest - self._oldest[one] + 1 for one, newest in self._newest.items())
 
     def rates(self) -> tuple[float, float] | None:
-        """Published and received messages per second; None before the second look."""
-        span_ns = self._looked_ns - self._began_ns
-        return (
-            (self.published * _NS_PER_S / span_ns, self.received * _NS_PER_S / span_ns) if span_ns else None
-        )
+        """Published and received messages per second; None before two moments are known."""
+        span_ns = self._ended_ns - self._began_ns
+        if not span_ns:
+            return None
+        return (self.published - 1) * _NS_PER_S / span_ns, (self.received - 1) * _NS_PER_S / span_ns

@@ -11,9 +11,9 @@ from bus.cli.filter import compile_filter
 from bus.cli.output import dropped_text, print_json, say, table
 from bus.cli.qosargs import add_qos_arguments, given_profile
 from bus.cli.stats import Flow, Intervals, Spread
-from bus.cli.stream import open_node, positive_int, run_stream, wait_for_class
+from bus.cli.stream import for_ever, open_node, positive_int, run_stream, wait_for_class
 from bus.node import Node
-from bus.subscription import Subscription
+from bus.subscription import MessageInfo, Subscription
 
 _WINDOW = 10000
 _PERIOD_S = 1.0
@@ -57,11 +57,11 @@ async def _measure(args: Namespace) -> int:
             await meter.open(passes, on_message=_print_one if len(meters) == 1 else _say_nothing)
             if len(meters) > 1 and not args.json:
                 say(f"Subscribed to [{meter.topic}]")
+        if len(meters) == 1:
+            return await for_ever()
         while True:
-            await asyncio.gather(*(meter.look() for meter in meters))
             await asyncio.sleep(_PERIOD_S)
-            if len(meters) > 1:
-                _print_all(meters)
+            _print_all(meters)
 
 
 class _Meter:
@@ -82,7 +82,8 @@ class _Meter:
         """Subscribe as soon as somebody has the topic. Without a filter nothing is decoded."""
         clock = time_ns if self._args.wall_time else monotonic_ns
 
-        def hear(message: Any) -> None:
+        def hear(message: Any, info: MessageInfo) -> None:
+            self.flow.add(info.publisher_gid, info.publication_sequence_number, info.source_timestamp)
             if passes is None or passes(message):
                 self.intervals.add(clock())
                 on_message(self)
@@ -91,15 +92,6 @@ class _Meter:
         self._subscription = await self._node.create_subscription(
             message_type, self.topic, given_profile(self._args), hear, raw=passes is None
         )
-
-    async def look(self) -> None:
-        """Compare what was published with what came."""
-        graph = await self._node.graph(statistics=True)
-        if self._subscription is not None:
-            publishers = {
-                one.id: one.statistics.samples for one in graph.publishers_of(self.topic) if one.statistics
-            }
-            self.flow.look(monotonic_ns(), publishers, self._subscription.statistics().delivered)
 
     def record(self, gaps: Spread) -> dict[str, Any]:
         published, received = self.flow.rates() or (None, None)
