@@ -161,6 +161,7 @@ BUS_BLOCKING = BUS._replace(
     gives_turns=False,
 )
 RCLPY = BUS._replace(name="rclpy", module="benchmarks.adapters.rclpy_string", guess=Speed(700_000, 1e9))
+RCLPY_THREADS = RCLPY._replace(name="rclpy, threads", environ=MappingProxyType({"BENCH_THREADS": "2"}))
 
 FLOOR = System(
     "barest Python program",

@@ -1,7 +1,8 @@
 """busd's facade of rclpy with std_msgs/String, as programs written for rclpy do it: with `rclpy.spin`, and
 messages that are made empty and then filled.
 
-A paced publisher publishes in a timer's callback; one that floods publishes in a loop, without spinning.
+A paced publisher publishes in a timer's callback; one that floods publishes in a loop, without spinning. With
+$BENCH_THREADS, callbacks come in so many threads.
 """
 
 import os
@@ -18,7 +19,7 @@ from benchmarks.adapters.roles import LAST, Stamps, stamped
 from benchmarks.work import TOPIC, Work, text_of
 from benchmarks.worker import LIFE_S, options, tell
 from bus import rclpy
-from bus.rclpy.executors import ExternalShutdownException
+from bus.rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
 from bus.rclpy.node import Node
 from bus.rclpy.qos import HistoryPolicy, QoSProfile
 from bus.rosidl import message_class
@@ -64,10 +65,12 @@ def _qos(work: Work) -> QoSProfile:
 
 
 def _spin(node: Node) -> None:
-    try:
-        rclpy.spin(node)
-    except _Done:
-        pass
+    threads = os.environ.get("BENCH_THREADS")
+    with MultiThreadedExecutor(int(threads)) if threads else SingleThreadedExecutor() as executor:
+        try:
+            rclpy.spin(node, executor)
+        except _Done:
+            pass
 
 
 def publisher(parent: _Parent, node: Node, work: Work) -> None:

@@ -18,6 +18,7 @@ from benchmarks.systems import (
     PIPE,
     PYZMQ,
     RCLPY,
+    RCLPY_THREADS,
     TWO_HOPS,
     System,
 )
@@ -170,7 +171,7 @@ def test_latency_of_long_messages(publish_by: str) -> None:
     assert paced.measure(_or_skip(BUS_BYTES), work)["p50"] > 0
 
 
-@pytest.mark.parametrize("system", [RCLPY, BUS], ids=lambda system: system.name)
+@pytest.mark.parametrize("system", [RCLPY, RCLPY_THREADS, BUS], ids=lambda system: system.name)
 def test_the_facade_and_its_measure(system: System) -> None:
     timed = Work(size=64, count=100, warm_up=10, rate=1000, publish_by="timer", take_by="callback")
     flood = Work(size=64, count=2000, warm_up=100, publish_by="publish", take_by="callback")

@@ -32,7 +32,7 @@ INSIDE = {
 """Public names of a module that rclpy hasn't: the facade's modules use them among themselves."""
 
 INSIDE_OF_CLASSES = {
-    "rclpy.callback_groups.CallbackGroup": {"is_shared"},
+    "rclpy.callback_groups.CallbackGroup": {"is_exclusive", "is_shared"},
     "rclpy.client.Client": {"native", "on_response"},
     "rclpy.clock.ClockEvent": {"look_again"},
     "rclpy.clock.JumpHandle": {"post_callback", "pre_callback", "threshold"},
@@ -41,7 +41,18 @@ INSIDE_OF_CLASSES = {
         *("all", "arguments", "domain_id", "end_by_signal", "nodes", "parameters", "wake_at_end"),
         "was_ended_by_signal",
     },
-    "rclpy.executors.Executor": {"enqueue", "asks_always", "look_at_timers", "ready", "waiter", "wake_up"},
+    "rclpy.executors.Executor": {
+        *(
+            "enqueue",
+            "asks_always",
+            "is_custom",
+            "is_looking",
+            "look_at_timers",
+            "ready",
+            "waiter",
+            "wake_up",
+        ),
+    },
     "rclpy.impl.rcutils_logger.RcutilsLogger": {"add_sink", "critical", "remove_sink"},
     "rclpy.node.Node": {"entities", "own_executor", "receive_one"},
     "rclpy.publisher.Publisher": {"native", "node"},
@@ -50,7 +61,9 @@ INSIDE_OF_CLASSES = {
     "rclpy.task.Future": {"call_when_done", "forget_waiter"},
     "rclpy.task.Task": {"call_when_done", "forget_waiter", "reschedule"},
     "rclpy.time.Time": {"of_clock"},
-    "rclpy.timer.Timer": {"due_ns", "forget_clock", "is_simulated", "rearm"},
+    "rclpy.timer.Timer": {
+        *("due_ns", "forget_clock", "is_simulated", "rearm", "sleepers", "wake_ns", "wake_sleepers"),
+    },
     "rclpy.topic_endpoint_info.TopicEndpointInfo": {"from_graph"},
     "rclpy.type_hash.TypeHash": {"parse"},
 }

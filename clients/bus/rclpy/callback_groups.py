@@ -16,6 +16,9 @@ class CallbackGroup:
     `entities` are held weakly: a group keeps nothing alive.
     """
 
+    is_exclusive = False
+    """A thread may make several calls of an entity in a row: no other could make one meanwhile."""
+
     def __init__(self) -> None:
         self.entities: WeakSet[Any] = WeakSet()
         self.is_shared = False
@@ -61,6 +64,8 @@ class ReentrantCallbackGroup(CallbackGroup):
 
 class MutuallyExclusiveCallbackGroup(CallbackGroup):
     """One callback at a time."""
+
+    is_exclusive = True
 
     def __init__(self) -> None:
         super().__init__()

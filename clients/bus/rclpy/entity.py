@@ -25,6 +25,7 @@ class Entity:
         self.callback_group = callback_group
         self.held_group = callback_group
         """What a call holds, so that others of the group do not run meanwhile; None: nothing."""
+        self.is_exclusive: bool = callback_group is not None and callback_group.is_exclusive
         self.is_queued = False  # at an executor
         self.is_destroyed = False
         if callback_group is not None:

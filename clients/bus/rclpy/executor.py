@@ -16,7 +16,16 @@ from bus.rclpy.entity import Entity, Work
 from bus.rclpy.task import Future, Task
 from bus.rclpy.timer import NEVER_NS
 
-__all__ = ["Executor", "ExternalShutdownException", "Ready", "Step"]
+__all__ = [
+    "MOST_AT_ONCE",
+    "ConditionReachedException",
+    "Executor",
+    "ExternalShutdownException",
+    "Ready",
+    "ShutdownException",
+    "Step",
+    "TimeoutException",
+]
 
 MOST_AT_ONCE = 64
 UNFINISHED = object()
@@ -30,8 +39,23 @@ class ExternalShutdownException(Exception):
         super().__init__(*(args or ("Context has been shutdown",)))
 
 
+class TimeoutException(Exception):
+    """Nothing was ready in time."""
+
+
+class ShutdownException(Exception):
+    """The executor was shut down while it waited."""
+
+
+class ConditionReachedException(Exception):
+    """What was waited for has come."""
+
+
 class Executor:
-    """Base of the executors. Any number of nodes; each node has one executor."""
+    """Base of the executors. Any number of nodes; each node has one executor.
+
+    An executor of a program's own defines `spin_once`, which gets its work by `wait_for_ready_callbacks`.
+    """
 
     asks_always = False
     """Not everything that is ready may run, even where no group is held."""
@@ -46,6 +70,8 @@ class Executor:
         self._is_simulated = False  # then any message may have moved the time
         self._failures: deque[BaseException] = deque()
         self._is_shutdown = False
+        self._only: list[Any] | None = None  # the nodes that are asked for, where not all are
+        self._until: Future[Any] | None = None  # what an executor of a program's own spins for
         with self._engine.loop:
             self._context.wake_at_end(self)
 
@@ -127,8 +153,12 @@ class Executor:
 
         Raises ExternalShutdownException where the context is shut down by another thread or by SIGTERM.
         """
+        is_custom = self.is_custom()
         while self._context.ok() and not self._is_shutdown:
-            self._spin_once(0, MOST_AT_ONCE)
+            if is_custom:
+                self.spin_once()
+            else:
+                self._spin_once(0, MOST_AT_ONCE)
             if self._context.was_ended_by_signal:
                 raise ExternalShutdownException
 
@@ -157,8 +187,60 @@ class Executor:
         finally:
             future.forget_waiter(self.wake)
 
+    def wait_for_ready_callbacks(
+        self,
+        timeout_sec: float | None = None,
+        nodes: list[Any] | None = None,
+        condition: Callable[[], bool] = lambda: False,
+    ) -> tuple[Task[Any], Entity | None, Any]:
+        """Wait for one callback, of `nodes` if they are given. Not for several threads at once.
+
+        Returns (handler, entity, node); the latter two are None for a task. `handler()`, in any thread, makes
+        the call, and ends what its group holds from now on; what it raises is `handler.exception()`. The
+        handler of a coroutine is returned again when that can go on. `wake` has `condition` looked at anew.
+
+        Raises TimeoutException, ShutdownException, ExternalShutdownException, and ConditionReachedException.
+        """
+        until = self._until
+
+        def is_over() -> bool:
+            return condition() or (until is not None and until.done())
+
+        if is_over():
+            raise ConditionReachedException
+        with self._engine.loop:
+            self._only, self.asks_always = nodes, nodes is not None or type(self).asks_always
+            try:
+                found = self._next(deadline_after(timeout_sec), 1, _Until(is_over))
+            finally:
+                self._only, self.asks_always = None, type(self).asks_always
+            if found is not None:
+                return self._handler(*found)
+        if self._is_shutdown:
+            raise ShutdownException
+        raise ConditionReachedException if is_over() else TimeoutException
+
+    def can_execute(self, entity: Entity) -> bool:
+        """Whether the entity's callback could begin now."""
+        return not entity.is_destroyed and bool(entity.callback_group.can_execute(entity))
+
+    def is_custom(self) -> bool:
+        """Whether a program has defined what `spin` does."""
+        return type(self).spin_once is not Executor.spin_once
+
     def _spin_once(self, deadline_ns: int, most: int, until: Future[Any] | None = None) -> None:
-        raise NotImplementedError
+        """Here for executors of a program's own."""
+        timeout_s = max(deadline_ns - monotonic_ns(), 0) / 1e9 if deadline_ns else None
+        before, self._until = self._until, until
+        try:
+            if not self.is_custom():
+                raise NotImplementedError(f"{type(self).__name__} has no spin_once")
+            self.spin_once(timeout_sec=timeout_s)
+        except ConditionReachedException:
+            if until is None:
+                raise
+        finally:
+            self._until = before
 
     # --- for entities, under the guard
 
@@ -183,7 +265,9 @@ class Executor:
 
     # --- inside, under the guard
 
-    def _next(self, deadline_ns: int, most: int, until: Future[Any] | None) -> "tuple[Ready, Work] | None":
+    def _next(
+        self, deadline_ns: int, most: int, until: "Future[Any] | _Until | None"
+    ) -> "tuple[Ready, Work] | None":
         """The next call; None at the deadline, on shutdown of the executor, and where `until` is done.
 
         Raises what a call in another thread raised, and ExternalShutdownException.
@@ -198,7 +282,10 @@ class Executor:
                 entity = self._pop() if engine.held or self.asks_always else ready.popleft()
                 if entity is None:
                     break
-                work = None if entity.is_destroyed else entity.take(most)
+                if entity.is_destroyed:
+                    work = None
+                else:
+                    work = entity.take(most if entity.is_exclusive or not self.asks_always else 1)
                 if work is not None and not entity.is_single:
                     ready.append(entity)  # it may have more, and is behind the others now
                     return entity, work
@@ -226,6 +313,8 @@ class Executor:
         """The first of those that may run."""
         for index, entity in enumerate(self.ready):
             group = entity.held_group
+            if self._only is not None and entity.node not in self._only:
+                continue
             if group is None or group.can_execute(entity):
                 del self.ready[index]
                 return entity
@@ -254,8 +343,23 @@ class Executor:
             entity.held_group.beginning_execution(entity)
             self._engine.held += 1
 
+    def _handler(self, entity: "Ready", work: Work) -> tuple[Task[Any], Entity | None, Any]:
+        """For a program that makes the call itself: a task that ends what was begun for it."""
+        if isinstance(entity, Step):
+            step = entity
+        else:
+            self._begin(entity)
+            step = Step(self, *work, {}, entity)
+        holder = step.holder
+        if holder is not None and not step.ends_itself:
+            step.ends_itself = True
+            step.task.call_when_done(lambda: self._engine.call(self._end, holder))
+        return step.task, holder, None if holder is None else holder.node
+
     def _end(self, entity: "Ready") -> None:
         """A call has ended, and with it what was begun for it; for a step, that of its holder."""
+        if isinstance(entity, Step) and entity.ends_itself:
+            return
         holder = entity.holder if isinstance(entity, Step) else entity
         if holder is not None and holder.held_group is not None:
             holder.held_group.ending_execution(holder)
@@ -273,10 +377,18 @@ class Executor:
         return function(*arguments) is not UNFINISHED
 
 
+class _Until:
+    """What `_next` is to wait for, besides work."""
+
+    def __init__(self, done: Callable[[], bool]) -> None:
+        self.done = done
+
+
 class Step:
     """A step of a task; `holder` is the entity whose group is held until the task ends."""
 
     is_async = False
+    is_exclusive = False
     is_single = True
     is_timer = False
 
@@ -286,10 +398,12 @@ class Step:
         function: Any,
         args: Any,
         kwargs: dict[str, Any],
-        holder: "Ready | None" = None,
+        holder: Any = None,
     ) -> None:
         self.task: Task[Any] = Task(function, args, kwargs, executor=executor, reschedule=self.again)
         self.holder = holder
+        self.ends_itself = False
+        """What the holder's group holds ends with the task, whoever runs it."""
         self.held_group: Any = None
         self.is_destroyed = False
         self.is_queued = False

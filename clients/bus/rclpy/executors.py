@@ -4,12 +4,22 @@ import os
 import warnings
 from collections.abc import Callable, Coroutine
 from threading import get_ident
+from time import monotonic_ns
 from typing import Any
 
 from bus.rclpy.context import Context
 from bus.rclpy.engine import Waiter, deadline_after
 from bus.rclpy.entity import Work
-from bus.rclpy.executor import Executor, ExternalShutdownException, Ready, Step
+from bus.rclpy.executor import (
+    MOST_AT_ONCE,
+    ConditionReachedException,
+    Executor,
+    ExternalShutdownException,
+    Ready,
+    ShutdownException,
+    Step,
+    TimeoutException,
+)
 from bus.rclpy.task import Future
 
 __all__ = [
@@ -25,16 +35,10 @@ __all__ = [
 ]
 
 
-class TimeoutException(Exception):
-    """Nothing was ready in time."""
-
-
-class ShutdownException(Exception):
-    """The executor was shut down while it waited."""
-
-
-class ConditionReachedException(Exception):
-    """What was waited for has come."""
+_SHIFT_NS = 20_000_000
+"""For so long a worker goes on by itself."""
+_NOW: Future[Any] = Future()
+_NOW.cancel()  # it is done: nobody waits for it
 
 
 async def await_or_execute(callback: Callable[..., Any], *args: Any) -> Any:
@@ -74,7 +78,10 @@ class SingleThreadedExecutor(Executor):
 
 
 class MultiThreadedExecutor(Executor):
-    """Calls back in `num_threads` threads, by default as many as there are CPUs."""
+    """Calls back in `num_threads` threads, by default as many as there are CPUs.
+
+    Under `spin`, a thread takes a run of messages of a subscription whose group is mutually exclusive.
+    """
 
     asks_always = True  # a thread must be free
 
@@ -89,6 +96,7 @@ class MultiThreadedExecutor(Executor):
                 stacklevel=2,
             )
         self._threads = self._free = num_threads
+        self._spinners = 0  # threads in `spin`, under which workers go on by themselves
         self._workers: set[int] = set()
         self._leaving: list[Waiter] = []  # they wait for the end of calls
         self._leavers = 0  # workers that shut down themselves, of which none waits for another
@@ -129,10 +137,22 @@ class MultiThreadedExecutor(Executor):
     def _pop(self) -> "Ready | None":
         return super()._pop() if self._free else None
 
+    def spin(self) -> None:
+        if self.is_custom():
+            super().spin()
+            return
+        with self._engine.loop:
+            self._spinners += 1
+        try:
+            super().spin()
+        finally:
+            with self._engine.loop:
+                self._spinners -= 1
+
     def _spin_once(self, deadline_ns: int, most: int, until: Future[Any] | None = None) -> None:
         with self._engine.loop:
             try:
-                found = self._next(deadline_ns, 1, until)
+                found = self._next(deadline_ns, most, until)
             except ExternalShutdownException:
                 if self._context.was_ended_by_signal:
                     raise
@@ -147,22 +167,56 @@ class MultiThreadedExecutor(Executor):
                 self._free -= 1
 
     def _work(self, entity: "Ready", work: Work) -> None:
+        """Make a call, and under `spin` those that follow: a change of threads costs more than most calls."""
         self._workers.add(get_ident())
-        failure: BaseException | None = None
-        has_ended = True
-        try:
-            has_ended = self._run(entity, work)
-        except BaseException as error:
-            failure = error
-        with self._engine.loop:
-            self._workers.discard(get_ident())
-            self._free += 1
-            if has_ended:
-                self._end(entity)
-            if failure is not None:
-                self._failures.append(failure)
+        end_ns = monotonic_ns() + _SHIFT_NS
+        found: tuple[Ready, Work] | None = (entity, work)
+        while found is not None:
+            failure: BaseException | None = None
+            has_ended = True
+            try:
+                has_ended = self._run(*found)
+            except BaseException as error:
+                failure = error
+            with self._engine.loop:
+                self._free += 1
+                self._engine.passed_over.discard(self)  # this thread looks itself
+                if has_ended:
+                    self._end(found[0])
+                found = None
+                if failure is None and self._spinners and monotonic_ns() < end_ns:
+                    try:
+                        found = self._go_on()
+                    except BaseException as error:
+                        failure = error
+                if failure is not None:
+                    self._failures.append(failure)
+                if found is None:
+                    self._workers.discard(get_ident())
+                    self.wake_up()
+                    self._tell_leaving()
+
+    def _go_on(self) -> "tuple[Ready, Work] | None":
+        """What is ready now; another thread gets what else is."""
+        if self._failures or not self._context.ok():
+            return None
+        found = self._next(0, MOST_AT_ONCE, _NOW)
+        if found is None:
+            return None
+        self._begin(found[0])
+        self._free -= 1
+        if found[0].is_timer or (self._free and self._may_any_run()):
             self.wake_up()
-            self._tell_leaving()
+        return found
+
+    def _may_any_run(self) -> bool:
+        for entity in self.ready:
+            group = entity.held_group
+            if group is None or group.can_execute(entity):
+                return True
+        if self.ready:
+            self._engine.passed_over.add(self)
+        return False
 
 
 EventsExecutor = SingleThreadedExecutor

@@ -103,22 +103,28 @@ class Subscription(Entity, Generic[M]):
         if number == 1:
             self._batch = 2
             return self.callback, (messages[0],)
-        return self._call_with, (messages,)
+        return self._call_with, (messages, self.node.own_executor)
 
-    def _call_with(self, messages: list[Any]) -> None:
-        """Call back for all. A callback that proves fast gets more at a time, which saves the rest."""
-        callback, context, begin_ns = self.callback, self.node.context, monotonic_ns()
+    def _call_with(self, messages: list[Any], executor: Any) -> None:
+        """Call back for all, unless that takes long or the executor loses the node.
+
+        A callback that proves fast gets more at a time, which saves the rest.
+        """
+        callback, node, context = self.callback, self.node, self.node.context
+        end_ns = monotonic_ns() + _TURN_NS
         left = iter(messages)
         try:
             for message in left:
                 callback(message)
-                if self.is_destroyed or not context.ok():
+                if monotonic_ns() > end_ns or node.own_executor is not executor:
+                    break
+                if self.is_destroyed or not context._is_valid:
                     break
         finally:
             if rest := list(left):
                 self._engine.call(self._put_back, rest)
         if len(messages) == self._batch:
-            self._batch = min(2 * self._batch, 64) if monotonic_ns() - begin_ns < _TURN_NS else 1
+            self._batch = min(2 * self._batch, 64) if monotonic_ns() < end_ns else 1
 
     def _put_back(self, messages: list[Any]) -> None:
         self._inbox.put_back(messages)
