@@ -60,6 +60,29 @@ async def main():
 bus.run(main())
 """
 
+RCLPY_NODE = """
+import bus.rclpy_compat, rclpy
+from std_msgs.msg import String
+rclpy.init()
+node = rclpy.create_node("guest")
+node.declare_parameter("speed", 1)
+node.create_publisher(String, "/chat", 10).publish(String(data="hello"))
+node.destroy_node()
+rclpy.shutdown()
+print("done")
+"""
+
+NATIVE_NODE = """
+import bus
+from bus.msg.std_msgs import String
+async def main():
+    async with bus.Node("guest") as node:
+        await node.declare_parameter("speed", 1)
+        (await node.create_publisher(String, "/chat", 10)).publish(String(data="hello"))
+bus.run(main())
+print("done")
+"""
+
 
 def as_user(path: Path, uid: int, *groups: int) -> RawPeer:
     with acting_as(uid, *groups):
@@ -170,19 +193,9 @@ class TestDenied:
         assert len(lines_of(err, "hello")) == 1
         await guest.create_publisher(String, "/chat", 10)
 
-    def test_an_rclpy_node_works_without_what_it_has_by_itself(self, guests: Start) -> None:
+    @pytest.mark.parametrize("source", [RCLPY_NODE, NATIVE_NODE], ids=["rclpy", "native"])
+    def test_a_node_works_without_what_it_has_by_itself(self, guests: Start, source: str) -> None:
         busd = guests(rule(f"users = [{GUEST}]", "/chat", *ALL))
-        source = """
-import bus.rclpy_compat, rclpy
-from std_msgs.msg import String
-rclpy.init()
-node = rclpy.create_node("guest")
-node.declare_parameter("speed", 1)
-node.create_publisher(String, "/chat", 10).publish(String(data="hello"))
-node.destroy_node()
-rclpy.shutdown()
-print("done")
-"""
         said = output_of(program(GUEST, source, BUSD_SOCKET=str(busd.path)))
         assert said.endswith("done\n"), said
         for warning in (

@@ -166,6 +166,36 @@ async def test_a_file_that_cannot_be_used(tmp_path: Path) -> None:
         bus.Node("wheels", arguments=["--ros-args", "--params-file", str(path)])
 
 
+PLAIN = """
+import sys, bus
+async def main():
+    async with bus.Node("plain") as node:
+        node.now()
+        print(*sorted(name for name in sys.modules if name.startswith("bus.")))
+bus.run(main())
+"""
+
+
+def test_a_node_without_parameters_imports_nothing_for_them(daemon: object) -> None:
+    with Running((sys.executable, "-c", PLAIN)) as running:
+        imported = set(running.line().split())
+    assert "bus.parameterhost" in imported
+    assert not imported & {
+        *("bus.clock", "bus.interfacetypes", "bus.parameterfile", "bus.parameters", "bus.parameterset"),
+        *("bus.parameterserver", "bus.service", "bus.timesource"),
+    }
+
+
+async def test_busd_comes_back(node: bus.Node, daemon: Daemon) -> None:
+    await node.declare_parameter("speed", 1.5)
+    daemon.kill()
+    node.set_parameter("speed", 2)
+    daemon.restart()
+    async with bus.Node("caller", arguments=[]) as caller:
+        assert await set_remotely(caller, "tester", speed=2.5) == [(True, "")]
+    assert node.get_parameter("speed") == 2.5
+
+
 class TestServices:
     @pytest.fixture
     async def wheels(self, daemon: Daemon, route: str) -> AsyncIterator[bus.Node]:
