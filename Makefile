@@ -86,6 +86,9 @@ $(FUZZ_STAMP): $(TOOLS)
 	@$(call EXTRA,fuzz) && touch $@ \
 		|| echo "atheris can't be installed"
 
+api: $(TOOLS) ## write docs/api.md, out of the docstrings
+	@$(BIN)/python tests/apipage.py
+
 fmt: $(TOOLS) ## format the sources
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
@@ -136,4 +139,4 @@ clean: ## remove what the other targets made
 	rm -rf $(VENV) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test native lint sanitize fuzz fmt bench-quick bench chaos soak bench-compare bench-report wheels clean
+.PHONY: help setup demo robot test native lint sanitize fuzz api fmt bench-quick bench chaos soak bench-compare bench-report wheels clean

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
         PublisherEvents,
         SubscriptionEvents,
     )
-    from bus.graph import Graph
+    from bus.graph import EndpointStatistics, Graph, GraphEndpoint, GraphMatch, GraphNode
     from bus.loan import Loan
     from bus.logger import Logger, Severity, get_logger
     from bus.node import Node, NodeStatistics
@@ -100,7 +100,7 @@ _HOMES = {
         "PublisherEvents",
         "SubscriptionEvents",
     ),
-    "bus.graph": ("Graph",),
+    "bus.graph": ("EndpointStatistics", "Graph", "GraphEndpoint", "GraphMatch", "GraphNode"),
     "bus.loan": ("Loan",),
     "bus.logger": ("Logger", "Severity", "get_logger"),
     "bus.node": ("Node", "NodeStatistics"),
@@ -126,8 +126,12 @@ __all__ = [
     "ConnectionClosed",
     "DeadlineMissed",
     "Durability",
+    "EndpointStatistics",
     "ForkError",
     "Graph",
+    "GraphEndpoint",
+    "GraphMatch",
+    "GraphNode",
     "History",
     "IncompatibleQoS",
     "IncompatibleType",

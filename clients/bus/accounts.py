@@ -17,6 +17,8 @@ class SubscriptionStatistics(msgspec.Struct, frozen=True):
     """Totals of one subscription.
 
     At a quiet moment, expected is delivered + queued + all that was dropped.
+
+        print(subscription.statistics().dropped)
     """
 
     delivered: int

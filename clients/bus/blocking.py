@@ -39,7 +39,12 @@ and no other one within the pause."""
 
 
 class BlockingPublisher(Generic[M]):
-    """Publishes messages of one type on one topic; made by `BlockingNode.create_publisher`."""
+    """Publishes messages of one type on one topic; made by `BlockingNode.create_publisher`.
+
+    For example:
+
+        publisher.wait_for_subscriptions(timeout=5)
+    """
 
     def __init__(self, foreground: Foreground) -> None:
         self._foreground = foreground
@@ -169,6 +174,9 @@ class BlockingSubscription(Generic[M]):
     """Receives messages of one type on one topic; made by `BlockingNode.create_subscription`.
 
     `for message in subscription` waits for each; `listen` not for ever.
+
+        for message in subscription.listen(timeout=1):
+            print(message.data)
     """
 
     def __init__(self, foreground: Foreground, native: Subscription[M]) -> None:
@@ -285,12 +293,18 @@ class BlockingNode:
 
     What `publish`, `listen`, `wait_for_message` and `call` need is made at their first use for a topic or
     service, and kept: what comes between two calls of `listen` is there for the second, within the depth.
+
+        with bus.connect("script") as node:
+            node.publish("chatter", String(data="hi"))
     """
 
     def __init__(self, node: Node, foreground: Foreground) -> None:
-        self.name = node.name
-        self.namespace = node.namespace
-        self.full_name = node.full_name
+        self.name: str = node.name
+        """Its own name, without the namespace, after remapping."""
+        self.namespace: str = node.namespace
+        """With a slash in front; `/` where it has none."""
+        self.full_name: str = node.full_name
+        """Namespace and name, as the graph shows them."""
         self._node = node
         self._foreground = foreground
         self._is_closed = False

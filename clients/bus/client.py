@@ -35,7 +35,12 @@ _GRACE_S: Final = 0.5
 
 
 class ServiceClientStatistics(msgspec.Struct, frozen=True):
-    """Totals of one client."""
+    """Totals of one client.
+
+    For example:
+
+        print(client.statistics().pending)
+    """
 
     requests: int
     """Requests sent."""
@@ -67,6 +72,8 @@ class ServiceClient:
 
     `on_response` is for calls by `send_request`: it gets a request's number, and the response or the error
     (a BusError) that is in its place, on the event loop.
+
+        response = await client.call(AddTwoInts.Request(a=1, b=2))
     """
 
     def __init__(
@@ -82,8 +89,11 @@ class ServiceClient:
         on_response: Callable[[int, Any], object] | None = None,
     ) -> None:
         self.service_name = service
-        self.type = service_type
+        """The service's full name."""
+        self.type: Any = service_type
+        """The class with `Request` and `Response`."""
         self.qos = qos
+        """The policies that it was made with."""
         self._support: ServiceSupport = service_support(service_type)
         self._logger = logger
         self._loop = link.loop
@@ -136,7 +146,7 @@ class ServiceClient:
         """Send `request` and wait for its answer, which may take for ever: use `asyncio.timeout`.
 
         Raises ServiceUnavailable where nobody serves, or whoever does leaves before the answer; ServiceError
-        where the service's callback raised; LocalProtocolError where MAX_PENDING calls wait already; else as
+        where the service's callback raised; LocalProtocolError where 1000 calls wait already; else as
         `Publisher.publish`. Cancellation leaves nothing behind; the service may do its work all the same.
         """
         if not self._servers and self._requests._id:  # with busd away, nobody knows who serves
@@ -179,10 +189,14 @@ class ServiceClient:
         return self._requests._ready_matches() > 0
 
     async def wait_for_service(self) -> None:
-        """Wait until somebody serves; use `asyncio.timeout`. Cancellation leaves nothing behind."""
+        """Wait until somebody serves; use `asyncio.timeout`.
+
+        Raises ConnectionClosed where the client is closed meanwhile. Cancellation leaves nothing behind.
+        """
         await self._requests.wait_for_subscriptions()
 
     def statistics(self) -> ServiceClientStatistics:
+        """Its counters until now; they stay when it is closed."""
         return ServiceClientStatistics(
             requests=self._sent,
             responses=self._answered,

@@ -95,16 +95,19 @@ class Clock:
 class Rate:
     """Sleeps between the turns of a loop, so that they come `hz` times a second; made by `Node.create_rate`.
 
-    rate = node.create_rate(10.0)
-    while True:
-        drive()
-        await rate.sleep()
+    For example:
+
+        rate = node.create_rate(10.0)
+        while True:
+            drive()
+            await rate.sleep()
     """
 
     def __init__(self, hz: float, clock: Clock) -> None:
         if not 0 < hz <= _MOST_HZ:
             raise ConfigurationError(f"rate {hz!r} Hz is not above 0 and up to {_MOST_HZ:.0f}")
         self.hz = hz
+        """Turns in a second."""
         self._period_ns = max(1, round(_S / hz))
         self._clock = clock
         self._epoch = clock.epoch

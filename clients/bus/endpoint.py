@@ -48,12 +48,21 @@ os.register_at_fork(after_in_child=_forget_prefix)
 
 
 class Match(msgspec.Struct, frozen=True):
-    """The other side of a match: its node's full name, its gid, its QoS, and how messages travel."""
+    """The other side of a match of a publisher or subscription.
+
+    For example:
+
+        print([match.node for match in publisher.matches])
+    """
 
     node: str
+    """Its node's full name."""
     gid: bytes
+    """Its gid, 16 bytes that no other endpoint has."""
     qos: QoSProfile
+    """Its QoS."""
     route: str
+    """How messages travel: `shm` or `socket`."""
 
 
 class Endpoint(Generic[M]):
@@ -73,10 +82,15 @@ class Endpoint(Generic[M]):
         on_error: Callable[[BaseException], None],
     ) -> None:
         self.topic_name = topic
+        """The topic's full name."""
         self.node_name = node
-        self.type = support.cls
+        """The full name of its node."""
+        self.type: type[M] = support.cls
+        """The message class."""
         self.qos = qos
-        self.gid = _process_prefix + next(_gid_numbers).to_bytes(4, "big")
+        """The policies that it was made with."""
+        self.gid: bytes = _process_prefix + next(_gid_numbers).to_bytes(4, "big")
+        """16 bytes that no other endpoint has, on this machine or in another run."""
         self._support = support
         self._id = 0  # the broker's number, another one after a reconnection
         self._refusal: BusError | None = None  # why it cannot be used any more
@@ -100,11 +114,15 @@ class Endpoint(Generic[M]):
 
     @property
     def matches(self) -> tuple[Match, ...]:
-        """The endpoints that this one is matched with now."""
+        """The endpoints that this one is matched with now; none while busd is away, and once it is closed."""
         return tuple(self._matches.values())
 
     async def close(self) -> None:
-        """Hand over what was published, leave the graph. Closing twice is allowed."""
+        """Hand over what was published, leave the graph. Closing twice is allowed.
+
+        A publisher takes 5 s at most for that; the log tells what could not be handed over. Cancellation:
+        closed, and what was not handed over is lost.
+        """
         if self._refusal is None:
             try:
                 await self._drain()

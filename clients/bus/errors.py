@@ -51,7 +51,7 @@ E = TypeVar("E", bound="BusError")
 
 
 class BusError(Exception):
-    """Base of every error that busd raises on purpose.
+    """Base of every error that busd raises on purpose. `except bus.BusError` catches them all.
 
     Texts of other processes may be in its text, and str() is what tracebacks and logs show: without control
     characters but newlines and tabs.
@@ -69,14 +69,12 @@ def again(error: E) -> E:
 
 
 class ConfigurationError(BusError, ValueError):
-    """A value that the user gave is not allowed.
-
-    `index` is the offset of the first offending character where the value is a name, else None.
-    """
+    """A value that the user gave is not allowed: a name, a QoS profile, a remap rule, a setting."""
 
     def __init__(self, message: str, *, index: int | None = None) -> None:
         super().__init__(message)
         self.index = index
+        """Where the value is a name, the offset of the first character that is wrong, else None."""
 
 
 class CommandLineError(ConfigurationError):
@@ -91,14 +89,12 @@ class MessageTypeError(BusError, TypeError):
 
 
 class ParameterError(BusError, ValueError):
-    """A parameter can't be declared, read or set so; the text names it, the value and the rule.
-
-    `name` is the parameter's; several are joined by commas.
-    """
+    """A parameter can't be declared, read or set so; the text names it, the value and the rule."""
 
     def __init__(self, name: str, message: str) -> None:
         super().__init__(message)
         self.name = name
+        """The parameter's name; several are joined by commas."""
 
 
 class PayloadTooLarge(BusError, ValueError):
@@ -110,8 +106,11 @@ class PayloadTooLarge(BusError, ValueError):
             "message_bytes of [limits], or max_message_bytes of a rule in [[topics]]"
         )
         self.topic = topic
+        """The topic's full name."""
         self.size_bytes = size_bytes
+        """What the message has."""
         self.limit_bytes = limit_bytes
+        """What it may have."""
 
 
 class QuotaExceeded(BusError):
@@ -120,8 +119,11 @@ class QuotaExceeded(BusError):
     def __init__(self, resource: str, *, used: int, limit: int) -> None:
         super().__init__(f"{resource}: {used} of {limit} in use; busd's limit can be raised in busd.toml")
         self.resource = resource
+        """What it is about: `endpoints`, say."""
         self.used = used
+        """How much of it this process holds."""
         self.limit = limit
+        """How much it may hold."""
 
 
 class AccessDenied(BusError):
@@ -158,7 +160,9 @@ class ServiceError(BusError):
     def __init__(self, service: str, text: str) -> None:
         super().__init__(f"service '{service}' failed: {text}")
         self.service = service
+        """The service's full name."""
         self.text = text
+        """What its side says: the type and text of the exception there."""
 
 
 class ServiceUnavailable(BusError):
@@ -167,6 +171,7 @@ class ServiceUnavailable(BusError):
     def __init__(self, service: str, why: str) -> None:
         super().__init__(f"service '{service}' is not available: {why}")
         self.service = service
+        """The service's full name."""
 
 
 class ForkError(BusError, RuntimeError):

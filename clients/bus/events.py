@@ -22,81 +22,162 @@ __all__ = [
 
 
 class MatchedChange(NamedTuple):
-    """A match was made or ended; `node` is the other side's."""
+    """A match was made or ended.
+
+    For example:
+
+        bus.PublisherEvents(matched=lambda change: print(change.node, change.current_count_change))
+    """
 
     current_count: int
+    """Matches now."""
     current_count_change: int
+    """1 for a match that was made, -1 for one that ended."""
     total_count: int
+    """Matches that were ever made."""
     total_count_change: int
+    """1 for a match that was made, else 0."""
     node: str
+    """The full name of the other side's node."""
 
 
 class IncompatibleQoS(NamedTuple):
-    """`node` has an endpoint on this topic that does not match; `policy` is the last one that differs."""
+    """Another endpoint on this topic does not match because of its QoS.
+
+    For example:
+
+        bus.SubscriptionEvents(incompatible_qos=lambda event: print(event.policy, event.text))
+    """
 
     total_count: int
+    """Endpoints that did not match because of their QoS."""
     total_count_change: int
+    """Of these, the ones that this event is about."""
     policy: str
+    """The last policy that differs, as rclpy's QoSPolicyKind names it: `RELIABILITY`."""
     text: str
+    """All reasons, in ROS's words."""
     node: str
+    """The full name of the other's node."""
 
 
 class IncompatibleType(NamedTuple):
-    """`node` uses this topic's name for another type."""
+    """Another endpoint uses this topic's name for another type.
+
+    For example:
+
+        bus.PublisherEvents(incompatible_type=lambda event: print(event.node, event.text))
+    """
 
     total_count: int
+    """Endpoints that did not match because of their type."""
     total_count_change: int
+    """Of these, the ones that this event is about."""
     text: str
+    """What differs."""
     node: str
+    """The full name of the other's node."""
 
 
 class DeadlineMissed(NamedTuple):
-    """No message within the deadline."""
+    """No message within the deadline of the QoS.
+
+    For example:
+
+        bus.SubscriptionEvents(deadline_missed=lambda event: print(event.total_count))
+    """
 
     total_count: int
+    """Deadlines missed until now."""
     total_count_change: int
+    """Of these, the ones that this event is about."""
 
 
 class LivelinessChanged(NamedTuple):
-    """A matched publisher's liveliness was lost or taken up again."""
+    """A matched publisher's liveliness was lost or taken up again, or a match was made or ended.
+
+    For example:
+
+        bus.SubscriptionEvents(liveliness_changed=lambda event: print(event.alive_count))
+    """
 
     alive_count: int
+    """Matched publishers that are alive."""
     not_alive_count: int
+    """Matched publishers without a sign of life within their lease."""
     alive_count_change: int
+    """By how much `alive_count` changed."""
     not_alive_count_change: int
+    """By how much `not_alive_count` changed."""
 
 
 class LivelinessLost(NamedTuple):
-    """This publisher did not assert its liveliness within its lease."""
+    """This publisher did not assert its liveliness within its lease.
+
+    For example:
+
+        bus.PublisherEvents(liveliness_lost=lambda event: print(event.total_count))
+    """
 
     total_count: int
+    """How often that happened."""
     total_count_change: int
+    """Of these, the ones that this event is about."""
 
 
 class MessageLost(NamedTuple):
-    """Messages were dropped before they could be taken; `reasons` are this subscription's totals."""
+    """Messages were dropped before they could be taken.
+
+    For example:
+
+        bus.SubscriptionEvents(message_lost=lambda event: print(event.total_count_change, event.reasons))
+    """
 
     total_count: int
+    """Messages that this subscription lost until now."""
     total_count_change: int
+    """Of these, the ones since the last event."""
     reasons: dict[str, int]
+    """The total by reason, as `SubscriptionStatistics.dropped`."""
 
 
 class PublisherEvents(msgspec.Struct, frozen=True, kw_only=True):
-    """Callbacks of a publisher; plain functions, called on the event loop."""
+    """Callbacks of a publisher: plain functions, called on the event loop, of one argument.
+
+    Given to `Node.create_publisher`. What one raises goes where an exception in any callback goes.
+
+        events = bus.PublisherEvents(matched=lambda change: print(change.current_count))
+    """
 
     matched: Callable[[MatchedChange], object] | None = None
+    """A match was made or ended."""
     incompatible_qos: Callable[[IncompatibleQoS], object] | None = None
+    """A subscription asks for more than this publisher offers; without a callback the log warns."""
     incompatible_type: Callable[[IncompatibleType], object] | None = None
+    """A subscription has another type; without a callback the log warns."""
     deadline_missed: Callable[[DeadlineMissed], object] | None = None
+    """Nothing was published within the deadline."""
     liveliness_lost: Callable[[LivelinessLost], object] | None = None
+    """Liveliness was not asserted within the lease."""
 
 
 class SubscriptionEvents(msgspec.Struct, frozen=True, kw_only=True):
-    """Callbacks of a subscription; plain functions, called on the event loop."""
+    """Callbacks of a subscription: plain functions, called on the event loop, of one argument.
+
+    Given to `Node.create_subscription`. What one raises goes where an exception in any callback goes.
+
+        events = bus.SubscriptionEvents(message_lost=lambda event: print(event.reasons))
+    """
 
     matched: Callable[[MatchedChange], object] | None = None
+    """A match was made or ended."""
     incompatible_qos: Callable[[IncompatibleQoS], object] | None = None
+    """A publisher offers less than this subscription asks for; without a callback the log warns."""
     incompatible_type: Callable[[IncompatibleType], object] | None = None
+    """A publisher has another type; without a callback the log warns."""
     deadline_missed: Callable[[DeadlineMissed], object] | None = None
+    """Nothing came within the deadline."""
     liveliness_changed: Callable[[LivelinessChanged], object] | None = None
+    """A publisher is alive, or is so no more."""
     message_lost: Callable[[MessageLost], object] | None = None
+    """Messages were dropped."""

@@ -14,49 +14,92 @@ EndpointStatistics = m.EndpointStatistics
 
 
 class GraphNode(msgspec.Struct, frozen=True):
-    """A node of some process."""
+    """A node of some process.
+
+    For example:
+
+        print([(one.full_name, one.pid) for one in (await node.graph()).nodes])
+    """
 
     id: int
+    """busd's number for it."""
     name: str
+    """Without the namespace."""
     namespace: str
+    """With a slash in front; `/` where it has none."""
     pid: int
+    """The process that it lives in."""
 
     @property
     def full_name(self) -> str:
+        """Namespace and name."""
         return join_node_name(self.namespace, self.name)
 
 
 class GraphEndpoint(msgspec.Struct, frozen=True):
-    """A publisher or a subscription, as `kind` tells; `statistics` only where they were asked for."""
+    """A publisher or a subscription of some node.
+
+    For example:
+
+        print([one.node.name for one in (await node.graph()).publishers_of("/chatter")])
+    """
 
     id: int
+    """busd's number for it."""
     kind: str
+    """`publisher` or `subscription`."""
     node: GraphNode
+    """The node that made it."""
     topic: str
+    """The topic's full name."""
     type_name: str
+    """The message's type, as `std_msgs/msg/String`."""
     type_hash: str
+    """Of the type's description: two types match where name and hash do."""
     gid: bytes
+    """16 bytes that no other endpoint has."""
     qos: QoSProfile
+    """Its policies."""
     statistics: EndpointStatistics | None = None
+    """Its counters, where they were asked for."""
 
 
 class GraphMatch(msgspec.Struct, frozen=True):
-    """A publisher and a subscription between which messages flow, and the route they take."""
+    """A publisher and a subscription between which messages flow, and the route they take.
+
+    For example:
+
+        print([one.route for one in (await node.graph()).matches])
+    """
 
     publisher: int
+    """The publisher's `id` in the graph."""
     subscription: int
+    """The subscription's `id` in the graph."""
     route: str
+    """`shm` or `socket`."""
 
 
 class Graph(msgspec.Struct, frozen=True, dict=True):
-    """Everything that the broker knew at one moment."""
+    """Everything that busd knew at one moment, and that its rules let this user see.
+
+    For example:
+
+        print((await node.graph()).topics())
+    """
 
     revision: int
+    """One more with every change."""
     broker_pid: int
+    """busd's process id."""
     nodes: tuple[GraphNode, ...]
+    """All nodes."""
     publishers: tuple[GraphEndpoint, ...]
+    """All publishers, those of services and of /rosout too."""
     subscriptions: tuple[GraphEndpoint, ...]
+    """All subscriptions, those of services too."""
     matches: tuple[GraphMatch, ...]
+    """All matches."""
 
     def topics(self) -> dict[str, list[str]]:
         """Each topic with the names of its types (more than one is a conflict), sorted."""
@@ -66,9 +109,11 @@ class Graph(msgspec.Struct, frozen=True, dict=True):
         return {topic: sorted(found[topic]) for topic in sorted(found)}
 
     def publishers_of(self, topic: str) -> list[GraphEndpoint]:
+        """The publishers on `topic`, a full name; an empty list where there are none."""
         return list(self._publishers_by_topic.get(topic, ()))
 
     def subscriptions_of(self, topic: str) -> list[GraphEndpoint]:
+        """The subscriptions to `topic`, a full name; an empty list where there are none."""
         return list(self._subscriptions_by_topic.get(topic, ()))
 
     def services(self) -> dict[str, list[str]]:

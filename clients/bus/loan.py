@@ -11,6 +11,10 @@ class Loan:
     """Made by `Publisher.loan`. Fill `buffer`, then `publish`, or `discard`.
 
     As a context manager it gives the buffer, publishes at the end and discards after an exception.
+
+        if loan := images.loan(Image(height=480, width=640), "data", 640 * 480):
+            with loan as buffer:
+                camera.readinto(buffer)
     """
 
     def __init__(self, buffer: memoryview, finish: Callable[[bool], bool]) -> None:
@@ -19,7 +23,10 @@ class Loan:
         self._finish: Callable[[bool], bool] | None = finish
 
     def publish(self) -> bool:
-        """Publish the message with what is in the buffer; as `Publisher.publish`."""
+        """Publish the message with what is in the buffer; returns and raises as `Publisher.publish`.
+
+        Raises LocalProtocolError where the loan has ended already, or on another thread.
+        """
         return self._end(True)
 
     def discard(self) -> None:

@@ -42,14 +42,25 @@ TOP_NAME = "bus.nodes"
 
 
 class Severity(IntEnum):
-    """ROS's severities; the numbers are those of `logging` and of rcl_interfaces/msg/Log."""
+    """ROS's severities; the numbers are those of `logging` and of rcl_interfaces/msg/Log.
+
+    For example:
+
+        node.get_logger().set_level(bus.Severity.DEBUG)
+    """
 
     UNSET = 0
+    """As the parent's."""
     DEBUG = 10
+    """What one who looks for a fault wants to know."""
     INFO = 20
+    """What happens; the lowest that is logged by default."""
     WARN = 30
+    """What may be wrong."""
     ERROR = 40
+    """What has failed."""
     FATAL = 50
+    """What ends the program."""
 
 
 class LogEntry(NamedTuple):
@@ -81,14 +92,20 @@ class Filters(TypedDict, total=False):
 class Logger:
     """A named logger. Dots in the name make a tree: a child without a level of its own has its parent's.
 
-    The methods for each severity take any object, logged as its str(), and return whether it was logged.
-    Filters are only looked at where the severity is enabled.
+    Made by `Node.get_logger` and `get_logger`; may be used from any thread. The methods for each severity
+    take any object, logged as its str(), and return whether it was logged. They have filters, each kept for
+    the place in the program that calls: `once=True` logs the first call only, `skip_first=True` all others,
+    `throttle_duration_sec=1.0` no more than one in so many seconds. Filters are only looked at where the
+    severity is enabled.
+
+        node.get_logger().warning("slow", throttle_duration_sec=1.0)
     """
 
     __slots__ = ("_filters", "_logger", "name")
 
     def __init__(self, name: str) -> None:
         self.name = name
+        """Its name, without that of `logging`'s parent, `bus.nodes`."""
         self._logger = logging.getLogger(f"{TOP_NAME}.{name}")
         self._filters: dict[_CallSite, _FilterState] = {}
 
@@ -96,24 +113,33 @@ class Logger:
         return f"<{type(self).__name__} {self.name!r} {self.get_effective_level().name}>"
 
     def debug(self, message: object, **filters: Unpack[Filters]) -> bool:
+        """Log `message` as DEBUG; returns whether it was logged."""
         return self._logger.isEnabledFor(Severity.DEBUG) and self._log(Severity.DEBUG, message, filters)
 
     def info(self, message: object, **filters: Unpack[Filters]) -> bool:
+        """Log `message` as INFO; returns whether it was logged."""
         return self._logger.isEnabledFor(Severity.INFO) and self._log(Severity.INFO, message, filters)
 
     def warning(self, message: object, **filters: Unpack[Filters]) -> bool:
+        """Log `message` as WARN; returns whether it was logged."""
         return self._logger.isEnabledFor(Severity.WARN) and self._log(Severity.WARN, message, filters)
 
     def error(self, message: object, **filters: Unpack[Filters]) -> bool:
+        """Log `message` as ERROR; returns whether it was logged."""
         return self._logger.isEnabledFor(Severity.ERROR) and self._log(Severity.ERROR, message, filters)
 
     def fatal(self, message: object, **filters: Unpack[Filters]) -> bool:
+        """Log `message` as FATAL; returns whether it was logged."""
         return self._logger.isEnabledFor(Severity.FATAL) and self._log(Severity.FATAL, message, filters)
 
     warn = warning
     critical = fatal
 
     def log(self, message: object, severity: Severity | int | str, **filters: Unpack[Filters]) -> bool:
+        """Log `message` as `severity`, which may be given by name; returns whether it was logged.
+
+        Raises ConfigurationError for what is no severity.
+        """
         level = _severity(severity)
         return self._logger.isEnabledFor(level) and self._log(level, message, filters)
 
@@ -130,10 +156,11 @@ class Logger:
         return min((one for one in Severity if one >= level), default=Severity.FATAL)
 
     def is_enabled_for(self, severity: Severity | int | str) -> bool:
+        """Whether that severity would be logged."""
         return self._logger.isEnabledFor(_severity(severity))
 
     def get_child(self, name: str) -> "Logger":
-        """The logger `<this name>.<name>`."""
+        """The logger `<this name>.<name>`. Raises ConfigurationError for an empty name."""
         if not name:
             raise ConfigurationError("Child logger name must not be empty.")
         return get_logger(f"{self.name}.{name}")
@@ -141,6 +168,7 @@ class Logger:
     def add_sink(self, sink: Sink) -> None:
         """Also hand every entry of this logger and its children to `sink`, in the thread that logs.
 
+        An entry has `severity`, `stamp_ns` (wall clock), `name`, `text`, `file`, `function` and `line`.
         What the sink itself logs does not come back to it; what it raises is reported on stderr.
         """
         self._logger.addHandler(_SinkHandler(sink))
@@ -193,7 +221,13 @@ class Logger:
 
 
 def get_logger(name: str) -> Logger:
-    """A logger of that name. Levels belong to the name; the state of filters to the object."""
+    """A logger of that name, for code that has no node; its lines go to stderr alone.
+
+    Levels belong to the name; the state of filters to the object. Raises ConfigurationError for an
+    empty name.
+
+        bus.get_logger("planner").info("ready")
+    """
     if not name:
         raise ConfigurationError("Logger name must not be empty.")
     return Logger(name)

@@ -46,13 +46,23 @@ def _say_why_slow() -> None:
 
 
 class NodeStatistics(msgspec.Struct, frozen=True):
-    """Totals of one node's endpoints, without those that are closed."""
+    """Totals of one node's open endpoints; those of its services, and of /rosout, are among them.
+
+    For example:
+
+        print(node.statistics().dropped)
+    """
 
     published: int
+    """Messages that its publishers took."""
     delivered: int
+    """Messages that its subscriptions gave to the program."""
     dropped: int
+    """Messages that its subscriptions lost, whatever the reason."""
     publishers: int
+    """Publishers that are open."""
     subscriptions: int
+    """Subscriptions that are open."""
 
 
 class Node(ParameterHost):
@@ -66,6 +76,9 @@ class Node(ParameterHost):
 
     Raises ConfigurationError for a name that breaks the rules, CommandLineError for `arguments` that can't be
     used; on entering, BrokerUnavailable.
+
+        async with bus.Node("talker", namespace="robot") as node:
+            publisher = await node.create_publisher(String, "chatter")
     """
 
     def __init__(
@@ -83,8 +96,10 @@ class Node(ParameterHost):
             self._arguments = Arguments.parse(sys.argv[1:] if arguments is None else arguments)
         except ConfigurationError as error:
             raise CommandLineError(str(error)) from None
-        self.name = self._arguments.node_name(name)
-        self.namespace = self._arguments.namespace(names.absolute_namespace(namespace), self.name)
+        self.name: str = self._arguments.node_name(name)
+        """Its own name, without the namespace, after remapping."""
+        self.namespace: str = self._arguments.namespace(names.absolute_namespace(namespace), self.name)
+        """With a slash in front; `/` where it has none."""
         self._id = 0
         self._path = socket_path(socket, domain)
         self._logger = get_logger(names.logger_name(self.namespace, self.name))
@@ -115,9 +130,10 @@ class Node(ParameterHost):
         return names.join_node_name(self.namespace, self.name)
 
     async def open(self) -> None:
-        """Connect and appear in the graph; `async with` does it.
+        """Connect, start a busd where none listens, and appear in the graph; `async with` does it.
 
-        Raises BrokerUnavailable where no busd answers and none could be started.
+        Raises BrokerUnavailable where no busd answers and none could be started, AccessDenied and
+        QuotaExceeded as busd's rules say. Cancellation: not open.
         """
         if asyncio._get_running_loop() is None:
             from bus.mistakes import no_loop
@@ -136,7 +152,11 @@ class Node(ParameterHost):
             raise
 
     async def close(self) -> None:
-        """Stop the timers, hand over what was published, leave the graph. Closing twice is allowed."""
+        """Stop the timers, hand over what was published, close all that the node has made, leave the graph.
+
+        Takes 5 s at most where busd does not take what was published; the log tells what was lost by that.
+        Closing twice is allowed. Cancellation: closed, and what was not handed over is lost.
+        """
         link, self._link = self._link, None
         if link is None:
             return
@@ -169,10 +189,16 @@ class Node(ParameterHost):
     async def create_publisher(
         self, message_type: type[M], topic: str, qos: QoS = 10, *, events: PublisherEvents | None = None
     ) -> Publisher[M]:
-        """A publisher of `message_type` on `topic`; an int as `qos` is keep last with that depth.
+        """A publisher of `message_type`, any `msgspec.Struct`, on `topic`.
 
-        On return every subscription that existed is matched. Raises ConfigurationError for a bad name, type
-        or QoS, QuotaExceeded above busd's limits, AccessDenied. Cancellation: not created.
+        `topic` is relative to the node's namespace, private with `~/` in front, or absolute with `/`. An int
+        as `qos` is keep last with that depth. `events` are callbacks for what happens to it.
+
+        On return every subscription that existed is matched. Raises ConfigurationError for a bad name or
+        QoS, MessageTypeError for a class that is no message type, QuotaExceeded above busd's limits,
+        AccessDenied, ConnectionClosed where the node is not open. Cancellation: not created.
+
+            publisher = await node.create_publisher(String, "chatter", 10)
         """
         return await self._create_publisher(message_type, topic, qos, events)
 
@@ -240,7 +266,7 @@ class Node(ParameterHost):
         views: bool = False,
         busy_poll: float = 0.0,
     ) -> Subscription[Any]:
-        """A subscription to `message_type` on `topic`.
+        """A subscription to `message_type` on `topic`; names, QoS and events as with `create_publisher`.
 
         `callback` is `def` or `async def`, of (message) or (message, info). Calls of one subscription never
         overlap. Without a callback, iterate: `async for message in subscription`. With `raw`, messages are
@@ -254,6 +280,8 @@ class Node(ParameterHost):
 
         On return it gets every message whose publish begins later, within its depth. Raises as
         `create_publisher`. Cancellation: not created.
+
+            subscription = await node.create_subscription(String, "chatter", 10, print)
         """
         link = self._opened()
         subscription: Subscription[M] = Subscription(
@@ -274,23 +302,42 @@ class Node(ParameterHost):
         return subscription
 
     def create_timer(self, period_s: float, callback: Callable[[], Any]) -> Timer:
-        """Call `callback`, `def` or `async def`, every `period_s` seconds; see `Timer`."""
+        """Call `callback`, `def` or `async def`, without arguments, every `period_s` seconds; see `Timer`.
+
+        Raises ConfigurationError for a period below 0 or above 1e9, ConnectionClosed where the node is not
+        open.
+
+            timer = node.create_timer(0.5, lambda: publisher.publish(String(data="tick")))
+        """
         self._opened()
         timer = Timer(period_s, callback, self._fail)
         self._timers.add(timer)
         return timer
 
     def get_logger(self) -> Logger:
-        """The logger of this node; it writes ROS 2's log lines to stderr, and to the topic /rosout."""
+        """The logger of this node; it writes ROS 2's log lines to stderr, and to the topic /rosout.
+
+        For example:
+
+            node.get_logger().info("ready")
+        """
         return self._logger
 
     def resolve_topic_name(self, topic: str) -> str:
-        """The full name of `topic` as this node means it, after expansion and remapping."""
+        """The full name of `topic` as this node means it, after expansion and remapping.
+
+        Raises ConfigurationError for a bad name.
+        """
         full = names.expand_topic_name(topic, self.name, self.namespace)
         return self._arguments.topic(full, self.name, self.namespace)
 
     async def graph(self, *, statistics: bool = False) -> Graph:
-        """All nodes, endpoints and matches now; with the endpoints' live counters if asked."""
+        """All nodes, endpoints and matches now; with the endpoints' live counters if asked.
+
+        Waits for a busd that is away. Raises ConnectionClosed where the node is not open.
+
+            graph = await node.graph()
+        """
         snapshot = await self._opened().request(
             lambda number: m.GetGraph(request=number, statistics=statistics), m.Graph
         )
@@ -300,7 +347,10 @@ class Node(ParameterHost):
         """Wait until `condition(graph)` holds; returns that graph. It is asked again at every change.
 
         Changes that follow each other closely are looked at together, so that a large graph in which much
-        comes and goes costs little. Cancellation leaves nothing behind.
+        comes and goes costs little. Waits without an end: use `asyncio.timeout`. Cancellation leaves nothing
+        behind.
+
+            await node.wait_for_graph(lambda graph: "/chatter" in graph.topics())
         """
         link = self._opened()
         changed = asyncio.Event()
@@ -320,14 +370,21 @@ class Node(ParameterHost):
             link.stop_observing(changed.set)
 
     async def spin(self) -> None:
-        """Wait for ever while callbacks and timers work; an exception of theirs comes out of the node."""
+        """Wait for ever while callbacks and timers work; an exception of theirs ends the `async with`.
+
+        Raises ConnectionClosed where the node is not open. Cancellation is the way to end it.
+        """
         self._opened()
         await asyncio.get_running_loop().create_future()
 
     async def get_type(self, type_name: str, type_hash: str) -> type[msgspec.Struct]:
         """The message class of a type that is on the bus, made from the description that travels with it.
 
-        Raises ConfigurationError where no endpoint has that type.
+        `type_name` and `type_hash` are those of a `GraphEndpoint`. Raises ConfigurationError where no
+        endpoint has that type.
+
+            topic = (await node.graph()).publishers_of("/chatter")[0]
+            cls = await node.get_type(topic.type_name, topic.type_hash)
         """
         description = await self._opened().description(type_name, type_hash)
         try:
@@ -339,6 +396,7 @@ class Node(ParameterHost):
         return build(schema)
 
     def statistics(self) -> NodeStatistics:
+        """The sums over its open endpoints."""
         open_ones = [one for one in self._endpoints if one._refusal is None]
         publishers = [one.statistics() for one in open_ones if isinstance(one, Publisher)]
         subscriptions = [one.statistics() for one in open_ones if isinstance(one, Subscription)]

@@ -34,7 +34,12 @@ _DRAIN_S = 5.0
 
 
 class PublisherStatistics(msgspec.Struct, frozen=True):
-    """Totals of one publisher."""
+    """Totals of one publisher.
+
+    For example:
+
+        print(publisher.statistics().published)
+    """
 
     published: int
     """Messages that `publish` accepted."""
@@ -51,7 +56,12 @@ class PublisherStatistics(msgspec.Struct, frozen=True):
 
 
 class Publisher(Endpoint[M]):
-    """Publishes messages of one type on one topic; made by `Node.create_publisher`."""
+    """Publishes messages of one type on one topic; made by `Node.create_publisher`.
+
+    For example:
+
+        publisher.publish(String(data="hi"))
+    """
 
     _kind = "publisher"
 
@@ -118,7 +128,11 @@ class Publisher(Endpoint[M]):
         return self._outlet.write(payload) or self._put(payload)
 
     def publish_encoded(self, payload: Buffer) -> bool:
-        """Publish a message that is encoded already; as `publish`, but nothing checks its type here."""
+        """Publish a message that is encoded already; as `publish`, but nothing checks its type here.
+
+        What a subscription with `raw` received can be passed on like this. Who receives what is no message
+        of the topic's type counts it as `undecodable`.
+        """
         if isinstance(payload, str):
             raise TypeError(f"an encoded message on '{self.topic_name}' must be bytes, not text")
         return self._put(payload)
@@ -128,8 +142,11 @@ class Publisher(Endpoint[M]):
 
         What is written there is written where the subscriptions read it, with no copy in between; a camera's
         frame, say. The rest of `message` counts as it is now. Until the loan is published or discarded,
-        nothing else can be published here. None where `publish` would give False; else raises as `publish`.
-        On the event loop's thread only.
+        nothing else can be published here. None where `publish` would give False. On the event loop's thread
+        only.
+
+        Raises as `publish`, ConfigurationError for a field that is no bytes, and LocalProtocolError while
+        another loan is open, or on another thread.
         """
         check_field(self.type, field)
         before, after = self._encode_around(message, field, b"", size)
@@ -165,21 +182,26 @@ class Publisher(Endpoint[M]):
     async def wait_for_subscriptions(self, number: int = 1) -> None:
         """Wait until at least `number` subscriptions are matched, and are there to be woken.
 
-        Cancellation leaves nothing behind.
+        Waits without an end: use `asyncio.timeout`. Raises ConnectionClosed where the publisher is closed
+        meanwhile. Cancellation leaves nothing behind.
         """
         await self._wait_for_matches(number)
 
     def get_subscription_count(self) -> int:
-        """Subscriptions matched now."""
+        """How many subscriptions are matched now."""
         return len(self._matches)
 
     def assert_liveliness(self) -> None:
-        """Say that this publisher lives, without publishing (liveliness manual by topic)."""
+        """Say that this publisher lives, without publishing (liveliness manual by topic).
+
+        Raises ConnectionClosed after `close`. Nothing happens while busd is away.
+        """
         if self._refusal is not None:
             raise again(self._refusal)
         self._link.send_about(self, m.AssertLiveliness(publisher=self._id))
 
     def statistics(self) -> PublisherStatistics:
+        """Its counters until now; they stay when it is closed."""
         published, size = self._outlet.published
         return PublisherStatistics(
             published=published,

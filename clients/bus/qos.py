@@ -49,31 +49,59 @@ _MAX_DURATION_NS = 2**63 - 1
 
 
 class History(StrEnum):
-    """How many samples an endpoint keeps: the last `depth`, or all within its quota."""
+    """How many samples an endpoint keeps.
+
+    For example:
+
+        bus.QoSProfile(history=bus.History.KEEP_ALL)
+    """
 
     KEEP_LAST = "keep_last"
+    """The last `depth`."""
     KEEP_ALL = "keep_all"
+    """All, within its quota."""
 
 
 class Reliability(StrEnum):
-    """Whether a sample may be lost on the way to the subscription's queue."""
+    """Whether a sample may be lost on the way to the subscription's queue.
+
+    For example:
+
+        bus.QoSProfile(reliability=bus.Reliability.BEST_EFFORT)
+    """
 
     RELIABLE = "reliable"
+    """It may not."""
     BEST_EFFORT = "best_effort"
+    """It may; a publisher that offers this does not match a subscription that asks for reliable."""
 
 
 class Durability(StrEnum):
-    """Whether late joiners get the samples that the publisher still keeps."""
+    """Whether late joiners get the samples that the publisher still keeps.
+
+    For example:
+
+        bus.QoSProfile(1, durability=bus.Durability.TRANSIENT_LOCAL)
+    """
 
     VOLATILE = "volatile"
+    """They don't."""
     TRANSIENT_LOCAL = "transient_local"
+    """They do, where both sides say so."""
 
 
 class Liveliness(StrEnum):
-    """What counts as a sign of life: any publisher of the node, or this topic's own."""
+    """What counts as a publisher's sign of life.
+
+    For example:
+
+        bus.QoSProfile(liveliness=bus.Liveliness.MANUAL_BY_TOPIC, liveliness_lease_duration=1.0)
+    """
 
     AUTOMATIC = "automatic"
+    """That its process lives."""
     MANUAL_BY_TOPIC = "manual_by_topic"
+    """That it publishes, or calls `assert_liveliness`."""
 
 
 class Policy(IntEnum):
@@ -96,17 +124,24 @@ class QoSProfile(msgspec.Struct, frozen=True, omit_defaults=True):
     ignored under keep all.
 
     Raises ConfigurationError for an unknown name or a value out of range.
+
+        qos = bus.QoSProfile(1, durability="transient_local")
     """
 
     depth: int = 10
+    """How many samples are kept, from 1; under keep all from 0."""
     history: History = History.KEEP_LAST
+    """Whether `depth` counts."""
     reliability: Reliability = Reliability.RELIABLE
+    """Whether a sample may be lost on the way."""
     durability: Durability = Durability.VOLATILE
+    """Whether late joiners get what was published before."""
     deadline: float | None = None
     """Longest expected gap between two samples."""
     lifespan: float | None = None
     """Age after which a sample is no longer delivered."""
     liveliness: Liveliness = Liveliness.AUTOMATIC
+    """What counts as a sign of life."""
     liveliness_lease_duration: float | None = None
     """Time without a sign of life after which the publisher counts as not alive."""
 
@@ -142,22 +177,22 @@ class QoSProfile(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @property
     def deadline_ns(self) -> int:
-        """0 = infinite."""
+        """`deadline` in nanoseconds; 0 where it is infinite."""
         return _nanoseconds(self.deadline)
 
     @property
     def lifespan_ns(self) -> int:
-        """0 = infinite."""
+        """`lifespan` in nanoseconds; 0 where it is infinite."""
         return _nanoseconds(self.lifespan)
 
     @property
     def lease_ns(self) -> int:
-        """0 = infinite."""
+        """`liveliness_lease_duration` in nanoseconds; 0 where it is infinite."""
         return _nanoseconds(self.liveliness_lease_duration)
 
 
 QoS: TypeAlias = int | QoSProfile | str
-"""What users may pass for a profile: a depth, a profile, or a preset's name."""
+"""What users may pass for a profile: a depth (of keep last), a profile, or a preset's name."""
 
 
 def profile(value: QoS) -> QoSProfile:

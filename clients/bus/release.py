@@ -4,3 +4,4 @@ A constant, because asking the installer's records takes longer than to connect.
 """
 
 RELEASE = "0.1.0"
+"""The release, as a package index has it."""

@@ -35,6 +35,8 @@ def run(main: Coroutine[Any, Any, T]) -> T:
     one line that says so.
 
     Raises TypeError for what is no coroutine, RuntimeError where an event loop runs already.
+
+        bus.run(main())
     """
     _check(main)
     is_terminated = False

@@ -31,14 +31,26 @@ _MOST_AT_ONCE: Final = 100
 
 
 class RequestId(NamedTuple):
-    """Whose call it is, and which of theirs."""
+    """Whose call it is, and which of theirs; given to `on_request` of a `ServiceServer`.
+
+    For example:
+
+        server.respond(request_id, AddTwoInts.Response(sum=3))
+    """
 
     client: bytes
+    """The client's gid."""
     number: int
+    """From 1, one more with each of its requests."""
 
 
 class ServiceServerStatistics(msgspec.Struct, frozen=True):
-    """Totals of one server."""
+    """Totals of one server.
+
+    For example:
+
+        print(server.statistics().requests)
+    """
 
     requests: int
     """Requests taken."""
@@ -60,6 +72,8 @@ class ServiceServer:
     With `callback`, it is called for each request and what it returns is the answer. With `on_request` in its
     place, that is called with the request and its RequestId, and `respond` is to be called later; an
     `async def on_request` gets the next request when it is done with this one.
+
+        server = await node.create_service(AddTwoInts, "later", on_request=start_work)
     """
 
     def __init__(
@@ -76,8 +90,11 @@ class ServiceServer:
         on_request: Callable[[Any, RequestId], Any] | None = None,
     ) -> None:
         self.service_name = service
-        self.type = service_type
+        """The service's full name."""
+        self.type: Any = service_type
+        """The class with `Request` and `Response`."""
         self.qos = qos
+        """The policies that it was made with."""
         self._support: ServiceSupport = service_support(service_type)
         self._logger = logger
         self._on_error = on_error
@@ -126,7 +143,8 @@ class ServiceServer:
     def respond(self, request_id: RequestId, response: Any, error: str = "") -> bool:
         """Answer a request, with `error` instead of `response` where that is not empty; from any thread.
 
-        Returns False where there was no room for it (QoS keep all), as `Publisher.publish` does. Raises
+        Who answers a request a second time, or one of a client that has gone, does nothing by that. Returns
+        False where there was no room for it (QoS keep all), as `Publisher.publish` does. Raises
         MessageTypeError for a wrong response, PayloadTooLarge above the limit, ConnectionClosed after
         `close`.
         """
@@ -141,10 +159,14 @@ class ServiceServer:
         return True
 
     async def wait_for_room(self) -> None:
-        """After `respond` found no room: wait until it is worth trying again. Raises ConnectionClosed."""
+        """After `respond` found no room: wait until it is worth trying again.
+
+        Raises ConnectionClosed where the server is closed meanwhile. Cancellation leaves nothing behind.
+        """
         await self._replies.wait_for_room()
 
     def statistics(self) -> ServiceServerStatistics:
+        """Its counters until now; they stay when it is closed."""
         requests = self._requests.statistics()
         return ServiceServerStatistics(
             requests=self._taken,

@@ -60,9 +60,14 @@ class ServiceHost(ABC):
         `callback` is `def` or `async def`, of (request), and returns the response; or of (request, response),
         of which the second is there to be filled and returned. Calls of an async one run side by side, up to
         a hundred. An exception goes to the client as ServiceError, and out of the node as any callback's.
-        For `on_request`, in place of a callback, see `ServiceServer`.
+        For `on_request`, in place of a callback, see `ServiceServer`. By default `qos` is keep last 1000.
 
-        Raises as `create_publisher`. Cancellation: not created.
+        Raises as `create_publisher`, TypeError for both or neither of a callback and `on_request`.
+        Cancellation: not created.
+
+            server = await node.create_service(
+                AddTwoInts, "add", lambda request: AddTwoInts.Response(sum=request.a + request.b)
+            )
         """
         from bus.service import ServiceServer
 
@@ -90,7 +95,10 @@ class ServiceHost(ABC):
     ) -> "ServiceClient":
         """A client of the service `name`; whoever serves it already is known on return.
 
-        Raises as `create_publisher`. Cancellation: not created.
+        By default `qos` is keep last 1000. For `on_response` see `ServiceClient`. Raises as
+        `create_publisher`. Cancellation: not created.
+
+            client = await node.create_client(AddTwoInts, "add")
         """
         from bus.client import ServiceClient
 
@@ -108,7 +116,10 @@ class ServiceHost(ABC):
         return client
 
     def resolve_service_name(self, name: str) -> str:
-        """The full name of a service as this node means it; the rules for topics are for services, too."""
+        """The full name of a service as this node means it; the rules for topics are for services, too.
+
+        Raises ConfigurationError for a bad name.
+        """
         return self.resolve_topic_name(name)
 
     async def _declare_both(

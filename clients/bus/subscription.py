@@ -38,19 +38,33 @@ _ACK_DELAY_S = 0.02
 
 
 class MessageInfo(NamedTuple):
-    """About one message. Timestamps are nanoseconds of the wall clock; sequence numbers begin at 1."""
+    """About one message.
+
+    For example:
+
+        message, info = await subscription.receive()
+        print((info.received_timestamp - info.source_timestamp) / 1e9)
+    """
 
     source_timestamp: int
+    """When it was published: nanoseconds of the wall clock."""
     received_timestamp: int
+    """When it came to this process: nanoseconds of the wall clock."""
     publication_sequence_number: int
+    """Which one of its publisher's messages it is, from 1."""
     reception_sequence_number: int
+    """Which one of those that this subscription has delivered, from 1."""
     publisher_gid: bytes
+    """Whose it is: the `gid` of its publisher."""
 
 
 class Subscription(Endpoint[M]):
     """Receives messages of one type on one topic; made by `Node.create_subscription`.
 
-    Without a callback: `async for message in subscription`, or `take`.
+    Without a callback: `async for message in subscription`, which ends when it is closed, or `receive`, or
+    `take`. What nobody takes is replaced by what is newer, beyond the depth, and counted.
+
+        message, info = await subscription.receive()
     """
 
     _kind = "subscription"
@@ -119,7 +133,8 @@ class Subscription(Endpoint[M]):
     async def receive(self) -> tuple[M, MessageInfo]:
         """Wait for the next message; returns it with its info.
 
-        Cancellation: no message is lost. Raises ConnectionClosed once the subscription is closed.
+        Waits without an end: use `asyncio.timeout`. Cancellation: no message is lost. Raises ConnectionClosed
+        once the subscription is closed and all that had come is taken.
         """
         while (taken := self._inbox.take()) is None:
             await self._wait()
@@ -138,14 +153,19 @@ class Subscription(Endpoint[M]):
         return taken[0]
 
     async def wait_for_publishers(self, number: int = 1) -> None:
-        """Wait until at least `number` publishers are matched. Cancellation leaves nothing behind."""
+        """Wait until at least `number` publishers are matched.
+
+        Waits without an end: use `asyncio.timeout`. Raises ConnectionClosed where the subscription is closed
+        meanwhile. Cancellation leaves nothing behind.
+        """
         await self._wait_for_matches(number)
 
     def get_publisher_count(self) -> int:
-        """Publishers matched now."""
+        """How many publishers are matched now."""
         return len(self._matches)
 
     def statistics(self) -> SubscriptionStatistics:
+        """Its counters until now; they stay when it is closed."""
         return self._accounts.statistics(len(self._matches))
 
     # --- for the link

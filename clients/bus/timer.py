@@ -15,6 +15,8 @@ class Timer:
     The first call comes after one period. The next call's time advances by whole periods: no drift, and calls
     that could not be made in time are skipped and counted in `missed`, never made up for in a burst. An async
     callback that still runs when the next call is due makes that call a missed one.
+
+        timer = node.create_timer(1.0, lambda: print(timer.calls))
     """
 
     def __init__(
@@ -25,8 +27,11 @@ class Timer:
         if not 0 <= period_s < 1e9:
             raise ConfigurationError(f"timer period {period_s!r} is not a number of seconds from 0")
         self.period_s = period_s
-        self.calls = 0
-        self.missed = 0
+        """Seconds from one call to the next."""
+        self.calls: int = 0
+        """Calls that were made."""
+        self.missed: int = 0
+        """Calls that were skipped."""
         self._period_ns = round(period_s * 1e9)
         self._callback = callback
         self._is_async = is_async(callback)
@@ -45,6 +50,7 @@ class Timer:
 
     @property
     def is_canceled(self) -> bool:
+        """Whether no call will come, unless `reset`."""
         return self._handle is None
 
     def cancel(self) -> None:
@@ -54,7 +60,7 @@ class Timer:
             self._handle = None
 
     def reset(self) -> None:
-        """The next call comes one period from now."""
+        """The next call comes one period from now, also after `cancel`."""
         self.cancel()
         self._next_ns = monotonic_ns() + self._period_ns
         self._arm(self._period_ns)

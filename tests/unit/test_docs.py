@@ -21,6 +21,7 @@ from feeding import frame_record
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 OURS = (
+    "api",
     "protocol",
     "architecture",
     "lesson",

@@ -24,12 +24,22 @@ class Service:
     """Base of a service's definition: two message classes, `Request` and `Response`, within it.
 
     `__type_name__` is `<package>/srv/<Class>` for the classes under bus.srv, `local/srv/<Class>` elsewhere,
-    or what the class itself sets. It is no object at run time: see `Node.create_service` and `create_client`.
+    or what the class itself sets. It is no object at run time: see `Node.create_service` and
+    `Node.create_client`.
+
+        class Scale(bus.Service):
+            class Request(Message, kw_only=True):
+                value: float64 = 0.0
+
+            class Response(Message, kw_only=True):
+                value: float64 = 0.0
     """
 
     __type_name__: ClassVar[str]
     Request: ClassVar[type[Any]]
+    """The message class of requests."""
     Response: ClassVar[type[Any]]
+    """The message class of responses, made without arguments for callbacks that fill one."""
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()

@@ -22,13 +22,21 @@ class EndpointStatistics(msgspec.Struct, frozen=True, omit_defaults=True, gc=Fal
     Of a publisher: samples and bytes published. Of a subscription: samples and bytes delivered, samples
     waiting (in the broker and in the process), samples dropped by reason, and samples published to it since
     its matches began. When all is quiet, that is samples + queued + dropped.
+
+        graph = await node.graph(statistics=True)
+        print([one.statistics.samples for one in graph.publishers])
     """
 
     samples: int = 0
+    """Messages published, or delivered."""
     bytes: int = 0
+    """Their encoded size."""
     queued: int = 0
+    """Messages that wait."""
     dropped: dict[str, int] = {}
+    """Messages lost, by reason."""
     expected: int = 0
+    """Messages published to a subscription since its matches began."""
 
 
 class EndpointRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
