@@ -1,0 +1,114 @@
+"""The pytest plugin for users: run as they run it, with the page's example and with tests that are wrong."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from conftest import TEST_S
+from pages import ROOT, SCRIPT
+
+EXAMPLE = dict(SCRIPT.findall((ROOT / "docs" / "testing.md").read_text()))
+
+WRONG = """\
+import subprocess, sys
+import bus
+from bus.msg.std_msgs import String
+
+left = []
+
+def test_a_node_of_this_process(bus_domain):
+    left.append(bus.connect("camera"))
+    left[0].create_publisher(String, "image")
+    left[0].create_subscription(String, "commands")
+
+def test_a_program(bus_domain):
+    command = [sys.executable, "-m", "bus.cli", "topic", "pub", "/talk", "std_msgs/msg/String", "data: hi"]
+    left.append(subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+    with bus.connect("ear") as ear:
+        ear.wait_for_message(String, "talk", timeout=60)
+
+async def test_a_node_on_asyncio(bus_domain):
+    left.append(bus.Node("driver"))
+    await left[-1].open()
+
+def test_one_that_fails_is_told_no_more(bus_domain):
+    left.append(bus.connect("failed"))
+    raise LookupError("of its own")
+
+def test_busd_has_gone(bus_domain):
+    with bus.connect("survivor"):
+        bus_domain.kill()
+
+def test_the_next_one_has_a_bus_of_its_own(bus_node, bus_domain):
+    assert [node.full_name for node in bus_domain.graph().nodes] == ["/test"]
+
+def test_the_programs_end():
+    left[1].kill()
+    left[1].wait()
+"""
+
+
+def run_pytest(folder: Path, *options: str) -> str:
+    """What it prints."""
+    environ = {name: value for name, value in os.environ.items() if not name.startswith(("BUS", "PYTEST"))}
+    options = ("-p", "no:cacheprovider", "-o", "asyncio_mode=auto", "--rootdir", str(folder), *options)
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", *options],
+        cwd=folder,
+        env={**environ, "TMPDIR": str(folder), "PYTHONDONTWRITEBYTECODE": "1"},
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        timeout=TEST_S,
+        check=False,
+    )
+    assert not list(folder.glob("bus-*")), "the folders of busd are left"
+    return done.stdout
+
+
+def test_the_example_of_the_page(tmp_path: Path) -> None:
+    """In two workers of pytest-xdist, each with its own buses."""
+    for name, text in EXAMPLE.items():
+        (tmp_path / name).write_text(text)
+    assert set(EXAMPLE) == {"shouter.py", "test_shouter.py", "conftest.py"}
+    said = run_pytest(tmp_path, "-n", "2")
+    assert re.search(r"^=+ 3 passed in ", said, re.MULTILINE), said
+
+
+def test_what_is_left_is_named(tmp_path: Path) -> None:
+    (tmp_path / "conftest.py").write_text(EXAMPLE["conftest.py"])
+    (tmp_path / "test_wrong.py").write_text(WRONG)
+    said = run_pytest(tmp_path, "-rA")
+
+    assert re.search(r"^=+ 1 failed, 6 passed.*, 3 errors in ", said, re.MULTILINE), said
+    assert "  /camera of this process: publishes /image, subscribes to /commands\n" in said
+    assert "  /driver of this process\n" in said
+    program = r"^  /_bus_cli_\d+ of process \d+ \(\S+ -m bus\.cli topic pub /talk .*\): publishes /talk$"
+    assert re.search(program, said, re.MULTILINE), said
+    assert "/failed of this process" not in said
+
+
+def test_a_busd_that_can_not_start_says_why(tmp_path: Path) -> None:
+    (tmp_path / "busd.toml").write_text("[limits]\nnothing = 1\n")
+    (tmp_path / "conftest.py").write_text(EXAMPLE["conftest.py"])
+    (tmp_path / "test_it.py").write_text(
+        "import pytest, bus.testing\n"
+        "@pytest.fixture\n"
+        "def bus_domain():\n"
+        "    with bus.testing.Domain('--config', 'busd.toml') as domain:\n"
+        "        yield domain\n"
+        "def test_it(bus_node):\n"
+        "    pass\n"
+    )
+    said = run_pytest(tmp_path)
+    assert re.search("BrokerUnavailable: busd could not be started for a test: .*busd.toml.*nothing", said), (
+        said
+    )
+
+
+def test_nothing_of_the_library_needs_pytest() -> None:
+    text = "import sys, bus; [getattr(bus, name) for name in bus.__all__]; print('pytest' in sys.modules)"
+    said = subprocess.run([sys.executable, "-c", text], text=True, stdout=subprocess.PIPE, check=True).stdout
+    assert said == "False\n"
