@@ -85,10 +85,10 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         '    print(f"{error.size_bytes} bytes, at most {error.limit_bytes}")\n'
         "```",
         (
-            *("BusError", "ConfigurationError", "CommandLineError", "MessageTypeError", "PayloadTooLarge"),
-            *("AccessDenied", "QuotaExceeded", "SharedMemoryError", "ConnectionClosed", "BrokerUnavailable"),
-            *("ServiceError", "ServiceUnavailable", "ForkError", "ProtocolError", "LocalProtocolError"),
-            *("RemoteProtocolError", "ParameterError"),
+            *("BusError", "ConfigurationError", "CommandLineError", "ParameterError", "MessageTypeError"),
+            *("PayloadTooLarge", "QuotaExceeded", "AccessDenied", "SharedMemoryError", "ConnectionClosed"),
+            *("BrokerUnavailable", "ServiceError", "ServiceUnavailable", "ForkError", "ProtocolError"),
+            *("LocalProtocolError", "RemoteProtocolError"),
         ),
     ),
 }

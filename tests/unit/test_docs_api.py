@@ -51,3 +51,12 @@ def test_every_class_has_a_line_of_example(path: str) -> None:
 def test_lines_of_example_can_be_parsed(path: str) -> None:
     for example in apipage.examples(PUBLIC[path]):
         compile(example, path, "exec", ast.PyCF_ALLOW_TOP_LEVEL_AWAIT)
+
+
+@pytest.mark.parametrize("name", [name for name in bus.__all__ if isinstance(getattr(bus, name), type)])
+def test_classes_offer_no_more_than_the_page_has(name: str) -> None:
+    """tests/system/test_api_page.py has the same of live objects."""
+    cls = getattr(bus, name)
+    of_python = {one for base in cls.__mro__ if not base.__module__.startswith("bus.") for one in dir(base)}
+    offered = {one for one in dir(cls) if not one.startswith("_")} - of_python
+    assert offered <= {member.name for member in PUBLIC[name].members}
