@@ -13,11 +13,13 @@ from typing import Any
 import pytest
 
 from conftest import WAIT_S, Daemon
-from pages import BLOCK, ROOT, SCRIPT, Start, check, console
+from pages import BLOCK, FILE, ROOT, Start, check, console
 
 PAGE = (ROOT / "docs" / "patterns.md").read_text()
-SCRIPTS = dict(SCRIPT.findall(PAGE))
-SHOWN = {shown.command.split()[-1]: shown for shown in console(PAGE)}
+SCRIPTS = dict(FILE.findall(PAGE))
+COMMANDS = console(PAGE)
+SHOWN = {shown.command.split()[-1]: shown for shown in COMMANDS if "pytest" not in shown.command}
+TESTS = ("conftest.py", "pytest.ini", "test_limiter.py")
 SERVERS = {
     "web.py": "python -m uvicorn web:app --port {port}",
     "web_aiohttp.py": "python web_aiohttp.py",
@@ -29,7 +31,7 @@ pytestmark = pytest.mark.usefixtures("daemon")
 
 
 def test_every_program_is_run() -> None:
-    assert set(SCRIPTS) == set(SHOWN) | set(SERVERS)
+    assert set(SCRIPTS) == set(SHOWN) | set(SERVERS) | {*TESTS}
 
 
 @pytest.mark.parametrize("name", SHOWN)
@@ -41,6 +43,13 @@ def test_prints_what_is_shown(name: str, tmp_path: Path, start: Start) -> None:
     if shown.is_interrupted:
         program.end(signal.SIGINT)
         assert tuple(program.text.splitlines()[len(shown.output) :]) == shown.farewell
+
+
+def test_in_pytest(tmp_path: Path, start: Start) -> None:
+    (shown,) = [one for one in COMMANDS if "pytest" in one.command]
+    for name in TESTS:
+        (tmp_path / name).write_text(SCRIPTS[name])
+    check(start(f"{shown.command} -p no:cacheprovider", tmp_path), shown)
 
 
 def free_port() -> int:
