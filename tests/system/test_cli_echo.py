@@ -224,8 +224,11 @@ def test_an_unknown_topic(daemon: object) -> None:
 
 
 def test_an_unknown_type(daemon: object) -> None:
-    for name in ("std_msgs/msg/Strin", "my_msgs/msg/Own", "String", "a/b/c/d"):
-        assert bus("topic", "echo", "/x", name) == Result("", "The passed message type is invalid\n", 1)
+    hint = "; did you mean 'std_msgs/msg/String'?"
+    names = {"std_msgs/msg/Strin": hint, "String": hint, "my_msgs/msg/Own": "", "a/b/c/d": ""}
+    for name, near in names.items():
+        error = f"The passed message type is invalid{near}\n"
+        assert bus("topic", "echo", "/x", name) == Result("", error, 1)
 
 
 def test_a_topic_with_two_types(daemon: object) -> None:

@@ -2,7 +2,7 @@
 
 import signal
 
-from system.test_cli_tool import LISTENER, Result, bus, script
+from system.test_cli_tool import LISTENER, Result, bus, script, start
 
 WHEEL = """
 import asyncio, sys, bus, msgspec
@@ -16,6 +16,41 @@ async def main():
         await asyncio.Event().wait()
 bus.run(main())
 """
+
+
+NEAR_NAMES = {
+    "topic info /tpic": ("Unknown topic '/tpic'; did you mean '/topic'?\n", 1),
+    "topic info tpic": ("Unknown topic 'tpic'; did you mean '/topic'?\n", 1),
+    "topic type /tpic": ("Unknown topic '/tpic'; did you mean '/topic'?\n", 1),
+    "topic type /nosuch": ("", 1),
+    "topic echo /tpic": (
+        "WARNING: topic [/tpic] does not appear to be published yet; did you mean '/topic'?\n"
+        "Could not determine the type for the passed topic\n",
+        1,
+    ),
+    "topic pub /topic std_msgs/msg/Strin": (
+        "The passed message type is invalid; did you mean 'std_msgs/msg/String'?\n",
+        1,
+    ),
+    "topic find std_msgs/Strng": (
+        "no topic has the type 'std_msgs/msg/Strng'; did you mean 'std_msgs/msg/String'?\n",
+        0,
+    ),
+    "node info /minmal_subscriber": (
+        "Unable to find node '/minmal_subscriber'; did you mean '/minimal_subscriber'?\n",
+        1,
+    ),
+    "param list minimal_subscribr": ("Node not found; did you mean '/minimal_subscriber'?\n", 1),
+}
+
+
+def test_the_nearest_name(daemon: object) -> None:
+    with script(LISTENER):
+        assert {line: bus(*line.split()) for line in NEAR_NAMES} == {
+            line: Result("", *result) for line, result in NEAR_NAMES.items()
+        }
+        with start("topic", "hz", "/tpic") as hz:
+            assert hz.error_line().endswith("; did you mean '/topic'?")
 
 
 def test_where_two_types_of_one_name_differ(daemon: object) -> None:

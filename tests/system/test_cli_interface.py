@@ -84,6 +84,12 @@ def test_packages_and_package() -> None:
     assert bus("interface", "package", "demo", "-s").out == "demo/srv/Turn\n"
 
 
+def test_a_name_without_its_package() -> None:
+    assert bus("interface", "show", "String").out == bus("interface", "show", "std_msgs/msg/String").out
+    assert bus("interface", "show", "setbool").out == bus("interface", "show", "std_srvs/srv/SetBool").out
+    assert bus("interface", "proto", "Spoke").out == '"length: 0.5\n"\n'
+
+
 def test_proto_is_a_value_to_begin_with() -> None:
     assert bus("interface", "proto", "demo/msg/Spoke").out == '"length: 0.5\n"\n'
     assert bus("interface", "proto", "demo/srv/Turn", "--no-quotes").out == "spoke:\n  length: 0.5\n\n"
@@ -98,7 +104,15 @@ def test_proto_is_a_value_to_begin_with() -> None:
             "show std_msgs/msg/Strin",
             "Could not find the interface 'std_msgs/msg/Strin'; did you mean 'std_msgs/msg/String'?\n",
         ),
-        ("show String", "Invalid name 'String'. Expected three parts separated by '/'\n"),
+        (
+            "show Strng",
+            "Invalid name 'Strng'. Expected three parts separated by '/'"
+            "; did you mean 'std_msgs/msg/String'?\n",
+        ),
+        ("show Nonsense", "Invalid name 'Nonsense'. Expected three parts separated by '/'\n"),
+        ("show Empty", "'Empty' may be std_msgs/msg/Empty or std_srvs/srv/Empty: say which\n"),
+        ("show std_msg/msg/String", "Unknown package 'std_msg'; did you mean 'std_msgs'?\n"),
+        ("package std_msg", "Unknown package 'std_msg'; did you mean 'std_msgs'?\n"),
         ("show std_msgs//String", "Invalid name 'std_msgs//String'. Must not contain empty parts\n"),
         ("show demo/msg/Bad", "demo/msg/Bad.msg:1: 'int33' is not a known type; did you mean 'int32'?\n"),
         ("proto demo/Bad", "demo/msg/Bad.msg:1: 'int33' is not a known type; did you mean 'int32'?\n"),

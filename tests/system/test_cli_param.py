@@ -241,6 +241,17 @@ DUMP = """\
 """
 
 
+def test_the_nearest_parameter(robot: Running) -> None:
+    none = "Node '/robot' has no parameter 'sped'; did you mean 'speed'?\n"
+    assert bus("param", "get", "robot", "sped") == Result("Parameter not set.\n", none, 0)
+    described = bus("param", "describe", "robot", "sped", "speed")
+    assert described.err.count(none) == 1
+    for words in (("set", "robot", "sped", "3"), ("delete", "robot", "sped")):
+        result = bus("param", *words)
+        assert result.err.endswith("; did you mean 'speed'?\n")
+        assert result.code == 1
+
+
 def test_dump_and_load(robot: Running, tmp_path: Path) -> None:
     assert bus("param", "dump", "robot") == Result(DUMP, "", 0)
     path = tmp_path / "robot.yaml"

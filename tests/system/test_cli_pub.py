@@ -102,9 +102,15 @@ def test_mistakes(daemon: object) -> None:
     for words, text in (
         ((STRING, "dat: hi"), "Failed to populate field: 'String' object has no attribute 'dat'"),
         ((STRING, "hi"), "The passed value needs to be a dictionary in YAML format"),
-        (("std_msgs/msg/Strin", "data: hi"), "The passed message type is invalid"),
-        (("nosuch_msgs/msg/String", "data: hi"), "The passed message type is invalid"),
-        (("String", "data: hi"), "The passed message type is invalid"),
+        (
+            ("std_msgs/msg/Strin", "data: hi"),
+            "The passed message type is invalid; did you mean 'std_msgs/msg/String'?",
+        ),
+        (("nosuch_msgs/msg/Nonsense", "data: hi"), "The passed message type is invalid"),
+        (
+            ("String", "data: hi"),
+            "The passed message type is invalid; did you mean 'std_msgs/msg/String'?",
+        ),
         (
             ("std_msgs/msg/Int8", "data: 200"),
             "Failed to populate field: std_msgs/msg/Int8: Expected `int` <= 127 - at `$.data`",

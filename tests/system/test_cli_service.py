@@ -106,8 +106,10 @@ INVALID = "The passed service type is invalid"
 NO_FIELD = "Failed to populate field: "
 REFUSED = {
     "service info nosuch": "Unknown service 'nosuch'\n",
-    "service find AddTwoInts": f"{INVALID}\n",
-    "service call add_two_ints AddTwoInts": f"{INVALID}\n",
+    "service find AddTwoInts": f"{INVALID}; did you mean '{TYPE}'?\n",
+    "service call add_two_ints AddTwoInts": f"{INVALID}; did you mean '{TYPE}'?\n",
+    "service info ad_two_ints": "Unknown service 'ad_two_ints'; did you mean '/add_two_ints'?\n",
+    "service type ad_two_ints": "Unknown service 'ad_two_ints'; did you mean '/add_two_ints'?\n",
     "service call add_two_ints std_msgs/msg/String": (
         f"{INVALID}: std_msgs/msg/String is a message, not a service\n"
     ),
@@ -144,6 +146,9 @@ def test_what_can_not_be(adder: None) -> None:
         line: Result("", text, 1) for line, text in REFUSED.items()
     }
     assert bus("service", "type", "nosuch") == Result("", "", 1)
+    with start("service", "call", "ad_two_ints", TYPE) as call:
+        assert call.line() == "waiting for service to become available..."
+        assert call.error_line() == "nobody serves '/ad_two_ints'; did you mean '/add_two_ints'?"
     broken = bus("service", "call", "add_two_ints", TYPE, "{a: [}")
     assert (broken.out, broken.code) == ("", 1)
     assert broken.err.startswith("The passed value needs to be a dictionary in YAML format: ")

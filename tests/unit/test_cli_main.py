@@ -10,6 +10,7 @@ import pytest
 
 import bus
 from bus.cli import main as cli
+from bus.cli import slips
 from bus.cli.main import COMMANDS, make_parser, run
 from bus.cli.output import CommandError
 from bus.cli.query import full_topic_name, full_type_name
@@ -84,8 +85,6 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     "words",
     [
-        ("topics",),
-        ("topic", "lst"),
         ("topic", "list", "--bogus"),
         ("topic", "info"),
         ("topic", "hz", "/x", "-w", "0"),
@@ -101,6 +100,29 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
 def test_wrong_usage_is_two(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     assert stop(*words) == 2
     assert "error: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("line", "text"),
+    [
+        ("tpoic list", "bus: there is no command 'tpoic'; did you mean 'bus topic'?"),
+        ("--domain 3 topics list", "bus: there is no command 'topics'; did you mean 'bus topic'?"),
+        ("echo /x", "bus: there is no command 'echo'; did you mean 'bus topic echo'?"),
+        ("wtf", "bus: there is no command 'wtf'; did you mean 'bus doctor'?"),
+        ("xyz", "bus: there is no command 'xyz'; bus --help lists what there is"),
+        ("topic lsit", "bus topic: there is no verb 'lsit'; did you mean 'bus topic list'?"),
+        ("node xyz", "bus node: there is no verb 'xyz'; there are info, list"),
+        ("launch demo all.launch.py", "bus launch: not there yet; start each program with bus run"),
+        ("lifecycle nodes", "bus lifecycle: not there yet"),
+    ],
+)
+def test_a_command_that_does_not_exist(line: str, text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert stop(*line.split()) == 2
+    assert capsys.readouterr() == ("", f"{text}\n")
+
+
+def test_what_is_not_there_yet_is_not_there() -> None:
+    assert not {*slips._NOT_YET, *slips._OTHER_NAMES} & {*COMMANDS}
 
 
 @pytest.mark.parametrize(

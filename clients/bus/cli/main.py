@@ -8,13 +8,21 @@ BusError) with the text that the user shall read.
 import io
 import os
 import sys
-from argparse import SUPPRESS, ArgumentParser, HelpFormatter, Namespace, RawDescriptionHelpFormatter
+from argparse import (
+    SUPPRESS,
+    Action,
+    ArgumentParser,
+    HelpFormatter,
+    Namespace,
+    RawDescriptionHelpFormatter,
+    _SubParsersAction,
+)
 from collections.abc import Sequence
 from functools import cache
 from importlib import import_module
 from typing import Any, NoReturn
 
-from bus.cli.exitcodes import EXIT_ERROR
+from bus.cli.exitcodes import EXIT_ERROR, EXIT_USAGE
 from bus.cli.output import CommandError, complain, say
 from bus.ending import Terminated, die_by
 from bus.errors import BusError
@@ -166,7 +174,21 @@ def _run(words: Sequence[str]) -> int:
     return code
 
 
-class _VerbParser(ArgumentParser):
+class _Parser(ArgumentParser):
+    """Says of a command or a verb that does not exist which one may have been meant."""
+
+    def _check_value(self, action: Action, value: Any) -> None:
+        if action.choices is None or value in action.choices or not isinstance(action, _SubParsersAction):
+            super()._check_value(action, value)
+            return
+        from bus.cli.slips import no_command, no_verb
+
+        is_command = self.prog == "bus"
+        complain(no_command(value, COMMANDS) if is_command else no_verb(self.prog, value, action.choices))
+        self.exit(EXIT_USAGE)
+
+
+class _VerbParser(_Parser):
     """Lets options stand between arguments, as in `pub /topic TYPE --once VALUES`."""
 
     _is_within = False
@@ -201,7 +223,7 @@ def _help_width() -> int:
 
 def make_parser(words: Sequence[str]) -> ArgumentParser:
     """The parser for `words`: it has all commands, but arguments only for the verbs that stand in `words`."""
-    parser = ArgumentParser(
+    parser = _Parser(
         prog="bus",
         description="Look at and take part in the message bus of this machine.",
         epilog=_EPILOG.format(verbs=_list_verbs()),

@@ -102,7 +102,9 @@ async def find_class(
         if ready_made is not None and not kinds:
             return ready_made
         if not kinds:
-            raise CommandError("The passed message type is invalid")
+            from bus.cli.nearby import near_type
+
+            raise CommandError(f"The passed message type is invalid{near_type(name, 'msg', graph)}")
     ready_made = find_type(kinds[0][0])
     if ready_made is not None and type_hash(ready_made) == kinds[0][1]:
         return ready_made
@@ -125,15 +127,19 @@ async def _difference(node: Node, one: GraphEndpoint, other: GraphEndpoint) -> s
     return f"; {one.node.full_name} and {other.node.full_name} both call it {one.type_name}, but {found}"
 
 
-def not_published(topic: str) -> None:
-    complain(f"WARNING: topic [{topic}] does not appear to be published yet")
+def not_published(topic: str, graph: Graph) -> None:
+    """Say it, and which topic may have been meant."""
+    from bus.cli.nearby import near_topic
+
+    complain(f"WARNING: topic [{topic}] does not appear to be published yet{near_topic(topic, graph)}")
 
 
 async def wait_for_class(node: Node, topic: str) -> type[msgspec.Struct]:
     """The class for `topic`'s messages, as soon as somebody has the topic."""
-    found = await find_class(node, await node.graph(), topic)
+    graph = await node.graph()
+    found = await find_class(node, graph, topic)
     if found is None:
-        not_published(topic)
+        not_published(topic, graph)
     while found is None:
         await asyncio.sleep(_LOOK_S)
         found = await find_class(node, await node.graph(), topic)

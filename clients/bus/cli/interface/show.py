@@ -46,6 +46,8 @@ def given_name(text: str) -> str:
     from bus.errors import ConfigurationError
     from bus.interfaces import definition_path, full_name, names
 
+    if text and "/" not in text:
+        return _only_one_called(text)
     parts = text.split("/")
     if len(parts) not in (2, 3):
         raise CommandError(f"Invalid name '{text}'. Expected three parts separated by '/'")
@@ -57,10 +59,32 @@ def given_name(text: str) -> str:
         definition_path(name)
     except ConfigurationError as error:
         if not names(package=parts[0]):
-            raise CommandError(f"Unknown package '{parts[0]}'") from None
+            raise CommandError(f"Unknown package '{parts[0]}'{near_owner(parts[0])}") from None
         _, hint, near = str(error).partition("; did you mean")
         raise CommandError(f"Could not find the interface '{name}'{hint}{near}") from None
     return name
+
+
+def near_owner(package: str) -> str:
+    """The end of a message about a package that has no definitions: which one may have been meant."""
+    from bus.interfaces import packages
+    from bus.spelling import did_you_mean
+
+    return did_you_mean(package, packages())
+
+
+def _only_one_called(short: str) -> str:
+    """The full name of the definition that is called `String` or the like."""
+    from bus.cli.nearby import near_type, types_called
+    from bus.interfaces import names
+
+    found = types_called(short, names())
+    if len(found) > 1:
+        raise CommandError(f"'{short}' may be {' or '.join(found)}: say which")
+    if not found:
+        wrong = f"Invalid name '{short}'. Expected three parts separated by '/'"
+        raise CommandError(f"{wrong}{near_type(short, None)}")
+    return found[0]
 
 
 def _lines(name: str, *, comments: bool, nested_comments: bool, above: tuple[str, ...] = ()) -> Iterator[str]:

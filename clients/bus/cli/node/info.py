@@ -23,7 +23,9 @@ def main(args: Namespace) -> int:
     name = args.node_name if args.node_name.startswith("/") else f"/{args.node_name}"
     found = [node for node in graph.nodes if node.full_name == name]
     if not found:
-        raise CommandError(f"Unable to find node '{args.node_name}'")
+        from bus.cli.nearby import near_node
+
+        raise CommandError(f"Unable to find node '{args.node_name}'{near_node(name, graph)}")
     if len(found) > 1:
         complain(
             f'There are {len(found)} nodes in the graph with the exact name "{name}". '

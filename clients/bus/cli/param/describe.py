@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from bus.cli.output import print_json, say
+from bus.cli.output import complain, print_json, say
 from bus.cli.param.remote import TYPE_NAMES, add_node_argument, find_node, open_remote
 from bus.cli.stream import run_stream
 
@@ -23,6 +23,9 @@ def main(args: Namespace) -> int:
 async def _describe(args: Namespace, name: str) -> int:
     async with open_remote(args, name) as remote:
         response = await remote.call("DescribeParameters", names=args.parameter_names)
+        for parameter in args.parameter_names:
+            if near := await remote.near(parameter):
+                complain(f"Node '{name}' has no parameter '{parameter}'{near}")
     for parameter, descriptor in zip(args.parameter_names, response.descriptors, strict=False):
         if args.json:
             ranges = ("integer_range", "floating_point_range")

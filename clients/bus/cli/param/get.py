@@ -2,7 +2,7 @@
 
 from argparse import ArgumentParser, Namespace
 
-from bus.cli.output import CommandError, print_json, say
+from bus.cli.output import CommandError, complain, print_json, say
 from bus.cli.param.remote import (
     LABELS,
     TYPE_NAMES,
@@ -28,6 +28,8 @@ def main(args: Namespace) -> int:
 async def _get(args: Namespace, name: str) -> int:
     async with open_remote(args, name) as remote:
         value = (await remote.values([args.parameter_name]))[0]
+        if value.type == 0 and (near := await remote.near(args.parameter_name)):
+            complain(f"Node '{name}' has no parameter '{args.parameter_name}'{near}")
     if value.type >= len(LABELS):
         raise CommandError(f"Unknown parameter type '{value.type}'")
     shown = plain(value)

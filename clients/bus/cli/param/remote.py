@@ -74,8 +74,11 @@ def add_node_argument(parser: ArgumentParser) -> None:
 def find_node(args: Namespace) -> str:
     """The full name of the node that the command line names. Raises CommandError where it is not there."""
     name: str = args.node_name if args.node_name.startswith("/") else f"/{args.node_name}"
-    if all(node.full_name != name for node in get_graph(args).nodes):
-        raise CommandError("Node not found")
+    graph = get_graph(args)
+    if all(node.full_name != name for node in graph.nodes):
+        from bus.cli.nearby import near_node
+
+        raise CommandError(f"Node not found{near_node(name, graph)}")
     return name
 
 
@@ -123,6 +126,13 @@ class Remote:
         response = await self.call("ListParameters", prefixes=list(prefixes), depth=0)
         return sorted(response.result.names)
 
+    async def near(self, name: str) -> str:
+        """What was meant by the name of a parameter that the node does not have; "" where it has it."""
+        from bus.spelling import did_you_mean
+
+        names = await self.names()
+        return "" if name in names else did_you_mean(name, names)
+
     async def values(self, names: list[str]) -> list[Any]:
         """ParameterValues."""
         response = await self.call("GetParameters", names=names)
@@ -161,6 +171,9 @@ def set_parameters(args: Namespace, name: str, values: dict[str, Any]) -> list[A
     async def call() -> int:
         async with open_remote(args, name) as remote:
             results.extend(await remote.set(values))
+            for parameter, result in zip(values, results, strict=True):
+                if not result.successful:
+                    result.reason += await remote.near(parameter)
         return 0
 
     run_stream(call())

@@ -16,7 +16,9 @@ def main(args: Namespace) -> int:
     for package in chosen:
         found = packages.executables(package)
         if found is None:
-            raise CommandError(f"Package '{package}' not found")
+            from bus.cli.nearby import near_package
+
+            raise CommandError(f"Package '{package}' not found{near_package(package)}")
         for one in found:
             if args.json:
                 print_json({"package": package, "executable": one.name, "path": one.path})

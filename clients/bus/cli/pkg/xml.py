@@ -15,7 +15,9 @@ def main(args: Namespace) -> int:
     from xml.etree import ElementTree
 
     if packages.find_prefix(args.package_name) is None:
-        raise CommandError("Package not found")
+        from bus.cli.nearby import near_package
+
+        raise CommandError(f"Package not found{near_package(args.package_name)}")
     manifest = packages.manifest(args.package_name)
     if manifest is None:
         raise CommandError("Package xml manifest not found")

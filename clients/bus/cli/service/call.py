@@ -6,7 +6,7 @@ from typing import Any
 
 from bus.cli.completion import completed_by
 from bus.cli.documents import load
-from bus.cli.output import print_json, say
+from bus.cli.output import complain, print_json, say
 from bus.cli.populate import Prototype
 from bus.cli.query import full_topic_name
 from bus.cli.render import View
@@ -43,11 +43,17 @@ def main(args: Namespace) -> int:
 
 async def _call(args: Namespace, service: str, name: str, values: Any) -> int:
     async with open_node(args) as node:
-        definition = await find_service_type(node, await node.graph(), service, name)
+        graph = await node.graph()
+        definition = await find_service_type(node, graph, service, name)
         prototype = Prototype(definition.Request, values)
         client = await node.create_client(definition, service)
-        if not client.statistics().servers and not args.json:
-            say("waiting for service to become available...")
+        if not client.statistics().servers:
+            from bus.cli.nearby import near_service
+
+            if not args.json:
+                say("waiting for service to become available...")
+            if near := near_service(service, graph):
+                complain(f"nobody serves '{service}'{near}")
         await client.wait_for_service()
         loop = asyncio.get_running_loop()
         due_s = loop.time()

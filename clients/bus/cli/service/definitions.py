@@ -18,7 +18,9 @@ def full_service_type(text: str) -> str:
     """`std_srvs/SetBool` as `std_srvs/srv/SetBool`. Raises CommandError for what is no service's type."""
     parts = text.split("/")
     if len(parts) not in (2, 3) or not all(parts):
-        raise CommandError("The passed service type is invalid")
+        from bus.cli.nearby import near_type
+
+        raise CommandError(f"The passed service type is invalid{near_type(text, 'srv')}")
     if len(parts) == 3 and parts[1] == "msg":
         raise CommandError(f"The passed service type is invalid: {text} is a message, not a service")
     return text if len(parts) == 3 else f"{parts[0]}/srv/{parts[1]}"

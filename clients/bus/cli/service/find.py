@@ -2,7 +2,7 @@
 
 from argparse import ArgumentParser, Namespace
 
-from bus.cli.output import print_json, say
+from bus.cli.output import complain, print_json, say
 from bus.cli.query import get_graph
 from bus.cli.service.definitions import full_service_type
 from bus.names import is_hidden_topic
@@ -20,11 +20,17 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(args: Namespace) -> int:
     wanted = full_service_type(args.service_type)
+    graph = get_graph(args)
     found = [
         service
-        for service, types in get_graph(args).services().items()
+        for service, types in graph.services().items()
         if wanted in types and (args.include_hidden_services or not is_hidden_topic(service))
     ]
+    if not found:
+        from bus.cli.nearby import near_type
+
+        if near := near_type(wanted, "srv"):
+            complain(f"no service has the type '{wanted}'{near}")
     if args.count_services:
         if args.json:
             print_json({"count": len(found)})

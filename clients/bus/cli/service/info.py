@@ -20,7 +20,9 @@ def main(args: Namespace) -> int:
     graph = get_graph(args)
     types = graph.services().get(service)
     if types is None:
-        raise CommandError(f"Unknown service '{args.service_name}'")
+        from bus.cli.nearby import near_service
+
+        raise CommandError(f"Unknown service '{args.service_name}'{near_service(service, graph)}")
     clients, servers = len(graph.clients_of(service)), len(graph.servers_of(service))
     if args.json:
         print_json({"service": service, "types": types, "clients_count": clients, "services_count": servers})

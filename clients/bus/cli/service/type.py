@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus.cli.completion import completed_by
-from bus.cli.output import print_json, say
+from bus.cli.output import complain, print_json, say
 from bus.cli.query import full_topic_name, get_graph
 from bus.cli.service.definitions import services
 
@@ -17,7 +17,13 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(args: Namespace) -> int:
     service = full_topic_name(args.service_name)
-    types = get_graph(args).services().get(service, [])
+    graph = get_graph(args)
+    types = graph.services().get(service, [])
+    if not types:
+        from bus.cli.nearby import near_service
+
+        if near := near_service(service, graph):  # else, as in ros2, the status says it
+            complain(f"Unknown service '{args.service_name}'{near}")
     for name in types:
         if args.json:
             print_json({"service": service, "type": name})

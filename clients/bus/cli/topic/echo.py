@@ -107,7 +107,7 @@ async def _echo(args: Namespace) -> int:
         graph = await node.graph()
         message_type = await find_class(node, graph, topic, args.message_type)
         if message_type is None:
-            not_published(topic)
+            not_published(topic, graph)
             raise CommandError("Could not determine the type for the passed topic")
         profile = choose_profile(graph, topic, args)
         write = _raw(args) if args.raw else _writer(args, type_support(message_type).schema)

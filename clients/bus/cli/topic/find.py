@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus.cli.completion import completed_by, types
-from bus.cli.output import print_json, say
+from bus.cli.output import complain, print_json, say
 from bus.cli.query import full_type_name, get_graph
 from bus.names import is_hidden_topic
 
@@ -20,11 +20,17 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(args: Namespace) -> int:
     wanted = full_type_name(args.topic_type)
+    graph = get_graph(args)
     found = [
         topic
-        for topic, types in get_graph(args).topics().items()
+        for topic, types in graph.topics().items()
         if wanted in types and (args.include_hidden_topics or not is_hidden_topic(topic))
     ]
+    if not found:
+        from bus.cli.nearby import near_type
+
+        if near := near_type(wanted, "msg", graph):
+            complain(f"no topic has the type '{wanted}'{near}")
     if args.count_topics:
         if args.json:
             print_json({"count": len(found)})

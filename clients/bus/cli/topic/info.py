@@ -35,7 +35,9 @@ def main(args: Namespace) -> int:
         matches = {one.id: _matches(graph, one, describe) for one in there}
     types = graph.topics().get(topic)
     if types is None:
-        raise CommandError(f"Unknown topic '{args.topic_name}'")
+        from bus.cli.nearby import near_topic
+
+        raise CommandError(f"Unknown topic '{args.topic_name}'{near_topic(topic, graph)}")
     sides = (("Publisher", graph.publishers_of(topic)), ("Subscription", graph.subscriptions_of(topic)))
     if args.json:
         record: dict[str, Any] = {"topic": topic, "types": types}

@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus.cli.completion import completed_by, topics
-from bus.cli.output import print_json, say
+from bus.cli.output import complain, print_json, say
 from bus.cli.query import full_topic_name, get_graph
 from bus.names import is_hidden_topic
 
@@ -18,7 +18,13 @@ def main(args: Namespace) -> int:
     topic = full_topic_name(args.topic_name)
     if is_hidden_topic(topic) and not args.include_hidden_topics:
         return 1
-    types = get_graph(args).topics().get(topic, [])
+    graph = get_graph(args)
+    types = graph.topics().get(topic, [])
+    if not types:
+        from bus.cli.nearby import near_topic
+
+        if near := near_topic(topic, graph):  # else, as in ros2, the status says it
+            complain(f"Unknown topic '{args.topic_name}'{near}")
     for name in types:
         if args.json:
             print_json({"topic": topic, "type": name})
