@@ -4,6 +4,8 @@ from collections.abc import Callable
 from functools import partial
 from inspect import Parameter, iscoroutinefunction, signature
 
+from bus.awaited import is_to_be_awaited
+
 __all__ = ["ignore", "is_async", "takes_info"]
 
 
@@ -11,7 +13,8 @@ def is_async(callback: Callable[..., object]) -> bool:
     """Whether what a call returns is to be awaited: async functions and methods, objects with such a call."""
     while isinstance(callback, partial):
         callback = callback.func
-    return iscoroutinefunction(callback) or iscoroutinefunction(getattr(callback, "__call__", None))  # noqa: B004
+    call = getattr(callback, "__call__", None)  # noqa: B004
+    return iscoroutinefunction(callback) or iscoroutinefunction(call) or is_to_be_awaited(callback)
 
 
 def takes_info(callback: Callable[..., object]) -> bool:

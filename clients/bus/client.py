@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import msgspec
 
+from bus.awaited import done_anyway
 from bus.callbacks import ignore
 from bus.envelope import Reply, ServiceSupport, keeping_all, service_support
 from bus.errors import BusError, LocalProtocolError, ServiceError, ServiceUnavailable, again
@@ -206,6 +207,7 @@ class ServiceClient:
             servers=len(self._servers),
         )
 
+    @done_anyway
     async def close(self) -> None:
         """Leave the graph; calls that wait get ConnectionClosed. Closing twice is allowed."""
         try:

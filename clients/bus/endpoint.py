@@ -13,6 +13,7 @@ from typing import Any, Generic, TypeVar
 
 import msgspec
 
+from bus.awaited import done_anyway
 from bus.descriptor import Descriptor
 from bus.errors import BusError, ConnectionClosed, again
 from bus.events import (
@@ -117,6 +118,7 @@ class Endpoint(Generic[M]):
         """The endpoints that this one is matched with now; none while busd is away, and once it is closed."""
         return tuple(self._matches.values())
 
+    @done_anyway
     async def close(self) -> None:
         """Hand over what was published, leave the graph. Closing twice is allowed.
 

@@ -14,6 +14,7 @@ import msgspec
 from bus import names, shm
 from bus.address import socket_path
 from bus.arguments import Arguments
+from bus.awaited import done_anyway, to_be_awaited
 from bus.errors import AccessDenied, CommandLineError, ConfigurationError, ConnectionClosed, ForkError
 from bus.events import PublisherEvents, SubscriptionEvents
 from bus.graph import Graph, graph_of
@@ -129,6 +130,7 @@ class Node(ParameterHost):
         """Namespace and name, as the graph shows them."""
         return names.join_node_name(self.namespace, self.name)
 
+    @to_be_awaited
     async def open(self) -> None:
         """Connect, start a busd where none listens, and appear in the graph; `async with` does it.
 
@@ -151,6 +153,7 @@ class Node(ParameterHost):
             await self.close()
             raise
 
+    @done_anyway
     async def close(self) -> None:
         """Stop the timers, hand over what was published, close all that the node has made, leave the graph.
 
@@ -186,6 +189,7 @@ class Node(ParameterHost):
                 body.uncancel()
             raise self._error
 
+    @to_be_awaited
     async def create_publisher(
         self, message_type: type[M], topic: str, qos: QoS = 10, *, events: PublisherEvents | None = None
     ) -> Publisher[M]:
@@ -254,6 +258,7 @@ class Node(ParameterHost):
         busy_poll: float = 0.0,
     ) -> Subscription[Any]: ...
 
+    @to_be_awaited
     async def create_subscription(
         self,
         message_type: type[M],

@@ -13,6 +13,7 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
+from bus.awaited import done_anyway
 from bus.callbacks import ignore, is_async, takes_info
 from bus.envelope import Request, ServiceSupport, keeping_all, service_support
 from bus.errors import BusError, ConnectionClosed
@@ -177,6 +178,7 @@ class ServiceServer:
             clients=requests.publishers,
         )
 
+    @done_anyway
     async def close(self) -> None:
         """Take no more requests, hand over the answers, leave the graph. Closing twice is allowed.
 

@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
+from bus.awaited import to_be_awaited
 from bus.errors import ConnectionClosed
 from bus.link import Link
 from bus.logger import Logger
@@ -46,6 +47,7 @@ class ServiceHost(ABC):
     @abstractmethod
     def _fail(self, error: BaseException) -> None: ...
 
+    @to_be_awaited
     async def create_service(
         self,
         service_type: type[Any],
@@ -85,6 +87,7 @@ class ServiceHost(ABC):
         await self._declare_both(*server._endpoints)
         return server
 
+    @to_be_awaited
     async def create_client(
         self,
         service_type: type[Any],

@@ -1,0 +1,118 @@
+"""Coroutine functions that say so where somebody forgets the `await`, and name the line that did.
+
+For what is easily forgotten by who comes from rclpy: making things and closing them. Python warns of it too,
+but names the line where the coroutine was thrown away; and who reads would wait for ever for the end of what
+was never closed.
+"""
+
+import asyncio
+import sys
+import warnings
+from collections.abc import Callable, Coroutine, Generator
+from functools import wraps
+from types import FrameType
+from typing import Any, ParamSpec, TypeVar
+
+__all__ = ["done_anyway", "is_to_be_awaited", "to_be_awaited"]
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+_MARK = "_is_to_be_awaited"
+_tasks: set[asyncio.Task[Any]] = set()
+
+
+def to_be_awaited(function: Callable[P, Coroutine[Any, Any, T]]) -> Callable[P, Coroutine[Any, Any, T]]:
+    """Decorator: a call that nobody awaits does nothing, and is warned of."""
+    return _decorated(function, is_done_anyway=False)
+
+
+def done_anyway(function: Callable[P, Coroutine[Any, Any, T]]) -> Callable[P, Coroutine[Any, Any, T]]:
+    """Decorator: a call that nobody awaits is done by the event loop all the same, and is warned of."""
+    return _decorated(function, is_done_anyway=True)
+
+
+def is_to_be_awaited(function: object) -> bool:
+    """Whether it, or the method that it is, was decorated so."""
+    return hasattr(function, _MARK)
+
+
+def _decorated(
+    function: Callable[P, Coroutine[Any, Any, T]], *, is_done_anyway: bool
+) -> Callable[P, Coroutine[Any, Any, T]]:
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> Coroutine[Any, Any, T]:
+        loop = asyncio._get_running_loop() if is_done_anyway else None
+        return _Call(function(*args, **kwargs), sys._getframe(1), loop)
+
+    setattr(call, _MARK, True)
+    return call
+
+
+class _Call(Coroutine[Any, Any, T]):
+    """A coroutine, and which line made it; `loop` is to run it where nobody else does."""
+
+    def __init__(
+        self,
+        coroutine: Coroutine[Any, Any, T],
+        caller: FrameType,
+        loop: asyncio.AbstractEventLoop | None,
+    ) -> None:
+        self._coroutine: Any = coroutine
+        self._path = caller.f_code.co_filename
+        self._line = caller.f_lineno
+        self._loop = loop
+        self._is_begun = self._is_told = False
+
+    def __await__(self) -> Generator[Any, None, T]:
+        self._is_begun = True
+        generator: Generator[Any, None, T] = self._coroutine.__await__()
+        return generator
+
+    def send(self, value: Any) -> Any:
+        self._is_begun = True
+        return self._coroutine.send(value)
+
+    def throw(self, *what: Any) -> Any:
+        self._is_begun = True
+        return self._coroutine.throw(*what)
+
+    def close(self) -> None:
+        self._is_begun = True
+        self._coroutine.close()
+
+    def __repr__(self) -> str:
+        return repr(self._coroutine)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith(("cr_", "__")):  # what asyncio, inspect and debuggers look at
+            return getattr(self._coroutine, name)
+        method = self._coroutine.__name__
+        self._is_told = True
+        raise AttributeError(
+            f"{method}(...) has no '{name}' before it is awaited: write await {method}(...) "
+            f"in line {self._line} of {self._path}"
+        )
+
+    def __del__(self) -> None:
+        if self._is_begun:
+            return
+        coroutine = self._coroutine
+        owner = type(coroutine.cr_frame.f_locals["self"]).__name__
+        text = f"coroutine '{owner}.{coroutine.__name__}' was never awaited"
+        try:
+            if self._loop is None:
+                coroutine.close()
+            else:
+                self._loop.call_soon_threadsafe(_carry_out, self._loop, coroutine)
+                text += "; it is done a little later"
+        except RuntimeError:  # the loop has ended
+            coroutine.close()
+        if not self._is_told and not sys.is_finalizing():
+            warnings.warn_explicit(text, RuntimeWarning, self._path, self._line)
+
+
+def _carry_out(loop: asyncio.AbstractEventLoop, coroutine: Coroutine[Any, Any, Any]) -> None:
+    task = loop.create_task(coroutine)
+    _tasks.add(task)  # the loop itself holds it loosely
+    task.add_done_callback(_tasks.discard)

@@ -1,0 +1,127 @@
+"""A forgotten `await`: who forgot it is told where, and nobody waits for ever for what was to be closed."""
+
+import asyncio
+import gc
+from collections.abc import Callable, Coroutine
+from inspect import currentframe
+from typing import Any
+
+import pytest
+
+import bus
+from bus.callbacks import is_async
+from bus.msg.std_msgs import String
+from bus.srv.std_srvs import Empty
+from semantics import node
+
+__all__ = ["node"]
+
+pytestmark = pytest.mark.usefixtures("daemon")
+
+
+def warned_at(make: Callable[[], object]) -> tuple[str, int, str]:
+    """What is warned of when what `make` returns is thrown away: the text, and the line that is named."""
+    with pytest.warns(RuntimeWarning) as told:
+        make()
+        gc.collect()
+    (one,) = told
+    return str(one.message), one.lineno, one.filename
+
+
+MADE: dict[str, Callable[[bus.Node], Coroutine[Any, Any, Any]]] = {
+    "Node.open": lambda node: bus.Node("other", arguments=()).open(),
+    "Node.create_publisher": lambda node: node.create_publisher(String, "t"),
+    "Node.create_subscription": lambda node: node.create_subscription(String, "t"),
+    "Node.create_service": lambda node: node.create_service(Empty, "s", lambda request: request),
+    "Node.create_client": lambda node: node.create_client(Empty, "s"),
+}
+
+
+@pytest.mark.parametrize("name", MADE)
+async def test_what_was_not_made_is_told(node: bus.Node, name: str) -> None:
+    line = MADE[name].__code__.co_firstlineno
+    assert warned_at(lambda: MADE[name](node)) == (f"coroutine '{name}' was never awaited", line, __file__)
+    assert node._endpoints == [] or node._endpoints == [node._rosout._publisher]  # type: ignore[union-attr]
+
+
+async def test_the_line_is_that_of_the_call(node: bus.Node) -> None:
+    """Not the one where it was thrown away."""
+    with pytest.warns(RuntimeWarning) as told:
+        publisher: Any = node.create_publisher(
+            String,
+            "t",
+        )
+        frame = currentframe()
+        assert frame is not None
+        here = frame.f_lineno
+        del publisher
+    assert told[0].lineno == here - 6
+
+
+async def test_what_was_not_made_has_no_methods(node: bus.Node) -> None:
+    """It says what is missing, and a warning would say so once more."""
+    publisher: Any = node.create_publisher(String, "t")
+    with pytest.raises(
+        AttributeError, match=r"has no 'publish' before it is awaited: write await create_pub"
+    ):
+        publisher.publish(String())
+    assert not hasattr(publisher, "topic_name")
+    assert (await publisher).topic_name == "/t"
+    publisher = node.create_publisher(String, "t")
+    assert not hasattr(publisher, "topic_name")
+    del publisher
+
+
+async def test_close_ends_a_reader_all_the_same(node: bus.Node) -> None:
+    subscription = await node.create_subscription(String, "t")
+    publisher = await node.create_publisher(String, "t")
+
+    async def read() -> list[str]:
+        return [message.data async for message in subscription]
+
+    reading = asyncio.create_task(read())
+    publisher.publish(String(data="last"))
+    await asyncio.sleep(0.1)
+    text, *_ = warned_at(lambda: subscription.close())
+    assert text == "coroutine 'Subscription.close' was never awaited; it is done a little later"
+    async with asyncio.timeout(10):
+        assert await reading == ["last"]
+
+
+async def test_all_that_is_closed_so_is_closed(node: bus.Node) -> None:
+    client = await node.create_client(Empty, "s")
+    service = await node.create_service(Empty, "s", lambda request: Empty.Response())
+    publisher = await node.create_publisher(String, "t")
+    other = bus.Node("other", arguments=())
+    await other.open()
+    for one in (client, service, publisher, other):
+        name = f"{type(one).__name__}.close"
+        assert warned_at(lambda one=one: one.close())[0].startswith(f"coroutine '{name}'")  # type: ignore[misc]
+    async with asyncio.timeout(10):
+        await node.wait_for_graph(
+            lambda graph: [one.name for one in graph.nodes] == [node.name] and not graph.publishers_of("/t")
+        )
+    with pytest.raises(bus.ConnectionClosed):
+        publisher.publish(String())
+
+
+async def test_where_it_is_not_forgotten(node: bus.Node, recwarn: pytest.WarningsRecorder) -> None:
+    """It is a coroutine as others are."""
+    made = [
+        await asyncio.create_task(node.create_publisher(String, "a")),
+        await asyncio.wait_for(node.create_publisher(String, "b"), 10),
+        *(await asyncio.gather(node.create_publisher(String, "c"), node.create_publisher(String, "d"))),
+    ]
+    assert [one.topic_name for one in made] == ["/a", "/b", "/c", "/d"]
+    cancelled = asyncio.create_task(node.create_publisher(String, "e"))
+    cancelled.cancel()
+    await asyncio.wait([cancelled])
+    coroutine = made[0].close()
+    assert asyncio.iscoroutine(coroutine) and coroutine.cr_frame is not None
+    await coroutine
+    with pytest.raises(RuntimeError, match="reuse"):
+        await coroutine
+    node.create_publisher(String, "f").close()
+    assert is_async(node.close)
+    gc.collect()
+    assert recwarn.list == []
