@@ -1,17 +1,24 @@
 """A node's time: the machine's, or a simulation's; and rates, which sleep by it.
 
-Must not know where the simulation's time comes from (`bus.timesource`).
+Must not know where the simulation's time comes from (`bus.timesource`), or what timers do.
 """
 
 import asyncio
 from time import monotonic_ns, time_ns
+from typing import Protocol
 
 from bus.errors import ConfigurationError, ConnectionClosed
 
-__all__ = ["Clock", "Rate"]
+__all__ = ["Clock", "Rate", "TimerOfClock"]
 
 _S = 1_000_000_000
 _MOST_HZ = 1e9
+
+
+class TimerOfClock(Protocol):
+    """What a clock knows of a timer."""
+
+    def _look_at_clock(self) -> None: ...
 
 
 class Clock:
@@ -21,6 +28,8 @@ class Clock:
         self.is_simulated = False
         self.epoch = 0
         """Counts the jumps after which a plan is void: back in time, or to another source of time."""
+        self.timers: set[TimerOfClock] = set()
+        """Those that run."""
         self._node = node
         self._simulated_ns = 0
         self._is_closed = False
@@ -45,12 +54,13 @@ class Clock:
         before_ns, self._simulated_ns = self._simulated_ns, now_ns
         if not self.is_simulated:
             return
-        if now_ns < before_ns:
+        if now_ns < before_ns or not before_ns:  # 0 is no time yet
             self._jump()
             return
         for waiting, due_ns in self._waiting.items():
             if due_ns <= now_ns:
                 _wake(waiting)
+        self._tell_timers()
 
     async def wait(self, due_ns: int) -> None:
         """Wait until `steady_ns` shows that, or for a jump. It may end early: look again.
@@ -86,6 +96,11 @@ class Clock:
     def _jump(self) -> None:
         self.epoch += 1
         self._wake_all()
+        self._tell_timers()
+
+    def _tell_timers(self) -> None:
+        for timer in tuple(self.timers):
+            timer._look_at_clock()
 
     def _wake_all(self) -> None:
         for waiting in self._waiting:
@@ -119,7 +134,7 @@ class Rate:
         Where that is past, because the turn took longer, it returns at once, and the next sleep ends at the
         next multiple that is to come: turns that were missed are not made up for. While the node's parameter
         `use_sim_time` is true these are multiples in simulated time; after a jump back in it the period is
-        counted anew. Several tasks may sleep by one rate.
+        counted anew, as where simulated time begins or ends. Several tasks may sleep by one rate.
 
         Raises ConnectionClosed where the node is closed, or meanwhile is. Cancellation leaves the rate as it
         is.

@@ -315,7 +315,7 @@ class Node(ParameterHost):
             timer = node.create_timer(0.5, lambda: publisher.publish(String(data="tick")))
         """
         self._opened()
-        timer = Timer(period_s, callback, self._fail)
+        timer = Timer(period_s, callback, self._fail, self._clock)
         self._timers.add(timer)
         return timer
 

@@ -7,10 +7,10 @@ which values are allowed (`bus.parameterset`), or what else a node has.
 import asyncio
 from abc import abstractmethod
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from time import time_ns
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from bus.arguments import Arguments
+from bus.clock import Clock, Rate
 from bus.errors import AccessDenied, CommandLineError, ConfigurationError
 from bus.publisher import Publisher
 from bus.qos import QoS, parameter_events
@@ -18,7 +18,6 @@ from bus.servicehost import ServiceHost
 from bus.subscription import Subscription
 
 if TYPE_CHECKING:  # most programs need neither
-    from bus.clock import Clock, Rate
     from bus.msg.builtin_interfaces import Time
     from bus.parameters import Change
     from bus.parameterserver import ParameterServer
@@ -209,25 +208,23 @@ class ParameterHost(ServiceHost):
         """
         from bus.msg.builtin_interfaces import Time
 
-        sec, nanosec = divmod(time_ns() if self._clock is None else self._clock.now_ns(), _S)
+        sec, nanosec = divmod(self._clock.now_ns(), _S)
         return Time(sec=sec, nanosec=nanosec)
 
-    def create_rate(self, hz: float) -> "Rate":
+    def create_rate(self, hz: float) -> Rate:
         """A rate of `hz` per second to sleep by in a loop; see `Rate`. It follows `use_sim_time`, too.
 
         Raises ConfigurationError for no rate.
         """
-        from bus.clock import Rate
-
         self._opened()
-        return Rate(hz, self._own_clock())
+        return Rate(hz, self._clock)
 
     # --- for Node
 
     def _read_parameters(self, arguments: Arguments) -> None:
         """What the command line says of this node's. Raises CommandLineError, as for a broken file."""
         self._overrides: dict[str, Any] = {}
-        self._clock: Clock | None = None
+        self._clock = Clock(self.full_name)
         self._parameters: ParameterSet | None = None
         self._server: ParameterServer | None = None
         self._time_source: TimeSource | None = None
@@ -257,19 +254,12 @@ class ParameterHost(ServiceHost):
             self._starting.cancel()
         if self._time_source is not None:
             self._time_source.close()
-        if self._clock is not None:
-            self._clock.close()
-        self._starting = self._server = self._time_source = self._clock = None
+        self._clock.close()
+        self._clock = Clock(self.full_name)  # for a node that is opened again
+        self._starting = self._server = self._time_source = None
         self._has_time = False
 
     # --- inside
-
-    def _own_clock(self) -> "Clock":
-        if self._clock is None:
-            from bus.clock import Clock
-
-            self._clock = Clock(self.full_name)
-        return self._clock
 
     def _parameter_set(self) -> "ParameterSet":
         if self._parameters is None:
@@ -305,7 +295,7 @@ class ParameterHost(ServiceHost):
             )
         except AccessDenied as denied:
             self._logger.warning(f"changes of parameters are told to nobody: {denied}")
-        server = ParameterServer(self, self._parameter_set(), self._own_clock(), events)
+        server = ParameterServer(self, self._parameter_set(), self._clock, events)
         await server.open(self._logger)
         self._server = server
 
@@ -322,7 +312,7 @@ class ParameterHost(ServiceHost):
                 return
             from bus.timesource import TimeSource
 
-            self._time_source = TimeSource(self._own_clock(), self._logger, self._subscribe_to_clock)
+            self._time_source = TimeSource(self._clock, self._logger, self._subscribe_to_clock)
         self._time_source.follow(is_simulated)
 
     def _subscribe_to_clock(self, callback: Callable[[Any], None]) -> Awaitable[Subscription[Any]]:

@@ -2,10 +2,10 @@
 
 import asyncio
 from collections.abc import Callable
-from time import monotonic_ns
 from typing import Any
 
 from bus.callbacks import is_async
+from bus.clock import Clock
 from bus.errors import ConfigurationError
 
 
@@ -16,11 +16,18 @@ class Timer:
     that could not be made in time are skipped and counted in `missed`, never made up for in a burst. An async
     callback that still runs when the next call is due makes that call a missed one.
 
+    While the node's parameter `use_sim_time` is true the seconds are those of the simulation. Where its time
+    begins, ends or jumps back, the next call comes one period from then.
+
         timer = node.create_timer(1.0, lambda: print(timer.calls))
     """
 
     def __init__(
-        self, period_s: float, callback: Callable[[], Any], on_error: Callable[[BaseException], None]
+        self,
+        period_s: float,
+        callback: Callable[[], Any],
+        on_error: Callable[[BaseException], None],
+        clock: Clock,
     ) -> None:
         if callable(period_s):
             raise ConfigurationError("the period comes first: create_timer(0.5, callback)")
@@ -37,6 +44,8 @@ class Timer:
         self._is_async = is_async(callback)
         self._on_error = on_error
         self._loop = asyncio.get_running_loop()
+        self._clock = clock
+        self._epoch = clock.epoch
         self._handle: asyncio.TimerHandle | None = None
         self._task: asyncio.Task[None] | None = None
         self._next_ns = 0
@@ -51,10 +60,11 @@ class Timer:
     @property
     def is_canceled(self) -> bool:
         """Whether no call will come, unless `reset`."""
-        return self._handle is None
+        return self not in self._clock.timers
 
     def cancel(self) -> None:
         """No more calls, until `reset`. An async callback that runs is left to end."""
+        self._clock.timers.discard(self)
         if self._handle is not None:
             self._handle.cancel()
             self._handle = None
@@ -62,7 +72,9 @@ class Timer:
     def reset(self) -> None:
         """The next call comes one period from now, also after `cancel`."""
         self.cancel()
-        self._next_ns = monotonic_ns() + self._period_ns
+        self._clock.timers.add(self)
+        self._epoch = self._clock.epoch
+        self._next_ns = self._clock.steady_ns() + self._period_ns
         self._arm(self._period_ns)
 
     def close(self) -> None:
@@ -71,11 +83,21 @@ class Timer:
         if self._task is not None:
             self._task.cancel()
 
+    def _look_at_clock(self) -> None:
+        """For the clock: it has jumped, or shows another simulated time."""
+        if self.is_canceled:
+            return
+        if self._epoch != self._clock.epoch:
+            self.reset()
+        elif self._clock.steady_ns() >= self._next_ns:
+            self._fire()
+
     def _arm(self, delay_ns: int) -> None:
-        self._handle = self._loop.call_later(max(delay_ns, 0) / 1e9, self._fire)
+        if not self._clock.is_simulated:
+            self._handle = self._loop.call_later(max(delay_ns, 0) / 1e9, self._fire)
 
     def _fire(self) -> None:
-        now_ns = monotonic_ns()
+        now_ns = self._clock.steady_ns()
         if now_ns < self._next_ns:
             self._arm(self._next_ns - now_ns)  # the loop's clock is coarser than ours
             return
@@ -84,7 +106,7 @@ class Timer:
             skipped = (now_ns - self._next_ns) // self._period_ns + 1
             self.missed += skipped
             self._next_ns += skipped * self._period_ns
-        self._arm(self._next_ns - monotonic_ns())
+        self._arm(self._next_ns - self._clock.steady_ns())
         if self._task is not None and not self._task.done():
             self.missed += 1
             return

@@ -8,6 +8,7 @@ import pytest
 
 from bus.clock import Clock, Rate
 from bus.errors import ConfigurationError, ConnectionClosed
+from bus.timer import Timer
 from jumping_loop import play
 
 S = 10**9
@@ -18,6 +19,10 @@ def simulated(seconds: float = 0.0) -> Clock:
     clock.simulate(True)
     clock.set(round(seconds * S))
     return clock
+
+
+def raise_(error: BaseException) -> None:
+    raise error
 
 
 def now_s() -> float:
@@ -49,26 +54,26 @@ class TestBySystemTime:
     def test_the_phase_stays(self) -> None:
         async def story() -> None:
             began = now_s()
-            rate = Rate(10.0, Clock("/robot"))
+            rate = Rate(0.1, Clock("/robot"))
             woken = []
-            for work_s in (0.0, 0.03, 0.09, 0.05):
+            for work_s in (0.0, 3.0, 9.0, 5.0):
                 await asyncio.sleep(work_s)
                 await rate.sleep()
                 woken.append(now_s() - began)
-            assert woken == pytest.approx([0.1, 0.2, 0.3, 0.4], abs=0.002)
+            assert woken == pytest.approx([10, 20, 30, 40], abs=0.5)
 
         play(story)
 
     def test_what_was_missed_is_not_made_up_for(self) -> None:
         async def story() -> None:
             began = now_s()
-            rate = Rate(10.0, Clock("/robot"))
-            await asyncio.sleep(0.35)
+            rate = Rate(0.1, Clock("/robot"))
+            await asyncio.sleep(35)
             woken = []
             for _ in range(3):
                 await rate.sleep()
                 woken.append(now_s() - began)
-            assert woken == pytest.approx([0.35, 0.4, 0.5], abs=0.002)
+            assert woken == pytest.approx([35, 40, 50], abs=0.5)
 
         play(story)
 
@@ -95,23 +100,23 @@ class TestBySystemTime:
         async def story() -> None:
             began = now_s()
             clock = Clock("/robot")
-            rate = Rate(10.0, clock)
+            rate = Rate(0.1, clock)
             with pytest.raises(TimeoutError):
-                await asyncio.wait_for(rate.sleep(), 0.04)
+                await asyncio.wait_for(rate.sleep(), 4.0)
             assert not clock._waiting
             await rate.sleep()
-            assert now_s() - began == pytest.approx(0.1, abs=0.002)
+            assert now_s() - began == pytest.approx(10, abs=0.5)
 
         play(story)
 
     def test_several_sleep_by_one(self) -> None:
         async def story() -> None:
             began = now_s()
-            rate = Rate(10.0, Clock("/robot"))
+            rate = Rate(0.1, Clock("/robot"))
             sleepers = [Sleeper(rate, lambda: now_s() - began) for _ in range(3)]
-            await asyncio.sleep(0.35)
+            await asyncio.sleep(35)
             for one in sleepers:
-                assert one.woken == pytest.approx([0.1, 0.2, 0.3], abs=0.002)
+                assert one.woken == pytest.approx([10, 20, 30], abs=0.5)
                 one.task.cancel()
 
         play(story)
@@ -134,6 +139,70 @@ class TestBySystemTime:
     def test_no_rates(self, hz: float) -> None:
         with pytest.raises(ConfigurationError, match="is not above 0 and up to 1000000000"):
             Rate(hz, Clock("/robot"))
+
+
+class TestTimers:
+    def test_it_goes_by_the_simulation_while_there_is_one(self) -> None:
+        async def story() -> None:
+            clock = Clock("/robot")
+            calls: list[float] = []
+            timer = Timer(1.0, lambda: calls.append(clock.steady_ns() / S), raise_, clock)
+            await asyncio.sleep(2.5)
+            assert (len(calls), timer.missed) == (2, 0)
+            clock.simulate(True)
+            await asyncio.sleep(1000)
+            assert len(calls) == 2
+            for at in (100, 100.5, 101, 101.9, 102.05, 105.5, 106, 50, 50.9, 51):
+                clock.set(round(at * S))
+            assert calls[2:] == [101, 102.05, 105.5, 106, 51]
+            assert timer.missed == 2
+            timer.cancel()
+            clock.set(60 * S)
+            timer.reset()
+            clock.set(60_900_000_000)
+            clock.set(61 * S)
+            assert calls[7:] == [61]
+            clock.simulate(False)
+            await asyncio.sleep(1.5)
+            assert len(calls) == 9
+            timer.close()
+            clock.simulate(True)
+            assert timer.is_canceled and not clock.timers
+
+        play(story)
+
+    def test_an_async_callback_that_still_runs(self) -> None:
+        async def story() -> None:
+            clock = simulated(5.0)
+            begun = asyncio.Semaphore(0)
+
+            async def call() -> None:
+                begun.release()
+                await asyncio.Event().wait()
+
+            timer = Timer(1.0, call, raise_, clock)
+            for at in (6, 7, 8):
+                clock.set(at * S)
+                await turns()
+            await begun.acquire()
+            assert (begun.locked(), timer.calls, timer.missed) == (True, 1, 2)
+            timer.close()
+
+        play(story)
+
+    async def test_one_that_cancels_its_neighbour(self) -> None:
+        clock = simulated(5.0)
+        calls: list[int] = []
+        timers: list[Timer] = []
+
+        def call() -> None:
+            calls.append(1)
+            for timer in timers:
+                timer.cancel()
+
+        timers += [Timer(1.0, call, raise_, clock) for _ in range(3)]
+        clock.set(6 * S)
+        assert calls == [1]
 
 
 class TestBySimulatedTime:
@@ -184,18 +253,18 @@ class TestBySimulatedTime:
         async def story() -> None:
             clock = simulated(100.0)
             clock.simulate(from_simulation)
-            sleeping: Any = asyncio.create_task(Rate(10.0, clock).sleep())
+            sleeping: Any = asyncio.create_task(Rate(0.1, clock).sleep())
             await turns()
             clock.simulate(not from_simulation)
             await turns()
             if from_simulation:
-                await asyncio.sleep(0.09)
+                await asyncio.sleep(9)
                 assert not sleeping.done()
-                await asyncio.sleep(0.02)
+                await asyncio.sleep(2)
             else:
                 await asyncio.sleep(1000)
                 assert not sleeping.done()
-                clock.set(round(100.1 * S))
+                clock.set(110 * S)
                 await turns()
             assert sleeping.done()
 
