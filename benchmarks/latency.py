@@ -18,6 +18,7 @@ from benchmarks.plan import Plan
 from benchmarks.report import Comparison, Row, Section
 from benchmarks.systems import (
     BUS,
+    BUS_BLOCKING,
     BUS_BYTES,
     BUS_SOCKET,
     BUS_SOCKET_BYTES,
@@ -25,6 +26,7 @@ from benchmarks.systems import (
     FLOOR,
     FLOORS,
     ICEORYX,
+    PIPE,
     RCLPY,
     RIVALS,
     TWO_HOPS,
@@ -69,6 +71,9 @@ _GOALS = [
     (f"{BUS.name}, {_ON_ONE}", f"{FLOOR.name}, {_ON_ONE}", "p50", 1.3),
     (f"{BUS.name}, {_ON_TWO}", f"{FLOOR.name}, {_ON_TWO}", "p50", 1.3),
     (BUS_SOCKET.name, TWO_HOPS.name, "p50", 2.0),
+    (BUS_BLOCKING.name, BUS.name, "p50", 1.0),
+    (BUS_BLOCKING.name, PIPE.name, "p50", 1.0),
+    (BUS_BLOCKING.name, PIPE.name, "p99", 1.0),
 ]
 _GOALS_AT_ALL_SIZES = [
     (ours, theirs, key, 1.0)
@@ -79,6 +84,7 @@ _NOTES = [
     *paced.LATENCY_NOTES,
     "String: a str at both ends; into a subscriber on uvloop where the system can, with a callback where "
     "nothing else is said; busy polling uses a whole CPU while messages come",
+    "blocking API: no event loop at either end, as in multiprocessing.Pipe's programs",
     "loaned and viewed, and in place: copied once, into shared memory, and only looked at there; bytes: "
     "copied in and out, and nothing is decoded",
     "on one CPU, on two: publisher and subscriber were put there; else the scheduler chooses. A wake-up of "
@@ -104,7 +110,9 @@ def _cases(plan: Plan, size: int) -> list[Case]:
     work = Work(size=size, count=plan.choose(*stream.counts), warm_up=stream.warm_up, rate=stream.rate)
     case = partial(_case, work)
     cases = [
-        case(system.name, system) for system in (BUS, BUS_SOCKET, *FLOORS, *RIVALS) if size <= system.largest
+        case(system.name, system)
+        for system in (BUS, BUS_BLOCKING, BUS_SOCKET, *FLOORS, *RIVALS)
+        if size <= system.largest
     ]
     if size in _POLLED:
         cases.append(case(_POLLING, BUS, busy_poll_s=_BUSY_POLL_S))

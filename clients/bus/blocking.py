@@ -7,7 +7,6 @@ A node of the library (`bus.Node`) on a loop that runs only while one of these c
 nothing runs.
 """
 
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from os import PathLike
 from time import monotonic_ns
@@ -63,6 +62,9 @@ class BlockingPublisher(Generic[M]):
         events = PublisherEvents(matched=self._matched)
         self._native = await node.create_publisher(message_type, topic, qos, events=events)
         return self
+
+    def __repr__(self) -> str:
+        return f"<Blocking{repr(self._native)[1:]}"
 
     @property
     def topic_name(self) -> str:
@@ -187,6 +189,9 @@ class BlockingSubscription(Generic[M]):
         self._inbox = native._inbox
         self._arrival = Signal()
         native._on_arrival = native._on_end = self._arrival.set
+
+    def __repr__(self) -> str:
+        return f"<Blocking{repr(self._native)[1:]}"
 
     @property
     def topic_name(self) -> str:
@@ -313,6 +318,9 @@ class BlockingNode:
         self._clients: dict[tuple[type, str], ServiceClient] = {}
         self._made: list[BlockingPublisher[Any]] = []
 
+    def __repr__(self) -> str:
+        return f"<Blocking{repr(self._node)[1:]}"
+
     def __enter__(self) -> Self:
         return self
 
@@ -320,8 +328,6 @@ class BlockingNode:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-        if kind is KeyboardInterrupt:
-            _say_nothing_of_interrupts()
 
     def publish(self, topic: str, message: Any, qos: QoS = 10, timeout: float | None = None) -> None:
         """Publish `message` on `topic`; see `BlockingPublisher.publish`.
@@ -490,14 +496,3 @@ def connect(
         foreground.release()
         raise
     return BlockingNode(node, foreground)
-
-
-def _say_nothing_of_interrupts() -> None:
-    """One that nobody catches ends the program, as Python does it, but without a traceback."""
-    if sys.excepthook is sys.__excepthook__ and not hasattr(sys, "ps1"):
-        sys.excepthook = _tell_others
-
-
-def _tell_others(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    if not issubclass(kind, KeyboardInterrupt):
-        sys.__excepthook__(kind, error, trace)

@@ -9,6 +9,7 @@ and signals; must not know nodes.
 import asyncio
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Coroutine
 from threading import get_ident
@@ -16,6 +17,7 @@ from time import monotonic_ns
 from types import FrameType
 from typing import Any, ClassVar, TypeVar
 
+from bus.ending import Terminated, say_nothing_of_signals
 from bus.errors import BusError, ConfigurationError, ForkError, LocalProtocolError, again
 from bus.guardedloop import GuardedLoop, Until
 
@@ -24,6 +26,7 @@ T = TypeVar("T")
 _REST_NS = 5_000_000
 """Who finds all that he wants without the loop gives it a turn after so long."""
 
+_SIGNALS = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 _MOST_S = 1e9
 _MOST_TURNS = 20
 
@@ -67,7 +70,8 @@ class Foreground:
         self.thread = get_ident()
         self._users = 0
         self._attended_ns = 0
-        self._has_handler = False
+        self._heard: dict[int, Any] = {}  # signals, and their handlers before
+        self._is_silent = False
 
     @classmethod
     def acquire(cls, instead: str) -> "Foreground":
@@ -173,26 +177,34 @@ class Foreground:
     # --- inside
 
     def _hear_signals(self) -> None:
-        """In the main thread: Ctrl-C waits for the end of what is being done, and ends waits."""
+        """In the main thread, where the program has no handlers of its own: Ctrl-C and SIGTERM end waits, and
+        come at the end of what is being done.
+        """
         if threading.current_thread() is not threading.main_thread():
             return
         self.loop.hear_signals()
-        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-            signal.signal(signal.SIGINT, self._on_interrupt)
-            self._has_handler = True
+        for number, default in _SIGNALS.items():
+            if signal.getsignal(number) == default:
+                self._heard[number] = signal.signal(number, self._on_signal)
 
     def _give_signals_back(self) -> None:
         self.loop.forget_signals()
-        if self._has_handler and signal.getsignal(signal.SIGINT) == self._on_interrupt:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
-        self._has_handler = False
+        for number, before in self._heard.items():
+            if signal.getsignal(number) == self._on_signal:
+                signal.signal(number, before)
+        self._heard.clear()
 
-    def _on_interrupt(self, number: int, frame: FrameType | None) -> None:
-        if self.loop.is_busy(frame):
-            self.loop.is_interrupted = True
-            self.loop.interrupt()
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        if not self._is_silent and not hasattr(sys, "ps1"):  # who sits at the prompt wants to see it
+            self._is_silent = True
+            say_nothing_of_signals()
+        loop = self.loop
+        loop.interruption = KeyboardInterrupt if number == signal.SIGINT else Terminated
+        if loop.is_busy(frame):
+            loop.is_interrupted = True
+            loop.interrupt()
         else:
-            signal.default_int_handler(number, frame)
+            raise loop.interruption
 
     @classmethod
     def _forked(cls) -> None:

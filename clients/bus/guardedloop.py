@@ -64,6 +64,8 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         self._clock_resolution: float
         self._thread_id: int | None
         self.is_interrupted = False
+        self.interruption: type[KeyboardInterrupt] = KeyboardInterrupt
+        """What `check` raises."""
         self.deferred: deque[tuple[Callable[..., object], tuple[Any, ...]]] = deque()
         """Calls, with their arguments, to be made when it is run next: what need not be done at once."""
         self._main_thread = main_thread().ident
@@ -91,7 +93,7 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         """Without the guard: raise KeyboardInterrupt, where that waited for this."""
         if self.is_interrupted and get_ident() == self._main_thread:
             self.is_interrupted = False
-            raise KeyboardInterrupt
+            raise self.interruption
 
     def acquire(self) -> None:
         """Take the guard."""

@@ -295,14 +295,17 @@ with bus.connect("script") as node:
 
 
 @on_one_loop
-@pytest.mark.parametrize("what", WAITS.values(), ids=WAITS)
-async def test_ctrl_c(what: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("what", "number"),
+    [*((what, signal.SIGINT) for what in WAITS), ("listen", signal.SIGTERM), ("publish", signal.SIGTERM)],
+)
+async def test_a_signal(what: str, number: signal.Signals, tmp_path: Path) -> None:
     script = tmp_path / "script.py"
-    script.write_text(PROGRAM.format(what=what))
+    script.write_text(PROGRAM.format(what=WAITS[what]))
     async with running(tmp_path, script) as program:
         await program.line("^up$")
-        os.kill(program.process.pid, signal.SIGINT)
-        assert await program.end() == -signal.SIGINT
+        os.kill(program.process.pid, number)
+        assert await program.end() == -number
         assert program.lines == ["up", "farewell"]
 
 

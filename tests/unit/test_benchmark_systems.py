@@ -10,6 +10,7 @@ from benchmarks.adapters.roles import LAST
 from benchmarks.harness import Failure, Group
 from benchmarks.systems import (
     BUS,
+    BUS_BLOCKING,
     BUS_BYTES,
     BUS_SOCKET,
     BUS_SOCKET_BYTES,
@@ -199,3 +200,9 @@ def test_latency_with_busy_polling() -> None:
     work = Work(size=64, count=100, warm_up=10, rate=1000, take_by="callback", busy_poll_s=0.002)
 
     assert paced.measure(_or_skip(BUS), work)["p50"] > 0
+
+
+def test_latency_without_an_event_loop() -> None:
+    work = Work(size=64, count=100, warm_up=10, rate=1000, take_by="blocking", gives_turns=False)
+
+    assert paced.measure(_or_skip(BUS_BLOCKING), work)["p50"] > 0
