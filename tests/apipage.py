@@ -21,6 +21,7 @@ All public names of `bus`, in the order of what one wants to do. Whole programs 
 Durations are seconds, as float or int. What is `async` is awaited on the event loop of its node. What is not
 never blocks; `Publisher.publish`, `ServiceServer.respond`, `ServiceClient.send_request` and loggers may be
 used from any thread, the rest on the event loop's alone. What a node has made is closed with it.
+Scripts that have no event loop use [`bus.connect`](#busconnect).
 """
 
 GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -71,8 +72,9 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         ),
     ),
     "Quality of service": (
-        'Where a QoS is taken, an int is a depth and a text is the name of a preset: `"sensor_data"`. '
-        "[qos.md](qos.md) says what each policy does.",
+        'Where a QoS is taken, an int is a depth and a text is the name of a preset: `"sensor_data"`, '
+        "which is `bus.qos.sensor_data`. `bus.qos.check_compatible(offered, requested)` lists what keeps two "
+        "profiles from matching. [qos.md](qos.md) says what each policy does.",
         ("QoS", "QoSProfile", "qos", "History", "Reliability", "Durability", "Liveliness"),
     ),
     "Errors": (

@@ -107,9 +107,10 @@ def _is_made_by_users(cls: type, doc: str) -> bool:
 
 
 def _members(owner: str, node: ast.ClassDef) -> Iterator[Entry]:
+    aliases = []
     for name, annotation, value, doc in _assigned(node.body):
         if isinstance(value, ast.Name) and not doc:
-            yield Entry(f"{owner}.{name}", "function", f"The same as `{owner}.{value.id}`.")
+            aliases.append(Entry(f"{owner}.{name}", "function", f"The same as `{owner}.{value.id}`."))
         else:
             yield Entry(
                 f"{owner}.{name}",
@@ -130,6 +131,7 @@ def _members(owner: str, node: ast.ClassDef) -> Iterator[Entry]:
         else:
             signature = _call(one, one.name, is_method=True)
             yield Entry(f"{owner}.{one.name}", "function", _doc(one), signature)
+    yield from aliases
 
 
 def _set_by(owner: str, init: ast.FunctionDef) -> Iterator[Entry]:

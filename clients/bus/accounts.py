@@ -29,7 +29,7 @@ class SubscriptionStatistics(msgspec.Struct, frozen=True):
     """Messages in this process that wait to be taken."""
     dropped: dict[str, int]
     """Messages lost, by reason: replaced (by the depth), publisher_queue (by the publisher's depth), expired,
-    too_large, undecodable, memory_limit, disconnected (while the broker was away)."""
+    too_large, undecodable, memory_limit, disconnected (while busd was away)."""
     publishers: int
     """Publishers matched now."""
     expected: int = 0

@@ -120,10 +120,10 @@ class Endpoint(Generic[M]):
 
     @done_anyway
     async def close(self) -> None:
-        """Hand over what was published, leave the graph. Closing twice is allowed.
+        """Leave the graph, a publisher after it has handed over what was published. Closing twice is allowed.
 
-        A publisher takes 5 s at most for that; the log tells what could not be handed over. Cancellation:
-        closed, and what was not handed over is lost.
+        Handing over takes 5 s at most; the log tells what was lost. Who waits for something here gets
+        ConnectionClosed. Cancellation: closed, and what was not handed over is lost.
         """
         if self._refusal is None:
             try:

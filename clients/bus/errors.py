@@ -114,7 +114,7 @@ class PayloadTooLarge(BusError, ValueError):
 
 
 class QuotaExceeded(BusError):
-    """The broker refused because this process already holds as much of a resource as it may."""
+    """busd refused because this process already holds as much of a resource as it may (see busd.toml)."""
 
     def __init__(self, resource: str, *, used: int, limit: int) -> None:
         super().__init__(f"{resource}: {used} of {limit} in use; busd's limit can be raised in busd.toml")
@@ -127,11 +127,14 @@ class QuotaExceeded(BusError):
 
 
 class AccessDenied(BusError):
-    """The broker refused because its access rules (busd.toml) don't let this process's user do that."""
+    """busd refused because its access rules (busd.toml) don't let this process's user do that."""
 
 
 class SharedMemoryError(BusError, OSError):
-    """The machine has no memory, or this process no descriptor, for what is to be shared."""
+    """The machine has no memory, or this process no descriptor, for what is to be shared.
+
+    Where `publish` raises it, the message was not published; the publisher can be used on.
+    """
 
 
 class ProtocolError(BusError):
@@ -139,19 +142,22 @@ class ProtocolError(BusError):
 
 
 class LocalProtocolError(ProtocolError):
-    """This side asked for something that is not allowed in the present state."""
+    """This side asked for something that is not allowed now: a second loan, a call too many at once."""
 
 
 class RemoteProtocolError(ProtocolError):
-    """The other side sent something that is not allowed."""
+    """The other side sent something that is not allowed: it has a fault, or is of another version."""
 
 
 class ConnectionClosed(BusError, ConnectionError):
-    """The connection to the broker is gone, or the object was closed."""
+    """Something was closed: the object itself, its node, or the connection to busd for good.
+
+    A busd that restarts closes nothing: the library connects again, and what is asked meanwhile waits.
+    """
 
 
 class BrokerUnavailable(ConnectionClosed):
-    """No broker answers at the socket, and none could or should be started."""
+    """No busd answers at the socket, and none could or should be started. `bus doctor` says why."""
 
 
 class ServiceError(BusError):
@@ -175,4 +181,7 @@ class ServiceUnavailable(BusError):
 
 
 class ForkError(BusError, RuntimeError):
-    """A node was used after fork() in the child; connections do not survive a fork."""
+    """A node was used after fork() in the child; connections do not survive a fork.
+
+    The child makes a node of its own; the parent's goes on.
+    """

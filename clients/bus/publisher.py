@@ -46,7 +46,7 @@ class PublisherStatistics(msgspec.Struct, frozen=True):
     bytes: int
     """Their encoded size."""
     queued: int
-    """Messages not yet handed over to the broker."""
+    """Messages not yet handed over to busd."""
     replaced: int
     """Messages that the depth, or a bound of 64 MiB, replaced before they were handed over."""
     refused: int
@@ -99,7 +99,7 @@ class Publisher(Endpoint[M]):
 
         Raises MessageTypeError for a message of another class or with a field of the wrong type,
         PayloadTooLarge above the topic's limit, SharedMemoryError where the machine has no memory for it,
-        ConnectionClosed after `close`.
+        LocalProtocolError while a loan is open, ConnectionClosed after `close`.
         """
         status = self._outlet.publish(message)
         if status is True:
@@ -145,8 +145,8 @@ class Publisher(Endpoint[M]):
         nothing else can be published here. None where `publish` would give False. On the event loop's thread
         only.
 
-        Raises as `publish`, ConfigurationError for a field that is no bytes, and LocalProtocolError while
-        another loan is open, or on another thread.
+        Raises as `publish`, and MessageTypeError for a field that is no bytes, LocalProtocolError on another
+        thread.
         """
         check_field(self.type, field)
         before, after = self._encode_around(message, field, b"", size)
@@ -172,10 +172,11 @@ class Publisher(Endpoint[M]):
         await self._outlet.wait_for_room()
 
     async def flush(self) -> None:
-        """Wait until everything published has left this process: is in the ring, and where the broker is to
-        get it, was given to its socket, also across its restart.
+        """Wait until everything published has left this process: by shared memory, or through busd's socket.
 
-        Raises ConnectionClosed where the link ends first. Cancellation: nothing is lost.
+        Where busd is away and has to get some of it, that is when it is back.
+
+        Raises ConnectionClosed where the connection is closed first. Cancellation: nothing is lost.
         """
         await self._outlet.flush()
 

@@ -134,7 +134,7 @@ class Subscription(Endpoint[M]):
         """Wait for the next message; returns it with its info.
 
         Waits without an end: use `asyncio.timeout`. Cancellation: no message is lost. Raises ConnectionClosed
-        once the subscription is closed and all that had come is taken.
+        once the subscription is closed.
         """
         while (taken := self._inbox.take()) is None:
             await self._wait()

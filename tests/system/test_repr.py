@@ -112,3 +112,14 @@ def test_a_logger() -> None:
     logger.set_level("debug")
     assert repr(logger) == r"<Logger 'two\nlines' DEBUG>"
     logger.set_level("unset")
+
+
+def test_what_a_script_holds(daemon: Daemon) -> None:
+    with bus.connect("script", arguments=[], rosout=False) as node:
+        publisher = node.create_publisher(String, "talk")
+        subscription = node.create_subscription(String, "talk")
+        assert repr(node) == "<BlockingNode /script publishers=1 subscriptions=1 timers=0>"
+        assert repr(publisher).startswith("<BlockingPublisher /talk std_msgs/msg/String (keep last 10, ")
+        assert repr(subscription).startswith("<BlockingSubscription /talk std_msgs/msg/String (")
+    assert repr(node).startswith("<BlockingNode not open /script ")
+    assert repr(publisher).startswith("<BlockingPublisher closed /talk ")

@@ -2,6 +2,7 @@
 
 import ast
 import difflib
+import re
 
 import pytest
 
@@ -19,6 +20,14 @@ def test_the_page_is_made_of_the_docstrings_of_today() -> None:
     assert not changed, "docs/api.md is not what the docstrings say; run: make api\n" + "\n".join(
         changed[:20]
     )
+
+
+def test_links_in_the_page_lead_somewhere() -> None:
+    text = re.sub(r"^```.*?^```$", "", apipage.PAGE.read_text(), flags=re.MULTILINE | re.DOTALL)
+    titles = re.findall(r"^##+ (.*)$", text, re.MULTILINE)
+    there = [re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles]
+    assert len(there) == len(set(there)) > 100
+    assert set(re.findall(r"\]\(#(.*?)\)", text)) <= set(there)
 
 
 @pytest.mark.parametrize("name", bus.__all__)

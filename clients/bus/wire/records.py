@@ -20,7 +20,7 @@ class EndpointStatistics(msgspec.Struct, frozen=True, omit_defaults=True, gc=Fal
     """Live counters of an endpoint.
 
     Of a publisher: samples and bytes published. Of a subscription: samples and bytes delivered, samples
-    waiting (in the broker and in the process), samples dropped by reason, and samples published to it since
+    waiting (in busd and in the process), samples dropped by reason, and samples published to it since
     its matches began. When all is quiet, that is samples + queued + dropped.
 
         graph = await node.graph(statistics=True)
