@@ -136,12 +136,12 @@ def add_paths(folders: Sequence[str]) -> None:
     installs have them): here and in children."""
     import site
 
-    known = set(sys.path)
-    before = list(sys.path)
+    first, *before = sys.path
+    sys.path[:] = before  # the first is the folder of whoever runs, which is not that of the program
     for folder in folders:
         site.addsitedir(folder)
-    added = [path for path in sys.path if path not in known]
-    sys.path[:] = before[:1] + added + before[1:]
+    added = [path for path in sys.path if path not in before]
+    sys.path[:] = [first, *added, *before]
     old = os.environ.get("PYTHONPATH")
     os.environ["PYTHONPATH"] = os.pathsep.join([*added, old] if old else added)
 

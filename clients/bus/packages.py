@@ -25,6 +25,7 @@ __all__ = [
     "prefixes",
     "python_folders",
     "source_folder",
+    "source_programs",
 ]
 
 INDEX = Path("share", "ament_index", "resource_index", "packages")
@@ -53,6 +54,8 @@ class Executable(NamedTuple):
     prefix: Prefix
     entry_point: str | None = None
     """`module:function` of a console script; None: the file at `path` is the program."""
+    python_folders: tuple[str, ...] = ()
+    """Where its package's modules are imported from, of one that runs from its source."""
 
 
 def prefixes() -> list[Prefix]:
@@ -139,10 +142,37 @@ def nearest(name: str) -> str | None:
 
 
 def source_folder(package: str) -> Path | None:
-    """Where a package lies that is neither built nor installed, beside or around the current folder."""
+    """Where a package lies that need be neither built nor installed: beside, below or around the current
+    folder.
+    """
+    if _NAME.fullmatch(package) is None:
+        return None
     here = Path.cwd()
-    candidates = (folder / below / package for folder in (here, here.parent) for below in ("", "src"))
-    return next((path for path in candidates if (path / "package.xml").is_file()), None)
+    around = (folder for folder in (here, *here.parents) if folder.name == package)
+    beside = (
+        path
+        for folder in (here, here.parent)
+        for pattern in (package, f"src/{package}", f"*/{package}", f"src/*/{package}")
+        for path in sorted(folder.glob(pattern))
+    )
+    return next((path for path in (*around, *beside) if (path / "package.xml").is_file()), None)
+
+
+def source_programs(folder: Path) -> tuple[list[Executable], set[str]] | None:
+    """The Python programs of a package that CMake would build, to be run from its source, and the names of
+    those that must be compiled; None where it is no such package.
+    """
+    from bus import cmakelists  # late: few packages need it
+
+    found = cmakelists.read(folder, folder.name)
+    if found is None:
+        return None
+    prefix = Prefix(folder, is_sourced=False)
+    programs = [
+        Executable(folder.name, name, str(path), prefix, python_folders=found.python_folders)
+        for name, path in sorted(found.programs.items())
+    ]
+    return programs, found.compiled
 
 
 def python_folders(prefix: Prefix) -> list[str]:

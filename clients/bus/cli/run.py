@@ -17,8 +17,9 @@ from bus.ending import say_nothing_of_signals
 
 if TYPE_CHECKING:
     from argparse import ArgumentParser, Namespace
+    from pathlib import Path
 
-    from bus.packages import Executable, Prefix
+    from bus.packages import Executable
 
 _SWITCHES = ("--force", "--json", "--include-hidden-topics", "--no-daemon", "-s", "--use-sim-time")
 _VALUED = ("--prefix", "--socket", "--domain", "--spin-time")
@@ -207,9 +208,9 @@ def _find(words: Sequence[str]) -> "Executable":
     from bus import packages
 
     package = words[0]
-    found = packages.executables(package)
+    found, compiled = packages.executables(package), set[str]()
     if found is None:
-        raise _Refused(f"Package '{package}' not found", _package_hint(package))
+        found, compiled = _find_source(package)
     present = [one.name for one in found]
     if len(words) < 2 or words[1].startswith("-"):
         problem = "bus run: error: the following arguments are required: executable_name"
@@ -217,42 +218,65 @@ def _find(words: Sequence[str]) -> "Executable":
         raise _Refused(f"usage: {_USAGE}\n{problem}", hint, EXIT_USAGE)
     fitting = [one for one in found if one.name == words[1]]
     if not fitting:
+        if words[1] in compiled:
+            hint = (
+                f"'{words[1]}' must be compiled, with colcon and ROS 2: bus runs Python programs from source"
+            )
+            raise _Refused("No executable found", hint)
         raise _Refused("No executable found", _executable_hint(package, words[1], present))
     if len(fitting) > 1:
         raise _Refused("Multiple executables found:\n" + "\n".join(f"- {one.path}" for one in fitting))
     program = fitting[0]
     if not program.prefix.is_sourced:
-        _source()
+        _source(program.python_folders)
     elif program.entry_point is None and not program.prefix.is_ours:
-        _add_python([program.prefix])
+        _add_python(packages.python_folders(program.prefix))
     return program
 
 
-def _source() -> None:
-    """What sourcing the set-up of the workspace would have done."""
+def _find_source(package: str) -> "tuple[list[Executable], set[str]]":
+    """Programs of a package that is not installed, and need not be; and those that must be compiled."""
+    from bus import packages
+
+    folder = packages.source_folder(package)
+    found = packages.source_programs(folder) if folder is not None else None
+    is_python = folder is not None and os.path.isfile(os.path.join(folder, "setup.py"))
+    if folder is None or found is None or (is_python and not any(found)):
+        raise _Refused(f"Package '{package}' not found", _package_hint(package, folder))
+    if not any(found):
+        place = os.path.join(os.path.relpath(folder), "CMakeLists.txt")
+        hint = f"'{place}' installs no programs: install(PROGRAMS ... DESTINATION lib/${{PROJECT_NAME}})"
+        raise _Refused(f"Package '{package}' not found", hint)
+    return found
+
+
+def _source(folders: "Sequence[str]") -> None:
+    """What sourcing the set-up of the workspace would have done; `folders` of Python come first."""
     from bus import packages
 
     new = [prefix for prefix in packages.prefixes() if not prefix.is_sourced]
     old = os.environ.get("AMENT_PREFIX_PATH")
-    os.environ["AMENT_PREFIX_PATH"] = os.pathsep.join([str(one.path) for one in new] + ([old] if old else []))
-    _add_python(new)
+    if new:
+        os.environ["AMENT_PREFIX_PATH"] = os.pathsep.join(
+            [str(one.path) for one in new] + ([old] if old else [])
+        )
+    _add_python([*folders, *(folder for prefix in new for folder in packages.python_folders(prefix))])
 
 
-def _add_python(prefixes: "Sequence[Prefix]") -> None:
-    from bus import launching, packages
+def _add_python(folders: "Sequence[str]") -> None:
+    from bus import launching
 
-    folders = [folder for prefix in prefixes for folder in packages.python_folders(prefix)]
-    missing = [folder for folder in folders if folder not in sys.path]
+    missing = [folder for folder in folders if folder not in sys.path[1:]]
     if missing:
         launching.add_paths(missing)
 
 
-def _package_hint(package: str) -> str | None:
+def _package_hint(package: str, source: "Path | None") -> str | None:
     from bus import packages
 
     if os.path.isfile(f"{package}.py"):
         return f"did you mean '{package}.py'?"
-    if source := packages.source_folder(package):
+    if source is not None:
         folder = os.path.relpath(source)
         return f"'{folder}' is not installed: pip install -e ./{folder}, or build it with colcon"
     near = packages.nearest(package)

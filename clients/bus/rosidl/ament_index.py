@@ -2,7 +2,8 @@
 
 Owns: the search. A package is found below a prefix of $AMENT_PREFIX_PATH, below the prefix of this Python
 (there pip puts what `data_files` of a package names), and where its source is, for one that was installed
-with `pip install --editable`. Must not know: interface definitions.
+with `pip install --editable` or lies, not installed, around the current folder. Must not know: interface
+definitions.
 """
 
 import os
@@ -78,6 +79,6 @@ def _find(name: str) -> tuple[str, Path]:
         share = Path(prefix, "share", name)
         if Path(prefix, packages.INDEX, name).is_file() or (share / "package.xml").is_file():
             return prefix, share
-    if (source := packages.editable_folder(name)) is not None:
+    if (source := packages.editable_folder(name) or packages.source_folder(name)) is not None:
         return sys.prefix, source
     raise PackageNotFoundError(f"package '{name}' not found, searching: {paths}")
