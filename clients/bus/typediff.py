@@ -21,9 +21,7 @@ _DIGEST: Final = 17
 """Characters behind the name of a service's message, see `bus.envelope`."""
 
 
-def difference(
-    publisher: bytes, subscription: bytes, ends: tuple[str, str] = ("the publisher", "the subscription")
-) -> str | None:
+def difference(publisher: bytes, subscription: bytes, ends: tuple[str, str] | None = None) -> str | None:
     """The first field that differs: `field 'pose.x' is float64 at the publisher and float32 at ...`.
 
     Both are descriptions as they travel (`bus.schema`, in MessagePack), and `ends` what their owners are
@@ -32,7 +30,7 @@ def difference(
     try:
         one, other = (msgspec.msgpack.decode(data, type=Form) for data in (publisher, subscription))
         starts = _start(one), _start(other)
-        found = _Comparison(one, other, ends).types(*starts, "")
+        found = _Comparison(one, other, ends or _ends(one)).types(*starts, "")
     except (ValueError, LookupError, TypeError, RecursionError):
         return None
     if found is None and starts[0] != starts[1] and starts != (one.root, other.root):
@@ -100,6 +98,15 @@ def _start(form: Form) -> str:
     """The message that the user knows: of a service that within the envelope."""
     inner = [name for name in form.types if name[:-_DIGEST] == form.root]
     return inner[0] if "/srv/" in form.root and len(inner) == 1 else form.root
+
+
+def _ends(publisher: Form) -> tuple[str, str]:
+    """Who publishes and who subscribes."""
+    if _start(publisher) == publisher.root:
+        return "the publisher", "the subscription"
+    return (
+        ("the client", "the server") if publisher.root.endswith("_Request") else ("the server", "the client")
+    )
 
 
 def _is_alike(one: list[Any], other: list[Any]) -> bool:

@@ -242,6 +242,22 @@ class TestDeclarations:
                 with pytest.raises(bus.ConfigurationError):
                     await node.get_type(f"bad/msg/T{number}", "hash")
 
+    async def test_a_broken_schema_of_a_type_of_one_name_is_told_by_its_hash(self, peer: RawPeer) -> None:
+        told: list[bus.IncompatibleType] = []
+        events = bus.PublisherEvents(incompatible_type=told.append)
+        node = peer.hello().node("liar")
+        schemas = {f"hash-{number}": schema for number, schema in enumerate(BROKEN_SCHEMAS)}
+        for type_hash, schema in schemas.items():
+            peer.send(m.DeclareType(STRING.name, type_hash, schema))
+            peer.subscription(node, "/t", type_hash=type_hash)
+        async with asyncio.timeout(WAIT_S), bus.Node("victim", arguments=[], rosout=False) as victim:
+            publisher = await victim.create_publisher(String, "/t", events=events)
+            await until(lambda: len(told) == len(schemas))
+            assert publisher._id
+        assert {event.node for event in told} == {"/liar"}
+        assert all(event.text.startswith(f"both call it {STRING.name}, but ") for event in told)
+        assert sum("their definitions differ" in event.text for event in told) >= 3
+
     @pytest.mark.parametrize("depth", [960, 50_000])
     async def test_a_schema_that_nests_too_deep(self, peer: RawPeer, depth: int) -> None:
         """busd passes it on as it is; who asks for it gets an error, and keeps the connection."""

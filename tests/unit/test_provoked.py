@@ -64,3 +64,11 @@ async def test_who_stays_within_it_is_not_counted(said: list[str], monkeypatch: 
 async def test_words_of_others_make_no_line_of_their_own(said: list[str]) -> None:
     provoked.warn(LOGGER, "text: \n[FATAL] [0.0] [you]: forged\x1b[2J")
     assert said == [r"text: \n[FATAL] [0.0] [you]: forged\x1b[2J"]
+
+
+async def test_questions_are_bounded_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(provoked, "_PERIOD_S", 0.05)
+    asked = [provoked.is_worth_asking() for _ in range(1000)]
+    assert asked == [True] * 20 + [False] * 980
+    await until(lambda: not provoked._questions)
+    assert provoked.is_worth_asking()

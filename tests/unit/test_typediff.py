@@ -100,7 +100,7 @@ def test_a_service_is_told_without_its_envelope() -> None:
 
     first = requests(int, int)
     assert difference(first, requests(str, int)) == (
-        "field 'a' is int at the publisher and string at the subscription"
+        "field 'a' is int at the client and string at the server"
     )
     assert difference(first, requests(int, str)) == "the definitions of the response differ"
 
