@@ -1,10 +1,12 @@
 """Who is at the other end of a UNIX socket, as the kernel says.
 
-Owns SO_PEERCRED, SO_PEERGROUPS and the name that a log gives a process. Must not know what anybody is allowed
-to do.
+Owns SO_PEERCRED, SO_PEERGROUPS, whether a process lives, and the name that a log gives it. Must not know what
+anybody is allowed to do.
 """
 
 import array
+import os
+import select
 import socket
 import struct
 from pathlib import Path
@@ -12,7 +14,7 @@ from typing import Protocol
 
 import msgspec
 
-__all__ = ["Credentials", "peer_credentials", "process_name", "program_name"]
+__all__ = ["Credentials", "lives", "peer_credentials", "process_name", "program_name"]
 
 _UCRED = struct.Struct("=iII")
 _LONGEST_NAME = 64
@@ -49,6 +51,22 @@ def peer_credentials(peer: _Socket) -> Credentials:
         return Credentials(pid=0, uid=-1, gid=-1)
     pid, uid, gid = _UCRED.unpack(peer.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size))
     return Credentials(pid=pid, uid=uid, gid=gid, groups=_peer_groups(peer, gid))
+
+
+def lives(pid: int) -> bool:
+    """Whether the process runs, or is stopped; also where that can't be found out. A zombie does not."""
+    try:
+        process = os.pidfd_open(pid) if pid > 0 else -1
+    except OSError as error:
+        return not isinstance(error, ProcessLookupError)
+    if process < 0:
+        return True
+    try:
+        ended = select.poll()
+        ended.register(process, select.POLLIN)
+        return not ended.poll(0)
+    finally:
+        os.close(process)
 
 
 def _peer_groups(peer: _Socket, gid: int) -> frozenset[int] | None:

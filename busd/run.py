@@ -23,6 +23,7 @@ from busd.access import find_doubts
 from busd.config import Config, load
 from busd.core.access import Access
 from busd.core.broker import Broker
+from busd.credentials import lives
 from busd.handover import CHECK, command_line, find_fault, hand_over
 from busd.listener import AlreadyRunning, Listener, open_listener
 from busd.logs import LOG_FORMATS, LOG_LEVELS, set_up
@@ -160,7 +161,8 @@ async def _serve(
     gc.freeze()  # what was imported stays: no collection need look at it
     gc.set_threshold(*_THRESHOLDS)
     own = os.getuid()
-    broker = Broker(config.limits, config.topics, Access(own, config.access), uid=own, pid=os.getpid())
+    access = Access(own, config.access)
+    broker = Broker(config.limits, config.topics, access, uid=own, pid=os.getpid(), lives=lives)
     server = Server(
         listener,
         broker,

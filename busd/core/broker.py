@@ -22,7 +22,7 @@ from typing import Any
 from bus.errors import AccessDenied, BusError, ConfigurationError, QuotaExceeded, RemoteProtocolError
 from bus.ids import EndpointId, PeerId
 from bus.wire import messages as m
-from bus.wire.layout import GUESTS, NAMESAKES
+from bus.wire.layout import GUESTS, NAMESAKES, SILENCE
 from bus.wire.runs import Account, Run
 from busd.core.absent import Absentees
 from busd.core.access import Access, Subject
@@ -40,6 +40,7 @@ from busd.core.matching import release
 from busd.core.quotas import Quotas
 from busd.core.routes import Routes
 from busd.core.routing import Router
+from busd.core.silence import Silences
 from busd.core.timers import NEVER_NS, Timers
 from busd.core.work import FRAME, LOOKS_PER_UNIT, QUEUES_PER_UNIT, Meter, Work
 
@@ -48,7 +49,10 @@ _LONGEST_NAME = 64
 
 
 class Broker:
-    """`uid` is the daemon's user, who may stop it; `pid` is told to those who ask for the graph."""
+    """`uid` is the daemon's user, who may stop it; `pid` is told to those who ask for the graph.
+
+    `lives` says of a pid whether there is still a process.
+    """
 
     def __init__(
         self,
@@ -58,6 +62,7 @@ class Broker:
         *,
         uid: int = 0,
         pid: int = 0,
+        lives: Callable[[int], bool] = lambda pid: True,
     ) -> None:
         self.limits = limits or Limits()
         self.graph = Graph()
@@ -82,14 +87,11 @@ class Broker:
             window_bytes=self.limits.keep_all_window_bytes,
             window_samples=self.limits.keep_all_window_messages,
         )
-        self._leases = Leases(
-            self.timers,
-            emit,
-            self.meter,
-            lease_ns=int(self.limits.lease_s * 1e9),
-            peers=self._peers,
-            evict=self._cut,
+        self._silences = Silences(
+            self.timers, emit, self.meter, peers=self._peers, lives=lives, evict=self._cut
         )
+        lease_ns = int(self.limits.lease_s * 1e9)
+        self._leases = Leases(self.timers, emit, self.meter, lease_ns=lease_ns, silences=self._silences)
         self._guard = Guard(self.graph, access or Access(uid))
         self._absentees = Absentees(self.timers, emit)
         self._registrar = Registrar(
@@ -159,6 +161,7 @@ class Broker:
             is_guest=not self._guard.access.is_free(uid),
             may_share=self.has_guests and GUESTS in hello.capabilities,
             hears_of_namesakes=NAMESAKES in hello.capabilities,
+            hears_of_silence=SILENCE in hello.capabilities,
             user=user,
             program=_printable(hello.program),
             version=_printable(hello.release),
@@ -173,7 +176,7 @@ class Broker:
         )
         self._quotas.enter(peer)
         self._peers[peer.id] = peer
-        self._leases.watch_peer(now_ns, peer)
+        self._silences.watch(now_ns, peer)
         return peer.id
 
     @property
@@ -248,9 +251,9 @@ class Broker:
         peer = self._peers.get(peer_id)
         if peer is None:
             return []
-        peer.last_heard_ns = now_ns
-        if peer.silent:
+        if peer.is_silent or peer.silent:
             self._leases.hear_peer(now_ns, peer)
+        peer.last_heard_ns = now_ns
         out: list[Effect] = []
         publisher = peer.endpoints.get(EndpointId(run.endpoint))
         try:

@@ -106,6 +106,10 @@ class Peer(Holder):
     """Declared types with the size of their schemas."""
     silent: "set[Publisher]" = field(default_factory=set)
     """Publishers with automatic liveliness whose lease ended."""
+    is_silent: bool = False
+    """It was not heard for its lease: nobody waits for it (busd.core.silence)."""
+    hears_of_silence: bool = False
+    """It understands Silence."""
     perishable: "set[Subscription]" = field(default_factory=set)
     """Subscriptions that samples with a lifespan may wait for."""
     doorbell: object | None = None

@@ -1,19 +1,20 @@
-"""Liveliness: publishers whose lease ended, and processes that have hung.
+"""Liveliness: publishers whose lease ended.
 
 Three notions stay apart: a process is connected (its socket), it is responsive (heard within the broker's
-lease), a publisher is alive (asserted within its own lease; ROS 2, "About Quality of Service settings").
+lease, see `busd.core.silence`), a publisher is alive (asserted within its own lease; ROS 2, "About Quality of
+Service settings").
 """
 
 import logging
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from itertools import islice
 
-from bus.ids import PeerId
 from bus.wire.messages import LivelinessChanged, LivelinessLost
 from busd.core.effects import Effect, Note, Send
 from busd.core.entities import Peer, Publisher, Subscription
-from busd.core.timers import NEVER_NS, Timers
+from busd.core.silence import Silences
+from busd.core.timers import Timers
 from busd.core.work import TELL, Meter
 
 _FEW = 64
@@ -23,8 +24,7 @@ _FEW = 64
 class Leases:
     """Watches leases by timers that re-arm themselves, so that a sign of life costs one assignment.
 
-    `peers` are the processes that are there. `lease_ns` is that of those that come; each keeps the one that
-    it was told.
+    `lease_ns` is that of processes that come; each keeps the one that it was told.
     """
 
     def __init__(
@@ -34,23 +34,16 @@ class Leases:
         meter: Meter,
         *,
         lease_ns: int,
-        peers: Mapping[PeerId, Peer],
-        evict: Callable[[int, Peer, str], None],
+        silences: Silences,
     ) -> None:
         self._timers = timers
         self._emit = emit
         self._meter = meter
         self.lease_ns = lease_ns
-        self._peers = peers
-        self._looks: list[int] = []  # when the silent among them are looked for, the next time at the end
-        self._evict = evict
+        self._silences = silences
         self._returning: set[Peer] = set()
         self._news: deque[tuple[Publisher, bool, Iterator[Subscription]]] = deque()
         """Publishers whose lease ended or that are back, and whom that is yet to be told."""
-
-    def watch_peer(self, now_ns: int, peer: Peer) -> None:
-        """Evict `peer` once it has been silent for its lease."""
-        self._look_for_silent_at(now_ns + peer.lease_ns)
 
     def watch_publisher(self, now_ns: int, publisher: Publisher) -> None:
         """Watch the lease of `publisher`, where it has one."""
@@ -59,6 +52,8 @@ class Leases:
 
     def hear_peer(self, now_ns: int, peer: Peer) -> None:
         """Anything came from `peer`: its automatic publishers are alive."""
+        if peer.is_silent:
+            self._silences.end(now_ns, peer)
         peer.last_heard_ns = now_ns
         if peer.silent and peer not in self._returning:
             self._revive_some(now_ns, peer)
@@ -68,25 +63,6 @@ class Leases:
         publisher.last_sign_ns = now_ns
         if not publisher.is_alive:
             self._revive(now_ns, publisher)
-
-    def _look_for_silent_at(self, due_ns: int) -> None:
-        # A timer for all: one each would keep every peer that has gone until the end of its lease.
-        if not self._looks or due_ns < self._looks[-1]:
-            self._looks.append(due_ns)
-            self._timers.add(due_ns, self._look_for_silent)
-
-    def _look_for_silent(self, now_ns: int) -> None:
-        while self._looks and self._looks[-1] <= now_ns:
-            self._looks.pop()
-        next_ns = NEVER_NS
-        for peer in tuple(self._peers.values()):
-            silence_ns = now_ns - peer.last_heard_ns
-            if silence_ns < peer.lease_ns:
-                next_ns = min(next_ns, peer.last_heard_ns + peer.lease_ns)
-            else:
-                self._evict(now_ns, peer, f"no sign of life for {silence_ns / 1e9:.1f} s")
-        if next_ns < NEVER_NS:
-            self._look_for_silent_at(next_ns)
 
     def _look_at(self, now_ns: int, due_ns: int, publisher: Publisher) -> None:
         # A timer keeps its publisher in memory: not for the rest of a long lease after it has gone.

@@ -10,7 +10,15 @@ from typing import Any
 
 from bus.qos import check_compatible, describe_incompatibilities
 from bus.wire.layout import SAME_USER
-from bus.wire.messages import Credit, Incompatible, LivelinessChanged, Matched, Rerouted, Unmatched
+from bus.wire.messages import (
+    Credit,
+    Incompatible,
+    LivelinessChanged,
+    Matched,
+    Rerouted,
+    Silence,
+    Unmatched,
+)
 from bus.wire.runs import RunQueue
 from busd.core.effects import Effect, Note, Send
 from busd.core.entities import SHM, SOCKET, Publisher, Sharing, Subscription, keeps_history
@@ -59,6 +67,9 @@ def connect(
             uid=foreign_uid(mine, other) if is_shared else SAME_USER,
         )
         out.append(Send(mine.node.peer.id, message, brings))
+    if subscription.node.peer.is_silent and publisher.is_lossless and subscription.is_lossless:
+        silent_ns = now_ns - subscription.node.peer.last_heard_ns
+        tell_of_silence(publisher, subscription, silent_ns, out.append)
     if not publisher.is_alive:
         lost = LivelinessChanged(subscription=subscription.id, publisher=publisher.id, alive=False)
         out.append(Send(subscription.node.peer.id, lost))
@@ -78,10 +89,14 @@ def foreign_uid(mine: Publisher | Subscription, other: Publisher | Subscription)
 
 
 def can_share(publisher: Publisher, subscription: Subscription) -> bool:
-    """Whether the match goes by shared memory: both processes can, and belong to one user or may anyway."""
+    """Whether the match goes by shared memory: both processes can, and belong to one user or may anyway.
+
+    An older program is not to wait for ever for a process that is silent; by socket busd sees to that.
+    """
     talker, listener = publisher.node.peer, subscription.node.peer
     return (
         publisher.ring is not None
+        and (talker.hears_of_silence or not listener.is_silent)
         and talker.doorbell is not None
         and listener.readers is not None
         and (
@@ -140,6 +155,29 @@ def give_credit(publisher: Publisher, emit: Callable[[Effect], None]) -> None:
         emit(Send(publisher.node.peer.id, Credit(publisher=publisher.id, seq=seq)))
 
 
+def await_acks(publisher: Publisher, subscription: Subscription) -> None:
+    """From now on a lossless publisher waits for what `subscription` has taken by socket."""
+    known_seq, last_seq_here = publisher.behind.get(subscription.id, 0), publisher.next_seq - 1
+    publisher.acked[subscription.id] = max(last_seq_here, known_seq)
+    # Of what it has taken already, and the publisher is yet to send here, nothing will be acknowledged.
+    publisher.is_credit_ahead |= known_seq > last_seq_here
+
+
+def tell_of_silence(
+    publisher: Publisher, subscription: Subscription, silent_ns: int, emit: Callable[[Effect], None]
+) -> None:
+    """Tell a lossless publisher whether to wait for a lossless subscription."""
+    peer, waiting = subscription.node.peer, publisher.node.peer
+    if waiting.hears_of_silence:
+        told = Silence(
+            publisher=publisher.id,
+            subscription=subscription.id,
+            silent_s=max(0, silent_ns) / 1e9,
+            is_over=not peer.is_silent,
+        )
+        emit(Send(waiting.id, told))
+
+
 def release(
     publisher: Publisher, subscription: Subscription, seq: int, emit: Callable[[Effect], None]
 ) -> None:
@@ -175,11 +213,8 @@ def _begin_routing(
     out: list[Effect],
 ) -> None:
     """From now on runs are queued for the match; first comes the history after `last_seq` (None: nothing)."""
-    if publisher.is_lossless and subscription.is_lossless:
-        known_seq, last_seq_here = publisher.behind.get(subscription.id, 0), publisher.next_seq - 1
-        publisher.acked[subscription.id] = max(last_seq_here, known_seq)
-        # Of what it has taken already, and the publisher is yet to send here, nothing will be acknowledged.
-        publisher.is_credit_ahead |= known_seq > last_seq_here
+    if publisher.is_lossless and subscription.is_lossless and not subscription.node.peer.is_silent:
+        await_acks(publisher, subscription)
     if publisher.lifespan_ns:
         subscription.node.peer.perishable.add(subscription)
     if publisher.history is not None and last_seq is not None:

@@ -22,6 +22,7 @@ from bus.errors import (
     ConnectionClosed,
     RemoteProtocolError,
 )
+from bus.logger import get_logger
 from bus.reach import NotNow, Patience
 from bus.release import RELEASE
 from bus.sharing import Sharing
@@ -29,7 +30,7 @@ from bus.transport.stream import Stream
 from bus.typesupport import TypeSupport
 from bus.wire import messages as m
 from bus.wire.answers import expect
-from bus.wire.layout import GUESTS, LEAVING, NAMESAKES, VERSION
+from bus.wire.layout import GUESTS, LEAVING, NAMESAKES, SILENCE, VERSION
 from bus.wire.outbox import Outbox
 from bus.wire.session import Role, Session
 
@@ -41,15 +42,21 @@ ANSWER_S = 10.0
 _UNREAD_S = 0.05
 """How long until another look where this process has not yet read what has come."""
 
+_LATE_NS = 1_000_000_000
+"""A timer that comes so late says that this event loop stood still."""
+_NEVER_NS = 1 << 63
+
+_log = get_logger("bus")
+
 
 class _Request:
     """What the broker owes an answer to."""
 
-    __slots__ = ("answer", "since_ns", "timer")
+    __slots__ = ("answer", "due_ns", "since_ns", "timer")
 
     def __init__(self, answer: asyncio.Future[Any]) -> None:
         self.answer = answer
-        self.since_ns = monotonic_ns()
+        self.since_ns = self.due_ns = monotonic_ns()
         self.timer: asyncio.TimerHandle | None = None
 
     def end(self) -> None:
@@ -89,6 +96,11 @@ class Connection:
         self._farewell = ""
         self.heard_ns = 0
         """When anything last came from the broker; for whoever hands out what comes to keep."""
+        self.turn_ns = 0
+        """When the event loop last had a turn; for whoever knows of one to keep."""
+        self.late_ns = _NEVER_NS
+        """Who has a turn after that calls `look_back` before he keeps when it was."""
+        self._beat_ns = self._due_ns = 0  # since and until when the next sign of life is waited for
         self._requests: dict[int, _Request] = {}
         self._numbers = count(1)
         self._types: set[tuple[str, str]] = set()
@@ -113,7 +125,7 @@ class Connection:
         self.send(
             m.Hello(
                 version=VERSION,
-                capabilities=(LEAVING, GUESTS, NAMESAKES),
+                capabilities=(LEAVING, GUESTS, NAMESAKES, SILENCE),
                 pid=os.getpid(),
                 program=_program(),
                 release=RELEASE,
@@ -206,13 +218,17 @@ class Connection:
         """
         if request.answer.done():
             return
-        left_s = ANSWER_S - (monotonic_ns() - max(request.since_ns, self.heard_ns)) / 1e9
+        now_ns = monotonic_ns()
+        if now_ns - request.due_ns > _LATE_NS:
+            request.since_ns = now_ns  # we stood still: the request may not have left, nor the answer be here
+        left_s = ANSWER_S - (now_ns - max(request.since_ns, self.heard_ns)) / 1e9
         if left_s <= 0:
             if self.is_quiet:
                 error = TimeoutError(f"busd (pid {self.hello.pid}) has said nothing for {ANSWER_S:g} s")
                 request.answer.set_exception(error)
                 return
             left_s = _UNREAD_S
+        request.due_ns = now_ns + int(left_s * 1e9)
         request.timer = self._loop.call_later(left_s, self._watch, request)
 
     def declare_type(self, support: TypeSupport[Any]) -> None:
@@ -255,7 +271,22 @@ class Connection:
         if self._heartbeat is not None:
             self._heartbeat.cancel()
         if self._stream is not None:
+            self._beat_ns = monotonic_ns()
+            self._due_ns = self._beat_ns + int(interval_s * 1e9)
+            self.late_ns = self._due_ns + _LATE_NS
             self._heartbeat = self._loop.call_later(interval_s, self._beat, interval_s)
+
+    def look_back(self, now_ns: int) -> None:
+        """This event loop stood still. Say so where it was silent for its lease: nobody need look at busd."""
+        self.late_ns = _NEVER_NS
+        most_s = (now_ns - self._beat_ns) / 1e9
+        if most_s < self.hello.lease_s:
+            return
+        if (turn_ns := max(self.turn_ns, self.heard_ns)) > self._beat_ns:
+            time = f"{(now_ns - turn_ns) / 1e9:.0f} s"
+        else:
+            time = f"{(now_ns - self._due_ns) / 1e9:.0f} to {most_s:.0f} s"
+        _log.warning(f"this program's event loop stood still for {time}: who waited for it has gone on")
 
     def close(self) -> None:
         """Send what the socket still takes, and end."""
@@ -271,6 +302,8 @@ class Connection:
             stream.abandon()
 
     def _beat(self, interval_s: float) -> None:
+        if (now_ns := monotonic_ns()) > self.late_ns:
+            self.look_back(now_ns)
         self.send(m.Ping())
         self.beat(interval_s)
 

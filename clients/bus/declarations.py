@@ -35,7 +35,7 @@ AGAIN_S = 2.0
 _ABOUT: dict[Any, str] = (
     dict.fromkeys((m.Matched, m.Unmatched, m.Incompatible, m.Rerouted), "endpoint")
     | dict.fromkeys((m.Dropped, m.LivelinessChanged, m.RingReplaced), "subscription")
-    | dict.fromkeys((m.Credit, m.LivelinessLost, m.Attached), "publisher")
+    | dict.fromkeys((m.Credit, m.LivelinessLost, m.Attached, m.Silence), "publisher")
 )
 """The field that says which endpoint the news is for."""
 

@@ -240,15 +240,22 @@ class Link:
             self.loop.call_soon(self._drains.release)  # they look again after the next choice
 
     def _report(self, endpoint: Endpoint, frames: bytes) -> None:
-        self.wall_offset_ns = time_ns() - monotonic_ns()  # the wall clock may have been set
+        now_ns = monotonic_ns()
+        self.wall_offset_ns = time_ns() - now_ns  # the wall clock may have been set
+        if (connection := self._connection) is not None:
+            if now_ns > connection.late_ns:
+                connection.look_back(now_ns)
+            connection.turn_ns = now_ns
         self.send_about(endpoint, frames)
 
     # --- what comes in
 
     def _received(self, items: Iterable[Any]) -> None:
         received_ns = monotonic_ns()
-        if self._connection is not None:
-            self._connection.heard_ns = received_ns
+        if (connection := self._connection) is not None:
+            if received_ns > connection.late_ns:
+                connection.look_back(received_ns)
+            connection.heard_ns = received_ns
         endpoints, touched = self._declarations.by_id, set[Endpoint]()
         self._is_receiving = True
         try:

@@ -267,6 +267,12 @@ class Outlet:
             self._ring.attach(gid, attached, descriptors)
         self.release_waiters()
 
+    def set_waiting(self, gid: bytes, *, is_on: bool) -> None:
+        """Whether to wait for a lossless subscription. By socket the broker sees to it, with its credit."""
+        if self._ring is not None:
+            self._ring.set_waiting(gid, is_on=is_on)
+        self.release_waiters()
+
     def rerouted(self, gid: bytes, qos: QoSProfile, rerouted: m.Rerouted) -> None:
         ring, since_ns = self._ring, rerouted.at_ns
         if ring is not None:

@@ -20,6 +20,7 @@ from bus.link import Link
 from bus.loan import Loan
 from bus.logger import Logger
 from bus.outlet import NOTED, Outlet
+from bus.provoked import warn
 from bus.qos import QoSProfile
 from bus.ringroute import RingRoute
 from bus.transport.memory import LARGE_BYTES, keep_freed_memory
@@ -252,6 +253,8 @@ class Publisher(Endpoint[M]):
             case m.LivelinessLost():
                 self._lost_liveliness += 1
                 self._tell(self._events.liveliness_lost, LivelinessLost(self._lost_liveliness, 1))
+            case m.Silence(subscription=other) if other in self._matches:
+                self._hear_of_silence(message)
             case m.Matched():
                 self._outlet.matched(message)
                 super()._handle(message)
@@ -291,6 +294,16 @@ class Publisher(Endpoint[M]):
         self._outlet.abandon(reason)
 
     # --- inside
+
+    def _hear_of_silence(self, silence: m.Silence) -> None:
+        match = self._matches[silence.subscription]
+        self._outlet.set_waiting(match.gid, is_on=silence.is_over)
+        time = f"{silence.silent_s:.1f} s"
+        if silence.is_over:
+            text = f"'{self.topic_name}' waits for {match.node} again, which was silent for {time}"
+        else:
+            text = f"'{self.topic_name}' goes on without {match.node}: no sign of life for {time}"
+        warn(self._logger, text)
 
     def _publish_around(self, message: M, field: str, value: memoryview | str) -> bool:
         """Publish a message with a long field, which is copied only to where it will be read."""

@@ -46,13 +46,25 @@ _keys = count(1)
 class _Gate:
     """One match as the publisher knows it: first only that there will be a reader, then where it tells."""
 
-    __slots__ = ("depth", "hold", "is_attached", "is_held", "is_lost", "is_stale", "key", "process", "slot")
+    __slots__ = (
+        "depth",
+        "hold",
+        "is_attached",
+        "is_held",
+        "is_lost",
+        "is_spared",
+        "is_stale",
+        "key",
+        "process",
+        "slot",
+    )
 
     def __init__(self, hold: int, *, is_held: bool) -> None:
         self.key = next(_keys)
         self.depth = 0
         self.hold = hold  # until it reads, nothing from here on may be given up
         self.is_held = is_held  # its subscription is reliable and keeps all
+        self.is_spared = False  # it would be held, but its process is silent
         self.is_attached = False
         self.is_stale = False  # an earlier broker made the match, and the present one has not yet
         self.is_lost = False  # its process may read on, though the broker has lost it
@@ -235,6 +247,7 @@ class RingRoute:
                 heappush(self._holds, (gate.hold, gate.key))
         else:
             self._forget_depth(gate)
+            self.set_waiting(matched.gid, is_on=True)  # it is back
         gate.is_stale = False
         gate.depth = matched.qos.depth if matched.qos.history is History.KEEP_LAST else 1
         self._depths[gate.depth] += 1
@@ -275,6 +288,20 @@ class RingRoute:
             self._left[gate.process, gate.slot] = gate
             self.writer.make_lossy(gate.key)
             self._forget_later(0)  # a look at all that go at once
+        self._set_hold()
+
+    def set_waiting(self, gid: bytes, *, is_on: bool) -> None:
+        """Whether to wait for a lossless match; not while its process is silent."""
+        gate = self._gates.get(gid)
+        if gate is None or gate.is_spared is not is_on:
+            return
+        gate.is_spared, gate.is_held = not is_on, is_on
+        if gate.process is None and is_on:
+            heappush(self._holds, (gate.hold, gate.key))
+        elif gate.process is not None and is_on:
+            self.writer.add_gate(gate.key, gate.process.bell, gate.slot, is_lossless=True)
+        elif gate.process is not None:
+            self.writer.make_lossy(gate.key)
         self._set_hold()
 
     def missed(self, qos: QoSProfile, since_ns: int) -> list[tuple[int, int, bytes]]:
@@ -370,8 +397,8 @@ class RingRoute:
             del self._depths[gate.depth]
 
     def _set_hold(self) -> None:
-        holds = self._holds
-        while holds and holds[0][1] not in self._unattached:
+        holds, unattached = self._holds, self._unattached
+        while holds and not ((gate := unattached.get(holds[0][1])) and gate.is_held):
             heappop(holds)
         first = holds[0][0] if holds else FOR_EVER
         if self._is_lossless:

@@ -9,11 +9,12 @@ all processes that live are awake. The accounts are closed from one scene to the
 - A talker that came in the storm and left in order, while the ear was connected to a busd that lived, owes
   as much, also where the ear was cut off later: what waited for it then has a reason.
 - Of other pairs the ear accounts for what it got at least, and for what was published at most: where one of
-  the two came, went or died, or where its own connection broke while busd lived, by a cut or at the end of
-  its lease. Then it has left, and come back as another.
+  the two came, went or died, or where its own connection broke while busd lived. Then it has left, and come
+  back as another.
 
 So an ear's delivered + dropped lies between two bounds, which are the same where all of its pairs are steady.
-Of steady pairs that are lossless, nothing is dropped at all. By socket, what a busd that is killed had
+Of steady pairs that are lossless, nothing is dropped at all, unless the ear's process stood still for longer
+than its lease. By socket, what a busd that is killed had
 dropped and not yet told nobody knows, and what it had told may be found missing once more: where an end of a
 pair by socket has lost busd in a storm in which that died, the ear's own account must close, and is not
 compared with the talkers'. And there may be more where a talker by shared memory was cut off by a busd that
@@ -51,7 +52,7 @@ class Scene:
     deaths: int = 0
     """How often busd has ended."""
     sleepers: set[str] = field(default_factory=set)
-    """Actors that were stopped or asleep so long in the storm that their lease may have ended."""
+    """Actors that were stopped or asleep so long in the storm that others may have gone on without them."""
     roles: dict[str, Role] = field(default_factory=dict)
 
     def lives(self, number: int) -> bool:
@@ -155,14 +156,15 @@ def _losses(before: Scene, now: Scene, actor: str) -> int:
 def _was_cut_off(before: Scene, now: Scene, actor: str) -> bool:
     """Whether an actor may have lost its connection to a busd that lived."""
     losses = _losses(before, now, actor)
-    is_suspect = now.roles[actor].is_fragile or actor in now.sleepers
-    return losses > (0 if is_suspect else now.deaths - before.deaths)
+    return losses > (0 if now.roles[actor].is_fragile else now.deaths - before.deaths)
 
 
 def _streams(before: Scene, now: Scene) -> Iterator[str]:
     """Reliable + keep all at both ends: complete."""
     for number, (ear, actor, look) in now.ears.items():
         if not ear.quality.is_lossless or now.roles[actor].is_limited or number not in before.ears:
+            continue
+        if actor in now.sleepers:
             continue
         then = before.ears[number][2]
         for said in now.talkers.values():

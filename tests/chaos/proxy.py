@@ -79,6 +79,7 @@ class Proxy:
         self._selector.register(self._listening, selectors.EVENT_READ)
         self._ways: list[tuple[_Way, _Way]] = []
         self._orders: deque[tuple[random.Random, int] | None] = deque()
+        self._is_hanging_up = False
         self._ours, self._theirs = socket.socketpair()
         self._selector.register(self._theirs, selectors.EVENT_READ)
         self._thread = threading.Thread(target=self._run, name="proxy")
@@ -94,6 +95,11 @@ class Proxy:
     def cut(self, after_bytes: int, seed: int) -> None:
         """Cut some connection, once so many bytes more have passed in one of its directions."""
         self._orders.append((random.Random(seed), after_bytes))
+        self._ours.send(b"x")
+
+    def hang_up(self) -> None:
+        """Cut all connections now."""
+        self._is_hanging_up = True
         self._ours.send(b"x")
 
     def spare(self) -> None:
@@ -150,6 +156,10 @@ class Proxy:
                 self._selector.register(way.source, selectors.EVENT_READ, ways)
 
     def _obey(self) -> None:
+        if self._is_hanging_up:
+            self._is_hanging_up = False
+            for ways in tuple(self._ways):
+                self._end(ways)
         while self._orders:
             order = self._orders.popleft()
             if order is None:

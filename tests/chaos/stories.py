@@ -66,9 +66,9 @@ class Stories:
         yield killed_s + self._chance.choice((0.0, 0.3)), Enter(self._role("crowd", self._many()))
 
     def _farewell(self) -> Iterator[tuple[float, Enter | Doze | Leave | Cut | Resume]]:
-        """Publishers leave in order while their subscriptions sleep, which are then cut off.
+        """Publishers leave in order while their subscriptions sleep, longer than their lease.
 
-        By the end of their lease, or when they wake up: their connection, with what waits for them in it.
+        When they wake up, they may be cut off: their connection, with what waits for them in it.
         """
         chance = self._chance
         leaving = [self._role("leaver", self._leavers(), by_socket=by_socket) for by_socket in (True, False)]

@@ -178,6 +178,8 @@ FROM_BROKER: dict[str, m.Message] = {
     ),
     "liveliness_changed": m.LivelinessChanged(subscription=3, publisher=2, alive=False),
     "liveliness_lost": m.LivelinessLost(publisher=2),
+    "silence": m.Silence(publisher=2, subscription=3, silent_s=10.25),
+    "silence_over": m.Silence(publisher=2, subscription=3, silent_s=13.5, is_over=True),
     "dropped": m.Dropped(subscription=3, dropped={"replaced": 5, "expired": 1}),
     "credit": m.Credit(publisher=2, seq=300),
     "graph": m.Graph(request=4, revision=9, nodes=(NODE,), endpoints=(ENDPOINT,), matches=(MATCH,), pid=1),

@@ -173,7 +173,7 @@ def test_daemon_peers(daemon: Daemon, settings: str) -> None:
         title, rule, row = bus("daemon", "peers").out.splitlines()
         (peer,) = [json.loads(line) for line in bus("daemon", "peers", "--json").out.splitlines()]
         (user,) = [json.loads(line) for line in bus("daemon", "peers", "--users", "--json").out.splitlines()]
-    columns = "pid uid program nodes endpoints topics descriptors queued history refused"
+    columns = "pid uid program nodes endpoints topics descriptors queued history refused silent"
     assert (title.split(), set(rule)) == (columns.split(), {"="})
     assert row.split()[:2] == [str(listener.process.pid), str(os.getuid())]
     assert " 2 (20%) " in row

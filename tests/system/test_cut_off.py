@@ -1,9 +1,9 @@
-"""A subscriber's process that busd cuts off, and publishers that leave meanwhile: all is accounted for."""
+"""A subscriber's process that stands still and loses its connection, and publishers that leave meanwhile."""
 
 import asyncio
 import re
 import signal
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
 
 import pytest
@@ -11,13 +11,11 @@ import pytest
 import bus
 from bus import shm
 from bus.msg.std_msgs import String
+from chaos.proxy import Proxy
 from conftest import WAIT_S, Daemon
-from neighbours import with_limits
 from programs import Program, running
 from semantics import until
 
-LEASE_S = 2.0
-"""Longer than a busy machine may keep those silent who are not stopped."""
 LONG = "x" * 20_000
 """Ten of these fill a socket: the rest waits in busd."""
 
@@ -44,8 +42,15 @@ bus.run(main())
 
 
 @pytest.fixture
-async def listener(daemon: Daemon, tmp_path: Path) -> AsyncIterator[Program]:
-    async with running(tmp_path, "-c", LISTENER) as program:
+def proxy(daemon: Daemon, tmp_path: Path) -> Iterator[Proxy]:
+    """Between the listener and busd, so that their connection can be cut."""
+    with Proxy(tmp_path / "proxy.sock", daemon.path) as proxy:
+        yield proxy
+
+
+@pytest.fixture
+async def listener(proxy: Proxy, tmp_path: Path) -> AsyncIterator[Program]:
+    async with running(tmp_path, "-c", LISTENER, BUSD_SOCKET=str(tmp_path / "proxy.sock")) as program:
         yield program
         program.process.send_signal(signal.SIGCONT)
 
@@ -84,10 +89,9 @@ async def until_told(node: bus.Node, expected: int, lost: int) -> None:
         await asyncio.sleep(0.01)
 
 
-@with_limits(lease_s=LEASE_S)
 @pytest.mark.parametrize("leaves", ["before", "after"])
 async def test_what_a_publisher_that_has_left_had_published(
-    route: str, listener: Program, node: bus.Node, leaves: str
+    route: str, listener: Program, proxy: Proxy, node: bus.Node, leaves: str
 ) -> None:
     """It leaves before or after the process that stands still is cut off."""
     publisher = await node.create_publisher(String, "topic", 1000)
@@ -98,6 +102,7 @@ async def test_what_a_publisher_that_has_left_had_published(
     await publish(publisher, 30)
     if leaves == "before":
         await publisher.close()
+    proxy.hang_up()
     while len((await node.graph()).nodes) > 1:  # noqa: ASYNC110
         await asyncio.sleep(0.01)
     if leaves == "after":
@@ -113,10 +118,9 @@ async def test_what_a_publisher_that_has_left_had_published(
     await until_told(node, expected, lost)
 
 
-@with_limits(lease_s=LEASE_S)
 @pytest.mark.skipif(not shm.is_available(), reason="without shared memory there are no rings")
 async def test_what_a_publisher_has_left_in_a_ring_that_was_never_read(
-    listener: Program, node: bus.Node
+    listener: Program, proxy: Proxy, node: bus.Node
 ) -> None:
     """Its ring grew while the subscription was cut off, and went with it."""
     publisher = await node.create_publisher(String, "topic", 1000)
@@ -124,6 +128,7 @@ async def test_what_a_publisher_has_left_in_a_ring_that_was_never_read(
     await publish(publisher, 5)
     await listener.line("expected 5 delivered 5 ")
     listener.process.send_signal(signal.SIGSTOP)
+    proxy.hang_up()
     while len((await node.graph()).nodes) > 1:  # noqa: ASYNC110
         await asyncio.sleep(0.01)
     await node.create_subscription(String, "topic", 1000, callback=lambda message: None)

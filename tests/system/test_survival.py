@@ -223,11 +223,14 @@ class TestSubscriptions:
             stopped.stop()
             wait_until(lambda: talker.waits and listener.heard(talker) >= talker.said)
             talker.goes_on(200)
-            until_alone(listener, talker)
+            assert listener.ask("graph")["nodes"].count(stopped.name) == 1, "it keeps its place"
             stopped.resume()
-            until_alone(listener, stopped, talker)
+            stopped.hears(talker, 100)
             nursery.look()
-        stopped.hears(talker, 100)
+        stopped.stop()
+        wait_until(lambda: talker.waits and listener.heard(talker) >= talker.said)
+        stopped.resume()
+        stopped.has_heard_all((talker, talker.ask("stop")))
 
     def test_a_stopped_one_gets_the_newest(
         self, nursery: Nursery, route: str, moment: Callable[..., None]

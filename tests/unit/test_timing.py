@@ -5,6 +5,7 @@ on any machine.
 """
 
 import asyncio
+import re
 from typing import Any
 
 import pytest
@@ -13,6 +14,7 @@ import bus
 from accounts_world import TOPIC, Numbered, World
 from bus.events import DeadlineMissed, LivelinessChanged, PublisherEvents, SubscriptionEvents
 from bus.qos import QoSProfile
+from jumping_loop import JumpingLoop
 from semantics import KEEP_ALL
 from two_processes import Play, nodes, two
 
@@ -149,3 +151,53 @@ def test_the_graph_hears_of_what_is_taken_as_soon_as_it_is_there(two: Play) -> N
             assert await counted(listener) == (number, number, 0)
 
     two(story)
+
+
+def stand_still(seconds: float) -> None:
+    """As time.sleep does it."""
+    loop = asyncio.get_running_loop()
+    assert isinstance(loop, JumpingLoop)
+    loop.jumped_s += seconds
+
+
+class TestStandstill:
+    """A program whose own event loop stood still says so, and looks for no fault at busd."""
+
+    SAID = "this program's event loop stood still for "
+
+    def test_for_how_long(self, two: Play, caplog: pytest.LogCaptureFixture) -> None:
+        """Exactly where something was done just before; else between two signs of life."""
+
+        async def story(world: World) -> None:
+            node = nodes(world)[1]
+            await asyncio.sleep(1000)
+            assert self.SAID not in caplog.text
+            await node.graph()
+            stand_still(13)
+            await node.graph()
+            await asyncio.sleep(1000)
+            assert self.SAID + "13 s: who waited for it has gone on" in caplog.text
+            assert caplog.text.count(self.SAID) == 2, "each of the two that are in this loop, once"
+            caplog.clear()
+            await asyncio.sleep(1)
+            stand_still(13)
+            await asyncio.sleep(1000)
+            assert re.search(self.SAID + r"(9|1\d) to 1[3-6] s: ", caplog.text)
+            caplog.clear()
+            stand_still(6)
+            await asyncio.sleep(1000)
+            assert self.SAID not in caplog.text, "less than the lease"
+
+        two(story, lease_s=10)
+
+    def test_a_question_that_has_not_left_yet(self, two: Play) -> None:
+        """Neither busd nor this program could say anything meanwhile."""
+
+        async def story(world: World) -> None:
+            node = nodes(world)[1]
+            asking = asyncio.ensure_future(node.graph())
+            await asyncio.sleep(0)
+            stand_still(60)
+            assert len((await asking).nodes) == 2
+
+        two(story)

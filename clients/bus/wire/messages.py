@@ -301,6 +301,18 @@ class LivelinessLost(Message, frozen=True, tag="lost"):
     publisher: int
 
 
+class Silence(Message, frozen=True, tag="silence"):
+    """To a lossless publisher: nothing has come from the process of a lossless subscription for `silent_s`.
+
+    So don't wait for it, until a second one says that the silence `is_over`. For who has SILENCE.
+    """
+
+    publisher: int
+    subscription: int
+    silent_s: Lease
+    is_over: bool = False
+
+
 class Dropped(Message, frozen=True, tag="dropped"):
     """Totals of what the broker dropped for a subscription, by reason.
 
@@ -370,7 +382,17 @@ FromClient = _Both | _Declaring | _Sharing | AssertLiveliness | Ack | Report | _
 
 _Answers = Created | Done | Refused | Graph | TypeDescription | Peers
 _Matching = Matched | Unmatched | Incompatible | Attached | RingReplaced | Rerouted
-_News = LivelinessChanged | LivelinessLost | Dropped | Credit | GraphChanged | Namesake | Fault | Leaving
+_News = (
+    LivelinessChanged
+    | LivelinessLost
+    | Silence
+    | Dropped
+    | Credit
+    | GraphChanged
+    | Namesake
+    | Fault
+    | Leaving
+)
 FromBroker = _Both | _Answers | _Matching | _News
 
 from_client = Decoder(FromClient)

@@ -12,6 +12,7 @@ from bus.cli.query import Query
 _OF_PEERS = ("pid", "uid", "program", "nodes", "endpoints", "topics", "descriptors")
 _OF_USERS = ("uid", "connections", "endpoints", "topics", "descriptors", "absent")
 _HELD = ("queued_bytes", "history_bytes", "refused")
+_SILENT = "silent_s"
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -34,15 +35,17 @@ def main(args: Namespace) -> int:
         for record in records:
             print_json({name: getattr(record, name) for name in record.__struct_fields__})
         return 0
-    columns = (*(_OF_USERS if args.users else _OF_PEERS), *_HELD)
+    columns = (*_OF_USERS, *_HELD) if args.users else (*_OF_PEERS, *_HELD, _SILENT)
     suffix = "_per_user" if args.users else "_per_peer"
     rows = [[_cell(record, name, suffix, charges.limits) for name in columns] for record in records]
-    say(table([name.removesuffix("_bytes") for name in columns], rows), end="")
+    say(table([name.removesuffix("_bytes").removesuffix("_s") for name in columns], rows), end="")
     return 0
 
 
 def _cell(record: Any, name: str, suffix: str, limits: Mapping[str, int | float]) -> str:
     value, most = getattr(record, name), limits.get(name + suffix)
+    if name == _SILENT:  # else it just has nothing to say
+        return f"{value:.0f} s" if value >= limits.get("lease_s", 0) else ""
     text = size_text(value) if name.endswith("_bytes") else str(value)
     part = value / most if most else 0
     return f"{text} ({part:.0%})" if part >= 0.1 else text

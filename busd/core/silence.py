@@ -1,0 +1,133 @@
+"""Silence: processes that were not heard for their lease, and what must not wait for them.
+
+Such a process is there as long as its connection is: it may be busy, or stopped, and wake up. So it keeps its
+nodes, endpoints and matches. Only what waits for it goes on without it: a lossless publisher no longer counts
+on its lossless subscriptions, until it is heard again. What they miss by that is counted where it is lost, as
+for anybody who is too slow. (The leases of publishers are in `busd.core.liveliness`.)
+"""
+
+import logging
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from itertools import islice
+
+from bus.ids import PeerId
+from busd.core.effects import Effect, Note
+from busd.core.entities import Peer, Publisher, Subscription
+from busd.core.matching import await_acks, give_credit, tell_of_silence
+from busd.core.timers import NEVER_NS, Timers
+from busd.core.work import LOOKS_PER_UNIT, TELL, Meter
+
+_FEW = 16
+"""Matches that are gone through between two looks at other work."""
+
+
+class Silences:
+    """Watches `peers`, those that are there. `lives` says whether a pid is still one; `evict` cuts off."""
+
+    def __init__(
+        self,
+        timers: Timers,
+        emit: Callable[[Effect], None],
+        meter: Meter,
+        *,
+        peers: Mapping[PeerId, Peer],
+        lives: Callable[[int], bool],
+        evict: Callable[[int, Peer, str], None],
+    ) -> None:
+        self._timers = timers
+        self._emit = emit
+        self._meter = meter
+        self._peers = peers
+        self._lives = lives
+        self._evict = evict
+        self._looks: list[int] = []  # when the silent are looked for, the next time at the end
+        self._news: deque[tuple[Peer, int, Iterator[tuple[Publisher, Subscription]]]] = deque()
+        """Processes that fell silent or were heard again, for how long they were silent, and who waits."""
+
+    def watch(self, now_ns: int, peer: Peer) -> None:
+        """Notice when nothing has come from `peer` for its lease."""
+        self._look_at(now_ns + peer.lease_ns)
+
+    def end(self, now_ns: int, peer: Peer) -> None:
+        """It is heard again; what it said before that was at its `last_heard_ns`."""
+        silent_ns = now_ns - peer.last_heard_ns
+        peer.is_silent = False
+        self.watch(now_ns, peer)
+        text = (
+            f"{peer.describe()} is heard again, after {silent_ns / 1e9:.1f} s: who waits for it does so again"
+        )
+        self._emit(Note(logging.INFO, text))
+        self._go_through(now_ns, peer, silent_ns)
+
+    def _look_at(self, due_ns: int) -> None:
+        # A timer for all: one each would keep every peer that has gone until the end of its lease.
+        if not self._looks or due_ns < self._looks[-1]:
+            self._looks.append(due_ns)
+            self._timers.add(due_ns, self._look)
+
+    def _look(self, now_ns: int) -> None:
+        while self._looks and self._looks[-1] <= now_ns:
+            self._looks.pop()
+        next_ns = NEVER_NS
+        for peer in tuple(self._peers.values()):
+            silent_ns = now_ns - peer.last_heard_ns
+            left_ns = peer.lease_ns - silent_ns % peer.lease_ns
+            if silent_ns >= peer.lease_ns and not self._lives(peer.pid):
+                # Somebody else holds its connection, as a child may to which it gave all it had.
+                self._evict(now_ns, peer, f"no sign of life for {silent_ns / 1e9:.1f} s, and it has ended")
+                continue
+            if silent_ns >= peer.lease_ns and not peer.is_silent:
+                self._begin(now_ns, peer, silent_ns)
+            next_ns = min(next_ns, now_ns + left_ns)
+        if next_ns < NEVER_NS:
+            self._look_at(next_ns)
+
+    def _begin(self, now_ns: int, peer: Peer, silent_ns: int) -> None:
+        peer.is_silent = True
+        text = (
+            f"no sign of life from {peer.describe()} for {silent_ns / 1e9:.1f} s: "
+            "it keeps its place, and who waits for it goes on without it"
+        )
+        self._emit(Note(logging.WARNING, text))
+        self._go_through(now_ns, peer, silent_ns)
+
+    def _go_through(self, now_ns: int, peer: Peer, silent_ns: int) -> None:
+        self._news.append((peer, silent_ns, _lossless_matches(peer)))
+        if len(self._news) == 1:
+            self._tell_some(now_ns)
+
+    def _tell_some(self, now_ns: int) -> None:
+        """Tell a few, and the others right after that. Each by what is true now, however often it is told."""
+        peer, silent_ns, matches = self._news[0]
+        few = list(islice(matches, _FEW))
+        for publisher, subscription in few:
+            if publisher.id in subscription.matches and peer.id in self._peers:
+                self._tell(now_ns, publisher, subscription, silent_ns)
+        self._meter.left -= 2 * TELL * len(few)
+        if len(few) < _FEW:
+            self._news.popleft()
+        if self._news:
+            self._timers.add(now_ns, self._tell_some)
+
+    def _tell(self, now_ns: int, publisher: Publisher, subscription: Subscription, silent_ns: int) -> None:
+        peer, waiting = subscription.node.peer, publisher.node.peer
+        if subscription.id in publisher.shared:
+            if peer.is_silent and not waiting.hears_of_silence:  # an older program would wait for ever
+                self._evict(now_ns, peer, f"no sign of life for {silent_ns / 1e9:.1f} s")
+                return
+        elif not peer.is_silent:
+            await_acks(publisher, subscription)
+        elif publisher.acked.pop(subscription.id, None) is not None:
+            self._meter.left -= len(publisher.acked) // LOOKS_PER_UNIT
+            give_credit(publisher, self._emit)
+        if waiting is not peer:
+            tell_of_silence(publisher, subscription, silent_ns, self._emit)
+
+
+def _lossless_matches(peer: Peer) -> Iterator[tuple[Publisher, Subscription]]:
+    for subscription in peer.subscriptions():
+        if subscription.is_lossless:
+            for publisher in tuple(subscription.matches.values()):
+                if publisher.is_lossless:
+                    yield publisher, subscription
