@@ -7,11 +7,11 @@ which values are allowed (`bus.parameterset`), or what else a node has.
 import asyncio
 from abc import abstractmethod
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar, overload
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
 
 from bus.arguments import Arguments
 from bus.clock import Clock, Rate
-from bus.errors import AccessDenied, CommandLineError, ConfigurationError
+from bus.errors import AccessDenied, CommandLineError, ConfigurationError, ConnectionClosed
 from bus.publisher import Publisher
 from bus.qos import QoS, parameter_events
 from bus.servicehost import ServiceHost
@@ -21,15 +21,14 @@ if TYPE_CHECKING:  # most programs need neither
     from bus.msg.builtin_interfaces import Time
     from bus.parameters import Change
     from bus.parameterserver import ParameterServer
-    from bus.parameterset import OnSet, ParameterSet, PostSet, PreSet
+    from bus.parameterset import ParameterSet
     from bus.timesource import TimeSource
 
 __all__ = ["ParameterHost"]
 
-V = TypeVar(
-    "V",
-    bound="bool | int | float | str | bytes | list[bool] | list[int] | list[float] | list[str]",
-)
+Value: TypeAlias = bool | int | float | str | bytes | list[bool] | list[int] | list[float] | list[str]
+"""What a parameter can be."""
+V = TypeVar("V", bound=Value)
 
 _S = 1_000_000_000
 _USE_SIM_TIME = "use_sim_time"
@@ -60,10 +59,8 @@ class ParameterHost(ServiceHost):
         name: str,
         default: V,
         *,
-        type: Any = None,
         range: Sequence[float] | None = None,
         read_only: bool = False,
-        dynamic_typing: bool = False,
         description: str = "",
         additional_constraints: str = "",
     ) -> V: ...
@@ -77,7 +74,6 @@ class ParameterHost(ServiceHost):
         type: type[V],
         range: Sequence[float] | None = None,
         read_only: bool = False,
-        dynamic_typing: bool = False,
         description: str = "",
         additional_constraints: str = "",
     ) -> V | None: ...
@@ -86,11 +82,25 @@ class ParameterHost(ServiceHost):
     async def declare_parameter(
         self,
         name: str,
-        default: None = None,
+        default: Value,
+        *,
+        type: type[V],
+        range: Sequence[float] | None = None,
+        read_only: bool = False,
+        description: str = "",
+        additional_constraints: str = "",
+    ) -> V: ...
+
+    @overload
+    async def declare_parameter(
+        self,
+        name: str,
+        default: Value | None = None,
         *,
         dynamic_typing: bool,
-        description: str = "",
+        range: Sequence[float] | None = None,
         read_only: bool = False,
+        description: str = "",
         additional_constraints: str = "",
     ) -> Any: ...
 
@@ -172,7 +182,7 @@ class ParameterHost(ServiceHost):
         """Set several parameters, all or none. Raises as `set_parameter`."""
         self._parameter_set().set(values)
 
-    def pre_set_parameters(self, callback: "PreSet") -> None:
+    def pre_set_parameters(self, callback: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
         """Call `callback(values)` before parameters are set; it returns what is to be set instead, as a dict.
 
         `values` are those of one change, by name. All callbacks for parameters are plain functions; what
@@ -181,7 +191,7 @@ class ParameterHost(ServiceHost):
         """
         self._parameter_set().add_pre_set(callback)
 
-    def on_set_parameters(self, callback: "OnSet") -> None:
+    def on_set_parameters(self, callback: Callable[[dict[str, Any]], str | None]) -> None:
         """Call `callback(values)` to ask whether parameters may be set so.
 
         It returns None, or why not: `return "too fast" if values.get("speed", 0) > 5 else None`. Whoever
@@ -190,7 +200,7 @@ class ParameterHost(ServiceHost):
         """
         self._parameter_set().add_on_set(callback)
 
-    def post_set_parameters(self, callback: "PostSet") -> None:
+    def post_set_parameters(self, callback: Callable[[dict[str, Any]], object]) -> None:
         """Call `callback(values)` after parameters were set or declared, with what was."""
         self._parameter_set().add_post_set(callback)
 
@@ -277,12 +287,18 @@ class ParameterHost(ServiceHost):
             return
         if self._starting is None:
             self._starting = asyncio.create_task(self._start_parameters(), name="serving parameters")
+            self._starting.add_done_callback(self._end_start)
         starting = self._starting
-        try:
-            await asyncio.shield(starting)
-        finally:
-            if starting.done() and self._starting is starting:
-                self._starting = None
+        await asyncio.wait([starting])
+        if starting.cancelled():
+            raise ConnectionClosed(f"node {self.full_name} is closed")
+        starting.result()
+
+    def _end_start(self, starting: "asyncio.Task[None]") -> None:
+        if self._starting is starting:
+            self._starting = None
+        if not starting.cancelled():
+            starting.exception()  # is for those that wait; there may be none any more
 
     async def _start_parameters(self) -> None:
         from bus.parameterserver import EVENTS_TOPIC, ParameterServer, event_class

@@ -47,7 +47,7 @@ class TimeSource:
     async def settled(self) -> None:
         """Wait until the subscription is as `follow` has said last."""
         if self._task is not None:
-            await asyncio.shield(self._task)
+            await asyncio.wait([self._task])
 
     def close(self) -> None:
         """The subscription is the node's to close."""

@@ -331,7 +331,7 @@ def test_nothing_is_there(daemon: object) -> None:
 def test_a_node_without_parameter_services(daemon: object) -> None:
     with script(TALKER, "1000"):
         assert bus("param", "get", "minimal_publisher", "x") == refused(
-            "node '/minimal_publisher' has no service '/minimal_publisher/get_parameters'"
+            "node '/minimal_publisher' has no parameters (no service '/minimal_publisher/get_parameters')"
         )
         assert bus("param", "list") == Result("", "", 0)
 

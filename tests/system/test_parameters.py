@@ -280,6 +280,13 @@ class TestServices:
         servers = (await wheels.graph()).servers_of("/wheels/list_parameters")
         assert len(servers) == 1
 
+    async def test_closed_meanwhile(self, wheels: bus.Node) -> None:
+        declaring = asyncio.create_task(wheels.declare_parameter("speed", 1.5))
+        await asyncio.sleep(0)
+        await wheels.close()
+        with pytest.raises(bus.ConnectionClosed, match="node /wheels is closed"):
+            await declaring
+
     async def test_a_node_that_is_not_open(self, wheels: bus.Node) -> None:
         await wheels.declare_parameter("speed", 1.5)
         await wheels.close()

@@ -119,7 +119,7 @@ class Remote:
             async with asyncio.timeout(_APPEAR_S):
                 await self._node.wait_for_graph(lambda graph: bool(graph.servers_of(service)))
         except TimeoutError:
-            raise CommandError(f"node '{self.name}' has no service '{service}'") from None
+            raise CommandError(f"node '{self.name}' has no parameters (no service '{service}')") from None
 
     async def names(self, prefixes: Iterable[str] = ()) -> list[str]:
         """Of its parameters, sorted."""
