@@ -121,6 +121,13 @@ def test_a_command_that_does_not_exist(line: str, text: str, capsys: pytest.Capt
     assert capsys.readouterr() == ("", f"{text}\n")
 
 
+def test_an_option_that_does_not_exist(capsys: pytest.CaptureFixture[str]) -> None:
+    assert stop("topic", "echo", "/x", "--onec", "--raw") == 2
+    assert capsys.readouterr().err.endswith("unrecognized arguments: --onec; did you mean '--once'?\n")
+    assert stop("topic", "list", "--once") == 2
+    assert capsys.readouterr().err.endswith("unrecognized arguments: --once\n")
+
+
 def test_what_is_not_there_yet_is_not_there() -> None:
     assert not {*slips._NOT_YET, *slips._OTHER_NAMES} & {*COMMANDS}
 

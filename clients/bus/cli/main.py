@@ -17,7 +17,7 @@ from argparse import (
     RawDescriptionHelpFormatter,
     _SubParsersAction,
 )
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 from importlib import import_module
 from typing import Any, NoReturn
@@ -175,7 +175,15 @@ def _run(words: Sequence[str]) -> int:
 
 
 class _Parser(ArgumentParser):
-    """Says of a command or a verb that does not exist which one may have been meant."""
+    """Says of a command, a verb or an option that does not exist which one may have been meant."""
+
+    def error(self, message: str) -> NoReturn:
+        what, _, words = message.partition("unrecognized arguments: ")
+        if words.startswith("--") and not what:
+            from bus.spelling import did_you_mean
+
+            message += did_you_mean(words.split()[0].partition("=")[0], _options(self), 0.75)
+        super().error(message)
 
     def _check_value(self, action: Action, value: Any) -> None:
         if action.choices is None or value in action.choices or not isinstance(action, _SubParsersAction):
@@ -186,6 +194,15 @@ class _Parser(ArgumentParser):
         is_command = self.prog == "bus"
         complain(no_command(value, COMMANDS) if is_command else no_verb(self.prog, value, action.choices))
         self.exit(EXIT_USAGE)
+
+
+def _options(parser: ArgumentParser) -> Iterator[str]:
+    """All that a parser and those below it know."""
+    for action in parser._actions:
+        yield from action.option_strings
+        if isinstance(action, _SubParsersAction):
+            for below in action.choices.values():
+                yield from _options(below)
 
 
 class _VerbParser(_Parser):
