@@ -18,6 +18,8 @@ SECONDS ?=
 SEED ?=
 PYTEST_ARGS ?=
 NATIVE_LOG := tests/native/build/short.log
+ARM_LOG := tests/native/build/arm.log
+ARM_CC := aarch64-linux-gnu-gcc
 
 .DEFAULT_GOAL := help
 
@@ -73,6 +75,17 @@ native: ## the ring's C tests in half a minute, a part of `test`; nothing where 
 			|| { cat $(NATIVE_LOG); exit 1; }; \
 		echo "the ring's C tests passed, see $(NATIVE_LOG)"; \
 	else echo "no gcc: the ring's C tests were left out"; fi
+
+arm: ## the ring's C tests on aarch64, by an emulator; nothing where that or the cross compiler is not there
+	@if ! echo '#include <stdlib.h>' | $(ARM_CC) -E - >/dev/null 2>&1; then \
+		echo "no $(ARM_CC) with a C library: the tests for aarch64 were left out"; \
+		echo "(Debian: apt install gcc-aarch64-linux-gnu libc6-dev-arm64-cross)"; \
+	elif ! command -v qemu-aarch64 >/dev/null; then \
+		echo "no qemu-aarch64: the tests for aarch64 were left out (Debian: apt install qemu-user)"; \
+	else mkdir -p $(dir $(ARM_LOG)) && $(MAKE) -C tests/native arm >$(ARM_LOG) 2>&1 \
+			|| { cat $(ARM_LOG); exit 1; }; \
+		echo "the ring's C tests passed on aarch64, see $(ARM_LOG)"; \
+	fi
 
 sanitize: ## the ring as C programs under the sanitizers, and broken on purpose (needs gcc)
 	$(MAKE) -C tests/native test sanitize
@@ -130,6 +143,9 @@ $(BENCH_STAMP): $(TOOLS) $(wildcard benchmarks/floors/*.c benchmarks/floors/Make
 wheels: $(RELEASE_STAMP) ## sdist, pure and native wheel into dist/, each checked and used with every Python found
 	@PYTHONPATH=tests $(BIN)/python -m wheels
 
+test-pythons: $(RELEASE_STAMP) ## the unit and shared memory tests with every Python that is found (VERSIONS="3.12 3.13")
+	@PYTHONPATH=tests $(BIN)/python -m pythons $(VERSIONS)
+
 $(RELEASE_STAMP): pyproject.toml $(TOOLS)
 	@echo "installing what makes and checks packages into $(VENV): some 10 seconds"
 	@$(call EXTRA,release)
@@ -139,4 +155,4 @@ clean: ## remove what the other targets made
 	rm -rf $(VENV) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test native lint sanitize fuzz api fmt bench-quick bench chaos soak bench-compare bench-report wheels clean
+.PHONY: help setup demo robot test native arm lint sanitize fuzz api fmt bench-quick bench chaos soak bench-compare bench-report wheels test-pythons clean
