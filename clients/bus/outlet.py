@@ -21,6 +21,7 @@ from bus.errors import (
     SharedMemoryError,
     again,
 )
+from bus.haste import Haste
 from bus.link import RETURN_S, Link
 from bus.loan import Loan
 from bus.logger import Logger
@@ -62,6 +63,7 @@ class Outlet:
         self._totals: tuple[int, int] | None = None  # at the end
         self._refusal: BusError | None = None
         self._is_lent = False
+        self._haste = Haste(link.loop, owner.topic_name, logger, is_awaitable=link.guard is None)
         self.publish: Callable[[Any], bool | int] = _not_so_quick
         """The quick way for a message, by the ring: True or NOTED, else nothing was done."""
         self.write: Callable[[Any], bool] = _not_so_quick
@@ -239,6 +241,10 @@ class Outlet:
         if self._ring is not None:
             self._ring.disconnected()
 
+    def look_back(self, least_depth: Callable[[], int]) -> None:
+        """See `Haste.look_back`."""
+        self._haste.look_back(lambda: self.published[0], least_depth)
+
     def told(self) -> None:
         """The counters were reported; the next sample shall have them reported again."""
         if self._ring is not None:
@@ -357,8 +363,12 @@ class Outlet:
 
     def _put_in_socket(self, payload: Buffer, stamp_ns: int) -> None:
         self._last_by_socket_ns = stamp_ns
-        if not self._socket.add(payload, stamp_ns):
-            self._socket.put(payload, stamp_ns)
+        socket = self._socket
+        if not socket.add(payload, stamp_ns):
+            replaced = socket.replaced
+            socket.put(payload, stamp_ns)
+            if socket.replaced != replaced:
+                self._haste.note_replaced(socket.replaced - replaced, self._depth)
 
     def _put_from_thread(self, payload: bytes, stamp_ns: int) -> bool:
         if not self._socket.can_take(len(payload)):

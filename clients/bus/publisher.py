@@ -21,7 +21,7 @@ from bus.loan import Loan
 from bus.logger import Logger
 from bus.outlet import NOTED, Outlet
 from bus.provoked import warn
-from bus.qos import QoSProfile
+from bus.qos import History, QoSProfile
 from bus.ringroute import RingRoute
 from bus.transport.memory import LARGE_BYTES, keep_freed_memory
 from bus.typesupport import ENCODE_ERRORS, TypeSupport, wrong_class
@@ -107,6 +107,7 @@ class Publisher(Endpoint[M]):
             return True
         if status == NOTED:
             self._link.report(self)
+            self._outlet.look_back(self._least_depth)
             return True
         return self._publish(message)
 
@@ -304,6 +305,11 @@ class Publisher(Endpoint[M]):
         else:
             text = f"'{self.topic_name}' goes on without {match.node}: no sign of life for {time}"
         warn(self._logger, text)
+
+    def _least_depth(self) -> int:
+        """What a subscription keeps at least; 0 where there is none that keeps the last only."""
+        depths = [one.qos.depth for one in self._matches.values() if one.qos.history is History.KEEP_LAST]
+        return 0 if self.qos.is_lossless else min(depths, default=0)
 
     def _publish_around(self, message: M, field: str, value: memoryview | str) -> bool:
         """Publish a message with a long field, which is copied only to where it will be read."""

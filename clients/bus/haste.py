@@ -1,0 +1,66 @@
+"""Says that messages were lost because a program published them without a pause.
+
+A loop of `publish` that awaits nothing is the commonest way to lose messages under keep last: it is faster
+than a short queue is emptied. Looks at counters that there are; a message costs nothing more.
+"""
+
+import asyncio
+from collections.abc import Callable
+from time import monotonic
+
+from bus.logger import Logger
+
+__all__ = ["MANY", "Haste"]
+
+MANY = 1000
+_REST_S = 60.0
+
+
+class Haste:
+    """Watches one publisher. `is_awaitable`: its user may await, which a user of rclpy can't."""
+
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, topic: str, logger: Logger, *, is_awaitable: bool
+    ) -> None:
+        self._loop = loop
+        self._topic = topic
+        self._logger = logger
+        self._is_awaitable = is_awaitable
+        self._replaced = 0  # in this turn of the event loop
+        self._said_at = -_REST_S
+
+    def note_replaced(self, count: int, depth: int) -> None:
+        """Some were replaced in the publisher's own queue."""
+        if not self._replaced:
+            self._loop.call_soon(self._end_turn)
+        self._replaced += count
+        if self._replaced >= MANY:
+            self._say(
+                f"{self._replaced:,} messages on '{self._topic}', published without a pause, were replaced "
+                f"in the publisher's own queue, which keeps the last {depth}"
+            )
+
+    def look_back(self, published: Callable[[], int], least_depth: Callable[[], int]) -> None:
+        """One was published: when this turn of the event loop ends, look at how many were published in it.
+
+        `least_depth`: the least that a subscription keeps; 0 where none may lose any.
+        """
+        self._loop.call_soon(self._look_back, published() - 1, published, least_depth)
+
+    def _look_back(self, before: int, published: Callable[[], int], least_depth: Callable[[], int]) -> None:
+        count = published() - before
+        if count >= MANY and 0 < (depth := least_depth()) < count:
+            self._say(
+                f"{count:,} messages on '{self._topic}' were published without a pause, and a subscription "
+                f"that keeps the last {depth} lost those that it could not take in time"
+            )
+
+    def _end_turn(self) -> None:
+        self._replaced = 0
+
+    def _say(self, text: str) -> None:
+        if (now := monotonic()) < self._said_at + _REST_S:
+            return
+        self._said_at = now
+        how = "pause in between, raise the depth, or lose none by reliable + keep all"
+        self._logger.warning(f"{text}: {how}{' and await send()' if self._is_awaitable else ''}")
