@@ -22,6 +22,7 @@ from bus.errors import (
     ConnectionClosed,
     RemoteProtocolError,
 )
+from bus.guardedloop import GuardedLoop
 from bus.logger import get_logger
 from bus.reach import NotNow, Patience
 from bus.release import RELEASE
@@ -280,7 +281,7 @@ class Connection:
         """This event loop stood still. Say so where it was silent for its lease: nobody need look at busd."""
         self.late_ns = _NEVER_NS
         most_s = (now_ns - self._beat_ns) / 1e9
-        if most_s < self.hello.lease_s:
+        if most_s < self.hello.lease_s or (isinstance(self._loop, GuardedLoop) and self._loop.rests):
             return
         if (turn_ns := max(self.turn_ns, self.heard_ns)) > self._beat_ns:
             time = f"{(now_ns - turn_ns) / 1e9:.0f} s"

@@ -66,6 +66,7 @@ class Foreground:
 
     def __init__(self) -> None:
         self.loop = GuardedLoop()
+        self.loop.rests = True
         self.failure: BusError | None = None
         self.thread = get_ident()
         self._users = 0

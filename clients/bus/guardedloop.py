@@ -68,6 +68,8 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         """What `check` raises."""
         self.deferred: deque[tuple[Callable[..., object], tuple[Any, ...]]] = deque()
         """Calls, with their arguments, to be made when it is run next: what need not be done at once."""
+        self.rests = False
+        """Nobody runs it for any length of time, and so it should be: it does not stand still then."""
         self._main_thread = main_thread().ident
         self.guard: Any = RLock()
         self.on_signal: Callable[[], object] = int

@@ -5,6 +5,7 @@ import asyncio
 import os
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -266,6 +267,16 @@ def test_busd_dies_and_comes_back(route: str, daemon: Daemon, node: bus.Blocking
             node.sleep(0.01)
         publisher.publish(Int64(data=number))
         assert subscription.receive(WAIT_S)[0].data == number
+
+
+def test_a_script_that_does_something_else_for_a_minute_is_no_news(
+    node: bus.BlockingNode, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Nobody runs its event loop meanwhile, and so it is meant."""
+    link = node._node._link
+    assert link is not None and link._connection is not None
+    link._connection.look_back(time.monotonic_ns() + 60 * 10**9)
+    assert capfd.readouterr().err == ""
 
 
 WAITS = {

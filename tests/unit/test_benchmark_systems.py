@@ -203,6 +203,6 @@ def test_latency_with_busy_polling() -> None:
 
 
 def test_latency_without_an_event_loop() -> None:
-    work = Work(size=64, count=100, warm_up=10, rate=1000, take_by="blocking", gives_turns=False)
+    work = Work(size=64, count=100, warm_up=10, rate=1000, take_by="blocking")
 
     assert paced.measure(_or_skip(BUS_BLOCKING), work)["p50"] > 0
