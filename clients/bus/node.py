@@ -70,8 +70,9 @@ class Node(ParameterHost):
     """A node named `name` in `namespace`; use it as `async with bus.Node("talker") as node:`.
 
     `arguments` are command-line arguments of which those after --ros-args are obeyed (remapping of topics,
-    of the node's name and namespace, log level); by default the program's own. `socket` and `domain` choose
-    the bus, by default as `busd --help` says. `rosout=False` keeps log lines off the topic /rosout.
+    of the node's name and namespace, parameters, log level); by default the program's own. `socket` and
+    `domain` choose the bus, by default as `busd --help` says. `rosout=False` keeps log lines off the topic
+    /rosout.
 
     An exception in a callback or timer cancels the body of the `async with`, which then raises it.
 

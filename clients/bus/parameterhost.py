@@ -254,7 +254,7 @@ class ParameterHost(ServiceHost):
         if self._overrides:
             await self._serve_parameters()
         if self._parameters is not None:
-            self._follow_time(self._parameters.get(_USE_SIM_TIME))
+            self._follow_time(self._parameters.below("").get(_USE_SIM_TIME))
         if self._time_source is not None:
             await self._time_source.settled()
 
@@ -322,7 +322,8 @@ class ParameterHost(ServiceHost):
             if one.name == _USE_SIM_TIME:
                 self._follow_time(one.value)
 
-    def _follow_time(self, is_simulated: bool) -> None:
+    def _follow_time(self, use_sim_time: object) -> None:
+        is_simulated = use_sim_time is True  # a program may have declared it with any type
         if self._time_source is None:
             if not is_simulated or not self._has_time:
                 return

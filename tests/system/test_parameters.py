@@ -388,6 +388,23 @@ class TestSimulatedTime:
         node.set_parameter("use_sim_time", True)
         await until(lambda: publisher.statistics().subscriptions == 1)
 
+    async def test_a_node_that_is_opened_again(self, node: bus.Node, daemon: Daemon) -> None:
+        publisher = await node.create_publisher(Clock, "/clock", 1)
+        robot = bus.Node("robot", arguments=[])
+        robot.set_parameter("use_sim_time", True)
+        for sec in (5, 6):
+            async with robot:
+                rate = robot.create_rate(1.0)
+                publisher.publish(Clock(clock=Time(sec=sec)))
+                await until(lambda sec=sec: robot.now().sec == sec)  # type: ignore[misc]
+            with pytest.raises(bus.ConnectionClosed):
+                await rate.sleep()
+        robot.undeclare_parameter("use_sim_time")
+        async with robot:
+            assert robot.now().sec > 1_600_000_000
+            await robot.declare_parameter("use_sim_time", "maybe")
+            assert robot.now().sec > 1_600_000_000
+
     async def test_without_a_declaration(self, node: bus.Node) -> None:
         publisher = await node.create_publisher(Clock, "/clock", 1)
         node.set_parameter("use_sim_time", True)
