@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from apisource import Entry, entries
-from bus import msg, qos, srv
+from bus import msg, qos, srv, testing
 
 PAGE = Path(__file__).parents[1] / "docs" / "api.md"
 HEAD = """\
@@ -43,8 +43,13 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         ("Node.get_type",),
     ),
     "Without an event loop": (
-        "For scripts: every call waits until it is done. [patterns.md](patterns.md) has a whole one.",
+        "Every call waits until it is done. [scripts.md](scripts.md) has whole scripts.",
         ("connect", "BlockingNode", "BlockingPublisher", "BlockingSubscription"),
+    ),
+    "Test": (
+        "`bus.testing` is a pytest plugin that gives each test a bus of its own: TESTING. "
+        "[testing.md](testing.md) shows how it is used.",
+        (),
     ),
     "Time": ("", ("Node.create_timer", "Timer", "Node.now", "Node.create_rate", "Rate")),
     "Parameters": (
@@ -102,9 +107,11 @@ _CODE = re.compile(r"\n{2,}((?: {4}.*(?:\n|$)|\n(?= {4}))+)")
 def page() -> str:
     public = entries()
     groups = {title: [public[path] for path in paths] for title, (_, paths) in GROUPS.items()}
-    groups["More"] = [one for path, one in public.items() if "." not in path and path not in NAMED]
-    groups = {title: ones for title, ones in groups.items() if ones}
-    contents = [f"- [{title}](#{_anchor(title)}): {_links(ones)}" for title, ones in groups.items()]
+    if more := [one for path, one in public.items() if "." not in path and path not in NAMED]:
+        groups["More"] = more
+    contents = [
+        f"- [{title}](#{_anchor(title)}): {_links(ones)}".removesuffix(": ") for title, ones in groups.items()
+    ]
     parts = [HEAD, "\n".join(contents)]
     for title, ones in groups.items():
         parts.append(f"## {title}")
@@ -123,7 +130,8 @@ def examples(one: Entry) -> list[str]:
 def _filled(intro: str) -> str:
     """With the names of packages and types."""
     primitives = [name for name in msg.__all__ if name[0].islower()]
-    for key, names in {"MESSAGES": msg.PACKAGES, "SERVICES": srv.PACKAGES, "PRIMITIVES": primitives}.items():
+    lists = {"MESSAGES": msg.PACKAGES, "SERVICES": srv.PACKAGES, "PRIMITIVES": primitives}
+    for key, names in {**lists, "TESTING": testing.__all__}.items():
         intro = intro.replace(key, ", ".join(f"`{name}`" for name in names))
     return intro
 
