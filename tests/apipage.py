@@ -172,7 +172,7 @@ def _shown(one: Entry, public: dict[str, Entry], level: str) -> Iterator[str]:
 
 def _row(one: Entry, public: dict[str, Entry]) -> str:
     cells = f"`{one.name}`", f"`{one.signature}`", " ".join(_text(one, public).split())
-    return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
+    return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"
 
 
 def _text(one: Entry, public: dict[str, Entry]) -> str:

@@ -88,7 +88,8 @@ def _class(name: str, cls: type) -> Entry:
             continue
         node = _find(_tree(part.__module__).body, part.__name__)
         assert isinstance(node, ast.ClassDef), part
-        one.doc = one.doc or _doc(node)
+        if part is cls:
+            one.doc = _doc(node)
         for member in _members(name, node):
             if member.name not in seen:
                 seen.add(member.name)
@@ -184,6 +185,7 @@ def _tree(module: str) -> ast.Module:
 def _call(node: ast.FunctionDef | ast.AsyncFunctionDef, name: str, *, is_method: bool = False) -> str:
     """A signature, on one line or with a line for each argument."""
     given = node.args
+    assert not given.posonlyargs, f"arguments by position alone are not shown yet: {name}"
     plain = given.args[1:] if is_method else given.args
     defaults: list[ast.expr | None] = [None] * (len(plain) - len(given.defaults)) + list(given.defaults)
     parts = [_argument(*one) for one in zip(plain, defaults, strict=True)]
