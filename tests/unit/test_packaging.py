@@ -2,6 +2,8 @@
 
 import re
 import runpy
+import sys
+import sysconfig
 import tomllib
 from pathlib import Path
 
@@ -51,3 +53,35 @@ def test_the_page_on_an_index_leads_nowhere_that_is_not_there() -> None:
     page = SETUP["read_on_an_index"](text)
     assert not LINK.search(re.sub(r"^```.*?^```$", "", page, flags=re.MULTILINE | re.DOTALL))
     assert page.startswith("# busd\n\nPages named here")
+
+
+def test_the_core_is_built_where_it_can_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    for wish, optional in (("auto", True), ("yes", False)):
+        monkeypatch.setenv("BUS_NATIVE", wish)
+        (core,) = SETUP["extensions"]()
+        assert (core.name, core.optional) == ("bus.shm._core", optional)
+    monkeypatch.setenv("BUS_NATIVE", "no")
+    assert SETUP["extensions"]() == []
+    monkeypatch.setenv("BUS_NATIVE", "maybe")
+    with pytest.raises(SystemExit, match="'maybe'; it must be auto, yes or no"):
+        SETUP["extensions"]()
+
+
+@pytest.mark.parametrize("place", ["free-threaded", "darwin", "pypy"])
+def test_where_the_core_can_not_be_built_it_says_why(
+    place: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if place == "darwin":
+        monkeypatch.setattr(sys, "platform", place)
+    elif place == "pypy":
+        monkeypatch.setattr(sys.implementation, "name", place)
+    else:
+        monkeypatch.setattr(sysconfig, "get_config_var", lambda name: int(name == "Py_GIL_DISABLED"))
+    monkeypatch.setenv("BUS_NATIVE", "auto")
+    assert SETUP["extensions"]() == []
+    told = capsys.readouterr().err
+    assert told.startswith("busd is built without its native core: it needs ")
+    assert place in told
+    monkeypatch.setenv("BUS_NATIVE", "yes")
+    with pytest.raises(SystemExit, match=f"BUS_NATIVE=yes: the native core can't be built: .*{place}"):
+        SETUP["extensions"]()
