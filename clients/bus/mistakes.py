@@ -48,8 +48,8 @@ def array_field(owner: str, field: str, cls: type) -> MessageTypeError:
         use = "declare it as int or float, or as one of bus.msg's (uint8, float32, ...)"
     else:
         use = (
-            "declare it as bytes or list[float], or send a picture as bus.msg.sensor_msgs.Image "
-            "(docs/large-messages.md)"
+            "declare it as bytes (of uint8) or list[float], which take arrays as they are, or use "
+            "bus.msg.sensor_msgs.Image"
         )
     return MessageTypeError(f"{owner}: field '{field}' is a {name}, which no subscription can decode: {use}")
 

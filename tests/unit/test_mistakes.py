@@ -62,7 +62,7 @@ def test_arguments_in_another_order() -> None:
     with pytest.raises(
         bus.ConfigurationError, match=r"the period comes first: create_timer\(0.5, callback\)"
     ):
-        Timer(print, 0.5, print)  # type: ignore[arg-type]
+        Timer(print, 0.5, print, None)  # type: ignore[arg-type]
     with pytest.raises(bus.ConfigurationError, match="topic name must be a string, not the class String"):
         bus.Node("n", arguments=()).resolve_topic_name(String)  # type: ignore[arg-type]
 
