@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, Final
 
 from bus.clock import Clock
-from bus.errors import AccessDenied, ConnectionClosed, ParameterError
+from bus.errors import AccessDenied, ConnectionClosed
 from bus.interfacetypes import message_class, service_class
 from bus.logger import Logger
 from bus.parametermessages import (
@@ -83,12 +83,11 @@ class ParameterServer:
     def _describe(self, request: Any) -> Any:
         found = []
         for name in request.names:
-            try:
-                declared = self._parameters.find(name)
-            except ParameterError:
+            if name not in self._parameters:
                 found.append(_message("ParameterDescriptor")())
-            else:
-                found.append(descriptor_message(_message, name, declared.rules, *declared.description))
+                continue
+            declared = self._parameters.find(name)
+            found.append(descriptor_message(_message, name, declared.rules, *declared.description))
         return _response("DescribeParameters", descriptors=found)
 
     def _get_types(self, request: Any) -> Any:

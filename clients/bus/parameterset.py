@@ -119,7 +119,10 @@ class ParameterSet:
             one = self._parameter(name, self._overrides[name], wanted, is_outside=True)
         outcome = self._store.declare(one, rules, description)
         if not outcome.successful:
-            raise self._refused([one], outcome.reason, rules.type_, is_outside=is_outside)
+            reason = outcome.reason
+            if wanted is ParameterType.DOUBLE and one.type_ is ParameterType.INTEGER:
+                reason += f"; write {float(one.value)}"
+            raise self._refused([one], reason, is_outside=is_outside)
         self._provided.discard(name)
         return _copy(one.value)
 
@@ -172,11 +175,12 @@ class ParameterSet:
         for name, value in values.items():
             if value is None:
                 raise self._error(name, "can't be None")
-            wanted.append(self._parameter(name, value, self.find(name).rules.type_))
+            wanted.append(self._parameter(name, value, _static_type(self.find(name))))
+        if not wanted:
+            return
         outcome = self.change(wanted)
         if not outcome.successful:
-            type_ = self.find(wanted[0].name).rules.type_ if len(wanted) == 1 else ParameterType.NOT_SET
-            raise self._refused(wanted, outcome.reason, type_)
+            raise self._refused(wanted, outcome.reason)
 
     def change(self, wanted: list[Parameter]) -> Outcome:
         """Set all or none, as another program asks for it: what is wrong is an answer."""
@@ -235,10 +239,7 @@ class ParameterSet:
 
     def _made_of(self, name: str, value: Any) -> Parameter:
         """What a pre-set callback returned; an unknown name is an answer to whoever wanted to set."""
-        declared = self._store.declared.get(name)
-        return self._parameter(
-            name, value, ParameterType.NOT_SET if declared is None else declared.rules.type_
-        )
+        return self._parameter(name, value, _static_type(self._store.declared.get(name)))
 
     def _type(self, name: str, type_: Any, default: Any, *, is_dynamic: bool) -> ParameterType:
         if type_ is not None:
@@ -298,27 +299,27 @@ class ParameterSet:
             raise self._error(name, f"is {_word(type_)} and can't have a range; only an int or a float can")
         field, kind = kinds[type_]
         allowed = (int,) if kind is int else (int, float)
-        if len(limits) not in (2, 3) or not all(isinstance(one, allowed) for one in limits):
+        are_numbers = isinstance(limits, Sequence) and all(isinstance(one, allowed) for one in limits)
+        if not are_numbers or len(limits) not in (2, 3):
             expected = f"(lowest, highest) or (lowest, highest, step), each {kind.__name__}"
             raise self._error(name, f"range={limits!r:.80} is not {expected}")
         low, high, step = (*map(kind, limits), kind())[:3]
         if not low <= high or not step >= 0:
             what = "a step is not below 0" if low <= high else "the lowest stands first"
             raise self._error(name, f"range={limits!r:.80}: {what}")
+        if kind is int and not all(one in _INT64 for one in (low, high, step)):
+            raise self._error(name, f"range={limits!r:.80}: an integer has 64 bits")
         return {field: Range(low, high, step)}
 
     def _refused(
         self,
         wanted: Sequence[Parameter],
         reason: str,
-        type_: ParameterType = ParameterType.NOT_SET,
         *,
         is_outside: bool = False,
     ) -> ConfigurationError | ParameterError:
         if len(wanted) == 1:
-            name, found, value = wanted[0]
-            if type_ is ParameterType.DOUBLE and found is ParameterType.INTEGER:
-                reason += f"; write {float(value)}"
+            name, _, value = wanted[0]
             source = ", as the command line says" if is_outside else ""
             error = self._error(name, f"can't be {_shown(value)}{source}: {reason}")
             return CommandLineError(str(error)) if is_outside else error
@@ -341,6 +342,13 @@ class _Callback:
 
     def __call__(self, wanted: list[Parameter]) -> Any:
         return self._call(wanted)
+
+
+def _static_type(declared: Declared[Parameter] | None) -> ParameterType:
+    """The type that a value must have; NOT_SET where it may have any."""
+    if declared is None or declared.rules.is_dynamic:
+        return ParameterType.NOT_SET
+    return declared.rules.type_
 
 
 def _values(some: Iterable[Parameter]) -> Values:

@@ -194,7 +194,9 @@ def test_types_are_dynamic_where_that_is_asked_for() -> None:
     assert some.declare("a", 1, is_dynamic=True) == 1
     some.set({"a": "text"})
     assert some.get("a") == "text"
-    some.set({"a": []})
+    some.set({"a": 1.5})
+    some.set({"a": 2})
+    assert type(some.get("a")) is int
     assert some.declare("b", is_dynamic=True) is None
     assert some.get("b") is None
     assert some.declare("late", 1, is_dynamic=True) == "x"
@@ -222,6 +224,7 @@ def test_all_or_none() -> None:
     )
     assert some.below("") == {"a": 1, "b": 1}
     some.set({"b": 2, "a": 5})
+    some.set({})
     assert some.below("") == {"a": 5, "b": 2}
 
 
@@ -252,6 +255,9 @@ def test_ranges() -> None:
         (1, (5, 0), "the lowest stands first"),
         (1.0, (0.0, math.nan), "the lowest stands first"),
         (1, (0, 5, -1), "a step is not below 0"),
+        (1, (0, 2**63), "an integer has 64 bits"),
+        (1, 5, "range=5 is not (lowest, highest)"),
+        (1, range(1, 100), "range=range(1, 100) is not (lowest, highest)"),
         ("x", (0, 5), "is string and can't have a range; only an int or a float can"),
         ([1], (0, 5), "is integer array and can't have a range"),
     ],
