@@ -84,7 +84,7 @@ def extensions() -> list[Extension]:
             print(f"busd is built without its native core: {reason}", file=sys.stderr)
         return []
     core = Extension(
-        "bus.shm._core",
+        name="bus.shm._core",
         sources=sorted(str(FOLDER / path.name) for path in (HERE / FOLDER).glob("*.c")),
         depends=sorted(str(FOLDER / path.name) for path in (HERE / FOLDER).glob("*.h")),
         define_macros=[("Py_LIMITED_API", "0x030B0000"), ("_GNU_SOURCE", "1")],

@@ -6,6 +6,9 @@ import sys
 import sysconfig
 import tomllib
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+from unittest.mock import patch
 
 import pytest
 
@@ -13,8 +16,22 @@ import bus
 from bus.release import RELEASE
 
 ROOT = Path(__file__).parents[2]
+
+
+def load_setup() -> dict[str, Any]:
+    """The functions of setup.py, without setuptools: that would take distutils' place in this process."""
+    root = ModuleType("setuptools")
+    root.Extension, root.setup = SimpleNamespace, None  # type: ignore[attr-defined]
+    stubs = {"setuptools": root, "setuptools.command": ModuleType("setuptools.command")}
+    for name in ("bdist_wheel", "build_ext"):
+        module = stubs[f"setuptools.command.{name}"] = ModuleType(name)
+        setattr(module, name, object)
+    with patch.dict(sys.modules, stubs):
+        return runpy.run_path(str(ROOT / "setup.py"), run_name="setup")
+
+
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
-SETUP = runpy.run_path(str(ROOT / "setup.py"), run_name="setup")
+SETUP = load_setup()
 LINK = re.compile(r"\]\((?!https?:)")
 
 
