@@ -25,6 +25,7 @@ from bus.publisher import Publisher
 from bus.qos import QoS, profile, rosout_default
 from bus.rosout import Rosout
 from bus.schema import build
+from bus.slowcallback import watched
 from bus.subscription import MessageInfo, Subscription
 from bus.timer import Timer
 from bus.typesupport import type_support
@@ -289,11 +290,13 @@ class Node(ParameterHost):
 
             subscription = await node.create_subscription(String, "chatter", 10, print)
         """
-        link = self._opened()
+        link, name = self._opened(), self.resolve_topic_name(topic)
+        if callback is not None:
+            callback = watched(callback, f"subscription '{name}'", self._logger)
         subscription: Subscription[M] = Subscription(
             link,
             self.full_name,
-            self.resolve_topic_name(topic),
+            name,
             type_support(message_type),
             profile(qos),
             events or SubscriptionEvents(),
@@ -316,6 +319,7 @@ class Node(ParameterHost):
             timer = node.create_timer(0.5, lambda: publisher.publish(String(data="tick")))
         """
         self._opened()
+        callback = watched(callback, f"timer of {self.full_name}", self._logger)
         timer = Timer(period_s, callback, self._fail, self._clock)
         self._timers.add(timer)
         return timer

@@ -13,6 +13,7 @@ from bus.link import Link
 from bus.logger import Logger
 from bus.publisher import Publisher
 from bus.qos import QoS, QoSProfile, profile
+from bus.slowcallback import watched
 from bus.subscription import Subscription
 
 if TYPE_CHECKING:  # most programs need neither
@@ -73,10 +74,13 @@ class ServiceHost(ABC):
         """
         from bus.service import ServiceServer
 
+        link, full_name = self._opened(), self.resolve_service_name(name)
+        if callback is not None:
+            callback = watched(callback, f"service '{full_name}'", self._logger)
         server = ServiceServer(
-            self._opened(),
+            link,
             self.full_name,
-            self.resolve_service_name(name),
+            full_name,
             service_type,
             profile(qos),
             self._logger,
