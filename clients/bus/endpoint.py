@@ -26,6 +26,7 @@ from bus.events import (
 )
 from bus.link import Link
 from bus.logger import Logger
+from bus.names import service_of_topic
 from bus.provoked import is_worth_asking, warn
 from bus.qos import QoSProfile, in_words
 from bus.typediff import difference
@@ -130,7 +131,13 @@ class Endpoint(Generic[M]):
                 await self._drain()
             finally:
                 self._link.forget(self)
-                self._end(ConnectionClosed(f"this {self._kind} on '{self.topic_name}' is closed"))
+                service = service_of_topic(self.topic_name)
+                what = (
+                    f"{self._kind} on '{self.topic_name}'"
+                    if service is None
+                    else f"end of service '{service}'"
+                )
+                self._end(ConnectionClosed(f"this {what} is closed"))
 
     def _end(self, reason: BusError) -> None:
         """The endpoint can't be used any more; those who wait get `reason`."""

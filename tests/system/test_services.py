@@ -194,6 +194,16 @@ class TestCalls:
         await client.close()
         assert (await node.graph()).clients_of("/tester/add") == []
 
+    async def test_what_is_closed_says_of_which_service(self, node: bus.Node) -> None:
+        server = await node.create_service(AddTwoInts, "add", add)
+        client = await node.create_client(AddTwoInts, "add")
+        await client.close()
+        await server.close()
+        with pytest.raises(bus.ConnectionClosed, match="this end of service '/add' is closed"):
+            await client.call(asked(1))
+        with pytest.raises(bus.ConnectionClosed, match="this end of service '/add' is closed"):
+            server.respond(bus.RequestId(bytes(16), 1), AddTwoInts.Response())
+
 
 class TestLowLevel:
     async def test_numbers_and_errors(self, node: bus.Node, other: bus.Node) -> None:
