@@ -1,7 +1,6 @@
 """The ROS 2 beginner lesson: its programs, as it prints them (tests/lesson), started as it says."""
 
 import asyncio
-import importlib.util
 import os
 import re
 import signal
@@ -16,7 +15,7 @@ import pytest
 import bus
 from bus.msg.std_msgs import String
 from conftest import Daemon
-from packaged import VERSION, WAIT_S, run_bus, sources
+from packaged import VERSION, WAIT_S, are_installed, run_bus, sources
 from programs import EXAMPLES, Program, assert_nothing_is_left, on_one_loop, running
 from semantics import until
 
@@ -282,7 +281,7 @@ def _fill(package: Path) -> None:
 
 
 @pytest.mark.skipif(
-    not (importlib.util.find_spec("pip") and importlib.util.find_spec("setuptools")),
+    not are_installed("pip", "setuptools"),
     reason="needs pip and setuptools",
 )
 @pytest.mark.usefixtures("daemon")
