@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-from importlib.metadata import distributions
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,12 +29,6 @@ def run_bus(*words: str, python: str = sys.executable, **variables: str) -> Resu
         check=False,
     )
     return Result(done.stdout, done.stderr, done.returncode)
-
-
-def are_installed(*names: str) -> bool:
-    """Whether pip and the like are there, without a look that turns off the distutils of setuptools."""
-    installed = {one.name for one in distributions()}
-    return installed.issuperset(names)
 
 
 def sources() -> str:

@@ -1,5 +1,6 @@
 """Packages that pip or colcon installed: their programs, and what Python says of them."""
 
+import importlib.util
 import os
 import shutil
 import signal
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from packaged import VERSION, WAIT_S, are_installed, run_bus, sources
+from packaged import VERSION, WAIT_S, run_bus, sources
 
 
 @pytest.fixture
@@ -89,7 +90,7 @@ def create(where: Path) -> Path:
 
 
 @pytest.mark.skipif(
-    not are_installed("pip", "setuptools"),
+    not (importlib.util.find_spec("pip") and importlib.util.find_spec("setuptools")),
     reason="needs pip and setuptools",
 )
 @pytest.mark.parametrize("way", [["-e"], []])
