@@ -32,9 +32,11 @@ if TYPE_CHECKING:
 M = TypeVar("M", bound=msgspec.Struct)
 T = TypeVar("T")
 
-_READY_NS, _PAUSE_NS = 100_000_000, 1_000_000_000
-"""A message waits so long at most for busd to come back, or for a new subscription to be there to be woken;
-and no other one within the pause."""
+_READY_NS = 1_000_000_000
+"""So long at most a message waits for new subscriptions to be there to be woken."""
+
+_RETURN_NS, _PAUSE_NS = 100_000_000, 1_000_000_000
+"""So long at most for busd to come back, and then no other message does for a while."""
 
 
 class BlockingPublisher(Generic[M]):
@@ -51,7 +53,7 @@ class BlockingPublisher(Generic[M]):
         self._guard = foreground.loop.guard
         self._native: Publisher[M]
         self._has_new_matches = False
-        self._tried_ns = 0
+        self._next_try_ns = 0
 
     @classmethod
     async def _make(
@@ -85,7 +87,9 @@ class BlockingPublisher(Generic[M]):
         `bus.Publisher.publish`.
         """
         with self._guard:
-            is_taken = self._native.publish(message)
+            is_taken = self._native._outlet.publish(message)
+            if is_taken is not True:
+                is_taken = self._native._publish_on(message, is_taken)
         if self._loop.is_interrupted:
             self._loop.check()
         if self._foreground.is_mine():
@@ -150,21 +154,21 @@ class BlockingPublisher(Generic[M]):
         self._has_new_matches |= change.current_count_change > 0
 
     def _reach(self) -> None:
-        """Give new subscriptions the time to say how they are woken, which wakes them; and busd to come back.
+        """Give busd the time to come back, and new subscriptions to say how they are woken, which wakes them.
 
-        A script that sleeps after each message would come to neither. What does not come in time does not
-        hold up each message.
+        A script that sleeps after each message would come to neither. Who does not come in time is not waited
+        for with every message.
         """
+        native, wait = self._native, self._foreground.wait
         now_ns = monotonic_ns()
-        if now_ns - self._tried_ns < _PAUSE_NS:
-            return
-        self._tried_ns = now_ns
-        native = self._native
-        is_ready = Condition(
-            lambda: native._id != 0 and native._ready_matches() == native.get_subscription_count()
-        )
         with self._guard:
-            self._has_new_matches = not self._foreground.wait(is_ready, now_ns + _READY_NS)
+            if not native._id and now_ns >= self._next_try_ns:
+                wait(Condition(lambda: native._id != 0), now_ns + _RETURN_NS)
+                self._next_try_ns = monotonic_ns() + _PAUSE_NS
+            if self._has_new_matches:
+                self._has_new_matches = False
+                all_are_ready = Condition(lambda: native._ready_matches() == native.get_subscription_count())
+                wait(all_are_ready, now_ns + _READY_NS)
 
     def _wait_for_room(self, message: M, timeout: float | None) -> None:
         self._foreground.run_or_tell(
@@ -213,7 +217,7 @@ class BlockingSubscription(Generic[M]):
         """
         deadline_after(timeout)  # a wrong one is told here
         self._foreground.check()
-        return self._listen(timeout)
+        return self._found(timeout, with_info=False)
 
     def receive(self, timeout: float | None = None) -> tuple[M, MessageInfo]:
         """Wait for the next message; returns it with its info.
@@ -221,7 +225,7 @@ class BlockingSubscription(Generic[M]):
         Raises TimeoutError after `timeout` seconds, ConnectionClosed once it is closed.
         """
         self._foreground.check()
-        taken = self._next(timeout, None)
+        taken = next(self._found(timeout, with_info=True), None)
         if taken is None:
             raise TimeoutError(f"no message on '{self.topic_name}' within {timeout:g} s")
         return taken[0], self._native._info(taken)
@@ -260,37 +264,34 @@ class BlockingSubscription(Generic[M]):
 
     # --- inside
 
-    def _listen(self, timeout: float | None) -> Iterator[M]:
-        look = self._inbox.quick_take()
-        while (found := self._next(timeout, look)) is not None:
-            yield found[0]
+    def _found(self, timeout: float | None, *, with_info: bool) -> Iterator[Any]:
+        """What comes next, and next: messages, or as in `Taken`. Ends where the time is over first.
 
-    def _next(self, timeout: float | None, look: Callable[[], list[M]] | None) -> Any:
-        """What comes next, or None where the time is over first: `Taken`, or, with `look`, perhaps what that
-        finds. The message comes first in both.
+        Few steps lie between the wake-up and the message: after a sleep each of them is slow.
         """
-        foreground, inbox = self._foreground, self._inbox
-        foreground.attend_rarely()
-        with self._guard:
-            found: Any = look is not None and inbox.take_messages(1)
-            found = found or inbox.take() or self._wait(deadline_after(timeout), look)
-        if self._loop.is_interrupted:
-            self._loop.check()
-        if found is None and self._native._refusal is not None:
-            raise again(self._native._refusal)
-        return found
-
-    def _wait(self, deadline_ns: int, look: Callable[[], list[M]] | None) -> Any:
-        """Under the guard, where nothing waits. `look` comes first of all after the wake-up."""
-        loop, arrival = self._loop, self._arrival
-        while self._native._refusal is None:
-            arrival.is_set = False
-            found = loop.run(arrival, deadline_ns, look)
-            if found or (arrival.is_set and (found := self._inbox.take())):
-                return found
-            if loop.is_interrupted or (deadline_ns and monotonic_ns() >= deadline_ns):
+        foreground, loop, guard, arrival = self._foreground, self._loop, self._guard, self._arrival
+        native, inbox = self._native, self._inbox
+        look = None if with_info else inbox.quick_take()
+        while True:
+            foreground.attend_rarely()
+            with guard:
+                found: Any = (look is not None and inbox.take_messages(1)) or inbox.take()
+                deadline_ns = 0 if found else deadline_after(timeout)
+                while not found and native._refusal is None:
+                    arrival.is_set = False
+                    if found := loop.run(arrival, deadline_ns, look):
+                        break
+                    if arrival.is_set:
+                        found = inbox.take()
+                    elif loop.is_interrupted or (deadline_ns and monotonic_ns() >= deadline_ns):
+                        break
+            if loop.is_interrupted:
+                loop.check()
+            if not found:
                 break
-        return None
+            yield found if with_info else found[0]
+        if native._refusal is not None:
+            raise again(native._refusal)
 
 
 class BlockingNode:

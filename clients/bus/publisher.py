@@ -103,16 +103,14 @@ class Publisher(Endpoint[M]):
         LocalProtocolError while a loan is open, ConnectionClosed after `close`.
         """
         status = self._outlet.publish(message)
-        if status is True:
-            return True
+        return True if status is True else self._publish_on(message, status)
+
+    def _publish_on(self, message: M, status: int) -> bool:
+        """After `Outlet.publish` gave this status, and not True: step by step, where it did nothing."""
         if status == NOTED:
             self._link.report(self)
             self._outlet.look_back(self._least_depth)
             return True
-        return self._publish(message)
-
-    def _publish(self, message: M) -> bool:
-        """Step by step, where `Outlet.publish` did nothing."""
         if message.__class__ is not self.type:
             raise wrong_class(self.type, message)
         if self._long_fields:
