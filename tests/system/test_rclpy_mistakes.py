@@ -95,6 +95,16 @@ CALLS: dict[str, tuple[_Mistake, type[Exception], str]] = {
         TypeError,
         "callback must be callable, not str",
     ),
+    "a callback without an argument": (
+        lambda node: node.create_subscription(String, "t", lambda: None, 1),
+        RuntimeError,
+        r"with one argument\(to get only the message\) or two",
+    ),
+    "a callback of three": (
+        lambda node: node.create_subscription(String, "t", lambda a, b, c: None, 1),
+        RuntimeError,
+        "callback should be",
+    ),
     "a rate of zero": (lambda node: node.create_rate(0), ValueError, "frequency must be > 0"),
     "a dictionary for parameters": (
         lambda node: node.set_parameters({"x": 1}),

@@ -161,6 +161,13 @@ class TestTimers:
         assert len(calls) == 40
         assert calls[20:].count("a") >= 5 and calls[20:].count("b") >= 5
 
+    def test_a_destroyed_one_is_of_no_use(self, world: World, node: Node) -> None:
+        timer = node.create_timer(1, print)
+        assert node.destroy_timer(timer) and not node.destroy_timer(timer)
+        for use in (timer.cancel, timer.reset, timer.is_ready, timer.is_canceled, timer.time_until_next_call):
+            with pytest.raises(InvalidHandle, match="destruction was requested"):
+                use()
+
     def test_async(self, world: World, node: Node) -> None:
         """The next call comes when the one before has ended."""
         calls: list[str] = []

@@ -4,7 +4,9 @@ Owns the lists of a node's entities. Must not know parameters, or what else a no
 """
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from copy import copy
+from inspect import signature
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from bus.errors import ConfigurationError
@@ -130,6 +132,7 @@ class EntityMaker:
         """A subscription; `callback` is `def` or `async def`, of (message) or (message, info)."""
         check_is_valid_msg_type(msg_type)
         _check_callback(callback)
+        _check_arguments(callback)
         if content_filter_options is not None:
             raise NotImplementedError("content filters are not there yet: filter in the callback")
         self._check(topic)
@@ -325,6 +328,22 @@ class EntityMaker:
 def _check_callback(callback: object) -> None:
     if not callable(callback):
         raise TypeError(f"callback must be callable, not {type(callback).__name__}")
+
+
+def _check_arguments(callback: Callable[..., object]) -> None:
+    """Of a subscription's callback. Raises RuntimeError, with rclpy's text."""
+    try:
+        taken = signature(callback)
+    except (TypeError, ValueError):  # some that are written in C have none
+        return
+    for given in ((None,), (None, None)):
+        with suppress(TypeError):
+            taken.bind(*given)
+            return
+    raise RuntimeError(
+        "Subscription.__init__(): callback should be either be callable with one argument"
+        "(to get only the message) or two (to get message and message info)"
+    )
 
 
 def _service_qos(profile: QoSProfile) -> NativeProfile:

@@ -65,29 +65,37 @@ class Timer(Entity):
     def timer_period_ns(self, value: int) -> None:
         self._period_ns = int(value)
 
+    # These raise InvalidHandle where the timer is destroyed.
+
     def cancel(self) -> None:
         """No more calls, until `reset`."""
+        self._check()
         self._is_canceled = True
 
     def reset(self) -> None:
         """The next call comes one period from now."""
+        self._check()
         self._is_canceled = False
         self._next_ns = self._now_ns() + self._period_ns
         engine().call(self.rearm)
 
     def is_canceled(self) -> bool:
+        self._check()
         return self._is_canceled
 
     def is_ready(self) -> bool:
         """Whether a call is due."""
+        self._check()
         return not self._is_canceled and self._now_ns() >= self._next_ns
 
     def time_since_last_call(self) -> int:
         """Nanoseconds."""
+        self._check()
         return self._now_ns() - self._last_ns
 
     def time_until_next_call(self) -> int | None:
         """Nanoseconds, below zero where it is late; None where it is canceled."""
+        self._check()
         return None if self._is_canceled else self._next_ns - self._now_ns()
 
     def destroy(self) -> None:
@@ -151,6 +159,10 @@ class Timer(Entity):
 
     def _now_ns(self) -> int:
         return _now_ns(self.clock)
+
+    def _check(self) -> None:
+        if self.is_destroyed:
+            raise InvalidHandle("cannot use Destroyable because destruction was requested")
 
 
 class Rate:
