@@ -146,7 +146,7 @@ wheels: $(RELEASE_STAMP) ## sdist, pure and native wheel into dist/, each checke
 test-pythons: $(RELEASE_STAMP) ## the unit and shared memory tests with every Python that is found (VERSIONS="3.12 3.13")
 	@PYTHONPATH=tests $(BIN)/python -m pythons $(VERSIONS)
 
-$(RELEASE_STAMP): pyproject.toml $(TOOLS)
+$(RELEASE_STAMP): pyproject.toml | $(TOOLS)
 	@echo "installing what makes and checks packages into $(VENV): some 10 seconds"
 	@$(call EXTRA,release)
 	@touch $@
