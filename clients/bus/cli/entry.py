@@ -8,17 +8,30 @@ import sys
 from typing import NoReturn
 
 from bus.cli.run import read, start
-from bus.ending import die_by
+from bus.ending import die_by, say_nothing_of_signals
 
 
 def main() -> NoReturn:
     """The program."""
+    try:
+        _main()
+    except KeyboardInterrupt:
+        say_nothing_of_signals()
+        raise
+
+
+def _main() -> NoReturn:
     call = read(sys.argv[1:])
     if call is not None:
         code = start(call)
         if code < 0:
             die_by(-code)
         sys.exit(code)
+    import signal
+
+    # Nothing is to be tidied up yet: one that comes while modules load must not be taken for their error.
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     from bus.cli import main as others
 
     others.main()

@@ -7,6 +7,7 @@ BusError) with the text that the user shall read.
 
 import io
 import os
+import signal
 import sys
 from argparse import (
     SUPPRESS,
@@ -155,8 +156,6 @@ def run(words: Sequence[str]) -> int:
     except BrokenPipeError:
         return 0  # whoever read us has seen enough
     except KeyboardInterrupt as interrupt:
-        import signal
-
         return -(signal.SIGTERM if isinstance(interrupt, Terminated) else signal.SIGINT)
     except (CommandError, BusError, OSError) as error:
         complain(error)
@@ -170,6 +169,8 @@ def _run(words: Sequence[str]) -> int:
     if args.version:
         say(f"bus {RELEASE}")
         return 0
+    if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:  # while we started
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     code: int = args.main(args) or 0
     return code
 

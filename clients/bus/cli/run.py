@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from bus.cli.exitcodes import EXIT_ERROR, EXIT_USAGE
 from bus.cli.output import complain
-from bus.ending import say_nothing_of_signals
 
 if TYPE_CHECKING:
     from argparse import ArgumentParser, Namespace
@@ -92,9 +91,6 @@ def start(call: Call) -> int:
     try:
         _export(call)
         return _start(call)
-    except KeyboardInterrupt:
-        say_nothing_of_signals()
-        raise
     except _Refused as refused:
         complain("\n".join(refused.lines))
         return refused.code
