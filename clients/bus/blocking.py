@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 M = TypeVar("M", bound=msgspec.Struct)
 T = TypeVar("T")
 
+_SEND_NS = 10_000_000_000
+"""So long at most a message waits for the socket to take it."""
+
 _READY_NS = 1_000_000_000
 """So long at most a message waits for new subscriptions to be there to be woken."""
 
@@ -86,16 +89,18 @@ class BlockingPublisher(Generic[M]):
         more, for up to `timeout` seconds; TimeoutError says that it was not published. Else raises as
         `bus.Publisher.publish`.
         """
+        native, outlet, is_mine = self._native, self._native._outlet, self._foreground.is_free()
         with self._guard:
-            is_taken = self._native._outlet.publish(message)
+            is_taken = outlet.publish(message)
             if is_taken is not True:
-                is_taken = self._native._publish_on(message, is_taken)
+                is_taken = native._publish_on(message, is_taken)
+                if outlet.goes_by_socket:
+                    self._send(is_mine=is_mine)
         if self._loop.is_interrupted:
             self._loop.check()
-        if self._foreground.is_mine():
-            # Somebody waits for the message: only now what has come, and what waits for the end of a turn.
-            self._foreground.attend()
-            if self._has_new_matches or not self._native._id:
+        if is_mine:
+            self._foreground.attend()  # not before: somebody waits for the message
+            if self._has_new_matches or not native._id:
                 self._reach()
         if not is_taken:
             self._wait_for_room(message, timeout)
@@ -152,6 +157,13 @@ class BlockingPublisher(Generic[M]):
 
     def _matched(self, change: MatchedChange) -> None:
         self._has_new_matches |= change.current_count_change > 0
+
+    def _send(self, *, is_mine: bool) -> None:
+        """Under the guard: what was gathered for the end of a turn leaves now, and all of a long message."""
+        link = self._native._link
+        link.hand_over()
+        if is_mine and link.is_writing:
+            self._foreground.wait(Condition(lambda: not link.is_writing), monotonic_ns() + _SEND_NS)
 
     def _reach(self) -> None:
         """Give busd the time to come back, and new subscriptions to say how they are woken, which wakes them.
@@ -441,6 +453,8 @@ class BlockingNode:
         """Hand over what was published, leave the graph. Closing twice is allowed."""
         if self._is_closed:
             return
+        if self._foreground.failure is None:
+            self._foreground.check()
         self._is_closed = True
         try:
             if self._foreground.failure is None:  # else the parent of this fork leaves

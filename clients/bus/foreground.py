@@ -103,9 +103,9 @@ class Foreground:
         self._give_signals_back()
         loop.close()
 
-    def is_mine(self) -> bool:
-        """Whether this is the thread."""
-        return get_ident() == self.thread
+    def is_free(self) -> bool:
+        """Whether the loop may be run now: by its own thread, where no event loop runs."""
+        return get_ident() == self.thread and asyncio._get_running_loop() is None
 
     def check(self) -> None:
         """Raise LocalProtocolError where this thread or this moment is the wrong one."""
@@ -160,7 +160,7 @@ class Foreground:
     def attend(self) -> None:
         """Handle what has come, without waiting for more; in its own thread, where no event loop runs."""
         loop = self.loop
-        if self.is_mine() and loop.has_events() and asyncio._get_running_loop() is None:
+        if self.is_free() and loop.has_events():
             with loop.guard:
                 for _ in range(_MOST_TURNS):
                     loop.run(deadline_ns=1)

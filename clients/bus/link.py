@@ -198,7 +198,7 @@ class Link:
     def gather(self, publisher: Endpoint) -> None:
         """`publisher` has begun a run, which leaves with the others when the turn of the loop ends."""
         if not self._gathered:
-            self.loop.call_soon(self._hand_over)
+            self.loop.call_soon(self.hand_over)
         self._gathered.add(publisher)
 
     def send_now(self, frame: bytes) -> bool:
@@ -222,13 +222,19 @@ class Link:
             if self.failure is not None:
                 raise again(self.failure)
             is_chosen = not queue.runs  # and written when the socket has taken all that was
-            if not is_chosen or (self._connection is not None and self._connection.is_writing):
+            if not is_chosen or self.is_writing:
                 await self._drains.wait()
 
     def report(self, endpoint: Endpoint) -> None:
         self._reports.add(endpoint)  # the broker is told soon
 
-    def _hand_over(self) -> None:
+    @property
+    def is_writing(self) -> bool:
+        """Whether the socket has yet to take some of what was chosen for it."""
+        return self._connection is not None and self._connection.is_writing
+
+    def hand_over(self) -> None:
+        """Send what was gathered, and what waits, as far as the socket takes it."""
         gathered, self._gathered = self._gathered, set()
         for publisher in gathered:
             publisher._hand_over()
@@ -391,7 +397,7 @@ class Link:
     async def _when_connected(self, action: Callable[[Connection], Awaitable[T]]) -> T:
         while True:
             connection = await self._connected()
-            self._hand_over()  # what was published before must not seem to come after
+            self.hand_over()  # what was published before must not seem to come after
             try:
                 return await action(connection)
             except ConnectionClosed:

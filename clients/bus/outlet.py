@@ -86,6 +86,11 @@ class Outlet:
         return socket.samples + socket.open_samples, socket.bytes + socket.open_bytes
 
     @property
+    def goes_by_socket(self) -> bool:
+        """Whether samples go to the broker, alone or beside the ring."""
+        return self._socket.is_active
+
+    @property
     def expected(self) -> int:
         """Matches by the ring whose reader has not yet said how to wake it."""
         return 0 if self._ring is None else self._ring.expected

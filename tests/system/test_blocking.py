@@ -128,6 +128,36 @@ class TestTopics:
                     assert come.wait(WAIT_S)
         assert heard == [f"{turn} {number}" for turn in range(10) for number in range(20)]
 
+    @pytest.mark.parametrize("is_from_thread", [False, True])
+    def test_nothing_waits_for_the_next_call(
+        self, route: str, node: bus.BlockingNode, is_from_thread: bool
+    ) -> None:
+        """A burst, as gathered for the end of a turn, and a message that the socket does not take at once."""
+        sizes, come = [1] * 20 + [4_000_000], threading.Event()
+        heard: list[int] = []
+
+        def hear(message: String) -> None:
+            heard.append(len(message.data))
+            if len(heard) == len(sizes):
+                come.set()
+
+        def publish() -> None:
+            for size in sizes:
+                publisher.publish(String(data="x" * size))
+
+        publisher = node.create_publisher(String, "talk", 50)
+        with asyncio_node("ear", lambda ear: ear.create_subscription(String, "talk", 50, hear)):
+            publisher.wait_for_subscriptions(timeout=WAIT_S)
+            if is_from_thread:
+                sizes.pop()
+                thread = threading.Thread(target=publish)
+                thread.start()
+                thread.join(WAIT_S)
+            else:
+                publish()
+            assert come.wait(WAIT_S)
+        assert heard == sizes
+
     def test_a_script_that_ends_at_once_has_been_heard(self, route: str) -> None:
         come: list[str] = []
         with asyncio_node(
