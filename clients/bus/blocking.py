@@ -30,9 +30,8 @@ if TYPE_CHECKING:
     from bus.client import ServiceClient
 
 M = TypeVar("M", bound=msgspec.Struct)
-T = TypeVar("T")
 
-_SEND_NS = 10_000_000_000
+_SEND_NS = 1_000_000_000
 """So long at most a message waits for the socket to take it."""
 
 _READY_NS = 1_000_000_000

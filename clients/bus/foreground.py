@@ -150,12 +150,11 @@ class Foreground:
     def wait(self, until: Until, deadline_ns: int = 0) -> bool:
         """Under the guard: wait until it is set. False at the deadline (0: none), and at an interrupt."""
         loop = self.loop
-        while True:
+        while not until.is_set:
             loop.run(until, deadline_ns)
-            if until.is_set:
-                return True
             if loop.is_interrupted or (deadline_ns and monotonic_ns() >= deadline_ns):
-                return False
+                break
+        return until.is_set
 
     def attend(self) -> None:
         """Handle what has come, without waiting for more; in its own thread, where no event loop runs."""

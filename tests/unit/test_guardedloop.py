@@ -384,3 +384,39 @@ def test_four_threads_for_half_a_second(loop: GuardedLoop) -> None:
     for thread, numbers in enumerate(expected):
         assert sorted(number for who, number in told if who == thread) == numbers
     assert shared[0] == sum(touches) + len(told)
+
+
+class TestLooks:
+    def test_it_has_events_where_a_run_would_find_something_to_do(self, loop: GuardedLoop) -> None:
+        loop.acquire()
+        loop.run(deadline_ns=1)
+        assert not loop.has_events()
+        loop.call_soon(int)
+        assert loop.has_events()
+        loop.run(deadline_ns=1)
+        assert not loop.has_events()
+        loop.call_later(0, int)
+        assert loop.has_events()
+        loop.run(deadline_ns=1)
+        one, other = socket.socketpair()
+        with one, other:
+            loop.add_reader(one, one.recv, 1)
+            assert not loop.has_events()
+            other.send(b"x")
+            assert loop.has_events()
+            loop.run(deadline_ns=1)
+            assert not loop.has_events()
+            loop.remove_reader(one)
+        loop.release()
+
+    def test_what_is_looked_for_comes_before_the_events_which_stay(self, loop: GuardedLoop) -> None:
+        one, other = socket.socketpair()
+        said: list[str] = []
+        with one, other, loop:
+            loop.add_reader(one, lambda: said.append(one.recv(1).decode()))
+            other.send(b"x")
+            assert loop.run(look=lambda: "found") == "found"
+            assert said == []
+            assert loop.run(deadline_ns=1, look=lambda: "") is None
+            assert said == ["x"]
+            loop.remove_reader(one)
