@@ -88,18 +88,17 @@ class BlockingPublisher(Generic[M]):
         more, for up to `timeout` seconds; TimeoutError says that it was not published. Else raises as
         `bus.Publisher.publish`.
         """
-        native, outlet, is_mine = self._native, self._native._outlet, self._foreground.is_free()
         with self._guard:
-            is_taken = outlet.publish(message)
+            is_taken = self._native._outlet.publish(message)
             if is_taken is not True:
-                is_taken = native._publish_on(message, is_taken)
-                if outlet.goes_by_socket:
-                    self._send(is_mine=is_mine)
+                is_taken = self._native._publish_on(message, is_taken)
+                self._send()
         if self._loop.is_interrupted:
             self._loop.check()
-        if is_mine:
-            self._foreground.attend()  # not before: somebody waits for the message
-            if self._has_new_matches or not native._id:
+        # Somebody waits for the message: whatever else there is to do comes after it.
+        if self._foreground.is_free():
+            self._foreground.attend()
+            if self._has_new_matches or not self._native._id:
                 self._reach()
         if not is_taken:
             self._wait_for_room(message, timeout)
@@ -157,12 +156,13 @@ class BlockingPublisher(Generic[M]):
     def _matched(self, change: MatchedChange) -> None:
         self._has_new_matches |= change.current_count_change > 0
 
-    def _send(self, *, is_mine: bool) -> None:
+    def _send(self) -> None:
         """Under the guard: what was gathered for the end of a turn leaves now, and all of a long message."""
         link = self._native._link
-        link.hand_over()
-        if is_mine and link.is_writing:
-            self._foreground.wait(Condition(lambda: not link.is_writing), monotonic_ns() + _SEND_NS)
+        if self._native._outlet.goes_by_socket:
+            link.hand_over()
+            if link.is_writing and self._foreground.is_free():
+                self._foreground.wait(Condition(lambda: not link.is_writing), monotonic_ns() + _SEND_NS)
 
     def _reach(self) -> None:
         """Give busd the time to come back, and new subscriptions to say how they are woken, which wakes them.
