@@ -12,6 +12,7 @@ Knows nothing of what a well-behaved client does; `declare` and the two helpers 
 """
 
 import array
+import select
 import socket
 import struct
 import time
@@ -124,6 +125,11 @@ class RawPeer:
         return self
 
     # --- in
+
+    @property
+    def has_more(self) -> bool:
+        """Whether something has come that was not taken yet."""
+        return bool(self._waiting or select.select([self.socket], [], [], 0)[0])
 
     def receive(self) -> Any:
         """The next message or run; None at the end of the stream. Raises TimeoutError."""

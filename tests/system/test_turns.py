@@ -1,6 +1,5 @@
 """A real busd serves others while it does what takes long: it is asked, and answers, before that is done."""
 
-import select
 from contextlib import ExitStack
 
 import pytest
@@ -34,10 +33,6 @@ def endpoints(node: int, topic: str, number: int) -> bytes:
     )
 
 
-def has_more(peer: RawPeer) -> bool:
-    return bool(select.select([peer.socket], [], [], 0)[0])
-
-
 class TestLongWork:
     """Each of these takes busd about a second."""
 
@@ -49,7 +44,7 @@ class TestLongWork:
             other.barrier()
             answered += 1
         created = set[int]()
-        while has_more(peer) and len(created) < MANY:
+        while peer.has_more and len(created) < MANY:
             message = peer.receive()
             if isinstance(message, m.Created):
                 created.add(message.request)
@@ -92,7 +87,7 @@ class TestLongWork:
             last = dict.fromkeys([peer, *more], 0)
             while min(last.values()) < 1099:
                 for one in last:
-                    if has_more(one):
+                    if one.has_more:
                         last[one] = max(last[one], getattr(one.receive(), "request", 0))
 
 
@@ -121,5 +116,5 @@ class TestFloods:
         for _ in range(20):
             sent += peer.write_some(flood[sent:]) if sent < len(flood) else 0
             other.barrier()
-            while has_more(peer):
+            while peer.has_more:
                 assert peer.receive() is not None
