@@ -82,7 +82,7 @@ class Program:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            env={**os.environ, "PYTHONASYNCIODEBUG": ""},
+            env={**os.environ, "PYTHONASYNCIODEBUG": "", "PYTHONUNBUFFERED": "1"},  # as in a terminal
         )
         self.patience = threading.Timer(TEST_S, self.process.kill)  # some live as long as their test
         self.patience.start()
