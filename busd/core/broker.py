@@ -251,7 +251,7 @@ class Broker:
         peer = self._peers.get(peer_id)
         if peer is None:
             return []
-        if peer.is_silent or peer.silent:
+        if peer.is_silent or peer.lapsed:
             self._leases.hear_peer(now_ns, peer)
         peer.last_heard_ns = now_ns
         out: list[Effect] = []

@@ -242,7 +242,7 @@ class Registrar:
             if endpoint.history is not None:
                 yield from _empty(endpoint.history)
             endpoint.ring = None  # a timer may still know the publisher
-            endpoint.node.peer.silent.discard(endpoint)
+            endpoint.node.peer.lapsed.discard(endpoint)
         else:
             if is_lost:
                 yield from self._absentees.lose(endpoint.node.peer.last_heard_ns, endpoint)

@@ -104,7 +104,7 @@ class Peer(Holder):
     endpoints: "dict[EndpointId, Publisher | Subscription]" = field(default_factory=dict)
     types: dict[MessageType, int] = field(default_factory=dict)
     """Declared types with the size of their schemas."""
-    silent: "set[Publisher]" = field(default_factory=set)
+    lapsed: "set[Publisher]" = field(default_factory=set)
     """Publishers with automatic liveliness whose lease ended."""
     is_silent: bool = False
     """It was not heard for its lease: nobody waits for it (busd.core.silence)."""

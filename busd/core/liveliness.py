@@ -55,7 +55,7 @@ class Leases:
         if peer.is_silent:
             self._silences.end(now_ns, peer)
         peer.last_heard_ns = now_ns
-        if peer.silent and peer not in self._returning:
+        if peer.lapsed and peer not in self._returning:
             self._revive_some(now_ns, peer)
 
     def assert_publisher(self, now_ns: int, publisher: Publisher) -> None:
@@ -79,7 +79,7 @@ class Leases:
             return
         publisher.is_alive = False
         if not publisher.is_manual:
-            peer.silent.add(publisher)
+            peer.lapsed.add(publisher)
         self._emit(
             Note(logging.INFO, f"{publisher.node.full_name} lost its liveliness on '{publisher.topic.name}'")
         )
@@ -87,16 +87,16 @@ class Leases:
         self._tell(now_ns, publisher)
 
     def _revive_some(self, now_ns: int, peer: Peer) -> None:
-        for publisher in tuple(islice(peer.silent, _FEW)):
+        for publisher in tuple(islice(peer.lapsed, _FEW)):
             self._revive(now_ns, publisher)
         self._returning.discard(peer)
-        if peer.silent:
+        if peer.lapsed:
             self._returning.add(peer)
             self._timers.add(now_ns, lambda now: self._revive_some(now, peer))
 
     def _revive(self, now_ns: int, publisher: Publisher) -> None:
         publisher.is_alive = True
-        publisher.node.peer.silent.discard(publisher)
+        publisher.node.peer.lapsed.discard(publisher)
         self.watch_publisher(now_ns, publisher)
         self._tell(now_ns, publisher)
 

@@ -1,8 +1,7 @@
-"""Coroutine functions that say so where somebody forgets the `await`, and name the line that did.
+"""Coroutine functions that warn where somebody forgets the `await`, and name the line that called them.
 
-For what is easily forgotten by who comes from rclpy: making things and closing them. Python warns of it too,
-but names the line where the coroutine was thrown away; and who reads would wait for ever for the end of what
-was never closed.
+For making things and closing them, where programmers who come from rclpy forget it. Python's own warning
+names the line where the coroutine was thrown away, and what was to be closed would stay open for ever.
 """
 
 import asyncio

@@ -32,13 +32,13 @@ if TYPE_CHECKING:
 M = TypeVar("M", bound=msgspec.Struct)
 
 _SEND_NS = 1_000_000_000
-"""So long at most a message waits for the socket to take it."""
+"""A message waits at most this long for the socket to take it."""
 
 _READY_NS = 1_000_000_000
-"""So long at most a message waits for new subscriptions to be there to be woken."""
+"""A message waits at most this long until new subscriptions can be woken."""
 
 _RETURN_NS, _PAUSE_NS = 100_000_000, 1_000_000_000
-"""So long at most for busd to come back, and then no other message does for a while."""
+"""While busd is away a message waits at most so long for it; those of the pause after that do not wait."""
 
 
 class BlockingPublisher(Generic[M]):
@@ -165,10 +165,10 @@ class BlockingPublisher(Generic[M]):
                 self._foreground.wait(Condition(lambda: not link.is_writing), monotonic_ns() + _SEND_NS)
 
     def _reach(self) -> None:
-        """Give busd the time to come back, and new subscriptions to say how they are woken, which wakes them.
+        """Give busd time to come back, and new subscriptions to say how they are woken, which wakes them.
 
-        A script that sleeps after each message would come to neither. Who does not come in time is not waited
-        for with every message.
+        A script that sleeps after each message runs the loop at no other time. The bounds keep it from being
+        held up with every message.
         """
         native, wait = self._native, self._foreground.wait
         now_ns = monotonic_ns()

@@ -96,11 +96,11 @@ class Connection:
         self._is_for_now = False
         self._farewell = ""
         self.heard_ns = 0
-        """When anything last came from the broker; for whoever hands out what comes to keep."""
+        """When anything last came from the broker; set by whoever hands it out."""
         self.turn_ns = 0
-        """When the event loop last had a turn; for whoever knows of one to keep."""
+        """When the event loop last had a turn; whoever is called in one sets it."""
         self.late_ns = _NEVER_NS
-        """Who has a turn after that calls `look_back` before he keeps when it was."""
+        """After that a turn comes late: call `note_standstill` before `turn_ns` or `heard_ns` is set."""
         self._beat_ns = self._due_ns = 0  # since and until when the next sign of life is waited for
         self._requests: dict[int, _Request] = {}
         self._numbers = count(1)
@@ -277,8 +277,8 @@ class Connection:
             self.late_ns = self._due_ns + _LATE_NS
             self._heartbeat = self._loop.call_later(interval_s, self._beat, interval_s)
 
-    def look_back(self, now_ns: int) -> None:
-        """This event loop stood still. Say so where it was silent for its lease: nobody need look at busd."""
+    def note_standstill(self, now_ns: int) -> None:
+        """The event loop stood still. If that outlasted the lease, warn here: this program must be mended."""
         self.late_ns = _NEVER_NS
         most_s = (now_ns - self._beat_ns) / 1e9
         if most_s < self.hello.lease_s or (isinstance(self._loop, GuardedLoop) and self._loop.rests):
@@ -304,7 +304,7 @@ class Connection:
 
     def _beat(self, interval_s: float) -> None:
         if (now_ns := monotonic_ns()) > self.late_ns:
-            self.look_back(now_ns)
+            self.note_standstill(now_ns)
         self.send(m.Ping())
         self.beat(interval_s)
 

@@ -17,14 +17,14 @@ from time import monotonic_ns
 from types import FrameType
 from typing import Any, ClassVar, TypeVar
 
-from bus.ending import Terminated, say_nothing_of_signals
 from bus.errors import BusError, ConfigurationError, ForkError, LocalProtocolError, again
 from bus.guardedloop import GuardedLoop, Until
+from bus.termination import Terminated, say_nothing_of_signals
 
 T = TypeVar("T")
 
 _REST_NS = 5_000_000
-"""Who finds all that he wants without the loop gives it a turn after so long."""
+"""A caller that finds all its messages without the loop still gives it a turn this often."""
 
 _SIGNALS = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 _MOST_S = 1e9
@@ -195,7 +195,7 @@ class Foreground:
         self._heard.clear()
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        if not self._is_silent and not hasattr(sys, "ps1"):  # who sits at the prompt wants to see it
+        if not self._is_silent and not hasattr(sys, "ps1"):  # at the prompt people want to see it
             self._is_silent = True
             say_nothing_of_signals()
         loop = self.loop

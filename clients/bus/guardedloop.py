@@ -69,7 +69,7 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         self.deferred: deque[tuple[Callable[..., object], tuple[Any, ...]]] = deque()
         """Calls, with their arguments, to be made when it is run next: what need not be done at once."""
         self.rests = False
-        """Nobody runs it for any length of time, and so it should be: it does not stand still then."""
+        """It runs only while a call waits (bus.foreground). That it rests in between is no standstill."""
         self._main_thread = main_thread().ident
         self.guard: Any = RLock()
         self.on_signal: Callable[[], object] = int

@@ -14,8 +14,8 @@ from collections.abc import Callable, Sequence
 from types import ModuleType, TracebackType
 from typing import Any, NoReturn
 
-from bus.ending import is_ending
 from bus.errors import BrokerUnavailable
+from bus.termination import is_dying
 
 __all__ = [
     "add_paths",
@@ -181,7 +181,7 @@ def _run(body: Callable[[], Any], *, of_package: bool = False) -> NoReturn:
         else:
             _show(error)
         code = 1
-    if of_package and code is not None and not is_ending():
+    if of_package and code is not None and not is_dying():
         if not isinstance(code, int):
             print(code, file=sys.stderr)
             code = 1

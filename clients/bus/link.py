@@ -250,7 +250,7 @@ class Link:
         self.wall_offset_ns = time_ns() - now_ns  # the wall clock may have been set
         if (connection := self._connection) is not None:
             if now_ns > connection.late_ns:
-                connection.look_back(now_ns)
+                connection.note_standstill(now_ns)
             connection.turn_ns = now_ns
         self.send_about(endpoint, frames)
 
@@ -260,7 +260,7 @@ class Link:
         received_ns = monotonic_ns()
         if (connection := self._connection) is not None:
             if received_ns > connection.late_ns:
-                connection.look_back(received_ns)
+                connection.note_standstill(received_ns)
             connection.heard_ns = received_ns
         endpoints, touched = self._declarations.by_id, set[Endpoint]()
         self._is_receiving = True
@@ -364,7 +364,7 @@ class Link:
             while True:
                 pause_s = next(pauses, pause_s)
                 await asyncio.sleep(pause_s)
-                # A daemon that its user started is his to start again, with his options: leave him the time.
+                # Who started a daemon starts it again, with the same options: leave the user time for it.
                 may_start = self._hello.background or monotonic_ns() - lost_ns > _USERS_TURN_NS
                 try:
                     await self._declare_again(await self._connect(Patience(), may_start=may_start))

@@ -11,6 +11,7 @@ from time import monotonic_ns
 from typing import Any, Literal
 
 from bus.bulk import joined
+from bus.bursts import BurstWatch
 from bus.declarations import Endpoint
 from bus.descriptor import Descriptor
 from bus.errors import (
@@ -21,7 +22,6 @@ from bus.errors import (
     SharedMemoryError,
     again,
 )
-from bus.haste import Haste
 from bus.link import RETURN_S, Link
 from bus.loan import Loan
 from bus.logger import Logger
@@ -63,7 +63,7 @@ class Outlet:
         self._totals: tuple[int, int] | None = None  # at the end
         self._refusal: BusError | None = None
         self._is_lent = False
-        self._haste = Haste(link.loop, owner.topic_name, logger, is_awaitable=link.guard is None)
+        self._bursts = BurstWatch(link.loop, owner.topic_name, logger, is_awaitable=link.guard is None)
         self.publish: Callable[[Any], bool | int] = _not_so_quick
         """The quick way for a message, by the ring: True or NOTED, else nothing was done."""
         self.write: Callable[[Any], bool] = _not_so_quick
@@ -246,9 +246,9 @@ class Outlet:
         if self._ring is not None:
             self._ring.disconnected()
 
-    def look_back(self, least_depth: Callable[[], int]) -> None:
-        """See `Haste.look_back`."""
-        self._haste.look_back(lambda: self.published[0], least_depth)
+    def watch_turn(self, least_depth: Callable[[], int]) -> None:
+        """See `BurstWatch.watch_turn`."""
+        self._bursts.watch_turn(lambda: self.published[0], least_depth)
 
     def told(self) -> None:
         """The counters were reported; the next sample shall have them reported again."""
@@ -373,7 +373,7 @@ class Outlet:
             replaced = socket.replaced
             socket.put(payload, stamp_ns)
             if socket.replaced != replaced:
-                self._haste.note_replaced(socket.replaced - replaced, self._depth)
+                self._bursts.note_replaced(socket.replaced - replaced, self._depth)
 
     def _put_from_thread(self, payload: bytes, stamp_ns: int) -> bool:
         if not self._socket.can_take(len(payload)):

@@ -109,7 +109,7 @@ class Publisher(Endpoint[M]):
         """After `Outlet.publish` gave this status, and not True: step by step, where it did nothing."""
         if status == NOTED:
             self._link.report(self)
-            self._outlet.look_back(self._least_depth)
+            self._outlet.watch_turn(self._least_depth)
             return True
         if message.__class__ is not self.type:
             raise wrong_class(self.type, message)

@@ -8,8 +8,8 @@ import threading
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
-from bus.ending import Terminated, say_nothing_of_signals
 from bus.errors import BrokerUnavailable, CommandLineError
+from bus.termination import Terminated, say_nothing_of_signals
 
 T = TypeVar("T")
 

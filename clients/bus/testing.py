@@ -41,7 +41,7 @@ _START_S: Final = 10.0
 _STOP_S: Final = 10.0
 _LOOK_S: Final = 0.1
 _LEAVE_S: Final = 1.0
-"""So long a node may take to leave after its test."""
+"""A node may take so long to leave after its test."""
 
 _IDLE_EXIT_S: Final = 600
 """A busd whose pytest was killed ends by itself."""

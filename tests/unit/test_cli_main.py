@@ -10,11 +10,11 @@ import pytest
 
 import bus
 from bus.cli import main as cli
-from bus.cli import slips
+from bus.cli import suggestions
 from bus.cli.main import COMMANDS, make_parser, run
 from bus.cli.output import CommandError
 from bus.cli.query import full_topic_name, full_type_name
-from bus.ending import Terminated
+from bus.termination import Terminated
 
 VERBS = [(command, verb) for command, (_, verbs) in COMMANDS.items() for verb in verbs or ("",)]
 
@@ -129,7 +129,7 @@ def test_an_option_that_does_not_exist(capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_what_is_not_there_yet_is_not_there() -> None:
-    assert not {*slips._NOT_YET, *slips._OTHER_NAMES} & {*COMMANDS}
+    assert not {*suggestions._NOT_YET, *suggestions._OTHER_NAMES} & {*COMMANDS}
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from bus.ending import Terminated
 from bus.errors import ConfigurationError, LocalProtocolError
 from bus.foreground import Condition, Foreground, Signal, deadline_after
+from bus.termination import Terminated
 from conftest import WAIT_S
 
 SECOND_NS = 10**9

@@ -8,7 +8,7 @@ import sys
 from typing import NoReturn
 
 from bus.cli.run import read, start
-from bus.ending import die_by, say_nothing_of_signals
+from bus.termination import die_now, say_nothing_of_signals
 
 
 def main() -> NoReturn:
@@ -25,7 +25,7 @@ def _main() -> NoReturn:
     if call is not None:
         code = start(call)
         if code < 0:
-            die_by(-code)
+            die_now(-code)
         sys.exit(code)
     import signal
 

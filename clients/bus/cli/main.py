@@ -25,9 +25,9 @@ from typing import Any, NoReturn
 
 from bus.cli.exitcodes import EXIT_ERROR, EXIT_USAGE
 from bus.cli.output import CommandError, complain, say
-from bus.ending import Terminated, die_by
 from bus.errors import BusError
 from bus.release import RELEASE
+from bus.termination import Terminated, die_now
 
 COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
     "topic": (
@@ -141,7 +141,7 @@ def main() -> NoReturn:
     except BrokenPipeError:
         pass
     if code < 0:
-        die_by(-code)
+        die_now(-code)
     # Nothing is left to do, and taking the interpreter down costs as much as a quarter of `bus topic list`.
     # It would also abort where a thread still reads the standard input.
     os._exit(code)
@@ -190,7 +190,7 @@ class _Parser(ArgumentParser):
         if action.choices is None or value in action.choices or not isinstance(action, _SubParsersAction):
             super()._check_value(action, value)
             return
-        from bus.cli.slips import no_command, no_verb
+        from bus.cli.suggestions import no_command, no_verb
 
         is_command = self.prog == "bus"
         complain(no_command(value, COMMANDS) if is_command else no_verb(self.prog, value, action.choices))

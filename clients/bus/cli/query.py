@@ -178,7 +178,7 @@ def full_type_name(text: str) -> str:
     """`std_msgs/String` as `std_msgs/msg/String`. Raises CommandError for what is no type's name."""
     parts = text.split("/")
     if len(parts) not in (2, 3) or not all(parts):
-        from bus.cli.nearby import near_type
+        from bus.cli.suggestions import near_type
 
         raise CommandError(f"The passed message type is invalid{near_type(text)}")
     return text if len(parts) == 3 else f"{parts[0]}/msg/{parts[1]}"

@@ -11,11 +11,11 @@ import msgspec
 
 from bus.cli.output import CommandError, complain
 from bus.cli.query import full_type_name
-from bus.ending import Terminated
 from bus.errors import ConfigurationError
 from bus.graph import Graph, GraphEndpoint
 from bus.node import Node
 from bus.runner import loop_factory
+from bus.termination import Terminated
 from bus.typediff import difference
 from bus.typesupport import find_type, type_hash, type_support
 
@@ -102,7 +102,7 @@ async def find_class(
         if ready_made is not None and not kinds:
             return ready_made
         if not kinds:
-            from bus.cli.nearby import near_type
+            from bus.cli.suggestions import near_type
 
             raise CommandError(f"The passed message type is invalid{near_type(name, 'msg', graph)}")
     ready_made = find_type(kinds[0][0])
@@ -129,7 +129,7 @@ async def _difference(node: Node, one: GraphEndpoint, other: GraphEndpoint) -> s
 
 def not_published(topic: str, graph: Graph) -> None:
     """Say it, and which topic may have been meant."""
-    from bus.cli.nearby import near_topic
+    from bus.cli.suggestions import near_topic
 
     complain(f"WARNING: topic [{topic}] does not appear to be published yet{near_topic(topic, graph)}")
 

@@ -12,7 +12,6 @@ from contextlib import contextmanager, suppress
 from types import TracebackType
 from typing import Any
 
-from bus.ending import end_by
 from bus.rclpy import engine as engines
 from bus.rclpy import signals
 from bus.rclpy.context import Context, get_default_context
@@ -23,6 +22,7 @@ from bus.rclpy.parameter import Parameter
 from bus.rclpy.signals import SignalHandlerOptions
 from bus.rclpy.task import Future
 from bus.rclpy.utilities import get_rmw_implementation_identifier, ok
+from bus.termination import die_at_exit
 
 __all__ = [
     "InitContextManager",
@@ -186,7 +186,7 @@ def _say_what_ended_it(kind: type[BaseException], error: BaseException, trace: T
     """Ctrl-C and SIGTERM are no mistakes of the program's: it dies by the signal, without a traceback."""
     number = signals.last_signal()
     if issubclass(kind, _ENDS) and number is not None:
-        end_by(number)
+        die_at_exit(number)
     elif not issubclass(kind, KeyboardInterrupt):  # by which Python ends like that itself
         sys.__excepthook__(kind, error, trace)
 

@@ -121,7 +121,7 @@ class TestGoing:
             process.die()
         assert_nothing_is_left(world)
         assert [(peer.queued.used, peer.history.used) for peer in peers] == [(0, 0)] * 3
-        assert not any(peer.nodes or peer.endpoints or peer.silent for peer in peers)
+        assert not any(peer.nodes or peer.endpoints or peer.lapsed for peer in peers)
 
     def test_nothing_is_left_of_what_was_destroyed(self) -> None:
         world, processes = self.crowded()

@@ -5,7 +5,6 @@ from typing import Any
 
 from bus.cli.completion import completed_by
 from bus.cli.interface.list import add_kinds, wanted_kinds
-from bus.cli.interface.show import near_owner
 from bus.cli.output import CommandError, print_json, say
 
 
@@ -21,7 +20,10 @@ def main(args: Namespace) -> int:
     from bus.interfaces import names
 
     if not names(package=args.package_name):
-        raise CommandError(f"Unknown package '{args.package_name}'{near_owner(args.package_name)}")
+        from bus.cli.suggestions import near_interface_package
+
+        near = near_interface_package(args.package_name)
+        raise CommandError(f"Unknown package '{args.package_name}'{near}")
     for kind in wanted_kinds(args):
         for name in names(kind, args.package_name):
             if args.json:

@@ -59,23 +59,18 @@ def given_name(text: str) -> str:
         definition_path(name)
     except ConfigurationError as error:
         if not names(package=parts[0]):
-            raise CommandError(f"Unknown package '{parts[0]}'{near_owner(parts[0])}") from None
+            from bus.cli.suggestions import near_interface_package
+
+            near = near_interface_package(parts[0])
+            raise CommandError(f"Unknown package '{parts[0]}'{near}") from None
         _, hint, near = str(error).partition("; did you mean")
         raise CommandError(f"Could not find the interface '{name}'{hint}{near}") from None
     return name
 
 
-def near_owner(package: str) -> str:
-    """The end of a message about a package that has no definitions: which one may have been meant."""
-    from bus.interfaces import packages
-    from bus.spelling import did_you_mean
-
-    return did_you_mean(package, packages())
-
-
 def _only_one_called(short: str) -> str:
     """The full name of the definition that is called `String` or the like."""
-    from bus.cli.nearby import near_type, types_called
+    from bus.cli.suggestions import near_type, types_called
     from bus.interfaces import names
 
     found = types_called(short, names())

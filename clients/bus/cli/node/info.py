@@ -23,7 +23,7 @@ def main(args: Namespace) -> int:
     name = args.node_name if args.node_name.startswith("/") else f"/{args.node_name}"
     found = [node for node in graph.nodes if node.full_name == name]
     if not found:
-        from bus.cli.nearby import near_node
+        from bus.cli.suggestions import near_node
 
         raise CommandError(f"Unable to find node '{args.node_name}'{near_node(name, graph)}")
     if len(found) > 1:

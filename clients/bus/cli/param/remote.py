@@ -76,7 +76,7 @@ def find_node(args: Namespace) -> str:
     name: str = args.node_name if args.node_name.startswith("/") else f"/{args.node_name}"
     graph = get_graph(args)
     if all(node.full_name != name for node in graph.nodes):
-        from bus.cli.nearby import near_node
+        from bus.cli.suggestions import near_node
 
         raise CommandError(f"Node not found{near_node(name, graph)}")
     return name

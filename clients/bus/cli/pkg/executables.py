@@ -16,7 +16,7 @@ def main(args: Namespace) -> int:
     for package in chosen:
         found = packages.executables(package)
         if found is None:
-            from bus.cli.nearby import near_package
+            from bus.cli.suggestions import near_package
 
             raise CommandError(f"Package '{package}' not found{near_package(package)}")
         for one in found:

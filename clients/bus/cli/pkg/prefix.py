@@ -14,7 +14,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 def main(args: Namespace) -> int:
     prefix = packages.find_prefix(args.package_name)
     if prefix is None:
-        from bus.cli.nearby import near_package
+        from bus.cli.suggestions import near_package
 
         raise CommandError(f"Package not found{near_package(args.package_name)}")
     path = f"{prefix.path}/share/{args.package_name}" if args.share else str(prefix.path)

@@ -15,7 +15,7 @@ def main(args: Namespace) -> int:
     from xml.etree import ElementTree
 
     if packages.find_prefix(args.package_name) is None:
-        from bus.cli.nearby import near_package
+        from bus.cli.suggestions import near_package
 
         raise CommandError(f"Package not found{near_package(args.package_name)}")
     manifest = packages.manifest(args.package_name)

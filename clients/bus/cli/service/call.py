@@ -48,7 +48,7 @@ async def _call(args: Namespace, service: str, name: str, values: Any) -> int:
         prototype = Prototype(definition.Request, values)
         client = await node.create_client(definition, service)
         if not client.statistics().servers:
-            from bus.cli.nearby import near_service
+            from bus.cli.suggestions import near_service
 
             if not args.json:
                 say("waiting for service to become available...")

@@ -18,7 +18,7 @@ def full_service_type(text: str) -> str:
     """`std_srvs/SetBool` as `std_srvs/srv/SetBool`. Raises CommandError for what is no service's type."""
     parts = text.split("/")
     if len(parts) not in (2, 3) or not all(parts):
-        from bus.cli.nearby import near_type
+        from bus.cli.suggestions import near_type
 
         raise CommandError(f"The passed service type is invalid{near_type(text, 'srv')}")
     if len(parts) == 3 and parts[1] == "msg":

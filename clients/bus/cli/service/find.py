@@ -27,7 +27,7 @@ def main(args: Namespace) -> int:
         if wanted in types and (args.include_hidden_services or not is_hidden_topic(service))
     ]
     if not found:
-        from bus.cli.nearby import near_type
+        from bus.cli.suggestions import near_type
 
         if near := near_type(wanted, "srv"):
             complain(f"no service has the type '{wanted}'{near}")

@@ -20,7 +20,7 @@ def main(args: Namespace) -> int:
     graph = get_graph(args)
     types = graph.services().get(service)
     if types is None:
-        from bus.cli.nearby import near_service
+        from bus.cli.suggestions import near_service
 
         raise CommandError(f"Unknown service '{args.service_name}'{near_service(service, graph)}")
     clients, servers = len(graph.clients_of(service)), len(graph.servers_of(service))

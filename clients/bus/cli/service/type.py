@@ -20,7 +20,7 @@ def main(args: Namespace) -> int:
     graph = get_graph(args)
     types = graph.services().get(service, [])
     if not types:
-        from bus.cli.nearby import near_service
+        from bus.cli.suggestions import near_service
 
         if near := near_service(service, graph):  # else, as in ros2, the status says it
             complain(f"Unknown service '{args.service_name}'{near}")

@@ -27,7 +27,7 @@ def main(args: Namespace) -> int:
         if wanted in types and (args.include_hidden_topics or not is_hidden_topic(topic))
     ]
     if not found:
-        from bus.cli.nearby import near_type
+        from bus.cli.suggestions import near_type
 
         if near := near_type(wanted, "msg", graph):
             complain(f"no topic has the type '{wanted}'{near}")

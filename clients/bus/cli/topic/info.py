@@ -35,7 +35,7 @@ def main(args: Namespace) -> int:
         matches = {one.id: _matches(graph, one, describe) for one in there}
     types = graph.topics().get(topic)
     if types is None:
-        from bus.cli.nearby import near_topic
+        from bus.cli.suggestions import near_topic
 
         raise CommandError(f"Unknown topic '{args.topic_name}'{near_topic(topic, graph)}")
     sides = (("Publisher", graph.publishers_of(topic)), ("Subscription", graph.subscriptions_of(topic)))

@@ -21,7 +21,7 @@ def main(args: Namespace) -> int:
     graph = get_graph(args)
     types = graph.topics().get(topic, [])
     if not types:
-        from bus.cli.nearby import near_topic
+        from bus.cli.suggestions import near_topic
 
         if near := near_topic(topic, graph):  # else, as in ros2, the status says it
             complain(f"Unknown topic '{args.topic_name}'{near}")

@@ -9,7 +9,7 @@ import sys
 from types import TracebackType
 from typing import NoReturn
 
-__all__ = ["Terminated", "die_by", "end_by", "is_ending", "say_nothing_of_signals"]
+__all__ = ["Terminated", "die_at_exit", "die_now", "is_dying", "say_nothing_of_signals"]
 
 
 class Terminated(KeyboardInterrupt):
@@ -28,12 +28,12 @@ def say_nothing_of_signals() -> None:
 
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # one more ends it at once
         if kind is Terminated:
-            end_by(signal.SIGTERM)
+            die_at_exit(signal.SIGTERM)
 
     sys.excepthook = hook
 
 
-def end_by(number: int) -> None:
+def die_at_exit(number: int) -> None:
     """Have this process die by a signal once Python has taken everything down.
 
     Exit handlers run before that, and files that were left open are written.
@@ -42,12 +42,12 @@ def end_by(number: int) -> None:
     setattr(sys, _Death.__name__, _Death(number))
 
 
-def is_ending() -> bool:
-    """Whether `end_by` was called."""
+def is_dying() -> bool:
+    """Whether `die_at_exit` was called."""
     return hasattr(sys, _Death.__name__)
 
 
-def die_by(number: int) -> NoReturn:
+def die_now(number: int) -> NoReturn:
     """Die by a signal at once. The caller has flushed what it wrote."""
     import os
     import signal

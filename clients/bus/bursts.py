@@ -1,7 +1,7 @@
-"""Says that messages were lost because a program published them without a pause.
+"""Bursts: warns that messages were lost because a program published them without a pause.
 
-A loop of `publish` that awaits nothing is the commonest way to lose messages under keep last: it is faster
-than a short queue is emptied. Looks at counters that there are; a message costs nothing more.
+A loop of `publish` that awaits nothing is the commonest way to lose messages under keep last: it fills a
+short queue faster than anybody empties it. Reads counters that exist anyway; a message costs nothing more.
 """
 
 import asyncio
@@ -10,13 +10,13 @@ from time import monotonic
 
 from bus.logger import Logger
 
-__all__ = ["MANY", "Haste"]
+__all__ = ["MANY", "BurstWatch"]
 
 MANY = 1000
 _REST_S = 60.0
 
 
-class Haste:
+class BurstWatch:
     """Watches one publisher. `is_awaitable`: its user may await, which a user of rclpy can't."""
 
     def __init__(
@@ -40,14 +40,14 @@ class Haste:
                 f"in the publisher's own queue, which keeps the last {depth}"
             )
 
-    def look_back(self, published: Callable[[], int], least_depth: Callable[[], int]) -> None:
+    def watch_turn(self, published: Callable[[], int], least_depth: Callable[[], int]) -> None:
         """One was published: when this turn of the event loop ends, look at how many were published in it.
 
         `least_depth`: the least that a subscription keeps; 0 where none may lose any.
         """
-        self._loop.call_soon(self._look_back, published() - 1, published, least_depth)
+        self._loop.call_soon(self._end_watch, published() - 1, published, least_depth)
 
-    def _look_back(self, before: int, published: Callable[[], int], least_depth: Callable[[], int]) -> None:
+    def _end_watch(self, before: int, published: Callable[[], int], least_depth: Callable[[], int]) -> None:
         count = published() - before
         if count >= MANY and 0 < (depth := least_depth()) < count:
             self._say(

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import bus
-from bus.haste import MANY
+from bus.bursts import MANY
 from bus.msg.std_msgs import String
 from conftest import WAIT_S
 from semantics import node
