@@ -25,7 +25,7 @@ _BLANKS = re.compile(r" {2,}")
 
 
 class Shown(NamedTuple):
-    """A command of the README and what it prints there."""
+    """A command on a page, and what it prints there."""
 
     command: str
     lines: tuple[str, ...]
@@ -70,7 +70,7 @@ PROGRAMS = {"busd": ("-m", "busd"), "bus": ("-m", "bus.cli"), "python": ()}
 
 
 class Program:
-    """A command of the README as a process; what it prints is kept."""
+    """A command of a page as a process; what it prints is kept."""
 
     def __init__(self, command: str, folder: Path = ROOT) -> None:
         name, *arguments = shlex.split(command)

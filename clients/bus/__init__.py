@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from bus import qos as qos
-    from bus.blocking import BlockingNode, BlockingPublisher, BlockingSubscription, connect
+    from bus.blocking import BlockingNode, connect
+    from bus.blockingendpoint import BlockingPublisher, BlockingSubscription
     from bus.client import ServiceClient, ServiceClientStatistics
     from bus.clock import Rate
     from bus.endpoint import Match
@@ -66,7 +67,8 @@ if TYPE_CHECKING:
     from bus.timer import Timer
 
 _HOMES = {
-    "bus.blocking": ("BlockingNode", "BlockingPublisher", "BlockingSubscription", "connect"),
+    "bus.blocking": ("BlockingNode", "connect"),
+    "bus.blockingendpoint": ("BlockingPublisher", "BlockingSubscription"),
     "bus.client": ("ServiceClient", "ServiceClientStatistics"),
     "bus.clock": ("Rate",),
     "bus.endpoint": ("Match",),

@@ -12,7 +12,7 @@ import bus
 from bus.callbacks import is_async
 from bus.msg.std_msgs import String
 from bus.srv.std_srvs import Empty
-from semantics import node
+from semantics import node, until
 
 __all__ = ["node"]
 
@@ -81,7 +81,7 @@ async def test_close_ends_a_reader_all_the_same(node: bus.Node) -> None:
 
     reading = asyncio.create_task(read())
     publisher.publish(String(data="last"))
-    await asyncio.sleep(0.1)
+    await until(lambda: subscription.statistics().delivered)
     text, *_ = warned_at(lambda: subscription.close())
     assert text == "coroutine 'Subscription.close' was never awaited; it is done a little later"
     async with asyncio.timeout(10):
