@@ -10,7 +10,7 @@ Callbacks and hooks run in the thread that makes the change; there is no lock, a
 import array
 from collections.abc import Callable, Iterable, Sequence
 from enum import IntEnum
-from math import isclose
+from math import inf, isclose, isfinite
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 __all__ = [
@@ -326,8 +326,9 @@ def _float_fault(one: Setting, allowed: Any) -> str:
         return ""
     if not low < value < high:  # NaN too
         return _out_of_range(one, low, high)
-    if allowed.step:
-        nearest = low + round((value - low) / allowed.step) * allowed.step
+    steps = (value - low) / allowed.step if allowed.step else inf
+    if isfinite(steps):  # else there is no first step, or they are too small to be told apart
+        nearest = low + round(steps) * allowed.step
         if not isclose(nearest, value, rel_tol=_TOLERANCE):
             return (
                 f"The parameter value for {one.name} is not close enough to a valid step. "

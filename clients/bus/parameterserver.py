@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, Final
 
 from bus.clock import Clock
-from bus.errors import AccessDenied, ConnectionClosed
+from bus.errors import AccessDenied, ConnectionClosed, PayloadTooLarge
 from bus.interfacetypes import message_class, service_class
 from bus.logger import Logger
 from bus.parametermessages import (
@@ -77,6 +77,8 @@ class ParameterServer:
             self._events.publish(event)
         except ConnectionClosed:
             pass  # set after the node was closed: nobody can hear of it
+        except PayloadTooLarge as error:  # it is set all the same, and another program may have done so
+            self._node._logger.warning(f"a change of parameters is told to nobody: {error}")
 
     # --- one method for each service
 

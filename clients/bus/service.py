@@ -16,7 +16,7 @@ import msgspec
 from bus.awaited import done_anyway
 from bus.callbacks import ignore, is_async, takes_info
 from bus.envelope import Request, ServiceSupport, keeping_all, service_support
-from bus.errors import BusError, ConnectionClosed
+from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
 from bus.events import IncompatibleQoS, IncompatibleType, PublisherEvents, SubscriptionEvents
 from bus.link import Link
 from bus.logger import Logger
@@ -201,6 +201,9 @@ class ServiceServer:
         if self._work is not None:
             self._work.end()
 
+    def _warn_of_size(self, error: PayloadTooLarge) -> None:
+        warn(self._logger, f"no answer of service '{self.service_name}' to one request: {error}")
+
     def _warn_of_type(self, event: IncompatibleType) -> None:
         warn(
             self._logger,
@@ -275,6 +278,11 @@ class _Work:
         try:
             return self._server.respond(request_id, response)
         except ConnectionClosed:
+            return True
+        except PayloadTooLarge as error:
+            # The client may have asked for that much: it is told, and the server goes on for the others.
+            self._refuse(request_id, error)
+            self._server._warn_of_size(error)
             return True
 
     async def _respond_later(self, request_id: RequestId, response: Any) -> None:

@@ -17,6 +17,9 @@ __all__ = ["difference"]
 _LONGEST: Final = 200
 """Characters of a field's path or type that are shown."""
 
+_LONGEST_TEXT: Final = 1000
+"""And of all that is said."""
+
 _DIGEST: Final = 17
 """Characters behind the name of a service's message, see `bus.envelope`."""
 
@@ -37,7 +40,7 @@ def difference(publisher: bytes, subscription: bytes, ends: tuple[str, str] | No
         # Both halves of a service have a digest of both.
         half = "response" if one.root.endswith("_Request") else "request"
         found = f"the definitions of the {half} differ"
-    return None if found is None else printable(found, keep="")
+    return None if found is None else printable(found[:_LONGEST_TEXT], keep="")
 
 
 class _Comparison:

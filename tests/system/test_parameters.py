@@ -13,6 +13,7 @@ import bus
 from bus.interfacetypes import message_class, service_class
 from bus.qos import parameter_events
 from conftest import WAIT_S, Daemon
+from neighbours import with_limits
 from programs import on_one_loop
 from semantics import node, until
 from system.test_cli_tool import Running, script
@@ -296,6 +297,22 @@ class TestServices:
             await wheels.declare_parameter("other", 1)
         with pytest.raises(bus.ConnectionClosed):
             wheels.create_rate(1.0)
+
+    @with_limits(message_bytes=100_000)
+    async def test_what_would_be_too_much_to_say_harms_nobody(
+        self, node: bus.Node, wheels: bus.Node, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        kind: Any = service_class("rcl_interfaces/srv/GetParameters")
+        await wheels.declare_parameter("name", "x" * 60_000)
+        client = await node.create_client(kind, "wheels/get_parameters")
+        for _ in range(2):
+            with pytest.raises(bus.ServiceError, match=r"PayloadTooLarge: .*the limit is 100000"):
+                await client.call(kind.Request(names=["name"] * 2))
+        wheels.set_parameter("name", "x" * 100_000)
+        assert "a change of parameters is told to nobody: message on '/parameter_events' has" in caplog.text
+        assert "no answer of service '/wheels/get_parameters' to one request: message on" in caplog.text
+        assert await set_remotely(node, "wheels", name="left") == [(True, "")]
+        assert wheels.get_parameter("name") == "left"
 
     async def test_opened_again(self, node: bus.Node, wheels: bus.Node) -> None:
         await wheels.declare_parameter("speed", 1.5)

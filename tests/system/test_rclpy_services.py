@@ -14,7 +14,9 @@ from bus.rclpy.executors import MultiThreadedExecutor
 from bus.rclpy.node import Node
 from bus.rclpy.service import Service
 from bus.rclpy.task import Future
+from bus.rosidl import service_class
 from conftest import WAIT_S
+from neighbours import with_limits
 from rclpy_world import AddTwoInts, String, World, add, arguments, in_thread, wait_until, world
 
 __all__ = ["arguments", "world"]
@@ -170,6 +172,21 @@ def test_what_is_no_request_or_response(world: World, server: Node, client: Clie
     client.call_async(asked(1))
     with pytest.raises(TypeError, match="must return a AddTwoInts_Response, not NoneType"):
         rclpy.spin(server)
+
+
+@with_limits(message_bytes=100_000)
+def test_an_answer_that_is_too_large_is_refused_and_the_server_goes_on(
+    world: World, server: Node, node: Node
+) -> None:
+    kind = service_class("std_srvs/srv/Trigger")
+    sizes = iter((200_000, 5))
+    server.create_service(kind, "say", lambda request, response: kind.Response(message="x" * next(sizes)))
+    client = node.create_client(kind, "say")
+    with world.spinning(server):
+        assert client.wait_for_service(timeout_sec=WAIT_S)
+        with pytest.raises(ServiceError, match="PayloadTooLarge"):
+            client.call(kind.Request(), timeout_sec=WAIT_S)
+        assert client.call(kind.Request(), timeout_sec=WAIT_S).message == "xxxxx"
 
 
 def test_a_server_that_raises(world: World, server: Node, client: Client) -> None:

@@ -241,6 +241,10 @@ def test_ranges() -> None:
     some.declare("even", 2, limits=(0, 10, 2))
     assert "not a valid step. Min: 0, max: 10, value: 3, step: 2" in refusal(some.set, {"even": 3})
     assert "out of range" in refusal(some.set, {"rate": math.nan})
+    for low, high, step in ((-math.inf, math.inf, 1.0), (0.0, math.inf, 1e-300), (0.0, 1.0, 5e-324)):
+        name = f"from {low} to {high}"
+        some.declare(name, 0.5, limits=(low, high, step))
+        some.set({name: 0.75})  # there is no step that it could miss
     assert "out of range" in refusal(some.declare, "a", 5, limits=(0, 1))
     out = refusal(parameters(a=7).declare, "a", 1, limits=(0, 5))
     assert "can't be 7, as the command line says: Parameter a out of range. Min: 0, Max: 5, value: 7" in out

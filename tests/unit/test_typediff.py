@@ -143,3 +143,10 @@ def test_words_of_others_are_cut_and_shown_plainly() -> None:
     assert found is not None
     assert "\x1b" not in found
     assert len(found) < 400
+
+
+def test_a_tag_of_others_is_cut_too() -> None:
+    types = {"a/msg/A": {"fields": [], "tag": "x" * 100_000, "tag_field": "y"}}
+    found = difference(described(), msgspec.msgpack.encode({"root": "a/msg/A", "types": types}))
+    assert found is not None
+    assert len(found) <= 1000

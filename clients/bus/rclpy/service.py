@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 from bus.callbacks import is_async
+from bus.errors import PayloadTooLarge
 from bus.rclpy.engine import Engine
 from bus.rclpy.entity import Entity, Work
 from bus.rclpy.qos import QoSProfile
@@ -79,17 +80,28 @@ class Service(Entity):
 
     def _answer(self, request: Any, request_id: RequestId) -> None:
         try:
-            self.send_response(self.callback(request, self.srv_type.Response()), request_id)
+            response = self.callback(request, self.srv_type.Response())
+            self._answer_with(response, request_id)
         except Exception as error:
             self._refuse(request_id, error)
             raise
 
     async def _answer_async(self, request: Any, request_id: RequestId) -> None:
         try:
-            self.send_response(await self.callback(request, self.srv_type.Response()), request_id)
+            response = await self.callback(request, self.srv_type.Response())
+            self._answer_with(response, request_id)
         except Exception as error:
             self._refuse(request_id, error)
             raise
+
+    def _answer_with(self, response: Any, request_id: RequestId) -> None:
+        try:
+            self.send_response(response, request_id)
+        except PayloadTooLarge as error:
+            # The client may have asked for that much: it is told, and the server goes on for the others.
+            self._refuse(request_id, error)
+            text = f"no answer of service '{self.service_name}' to one request: {error}"
+            self.node.get_logger().warning(text, throttle_duration_sec=1.0)
 
     def _refuse(self, request_id: RequestId, error: Exception) -> None:
         """In ROS the client would wait for ever."""
