@@ -1,12 +1,20 @@
-"""What a user's callback is like: whether it must be awaited, and whether it wants the info of a message."""
+"""What a user's callback is like: its name, whether it must be awaited, whether it wants a message's info."""
 
 from collections.abc import Callable
 from functools import partial
-from inspect import Parameter, iscoroutinefunction, signature
+from inspect import Parameter, iscoroutinefunction, signature, unwrap
 
 from bus.awaited import is_to_be_awaited
 
-__all__ = ["ignore", "is_async", "takes_info"]
+__all__ = ["callback_name", "ignore", "is_async", "takes_info"]
+
+
+def callback_name(callback: Callable[..., object]) -> str:
+    """The name that its author knows: of the function itself, where something is wrapped around it."""
+    callback = unwrap(callback)
+    while isinstance(callback, partial):
+        callback = unwrap(callback.func)
+    return getattr(callback, "__qualname__", type(callback).__qualname__)
 
 
 def is_async(callback: Callable[..., object]) -> bool:

@@ -123,7 +123,7 @@ class Endpoint(Generic[M]):
     async def close(self) -> None:
         """Leave the graph, a publisher after it has handed over what was published. Closing twice is allowed.
 
-        Handing over takes 5 s at most; the log tells what was lost. Who waits for something here gets
+        Handing over takes 5 s at most; the log tells what was lost. Calls that wait here raise
         ConnectionClosed. Cancellation: closed, and what was not handed over is lost.
         """
         if self._refusal is None:

@@ -121,7 +121,7 @@ class Graph(msgspec.Struct, frozen=True, dict=True):
         return services_of((*self.publishers, *self.subscriptions))
 
     def servers_of(self, service: str) -> list[GraphEndpoint]:
-        """What takes the service's requests, one of each server; who only looks on does not answer."""
+        """The subscriptions to the service's requests, one of each server, without those of observers."""
         answering = {endpoint.node.id for endpoint in self.publishers_of(reply_topic(service))}
         return [one for one in self.subscriptions_of(request_topic(service)) if one.node.id in answering]
 

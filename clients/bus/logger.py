@@ -52,7 +52,7 @@ class Severity(IntEnum):
     UNSET = 0
     """As the parent's."""
     DEBUG = 10
-    """What one who looks for a fault wants to know."""
+    """Details for finding a fault."""
     INFO = 20
     """What happens; the lowest that is logged by default."""
     WARN = 30

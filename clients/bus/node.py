@@ -393,8 +393,8 @@ class Node(ParameterHost):
         `type_name` and `type_hash` are those of a `GraphEndpoint`. Raises ConfigurationError where no
         endpoint has that type.
 
-            topic = (await node.graph()).publishers_of("/chatter")[0]
-            cls = await node.get_type(topic.type_name, topic.type_hash)
+            publisher = (await node.graph()).publishers_of("/chatter")[0]
+            cls = await node.get_type(publisher.type_name, publisher.type_hash)
         """
         description = await self._opened().description(type_name, type_hash)
         try:

@@ -130,8 +130,8 @@ class Publisher(Endpoint[M]):
     def publish_encoded(self, payload: Buffer) -> bool:
         """Publish a message that is encoded already; as `publish`, but nothing checks its type here.
 
-        What a subscription with `raw` received can be passed on like this. Who receives what is no message
-        of the topic's type counts it as `undecodable`.
+        What a subscription with `raw` received can be passed on like this. A subscription counts what is
+        no message of its type as `undecodable`.
         """
         if isinstance(payload, str):
             raise TypeError(f"an encoded message on '{self.topic_name}' must be bytes, not text")

@@ -144,10 +144,9 @@ class ServiceServer:
     def respond(self, request_id: RequestId, response: Any, error: str = "") -> bool:
         """Answer a request, with `error` instead of `response` where that is not empty; from any thread.
 
-        Who answers a request a second time, or one of a client that has gone, does nothing by that. Returns
-        False where there was no room for it (QoS keep all), as `Publisher.publish` does. Raises
-        MessageTypeError for a wrong response, PayloadTooLarge above the limit, ConnectionClosed after
-        `close`.
+        A second answer to a request, and one to a client that has gone, do nothing. Returns False where there
+        was no room for it (QoS keep all), as `Publisher.publish` does. Raises MessageTypeError for a wrong
+        response, PayloadTooLarge above the limit, ConnectionClosed after `close`.
         """
         if error:
             payload = self._support.encode_error(*request_id, error)

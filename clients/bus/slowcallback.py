@@ -11,7 +11,7 @@ from time import perf_counter
 from types import coroutine
 from typing import Any
 
-from bus.callbacks import is_async
+from bus.callbacks import callback_name, is_async
 from bus.logger import Logger
 
 __all__ = ["SLOW_S", "watched"]
@@ -34,8 +34,8 @@ def watched(callback: Callable[..., Any], what: str, logger: Logger) -> Callable
         if took > SLOW_S and not is_told:
             is_told = True
             logger.warning(
-                f"callback {_name(callback)} of {what} took {took * 1e3:.0f} ms, while nothing else could "
-                "run in this event loop (said once)"
+                f"callback {callback_name(callback)} of {what} took {took * 1e3:.0f} ms, while nothing else "
+                "could run in this event loop (said once)"
             )
 
     if is_async(callback):
@@ -78,9 +78,3 @@ def _in_parts(work: Coroutine[Any, Any, Any], look: Callable[[float], None]) -> 
             go_on = partial(work.send, (yield awaited))
         except BaseException as error:
             go_on = partial(work.throw, error)
-
-
-def _name(callback: Any) -> str:
-    while isinstance(callback, partial):
-        callback = callback.func
-    return getattr(callback, "__qualname__", type(callback).__qualname__)

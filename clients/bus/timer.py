@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
-from bus.callbacks import is_async
+from bus.callbacks import callback_name, is_async
 from bus.clock import Clock
 from bus.errors import ConfigurationError
 
@@ -53,9 +53,9 @@ class Timer:
 
     def __repr__(self) -> str:
         state = "canceled " if self.is_canceled else ""
-        name = getattr(self._callback, "__qualname__", type(self._callback).__name__)
         counts = f"calls={self.calls} missed={self.missed}"
-        return f"<{type(self).__name__} {state}{name} every {self.period_s:g} s {counts}>"
+        name = f"{state}{callback_name(self._callback)}"
+        return f"<{type(self).__name__} {name} every {self.period_s:g} s {counts}>"
 
     @property
     def is_canceled(self) -> bool:

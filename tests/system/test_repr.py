@@ -67,8 +67,11 @@ async def test_a_timer(node: bus.Node) -> None:
     assert timer.calls > 0
     timer.reset()
     assert repr(timer).startswith(f"<Timer {name} every 0.01 s ")
-    nameless = node.create_timer(1.5, functools.partial(tick))
-    assert repr(nameless) == "<Timer partial every 1.5 s calls=0 missed=0>"
+    wrapped = node.create_timer(1.5, functools.partial(tick))
+    assert repr(wrapped) == f"<Timer {name} every 1.5 s calls=0 missed=0>"
+    asyncio.get_running_loop().set_debug(True)
+    watched = node.create_timer(1.5, functools.partial(tick))
+    assert repr(watched) == repr(wrapped)
 
 
 async def test_a_node(daemon: Daemon) -> None:
