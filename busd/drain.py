@@ -16,7 +16,7 @@ __all__ = ["Drain"]
 
 _LOOK_S = 0.005
 _STEP_S = 0.05
-"""What counts between two looks at most: this process may have been held up, with much to read since."""
+"""At most this much time counts per look: if busd itself was held up, its peers must not pay for it."""
 
 _log = logging.getLogger("busd")
 

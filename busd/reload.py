@@ -26,7 +26,7 @@ _log = logging.getLogger("busd")
 
 
 class Reloader:
-    """`path` is of the file that `config` was read from, None: there is none. `apply` puts one in force."""
+    """`path` is the file that `config` came from, or None. `apply` puts one in force."""
 
     def __init__(self, path: Path | None, config: Config, apply: Callable[[Config], None]) -> None:
         self._path = path

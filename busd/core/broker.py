@@ -439,7 +439,7 @@ class Broker:
         self._registrar.own_endpoint(peer, message.endpoint).report = message
 
     def _renew_access(self, now_ns: int, access: Access) -> None:
-        """Other rules hold. Who has what they deny is cut off, and refused it if he comes back."""
+        """New access rules: a peer that has what they deny is cut off, and refused it if it comes back."""
         self._guard.renew(access)
         for peer in tuple(self._peers.values()):
             if access.is_free(peer.uid):

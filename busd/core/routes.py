@@ -83,7 +83,7 @@ class Routes:
         publisher = subscription.matches.get(EndpointId(message.source))
         sharing = publisher.leaving.pop(subscription.id, None) if publisher is not None else None
         if publisher is not None and sharing is not None:
-            # It has had these: they do not come again with what goes to all, and nobody waits for them.
+            # Received through the ring already: not sent again, and nobody waits for them.
             subscription.remember(publisher, message.seq)
             release(publisher, subscription, message.seq, out.append)
             told = m.Rerouted(

@@ -1,8 +1,8 @@
-"""What of the graph somebody sees who may not see all of it.
+"""The part of the graph that an observer sees who may not see all of it.
 
-He sees the endpoints on the topics that he may observe and his own process's, the nodes of these, his own
-nodes, and the matches whose two ends he sees. Owns what an observer was told, so that his copy stays exact.
-Must not know why a topic is hidden.
+It sees the endpoints on the topics that it may observe and those of its own process, the nodes of these, its
+own nodes, and the matches of which it sees both ends. Owns what an observer was told, so that its copy
+stays exact. Must not know why a topic is hidden.
 """
 
 from collections import Counter

@@ -36,4 +36,4 @@ def takes_info(callback: Callable[..., object]) -> bool:
 
 
 def ignore(event: object) -> None:
-    """For events of which nobody shall hear: without a callback, a warning is logged of some."""
+    """Does nothing. Set as the callback of an event, it silences the warning that is the default."""

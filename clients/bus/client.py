@@ -58,7 +58,7 @@ class ServiceClientStatistics(msgspec.Struct, frozen=True):
 
 
 class _Call:
-    """One that waits: whom it was sent to, and who is told."""
+    """A pending call: the servers asked, and where the answer goes."""
 
     __slots__ = ("asked", "deliver", "is_lost")
 

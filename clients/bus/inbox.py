@@ -57,7 +57,7 @@ class Inbox(Generic[M]):
         self._decode = decode
         self._queue = RunQueue(depth, Account(STEP_BYTES))
         self.ahead: deque[Taken[M]] = deque()
-        """Taken out of the queue or a ring already, and not given out."""
+        """Decoded ahead, not yet delivered."""
         self.reader: Any = None
         """Takes out of the rings: `bus.shm`'s Reader, where memory is shared."""
         self.stamp_ns = 0
@@ -112,7 +112,7 @@ class Inbox(Generic[M]):
         return bool(self.ahead or self._queue.runs or (self.reader is not None and self.reader.waiting()))
 
     def count_replaced(self) -> None:
-        """What is beyond the depth in the rings is passed over when somebody takes; be it now."""
+        """Apply the depth to the rings now, as `take` would later, so that the counters are right."""
         if self.reader is not None:
             self.reader.messages(0, self._decode)
 

@@ -417,5 +417,5 @@ class Outlet:
 
 
 def _not_so_quick(payload: object) -> Literal[False]:
-    """Stands where there is no quick way."""
+    """The quick way, switched off."""
     return False

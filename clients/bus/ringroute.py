@@ -194,7 +194,7 @@ class RingRoute:
         """Something is held by those who have not read it. Returns whether to try again now."""
         writer = self.writer
         if self._is_lossless and self._guard != writer.latest and self._link.is_quiet():
-            # Nobody who was matched up to now is unknown to us: what they may read begins later.
+            # All matches made so far are known here; later ones start after `latest`.
             self._guard = writer.latest
             self._set_hold()
             return True

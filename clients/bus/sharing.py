@@ -161,7 +161,7 @@ class Sharing:
         self._waiting[writer] = look
 
     def wake_waiting(self, writer: Any) -> None:
-        """`writer` has room that nobody rings for: in another ring, or a reader counts no more."""
+        """Wake a writer that has room without a notification: its ring grew, or a reader left."""
         if writer in self._waiting:
             self._loop.call_soon(self._waiting[writer])
 
@@ -169,7 +169,7 @@ class Sharing:
         self._waiting.pop(writer, None)
 
     def look_soon(self) -> None:
-        """A ring was added, and what is in it has rung nobody. One look is for all that are added at once."""
+        """Look once for all new rings: samples written before we attached sent no notification."""
         if not self._is_look_due:
             self._is_look_due = True
             self._loop.call_soon(self._look_at_added)

@@ -150,7 +150,7 @@ class Sources(dict[int, Source]):
         What it had no time to tell is lost with it.
         """
         gone = set(self._gone)
-        # Those that are there come last: where there are many, they are remembered longest.
+        # Matched publishers come last, so that the bound forgets departed ones first.
         self._remember(sorted(self.values(), key=lambda source: source.number not in gone))
         self.clear()
         self._gone.clear()

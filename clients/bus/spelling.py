@@ -1,4 +1,4 @@
-"""What somebody may have meant who gave a name that does not exist. Knows names as texts only.
+"""`did you mean ...?` for misspelt names. Knows names as texts only.
 
 Slow to import, and needed for mistakes only: import it late.
 """

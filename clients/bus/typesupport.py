@@ -85,7 +85,7 @@ class TypeSupport(Generic[M]):
         return f"TypeSupport({self.name})"
 
     def encode_checked(self, message: M) -> bytes:
-        """`encode`, with all that it takes; for who does it seldom. Raises MessageTypeError."""
+        """Check and encode, for callers off the hot path. Raises MessageTypeError."""
         if (message.__class__ is not self.cls or not self.is_valid(message)) and (
             error := self.explain(message)
         ):

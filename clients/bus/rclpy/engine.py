@@ -237,7 +237,7 @@ class Engine:
             self._bell.acquire(True, timeout_s)
 
     def _ring(self) -> None:
-        with suppress(RuntimeError):  # it is on its way
+        with suppress(RuntimeError):  # released already: the wake-up is pending
             self._bell.release()
 
 

@@ -77,7 +77,7 @@ RUN_BYTES: Final = 64 << 10
 """A publisher ends a run that has reached this size, so a body is shorter than this and one record more."""
 
 MAX_RUN_SAMPLES: Final = RUN_BYTES // RECORD_HEAD_BYTES + 1
-"""Hence no run has more samples."""
+"""Most samples that a run can hold."""
 
 MAX_COUNT: Final = (1 << 62) - 1
 """Largest sequence number and counter; the sum of any two fits into 64 bits."""

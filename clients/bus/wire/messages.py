@@ -229,7 +229,7 @@ class Fault(Message, frozen=True, tag="fault"):
 
 
 class Leaving(Message, frozen=True, tag="leaving"):
-    """The broker ends in order: send nothing after this frame, read to the end. For who has LEAVING."""
+    """The broker ends in order: send nothing after this frame, read to the end. Only with LEAVING."""
 
     text: str
 
@@ -364,7 +364,7 @@ class TypeDescription(Message, frozen=True, tag="type="):
 
 
 class Peers(Message, frozen=True, tag="peers"):
-    """What busd holds for whom, and its `[limits]`. Who is not its own user or root sees his own only."""
+    """What busd holds for whom, and its `[limits]`. Root and busd's own user see all, others their own."""
 
     request: int
     peers: tuple[PeerRecord, ...]

@@ -118,7 +118,7 @@ class Account:
         self.used = 0
 
     def charge(self, size: int) -> None:
-        """So much more is kept, or less; what is hot does it by itself."""
+        """Add `size` bytes, or release where it is negative. Hot paths inline this."""
         self.used += size
         if self.parent is not None:
             self.parent.used += size
