@@ -286,7 +286,8 @@ class Connection:
         if (turn_ns := max(self.turn_ns, self.heard_ns)) > self._beat_ns:
             time = f"{(now_ns - turn_ns) / 1e9:.0f} s"
         else:
-            time = f"{(now_ns - self._due_ns) / 1e9:.0f} to {most_s:.0f} s"
+            least, most = f"{(now_ns - self._due_ns) / 1e9:.0f}", f"{most_s:.0f}"
+            time = f"{most} s" if least == most else f"{least} to {most} s"
         _log.warning(f"this program's event loop stood still for {time}: who waited for it has gone on")
 
     def close(self) -> None:

@@ -206,6 +206,17 @@ def test_output_to_a_closed_pipe(daemon: object) -> None:
     assert (done.returncode, done.stderr) == (0, b"")
 
 
+def test_without_a_place_for_output(daemon: object) -> None:
+    shell = f"{sys.executable} -m bus.cli topic list"
+    for closed, said in ((">&-", ""), ("2>&-", "/rosout\n"), ("<&- >&- 2>&-", "")):
+        with script(TALKER, "0.05"):
+            done = subprocess.run(
+                ["bash", "-c", f"{shell} {closed}"], capture_output=True, text=True, timeout=WAIT_S
+            )
+        assert (done.returncode, done.stderr) == (0, "")
+        assert done.stdout.startswith(said) and bool(done.stdout) is bool(said)
+
+
 def test_what_asks_one_thing_imports_no_event_loop(daemon: object) -> None:
     with script(TALKER, "1000"):
         for words in (

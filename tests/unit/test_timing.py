@@ -190,6 +190,18 @@ class TestStandstill:
 
         two(story, lease_s=10)
 
+    def test_two_times_that_look_alike_are_one(self, two: Play, caplog: pytest.LogCaptureFixture) -> None:
+        async def story(world: World) -> None:
+            nodes(world)
+            for _ in range(20):
+                await asyncio.sleep(7.03)
+                stand_still(2.3)
+            await asyncio.sleep(10)
+            assert self.SAID + "2 s: " in caplog.text
+            assert not re.search(r"for (\d+) to \1 s", caplog.text)
+
+        two(story, lease_s=0.6)
+
     def test_a_question_that_has_not_left_yet(self, two: Play) -> None:
         """Neither busd nor this program could say anything meanwhile."""
 

@@ -131,6 +131,7 @@ see also: busd --help
 
 def main() -> NoReturn:
     """The program."""
+    _open_closed_streams()
     try:
         code = run(sys.argv[1:])
     except SystemExit as end:  # argparse has said what it had to
@@ -145,6 +146,13 @@ def main() -> NoReturn:
     # Nothing is left to do, and taking the interpreter down costs as much as a quarter of `bus topic list`.
     # It would also abort where a thread still reads the standard input.
     os._exit(code)
+
+
+def _open_closed_streams() -> None:
+    """Started with `>&-`, what is written goes nowhere; and into no socket that gets the number of stdout."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
 
 
 def run(words: Sequence[str]) -> int:
