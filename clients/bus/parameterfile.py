@@ -269,5 +269,6 @@ def _loader() -> Any:
 def _pattern(text: str) -> re.Pattern[str]:
     wild = {"/**": r"(?:/\w+)*", "/*": r"/\w+"}
     absolute = text if text.startswith("/") else f"/{text}"
+    absolute = re.sub(r"(?:/\*\*)+(?=/|$)", "/**", absolute)  # twice says no more, and takes its time
     parts = re.split(r"(/\*\*?(?=/|$))", absolute)
     return re.compile("".join(wild.get(part) or re.escape(part) for part in parts))

@@ -278,3 +278,12 @@ def test_broken_command_lines(tmp_path: Path) -> None:
         f"Couldn't parse params file: '--params-file {path}'. "
         f"Error: cannot read '{path}': No such file or directory"
     )
+
+
+@pytest.mark.parametrize("stars", [1, 2, 12])
+def test_stars_that_follow_one_another_are_one(stars: int) -> None:
+    """Each more would take a multiple of the time, where none fits."""
+    section = parse_file(f"{'/**' * stars}/b:\n  ros__parameters: {{x: 1}}", "f")[0]
+    assert section.is_for("/a" * 30 + "/b")
+    assert section.is_for("/b")
+    assert not section.is_for("/a" * 30)
