@@ -179,6 +179,20 @@ class TestDepth:
         await publisher.send(Int32(data=-2))
         assert (await subscription.receive())[0].data == -2
 
+    async def test_sends_that_never_wait_let_the_loop_turn(self, node: bus.Node) -> None:
+        publisher = await node.create_publisher(Int32, "t", KEEP_ALL)
+
+        async def flood() -> None:
+            for number in range(100_000):  # to nobody: there is always room
+                await publisher.send(Int32(data=number))
+
+        flooding = asyncio.create_task(flood())
+        await asyncio.sleep(0)
+        assert not flooding.done()
+        flooding.cancel()
+        await asyncio.gather(flooding, return_exceptions=True)
+        assert publisher.statistics().published % 100 == 0  # cancelled between two messages
+
     async def test_a_slow_keep_all_subscription_that_leaves_releases_the_publisher(
         self, node: bus.Node
     ) -> None:
