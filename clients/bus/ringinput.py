@@ -72,23 +72,28 @@ class RingInput:
         if self._lost_ns != _ALL:
             self._return = self._link.loop.call_later(RETURN_S, self._finish_stale)
 
-    def take_up(self, matched: m.Matched, drain: Callable[[], None]) -> Source | None:
-        """What is read from since an earlier broker made the match, if it is.
+    def take_up(
+        self, matched: m.Matched, known_seq: int | None, drain: Callable[[], None]
+    ) -> tuple[Source | None, int | None]:
+        """What is read from since an earlier broker made the match, if it is, and up to where it was heard.
 
-        Where it goes by socket now, `drain` is called for what waits in the rings.
+        Where it goes by socket now, `drain` is called for what waits in the rings. `known_seq`: up to where
+        it was heard by socket, or was yet to be read here when a broker said that it had gone.
         """
         self.sweep()  # what the reader has left by itself must not be taken for what is attached now
         ring = self._rings.get(matched.gid)
         if ring is not None and (ring.is_finishing or matched.route != "shm"):
             if matched.route != "shm":
                 drain()
-            self.leave(matched.gid)  # another ring, or none: goes on where this one was read up to
+            if self.leave(matched.gid):  # another ring, or none: goes on where this one was read up to
+                known_seq = None
             ring = None
+        known_seq = self.known_seq(matched.gid, known_seq)
         if ring is None:
-            return None
+            return None, known_seq
         source = ring.source
         source.number, source.is_alive, source.lifespan_ns = matched.other, True, matched.qos.lifespan_ns
-        return source
+        return source, known_seq
 
     def known_seq(self, gid: bytes, known_seq: int | None) -> int | None:
         """Up to where that publisher was heard, if by socket up to `known_seq`."""

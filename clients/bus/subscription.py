@@ -231,8 +231,7 @@ class Subscription(Endpoint[M]):
                 known_seq = sources.last_seqs.pop(message.gid, None)
                 known = None
                 if rings is not None:
-                    known = rings.take_up(message, self._drain_rings)
-                    known_seq = rings.known_seq(message.gid, known_seq)
+                    known, known_seq = rings.take_up(message, known_seq, self._drain_rings)
                 if known is None and (known := sources.take_back(message)) is not None:
                     known_seq = known.last_seq
                 if known is None:

@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 import pytest
 
+from accounts_cuts import Cuts
 from accounts_world import TOPIC, Numbered, World
 from bus import ringinput
 from bus.qos import QoSProfile
@@ -204,5 +205,29 @@ def test_one_that_can_not_read_it_gets_as_much_history_as_any_other(
             heard.append(taken[0].number)
         assert heard == [*range(20 - min(offered, requested), 21)]
         assert late.statistics().dropped == {}
+
+    two(story)
+
+
+@pytest.mark.parametrize("durability", ["volatile", "transient_local"])
+def test_what_a_process_has_published_to_itself_and_not_taken_is_there_when_its_connection_is_back(
+    two: Play, durability: str
+) -> None:
+    """By then busd has told the subscription that the publisher had gone, and how far it had come."""
+
+    async def story(world: World) -> None:
+        node, _ = nodes(world)
+        subscription = await node.create_subscription(Numbered, TOPIC, KEEP_ALL)
+        publisher = await node.create_publisher(Numbered, TOPIC, QoSProfile(5, durability=durability))
+        await publisher.wait_for_subscriptions()
+        for number in range(3):
+            publisher.publish(Numbered(1, number))
+        await world.settle()
+        await Cuts(world).cut([TALKER], [])
+        publisher.publish(Numbered(1, 3))
+        await world.settle()
+        found = subscription.statistics()
+        assert (found.expected, found.queued, found.dropped) == (4, 4, {})
+        assert [(await subscription.receive())[0].number for _ in range(4)] == [0, 1, 2, 3]
 
     two(story)
