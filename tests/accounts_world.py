@@ -125,10 +125,16 @@ class World:
         self._see(expected, totals)
         expected.take_over(self.received[number], totals.dropped)
 
-    def block(self, process: int) -> None:
-        """It reads nothing more from its socket."""
+    def block(self, process: int, *, is_silent: bool = False) -> None:
+        """It reads nothing more from its socket. Nobody waits for one that `is_silent` until it is heard."""
         self.model.blocked.add(process)
-        self.peer(process).stream.is_blocked = True
+        connection = self.peer(process)
+        connection.stream.is_blocked = True
+        if is_silent:
+            now_ns = monotonic_ns()
+            self.broker._silences._begin(now_ns, self.broker._peers[connection.id], 0)
+            self.server._carry_out(self.broker.tick(now_ns))
+            self.server._flush()
 
     async def unblock_all(self) -> None:
         for process in sorted(self.model.blocked):

@@ -1,8 +1,9 @@
 """The accounts of both routes, end to end, against a naive model: every delivery, every count, every reason.
 
-A story is a sequence of actions of several processes: publishing bursts of any size, taking, blocking, dying,
-losing the connection, with busd or without, refusing to share memory. After each, once nothing is on its way,
-what the programs got and what they and the graph say of it must be what the model says.
+A story is a sequence of actions of several processes: publishing bursts of any size, taking, blocking (some
+are silent, too), dying, losing the connection, with busd or without, refusing to share memory. After each,
+once nothing is on its way, what the programs got and what they and the graph say of it must be what the model
+says.
 
 BUSD_ACCOUNTS_STORIES=5000 plays so many stories, other ones each time.
 """
@@ -84,7 +85,7 @@ steps = st.one_of(
     take,
     _cut(indices),
     _step("publish_large", indices, st.integers(1, 3)),
-    _step("block", indices),
+    _step("block", indices, st.booleans()),
     _step("create_publisher", indices, offers),
     _step("create_subscription", indices, requests),
     _step("close", indices),
@@ -105,7 +106,7 @@ beginnings_of_cuts = st.tuples(
     st.lists(st.tuples(st.just(0), requests), min_size=1, max_size=2),
 )
 stories_of_cuts = st.lists(
-    st.one_of(publish, take, _step("block", st.just(0)), _cut(st.just(0)), _cut(st.just(0))),
+    st.one_of(publish, take, _step("block", st.just(0), st.booleans()), _cut(st.just(0)), _cut(st.just(0))),
     min_size=2,
     max_size=6,
 )
@@ -160,12 +161,12 @@ class Story:
         if self.world.subscriptions:
             self.world.take(pick(self.world.subscriptions, at), count)
 
-    async def block(self, at: int) -> None:
+    async def block(self, at: int, is_silent: bool) -> None:
         process = pick(self.world.processes, at)
         if process in self.world.model.blocked:
             await self.world.unblock_all()
         else:
-            self.world.block(process)
+            self.world.block(process, is_silent=is_silent)
 
     async def close(self, at: int) -> None:
         await self.world.unblock_all()
