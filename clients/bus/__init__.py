@@ -192,7 +192,8 @@ def __getattr__(name: str) -> Any:
     if name in _HOME_OF:
         value = globals()[name] = getattr(import_module(_HOME_OF[name]), name)
         return value
-    raise AttributeError(f"module 'bus' has no attribute {name!r}")
+    said = f"module 'bus' has no attribute {name!r}"
+    raise AttributeError(said, name=name, obj=import_module("bus"))  # Python suggests a name that is near
 
 
 def __dir__() -> list[str]:
