@@ -52,7 +52,7 @@ class BurstWatch:
         if count >= MANY and 0 < (depth := least_depth()) < count:
             self._say(
                 f"{count:,} messages on '{self._topic}' were published without a pause, and a subscription "
-                f"that keeps the last {depth} lost those that it could not take in time"
+                f"that keeps the last {depth} loses those that it does not take in time"
             )
 
     def _end_turn(self) -> None:

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.usefixtures("route", "daemon")
 HOW = r": pause in between, raise the depth, or lose none by reliable \+ keep all and await send\(\)$"
 SAID = {
     "shm": rf"\[WARN\] .*: ([\d,]+) messages on '/t' were published without a pause, and a subscription that "
-    rf"keeps the last 5 lost those that it could not take in time{HOW}",
+    rf"keeps the last 5 loses those that it does not take in time{HOW}",
     "socket": rf"\[WARN\] .*: ([\d,]+) messages on '/t', published without a pause, were replaced in the "
     rf"publisher's own queue, which keeps the last 10{HOW}",
 }
