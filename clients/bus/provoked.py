@@ -5,6 +5,7 @@ to busd. Owns the bounds, which are of all nodes of an event loop together. Must
 """
 
 import asyncio
+from collections.abc import Callable
 from weakref import WeakKeyDictionary
 
 from bus.logger import Logger, get_logger
@@ -12,14 +13,14 @@ from bus.printable import printable
 
 __all__ = ["is_worth_asking", "warn"]
 
-_MOST_LINES = 20
+_MOST = 20
 _PERIOD_S = 1.0
 
-_lines: WeakKeyDictionary[asyncio.AbstractEventLoop, int] = WeakKeyDictionary()
-"""How many warnings there were in the period that has begun, by event loop."""
+_Counts = WeakKeyDictionary[asyncio.AbstractEventLoop, int]
+"""How many there were in the period that has begun, by event loop."""
 
-_questions: WeakKeyDictionary[asyncio.AbstractEventLoop, int] = WeakKeyDictionary()
-"""And how many questions."""
+_lines: _Counts = WeakKeyDictionary()
+_questions: _Counts = WeakKeyDictionary()
 
 
 def warn(logger: Logger, text: str) -> None:
@@ -27,12 +28,7 @@ def warn(logger: Logger, text: str) -> None:
 
     To be called on the event loop.
     """
-    loop = asyncio.get_running_loop()
-    number = _lines.get(loop, 0) + 1
-    _lines[loop] = number
-    if number == 1:
-        loop.call_later(_PERIOD_S, _end_period, loop)
-    if number <= _MOST_LINES:
+    if _is_within_bounds(_lines, _tell_left_out):
         logger.warning(printable(text, keep=""))
 
 
@@ -41,15 +37,22 @@ def is_worth_asking() -> bool:
 
     To be called on the event loop, before each question.
     """
+    return _is_within_bounds(_questions, _ignore)
+
+
+def _is_within_bounds(counts: _Counts, at_end: Callable[[int], None]) -> bool:
+    """Count one more; the first begins a period, at whose end `at_end` is told how many there were."""
     loop = asyncio.get_running_loop()
-    number = _questions.get(loop, 0) + 1
-    _questions[loop] = number
+    number = counts[loop] = counts.get(loop, 0) + 1
     if number == 1:
-        loop.call_later(_PERIOD_S, _questions.pop, loop, None)
-    return number <= _MOST_LINES
+        loop.call_later(_PERIOD_S, lambda: at_end(counts.pop(loop)))
+    return number <= _MOST
 
 
-def _end_period(loop: asyncio.AbstractEventLoop) -> None:
-    left_out = _lines.pop(loop) - _MOST_LINES
-    if left_out > 0:
-        get_logger("bus").warning(f"{left_out} more warnings about other nodes were left out")
+def _ignore(number: int) -> None:
+    """Of questions that were left out nobody is told."""
+
+
+def _tell_left_out(number: int) -> None:
+    if number > _MOST:
+        get_logger("bus").warning(f"{number - _MOST} more warnings about other nodes were left out")
