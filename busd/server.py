@@ -33,7 +33,7 @@ from busd.core.effects import Disconnect, Effect, Flush, Later, Note, Pause, Rel
 from busd.core.limits import Limits, TopicRule
 from busd.core.timers import NEVER_NS
 from busd.core.turns import BUDGET, Party, Turns
-from busd.core.work import UNLIMITED
+from busd.core.work import LOOKS_PER_UNIT, UNLIMITED
 from busd.credentials import Credentials
 from busd.drain import Drain
 from busd.listener import Listener
@@ -220,7 +220,7 @@ class Server:
             connection.is_early = party in self._gone.values() or any(
                 one.party is party and one.is_parked and one.stream.has_hung_up
                 for one in self._connections
-                if one is not connection
+                if one.id < connection.id  # or two would wait for each other
             )
         return connection.is_early
 
@@ -262,6 +262,7 @@ class Server:
             self._flush(connection)
         may_be_more = False
         if self._is_early(connection):
+            party.left -= 1 + len(self._connections) // LOOKS_PER_UNIT
             self._line_up(party, connection)
         elif party.left > 0 and not connection.is_held and not self._turns.is_waiting(connection):
             items, connection.items = connection.items, None

@@ -63,6 +63,10 @@ class TestLongWork:
         answer: m.Graph = peer.ask(m.GetGraph(request=peer.request()))
         return answer
 
+    def peers(self, peer: RawPeer) -> int:
+        answer: m.Peers = peer.ask(m.GetPeers(request=peer.request()))
+        return len(answer.peers)
+
     def test_a_process_that_comes_back_finds_nothing_of_its_own(
         self, daemon: Daemon, peer: RawPeer, other: RawPeer
     ) -> None:
@@ -75,6 +79,27 @@ class TestLongWork:
         with RawPeer(daemon.path) as again:
             graph: m.Graph = again.hello().ask(m.GetGraph(request=1))
         assert not graph.endpoints
+
+    def test_one_that_has_gone_with_all_its_connections(
+        self, daemon: Daemon, peer: RawPeer, other: RawPeer
+    ) -> None:
+        """Those of which nothing was read yet wait for what it had before, and not for each other."""
+        with RawPeer(daemon.path) as first, RawPeer(daemon.path) as second:
+            for one in (first, second):
+                one.hello()
+            node = peer.hello().node("many")
+            peer.write(endpoints(node, "/many", MANY))
+            while peer.expect(m.Created).request != 1000 + MANY - 1:
+                pass
+            other.barrier()
+            peer.close()
+            other.barrier()
+            for one in (first, second):
+                one.send(m.Ping(number=1))
+        other.barrier()
+        assert self.graph(other).matches  # it was still on its way out
+        while self.peers(other) > 1:
+            pass
 
     def test_one_that_takes_a_lot_is_never_cut_off(self, daemon: Daemon, peer: RawPeer) -> None:
         """It makes more matches than it may let wait, and reads slowly, but reads."""
