@@ -144,15 +144,15 @@ def no_signals_blocked() -> Iterator[None]:
 @pytest.fixture(autouse=True)
 def no_descriptors_left() -> Iterator[None]:
     """Each test closes what it opens."""
-    before = _descriptors()
+    before = open_descriptors()
     yield
-    if _descriptors().items() - before.items():
+    if open_descriptors().items() - before.items():
         gc.collect()
-    left = dict(_descriptors().items() - before.items())
+    left = dict(open_descriptors().items() - before.items())
     assert not left, f"descriptors left open: {left}"
 
 
-def _descriptors() -> dict[str, str]:
+def open_descriptors() -> dict[str, str]:
     found = {}
     for entry in Path("/proc/self/fd").iterdir():
         try:

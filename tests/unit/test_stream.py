@@ -73,6 +73,67 @@ async def test_killed_with_something_unread(pair: tuple[socket.socket, socket.so
     assert len(end.items) == 1
 
 
+@pytest.mark.parametrize("is_held", [False, True])
+async def test_killed_with_more_unread_than_one_read_takes(
+    pair: tuple[socket.socket, socket.socket], is_held: bool
+) -> None:
+    """libuv tells of an error once; all is heard, and the end, without a word sent."""
+    mine, other = pair
+    end = End(mine)
+    for stream_end in pair:
+        stream_end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 20)
+    if is_held:
+        end.stream.hold()
+    mine.send(HELLO)
+    ping = m.encode_frame(m.Ping(number=1))
+    most = len(end.stream.session.reader.get_buffer()) // len(ping)
+    other.send(HELLO)
+    sent = other.send(ping * (most + 100)) // len(ping)
+    assert sent > most
+    other.close()
+    if is_held:
+        for _ in range(5):
+            await asyncio.sleep(0)
+        assert not end.items
+        end.stream.release()
+    await end.ended()
+    assert len(end.items) == sent + 1
+
+
+async def test_nothing_is_asked_of_the_socket_beside_what_has_come(
+    pair: tuple[socket.socket, socket.socket], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A read costs one call."""
+    mine, other = pair
+    end = End(mine)
+    end.stream._sock = Counted(mine)  # type: ignore[assignment]
+    for number in range(3):
+        other.send(HELLO if not number else m.encode_frame(m.Ping(number=number)))
+        while len(end.items) <= number:  # noqa: ASYNC110
+            await asyncio.sleep(0)
+    assert end.stream._sock.asked == ["recv_into"] * 3  # type: ignore[attr-defined]
+    end.stream.close()
+
+
+class Counted:
+    """A socket that remembers what was called."""
+
+    def __init__(self, sock: socket.socket) -> None:
+        self._sock = sock
+        self.asked: list[str] = []
+
+    def __getattr__(self, name: str) -> object:
+        if name != "fileno":
+            self.asked.append(name)
+        return getattr(self._sock, name)
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+
 async def test_held(pair: tuple[socket.socket, socket.socket]) -> None:
     """Nothing is read, not even the end; then everything is."""
     mine, other = pair

@@ -18,6 +18,7 @@ from typing import Any
 
 from bus.descriptor import Descriptor
 from bus.errors import RemoteProtocolError
+from bus.transport.hangups import HangUps
 from bus.transport.memory import keep_freed_memory
 from bus.wire.framing import BUFFER_BYTES
 from bus.wire.outbox import Outbox
@@ -31,7 +32,8 @@ _DESCRIPTORS_WORK = 8
 _RETRY_S = 0.05
 _INT = struct.Struct("i")
 _ANCILLARY_BYTES = socket.CMSG_SPACE(2 * _INT.size)
-_CLOSE_ON_EXEC = getattr(socket, "MSG_CMSG_CLOEXEC", 0)  # Linux
+_CLOSE_ON_EXEC = int(getattr(socket, "MSG_CMSG_CLOEXEC", 0))  # Linux
+_CUT_OFF = int(socket.MSG_CTRUNC)  # as a number: socket's own flags are ten times as slow
 
 
 class Stream:
@@ -72,6 +74,8 @@ class Stream:
         self._is_write_put_off = False
         self._is_finishing = False
         self._is_unheard = False
+        self._is_left = False  # nothing new will come, but there may be something to read: read to the end
+        self._is_heard_out = False
         self._loop = asyncio.get_running_loop()
         self._sock = sock
         self.on_received = on_received
@@ -81,6 +85,9 @@ class Stream:
         self._rest_descriptors: tuple[Descriptor, ...] = ()
         self._before_write: Callable[[], None] | None = None
         self._loop.add_reader(sock.fileno(), self._on_readable)
+        self._hang_ups = HangUps.of(self._loop)
+        if self._hang_ups is not None:
+            self._hang_ups.watch(sock.fileno(), self._hung_up)
 
     def before_write(self, action: Callable[[], None]) -> None:
         """Run `action` each time that the socket takes bytes again, before the next are chosen."""
@@ -177,6 +184,7 @@ class Stream:
         """Read only what has come by now: from here on the other side can't send."""
         with suppress(OSError):
             self._sock.shutdown(socket.SHUT_RD)
+        self._is_left = self._is_heard_out = True
         self._loop.call_soon(self._read_rest)
 
     @property
@@ -195,6 +203,8 @@ class Stream:
         """In the child of a fork: let go of the socket, but leave alone the event loop, the parent's."""
         self.is_closed = True
         self._sock.close()
+        if self._hang_ups is not None:
+            self._hang_ups.abandon()
         self._drop_descriptors()
 
     def _on_readable(self) -> None:
@@ -217,7 +227,7 @@ class Stream:
                 keep_freed_memory()
             if count:
                 self.on_received(self.session.received(count))
-                if not self.is_closed and self._sock.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
+                if self._is_left:
                     self._loop.call_soon(self._read_rest)
                 return True
             if self._does_linger:
@@ -234,10 +244,10 @@ class Stream:
     def _receive(self, buffer: memoryview) -> int:
         """Bytes into the buffer, and a batch of descriptors, where one came with them, to the session."""
         count, ancillary, flags, _ = self._sock.recvmsg_into([buffer], _ANCILLARY_BYTES, _CLOSE_ON_EXEC)
-        if ancillary or flags & socket.MSG_CTRUNC:
+        if ancillary or flags & _CUT_OFF:
             batch = _descriptors(ancillary)
             # What was cut off is of no use in part. An empty batch keeps the place of the message's own.
-            self.session.descriptors.append(() if flags & socket.MSG_CTRUNC else batch)
+            self.session.descriptors.append(() if flags & _CUT_OFF else batch)
         return count
 
     def _send(self, buffers: list[Buffer], size: int, descriptors: tuple[Descriptor, ...] = ()) -> None:
@@ -311,13 +321,20 @@ class Stream:
     def _be_quiet(self) -> None:
         """The other side has gone. What it sent before, and perhaps why it went, is still to be read."""
         self._send_no_more()
+        self._is_left = True
         self._loop.call_soon(self._read_rest)
 
+    def _hung_up(self) -> None:
+        self._is_left = True
+        self._read_rest()
+
     def _read_rest(self) -> None:
-        # Not left to the event loop: libuv reports a socket only once whose other side left bytes unread,
-        # and then with an error (SO_ERROR), which a failed attempt to send has perhaps taken off it.
-        if not self.is_closed and (self._may_read is None or self._may_read()) and self._read():
-            self._loop.call_soon(self._read_rest)
+        # Not left to the event loop, which may tell of the end only once (`HangUps`).
+        if self.is_closed or self.has_ended:
+            return
+        may_read = self._may_read is None or self._may_read()  # asked first: it may release what holds
+        if may_read and (not self._holds or self._is_heard_out):
+            self._read()
 
     def _lose(self, error: Exception | None) -> None:
         if not self.is_closed:
@@ -333,6 +350,8 @@ class Stream:
         self._loop.remove_reader(self._sock.fileno())
         if self.is_blocked:
             self._loop.remove_writer(self._sock.fileno())
+        if self._hang_ups is not None:
+            self._hang_ups.forget(self._sock.fileno())
         with suppress(OSError), self._sock:
             # Nothing unread may be left: the other side's libuv would perhaps not see the end (`_read_rest`).
             self._sock.shutdown(socket.SHUT_RDWR)

@@ -1,0 +1,60 @@
+"""Tells a stream that the other side of its socket has gone, where its event loop may not.
+
+The other side may leave bytes unread when it goes, as who is killed does. Then the socket has an error, which
+libuv reports once and no more: who reads a part of what is there never hears of the rest, nor of the end. To
+ask the socket after each read would be a system call for each message. So one epoll for all streams of an
+event loop waits for nothing but the end. asyncio's own loops report an error as long as it is there, and need
+none of this.
+"""
+
+import asyncio
+import select
+from collections.abc import Callable
+from typing import ClassVar
+from weakref import WeakSet
+
+
+class HangUps:
+    """Shared by the streams of an event loop, got with `of`; closed with the last of them."""
+
+    _all: ClassVar["WeakSet[HangUps]"] = WeakSet()
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self.loop = loop
+        self._epoll = select.epoll()
+        self._actions: dict[int, Callable[[], None]] = {}
+        loop.add_reader(self._epoll.fileno(), self._on_readable)
+        HangUps._all.add(self)
+
+    @classmethod
+    def of(cls, loop: asyncio.AbstractEventLoop) -> "HangUps | None":
+        """That of `loop`; None where none is needed, or there is no epoll."""
+        if isinstance(loop, asyncio.SelectorEventLoop) or not hasattr(select, "epoll"):
+            return None
+        for one in cls._all:
+            if one.loop is loop and not one._epoll.closed:
+                return one
+        return cls(loop)
+
+    def watch(self, number: int, action: Callable[[], None]) -> None:
+        """Call `action` once, when the other side of descriptor `number` has gone."""
+        self._actions[number] = action
+        self._epoll.register(number, select.EPOLLONESHOT)  # of the end epoll always tells
+
+    def forget(self, number: int) -> None:
+        """Before the descriptor is closed: say nothing of it any more."""
+        if self._actions.pop(number, None) is not None:
+            self._epoll.unregister(number)
+            if not self._actions:
+                self.loop.remove_reader(self._epoll.fileno())
+                self._epoll.close()
+
+    def abandon(self) -> None:
+        """In the child of a fork: what is registered is the parent's, and so is the event loop."""
+        self._epoll.close()
+
+    def _on_readable(self) -> None:
+        for number, _ in self._epoll.poll(0):
+            action = self._actions.get(number)
+            if action is not None:
+                action()
