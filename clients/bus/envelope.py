@@ -89,7 +89,8 @@ class EnvelopeSupport(TypeSupport[E], Generic[E]):
         self.schema = schema
         self.decode = decode
         self.encode = _encode
-        self.is_valid = _unsure
+        self._is_valid = _unsure
+        self._plan = None
 
 
 class ServiceSupport:

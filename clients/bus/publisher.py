@@ -83,7 +83,6 @@ class Publisher(Endpoint[M]):
     ) -> None:
         super().__init__(link, node, topic, support, qos, events, logger, on_error)
         self._encode = support.encode
-        self._is_valid = support.is_valid
         self._max_bytes = MAX_MESSAGE_BYTES
         self._refused = 0
         self._sends_in_turn = 0
@@ -120,7 +119,7 @@ class Publisher(Endpoint[M]):
             if found := long_field(message, self._long_fields):
                 return self._publish_around(message, *found)
             self._outlet.expect_short()
-        if not self._is_valid(message):
+        if not self._support.is_valid(message):
             error = self._support.explain(message)
             if error is not None:
                 raise error
@@ -327,7 +326,7 @@ class Publisher(Endpoint[M]):
         if message.__class__ is not self.type:
             raise wrong_class(self.type, message)
         message = with_field(message, field, value)
-        if not self._is_valid(message):
+        if not self._support.is_valid(message):
             error = self._support.explain(message)
             if error is not None:
                 raise error

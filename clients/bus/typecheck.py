@@ -1,7 +1,8 @@
 """Fast checks that the fields of a message have the right types, made for one class at a time.
 
-Owns: the source text of one function per class, compiled as dataclasses does it. It is made only from a class
-that the program itself has, never from a foreign schema. Must not know: errors, schemas, topics.
+Owns: the source text of one function per class, compiled as dataclasses does it; and the plan by which the
+native core checks and encodes a message of text, numbers and bool in one pass. Both are made only from a
+class that the program itself has, never from a foreign schema. Must not know: errors, schemas, topics.
 
 A check that says True is sure; False only means "look closer": a scalar of numpy, a tuple for a list, or a
 type that no code is made for. Text with lone surrogates passes here and fails in the encoder.
@@ -13,13 +14,16 @@ places can't be anything else. In the same way a small integer is its own single
 
 from collections.abc import Callable
 from enum import Flag
+from inspect import ismemberdescriptor
 from keyword import iskeyword
 from typing import Annotated, Any, Final
 
 import msgspec
 from msgspec import Meta, inspect
 
-__all__ = ["predicate"]
+from bus.shm import core, has_core
+
+__all__ = ["plan", "predicate"]
 
 _MAX_LINES: Final = 2000
 _MAX_INDENT: Final = 16
@@ -47,6 +51,54 @@ def predicate(cls: type[msgspec.Struct]) -> Callable[[Any], bool]:
     exec(compile(text, f"<check of {cls.__qualname__}>", "exec"), source.names)
     check: Callable[[Any], bool] = source.names["is_valid"]
     return check
+
+
+def plan(cls: type[msgspec.Struct]) -> Any:
+    """A `_core.Plan` for messages of `cls`; None for a class of other things, and without the native core.
+
+    What it encodes is right, and the bytes are those of msgspec's encoder. What it does not encode may be
+    right all the same.
+    """
+    return _plan(inspect.type_info(cls), {}) if has_core() else None
+
+
+def _plan(info: inspect.Type, known: dict[type, Any]) -> Any:
+    assert isinstance(info, inspect.StructType)
+    cls, fields = info.cls, []
+    if cls in known:
+        return known[cls]
+    known[cls] = None  # also of a class in itself
+    if info.tag is not None or cls.__struct_config__.omit_defaults or getattr(cls, "__foreign__", False):
+        return None
+    for field in info.fields:
+        slot = getattr(cls, field.name, None)
+        value = _planned(field.type, known)
+        if value is None or not ismemberdescriptor(slot):
+            return None
+        fields.append((slot, b"" if info.array_like else _encode(field.encode_name), *value))
+    known[cls] = made = core().Plan(cls, tuple(fields), info.array_like)
+    return made
+
+
+def _planned(info: inspect.Type, known: dict[type, Any]) -> tuple[int, int, int, Any] | None:
+    """Of the value of a field: how it is encoded, the least and the greatest, its plan."""
+    while isinstance(info, inspect.Metadata):
+        info = info.type
+    match info:
+        case inspect.StrType(None, None, None):
+            return core().AS_TEXT, 0, 0, None
+        case inspect.FloatType(None, None, None, None, None):
+            return core().AS_FLOAT, 0, 0, None
+        case inspect.BoolType():
+            return core().AS_BOOL, 0, 0, None
+        case inspect.IntType(multiple_of=None):
+            least, most = _bounds(info)
+            if least <= 2**63 - 1 and most >= 0:
+                return core().AS_INT, max(least, _INT64_MIN), min(most, _UINT64_MAX), None
+        case inspect.StructType() if isinstance(info.cls, type):
+            inner = _plan(info, known)
+            return None if inner is None else (core().AS_STRUCT, 0, 0, inner)
+    return None
 
 
 def _unsure(_: object) -> bool:

@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from bus.errors import MessageTypeError
 from bus.schema import Node, Schema, describe, type_name
-from bus.typecheck import predicate
+from bus.typecheck import plan, predicate
 from bus.typehash import schema_hash
 
 __all__ = ["TypeSupport", "find_type", "type_hash", "type_name", "type_support", "wrong_class"]
@@ -44,6 +44,7 @@ _encoder = msgspec.msgpack.Encoder(enc_hook=_as_plain)
 ENCODE_ERRORS = (AttributeError, BufferError, OverflowError, RecursionError, TypeError, ValueError)
 """What encoders raise for contents that no check has seen; `TypeSupport.explain` says it better."""
 
+_UNKNOWN: Any = object()
 _PATH = re.compile(r"(?<=`)\$[^`]*(?=`)")
 _STEP = re.compile(r"\[\.\.\.\]|\[(\d+)\]|\.([^.\[]+)")
 
@@ -56,7 +57,7 @@ class TypeSupport(Generic[M]):
     `encode` itself may raise (ValueError for text with lone surrogates); then `explain` has the path as well.
     """
 
-    __slots__ = ("cls", "decode", "encode", "hash", "is_valid", "name", "schema")
+    __slots__ = ("_is_valid", "_plan", "cls", "decode", "encode", "hash", "name", "schema")
 
     cls: type[M]
     name: str
@@ -66,8 +67,6 @@ class TypeSupport(Generic[M]):
     encode: Callable[[M], bytes]
     decode: Callable[[bytes | bytearray | memoryview], M]
     """Raises ValueError (msgspec.DecodeError, or UnicodeDecodeError) for bytes that are no such message."""
-    is_valid: Callable[[M], bool]
-    """True: the fields are surely right. False: ask `explain`."""
 
     def __init__(self, cls: type[M]) -> None:
         self.schema = describe(cls)
@@ -79,7 +78,27 @@ class TypeSupport(Generic[M]):
             self.decode = msgspec.msgpack.Decoder(cls).decode
         except TypeError as error:
             raise MessageTypeError(f"{self.name}: {error}") from error
-        self.is_valid = predicate(cls)
+        # Only who publishes needs them, and the first one only for messages that are not as planned.
+        self._is_valid: Callable[[M], bool] | None = None
+        self._plan: Any = _UNKNOWN
+
+    @property
+    def is_valid(self) -> Callable[[M], bool]:
+        """True: the fields are surely right. False: ask `explain`."""
+        if self._is_valid is None:
+            self._is_valid = predicate(self.cls)
+        return self._is_valid
+
+    @property
+    def plan(self) -> Any:
+        """By which the native core checks and encodes what is surely right (`_core.Plan`); or None."""
+        if self._plan is _UNKNOWN:
+            self._plan = plan(self.cls)
+        return self._plan
+
+    def check(self, message: M) -> bool:
+        """`is_valid`, which is made only now."""
+        return self.is_valid(message)
 
     def __repr__(self) -> str:
         return f"TypeSupport({self.name})"

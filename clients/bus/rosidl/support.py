@@ -45,7 +45,8 @@ class RosTypeSupport(TypeSupport[Any]):
         self.hash = schema_hash(self.schema)
         self.encode, self.decode = codec(cls, native)
         # A message without a method of its own for that is always true, and this is a function of C.
-        self.is_valid = truth if os.environ.get("ROS_PYTHON_CHECK_FIELDS") != "0" else self._survives
+        self._is_valid = truth if os.environ.get("ROS_PYTHON_CHECK_FIELDS") != "0" else self._survives
+        self._plan = None
 
     def _survives(self, message: Any) -> bool:
         try:

@@ -9,7 +9,7 @@ import sys
 from importlib import import_module
 from types import ModuleType
 
-__all__ = ["advice", "core", "is_available", "turned_off_by", "why_not"]
+__all__ = ["advice", "core", "has_core", "is_available", "turned_off_by", "why_not"]
 
 _CORE = "bus.shm._core"
 _OFF = {"BUS_ROUTE": "socket", "BUS_NATIVE": "no"}
@@ -18,6 +18,17 @@ _OFF = {"BUS_ROUTE": "socket", "BUS_NATIVE": "no"}
 def core() -> ModuleType:
     """The native core, as `_core.pyi` describes it. Raises ImportError where it was not built."""
     return import_module(_CORE)
+
+
+def has_core() -> bool:
+    """Whether there is a native core that this process may use."""
+    if os.environ.get("BUS_NATIVE") == _OFF["BUS_NATIVE"]:
+        return False
+    try:
+        core()
+    except ImportError:
+        return False
+    return True
 
 
 def is_available() -> bool:

@@ -114,6 +114,7 @@ static int core_exec(PyObject *module)
         || add_type(module, &readers_spec, &state->readers, true) < 0
         || add_type(module, &view_spec, &state->view, false) < 0
         || add_type(module, &loan_spec, &state->loan, false) < 0
+        || add_type(module, &plan_spec, &state->plan, true) < 0
         || add_type(module, &writer_spec, NULL, true) < 0
         || add_type(module, &reader_spec, NULL, true) < 0)
         return -1;
@@ -121,7 +122,9 @@ static int core_exec(PyObject *module)
         const char *name;
         long number;
     } numbers[] = {{"NOTED", NOTED},   {"FULL", FULL},           {"SHORT", SHORT},
-                   {"PINNED", PINNED}, {"TOO_LARGE", TOO_LARGE}, {"FOREIGN", FOREIGN}};
+                   {"PINNED", PINNED}, {"TOO_LARGE", TOO_LARGE}, {"FOREIGN", FOREIGN},
+                   {"AS_TEXT", AS_TEXT}, {"AS_FLOAT", AS_FLOAT}, {"AS_BOOL", AS_BOOL},
+                   {"AS_INT", AS_INT}, {"AS_STRUCT", AS_STRUCT}};
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         if (PyModule_AddIntConstant(module, numbers[i].name, numbers[i].number) < 0)
             return -1;
@@ -136,6 +139,7 @@ static int core_traverse(PyObject *module, visitproc visit, void *arg)
     Py_VISIT(state->readers);
     Py_VISIT(state->view);
     Py_VISIT(state->loan);
+    Py_VISIT(state->plan);
     return 0;
 }
 
@@ -147,6 +151,7 @@ static int core_clear(PyObject *module)
     Py_CLEAR(state->readers);
     Py_CLEAR(state->view);
     Py_CLEAR(state->loan);
+    Py_CLEAR(state->plan);
     return 0;
 }
 

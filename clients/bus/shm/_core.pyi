@@ -2,6 +2,7 @@
 
 import builtins
 from collections.abc import Callable, Sequence
+from types import MemberDescriptorType
 from typing import Any, Final, Literal, TypeAlias, TypeVar
 
 M = TypeVar("M")
@@ -20,6 +21,13 @@ TOO_LARGE: Final = 6
 """Not written: more than `max_payload` or `most`."""
 FOREIGN: Final = 7
 """Not written: called on another thread than the one that made the writer."""
+
+AS_TEXT: Final = 1
+AS_FLOAT: Final = 2
+AS_BOOL: Final = 3
+AS_INT: Final = 4
+AS_STRUCT: Final = 5
+"""How a Plan encodes the value of a field."""
 
 def ring_bytes(capacity: int, index_length: int) -> int:
     """Bytes of a ring's segment; 0 where a size is no power of two or out of bounds."""
@@ -45,6 +53,22 @@ class Bell:
 
     slot_count: int
     def __init__(self, memory: Mapping, doorbell: int, *, foreign: bool = False) -> None: ...
+
+class Plan:
+    """How to check and encode the messages of one class in one pass; made by `bus.typecheck.plan`.
+
+    A field: where it stands, the bytes before its value, how that is encoded (AS_...), the least and the
+    greatest value (AS_INT), its plan (AS_STRUCT).
+    """
+
+    def __init__(
+        self,
+        kind: type,
+        fields: tuple[tuple[MemberDescriptorType, Bytes, int, int, int, Plan | None], ...],
+        is_array: bool,
+    ) -> None: ...
+    def encode(self, message: Any, /) -> Bytes | None:
+        """What the encoder would give; None where the message is not just as planned: go the long way."""
 
 class Writer:
     """A publisher's end of its ring. Only for the thread that made it, unless `is_guarded`; `memory` is its
@@ -79,12 +103,17 @@ class Writer:
     def write(self, payload: Buffer, /) -> Literal[True] | int:
         """Stamp `payload`, publish it and ring who sleeps. True, or one of the numbers above."""
     def prepare(
-        self, kind: type, is_valid: Callable[[Any], bool], encode: Callable[[Any], builtins.bytes]
+        self,
+        kind: type,
+        is_valid: Callable[[Any], bool],
+        encode: Callable[[Any], builtins.bytes],
+        plan: Plan | None = None,
+        /,
     ) -> None:
         """What `publish` is to publish. Raises ValueError the second time."""
     def publish(self, message: Any, /) -> bool | int:
-        """Check, encode and `write` a message. False: it is none of that kind, not surely valid, can't be
-        encoded, or `is_long` is set. Else as `write`."""
+        """Check, encode and `write` a message, in one pass where it is as planned. False: it is none of that
+        kind, not surely valid, can't be encoded, or `is_long` is set. Else as `write`."""
     def write_parts(
         self, parts: Sequence[Buffer | str], /, *, force: bool = False, stamp_ns: int = 0
     ) -> Literal[True] | int:

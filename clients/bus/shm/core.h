@@ -3,8 +3,8 @@
  * Each call from Python is one whole operation on mapped segments, under the GIL. Nothing here waits (but for the
  * bounded spin of Readers.sleep) and nothing here makes, passes or closes descriptors: bus.shm.segments does.
  * Types: Mapping (core_mapping.c), Bell (core_bell.c), Writer (core_writer.c, core_gates.c, core_carry.c), Readers
- * (core_readers.c), Reader (core_reader.c, core_feed.c, core_take.c); View and Loan (core_view.c) are what
- * memoryviews of records hold.
+ * (core_readers.c), Reader (core_reader.c, core_feed.c, core_take.c), Plan (core_plan.c); View and
+ * Loan (core_view.c) are what memoryviews of records hold.
  */
 #ifndef BUS_SHM_CORE_H
 #define BUS_SHM_CORE_H
@@ -30,7 +30,7 @@ enum { NOTED = 2, FULL, SHORT, PINNED, TOO_LARGE, FOREIGN };
 #define FAST_KEYWORDS (METH_FASTCALL | METH_KEYWORDS)
 
 typedef struct {
-    PyTypeObject *mapping, *bell, *readers, *view, *loan;
+    PyTypeObject *mapping, *bell, *readers, *view, *loan, *plan;
 } CoreState;
 
 typedef struct {
@@ -63,6 +63,8 @@ struct gate_owner {
     Bell *bell;
 };
 
+typedef struct Plan Plan;
+
 typedef struct {
     PyObject_HEAD
     struct ring_writer ring;
@@ -83,6 +85,7 @@ typedef struct {
     uint64_t samples, bytes, rung;
     uint64_t stamp_ns; /* of the newest record: stamps don't go back, so that a time finds a place among them */
     PyObject *kind, *is_valid, *encode; /* of the messages to publish; NULL: not prepared */
+    Plan *plan;                         /* NULL: all go the long way */
 } Writer;
 
 typedef struct Reader Reader;
@@ -177,7 +180,24 @@ void doorbell_ring(const struct doorbell *doorbell);
 void doorbell_hush(int number, bool is_wary);
 
 /* The types */
-extern PyType_Spec mapping_spec, bell_spec, writer_spec, readers_spec, reader_spec, view_spec, loan_spec;
+extern PyType_Spec mapping_spec, bell_spec, writer_spec, readers_spec, reader_spec, view_spec, loan_spec,
+    plan_spec;
+
+/* core_plan.c */
+
+/* How the value of a field is encoded. */
+enum { AS_TEXT = 1, AS_FLOAT, AS_BOOL, AS_INT, AS_STRUCT };
+
+/* plan_encode() gave up: the message is to go the long way; or there was not room enough to tell. */
+enum { PLAN_NONE = -1, PLAN_SHORT = -2 };
+
+/* Room for most messages that are worth a plan; in longer ones the copy is what costs. */
+enum { PLAN_BYTES = 4096 };
+
+/* Encodes `message` into `room` bytes from `at` on: how many it took, or one of the two above; what was at `at` is then
+ * lost, and no error is set. Where it gives up, an error may have been made and dropped, and with that anything may
+ * have run; else no Python code has. */
+Py_ssize_t plan_encode(const Plan *self, PyObject *message, void *at, Py_ssize_t room);
 
 /* core_view.c */
 PyObject *view_new(CoreState *state, Mapping *ring, Mapping *readers, struct reader_slot *slot, unsigned pin,

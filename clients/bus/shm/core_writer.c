@@ -44,6 +44,7 @@ static void writer_dealloc(PyObject *object)
     Py_XDECREF(self->kind);
     Py_XDECREF(self->is_valid);
     Py_XDECREF(self->encode);
+    DROP(self->plan);
     DROP(self->memory);
     core_free(self);
 }
@@ -120,16 +121,21 @@ static PyObject *writer_write(PyObject *object, PyObject *payload)
 static PyObject *writer_prepare(PyObject *object, PyObject *args)
 {
     Writer *self = (Writer *)object;
-    PyObject *kind, *is_valid, *encode;
+    PyObject *kind, *is_valid, *encode, *plan = Py_None;
     if (self->kind != NULL) {
         PyErr_SetString(PyExc_ValueError, "writer is prepared already");
         return NULL;
     }
-    if (!PyArg_ParseTuple(args, "OOO", &kind, &is_valid, &encode))
+    if (!PyArg_ParseTuple(args, "OOO|O", &kind, &is_valid, &encode, &plan))
         return NULL;
+    if (plan != Py_None && Py_TYPE(plan) != core_state(object)->plan) {
+        PyErr_SetString(PyExc_TypeError, "plan must be a Plan or None");
+        return NULL;
+    }
     self->kind = Py_NewRef(kind);
     self->is_valid = Py_NewRef(is_valid);
     self->encode = Py_NewRef(encode);
+    self->plan = plan == Py_None ? NULL : (Plan *)Py_NewRef(plan);
     Py_RETURN_NONE;
 }
 
@@ -140,6 +146,12 @@ static PyObject *writer_publish(PyObject *object, PyObject *message)
     Writer *self = (Writer *)object;
     if ((PyObject *)Py_TYPE(message) != self->kind || self->is_long)
         Py_RETURN_FALSE;
+    if (self->plan != NULL) {
+        unsigned char bytes[PLAN_BYTES];
+        const Py_ssize_t size = plan_encode(self->plan, message, bytes, sizeof bytes);
+        if (size >= 0)
+            return is_at_home(self) ? put(self, bytes, size) : turned_away(self);
+    }
     PyObject *answer = PyObject_CallFunctionObjArgs(self->is_valid, message, NULL);
     const bool is_valid = answer == Py_True;
     Py_XDECREF(answer);
