@@ -102,6 +102,9 @@ $(FUZZ_STAMP): $(TOOLS)
 api: $(TOOLS) ## write docs/api.md, out of the docstrings
 	@$(BIN)/python tests/apipage.py
 
+types: $(TOOLS) ## write clients/bus/msg/_described.py: hashes and descriptions of the ready-made classes
+	@$(BIN)/python tests/describedtypes.py
+
 fmt: $(TOOLS) ## format the sources
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
@@ -155,4 +158,4 @@ clean: ## remove what the other targets made
 	rm -rf $(VENV) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test native arm lint sanitize fuzz api fmt bench-quick bench chaos soak bench-compare bench-report wheels test-pythons clean
+.PHONY: help setup demo robot test native arm lint sanitize fuzz api types fmt bench-quick bench chaos soak bench-compare bench-report wheels test-pythons clean

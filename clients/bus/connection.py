@@ -12,8 +12,6 @@ from pathlib import Path
 from time import monotonic_ns
 from typing import Any, TypeVar
 
-import msgspec
-
 from bus.autostart import open_socket
 from bus.descriptor import Descriptor
 from bus.errors import (
@@ -236,8 +234,9 @@ class Connection:
         """Make a message type known, once for each connection."""
         if (support.name, support.hash) not in self._types:
             self._types.add((support.name, support.hash))
-            schema = msgspec.msgpack.encode(support.schema)
-            self.send(m.DeclareType(type_name=support.name, type_hash=support.hash, schema=schema))
+            self.send(
+                m.DeclareType(type_name=support.name, type_hash=support.hash, schema=support.description)
+            )
 
     def resolve(self, message: Any) -> bool:
         """Handle what concerns the connection itself; returns whether it did.

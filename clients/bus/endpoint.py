@@ -29,7 +29,6 @@ from bus.logger import Logger
 from bus.names import service_of_topic
 from bus.provoked import is_worth_asking, warn
 from bus.qos import QoSProfile, in_words
-from bus.typediff import difference
 from bus.typesupport import TypeSupport
 from bus.wire import messages as m
 from bus.wire.layout import ACCESS
@@ -256,9 +255,11 @@ class Endpoint(Generic[M]):
 
     async def _explain(self, message: m.Incompatible) -> None:
         """Say where the two definitions of one type differ, instead of that they do."""
+        from bus.typediff import difference
+
         task = asyncio.current_task()
         try:
-            own = msgspec.msgpack.encode(self._support.schema)
+            own = self._support.description
             other = await self._link.description(self._support.name, message.type_hash)
             found = difference(own, other) if self._kind == "publisher" else difference(other, own)
         except (BusError, TimeoutError):

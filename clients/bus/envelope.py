@@ -86,7 +86,7 @@ class EnvelopeSupport(TypeSupport[E], Generic[E]):
         self.cls = cls
         self.name = schema["root"]
         self.hash = schema_hash(schema)
-        self.schema = schema
+        self.description = msgspec.msgpack.encode(schema)
         self.decode = decode
         self.encode = _encode
         self._is_valid = _unsure

@@ -24,7 +24,6 @@ from bus.parameterhost import ParameterHost
 from bus.publisher import Publisher
 from bus.qos import QoS, profile, rosout_default
 from bus.rosout import Rosout
-from bus.schema import build
 from bus.slowcallback import watched
 from bus.subscription import MessageInfo, Subscription
 from bus.timer import Timer
@@ -396,6 +395,8 @@ class Node(ParameterHost):
             publisher = (await node.graph()).publishers_of("/chatter")[0]
             cls = await node.get_type(publisher.type_name, publisher.type_hash)
         """
+        from bus.schema import build
+
         description = await self._opened().description(type_name, type_hash)
         try:
             schema = msgspec.msgpack.decode(description)

@@ -13,11 +13,18 @@ import msgspec
 from msgspec import Struct
 
 from bus.errors import MessageTypeError
-from bus.schema import Node, Schema, describe, type_name
+from bus.schemaform import Node, Schema, type_name
 from bus.typecheck import plan, predicate
-from bus.typehash import schema_hash
 
-__all__ = ["TypeSupport", "find_type", "type_hash", "type_name", "type_support", "wrong_class"]
+__all__ = [
+    "TypeSupport",
+    "find_type",
+    "hash_and_description",
+    "type_hash",
+    "type_name",
+    "type_support",
+    "wrong_class",
+]
 
 M = TypeVar("M", bound=Struct)
 
@@ -57,22 +64,23 @@ class TypeSupport(Generic[M]):
     `encode` itself may raise (ValueError for text with lone surrogates); then `explain` has the path as well.
     """
 
-    __slots__ = ("_is_valid", "_plan", "cls", "decode", "encode", "hash", "name", "schema")
+    __slots__ = ("_is_valid", "_plan", "_schema", "cls", "decode", "description", "encode", "hash", "name")
 
+    _schema: Schema
     cls: type[M]
     name: str
     """`std_msgs/msg/String`"""
     hash: str
-    schema: Schema
+    description: bytes
+    """`schema` as it travels, in MessagePack."""
     encode: Callable[[M], bytes]
     decode: Callable[[bytes | bytearray | memoryview], M]
     """Raises ValueError (msgspec.DecodeError, or UnicodeDecodeError) for bytes that are no such message."""
 
     def __init__(self, cls: type[M]) -> None:
-        self.schema = describe(cls)
+        self.hash, self.description = hash_and_description(cls)
         self.cls = cls
         self.name = type_name(cls)
-        self.hash = schema_hash(self.schema)
         self.encode = _encoder.encode
         try:
             self.decode = msgspec.msgpack.Decoder(cls).decode
@@ -102,6 +110,15 @@ class TypeSupport(Generic[M]):
 
     def __repr__(self) -> str:
         return f"TypeSupport({self.name})"
+
+    @property
+    def schema(self) -> Schema:
+        """What `description` says."""
+        try:
+            return self._schema
+        except AttributeError:
+            self._schema = schema = msgspec.msgpack.decode(self.description)
+            return cast(Schema, schema)
 
     def encode_checked(self, message: M) -> bytes:
         """Check and encode, for callers off the hot path. Raises MessageTypeError."""
@@ -182,7 +199,25 @@ def type_support(cls: type[M]) -> TypeSupport[M]:
 
 def type_hash(cls: type[Struct]) -> str:
     """ROS 2's hash of the type (`RIHS01_...`) where ROS 2 can describe it, else our own (`BUS01_...`)."""
-    return schema_hash(describe(cls))
+    return hash_and_description(cls)[0]
+
+
+def hash_and_description(cls: type[Struct]) -> tuple[str, bytes]:
+    """What the bus is told of a class besides its name. Of those of bus.msg it is known already.
+
+    Raises as `type_support`.
+    """
+    if isinstance(cls, type) and cls.__module__.startswith("bus.msg."):
+        from bus.msg._described import DESCRIBED
+
+        if (known := DESCRIBED.get(type_name(cls))) is not None:
+            return known
+    # Most programs have messages of bus.msg alone.
+    from bus.schema import describe
+    from bus.typehash import schema_hash
+
+    schema = describe(cls)
+    return schema_hash(schema), msgspec.msgpack.encode(schema)
 
 
 def wrong_class(cls: type[Struct], message: object) -> MessageTypeError:

@@ -1,5 +1,6 @@
 """TypeSupport: names, hashes, and errors that name the field."""
 
+import difflib
 import subprocess
 import sys
 from typing import Annotated, Any, ClassVar
@@ -8,8 +9,10 @@ import msgspec
 import pytest
 from msgspec import Meta, Struct, field
 
+import describedtypes
 from bus.errors import ConfigurationError, MessageTypeError
 from bus.msg import Message
+from bus.msg._described import DESCRIBED
 from bus.msg.geometry_msgs import Point, Pose, PoseArray, Twist, Vector3
 from bus.msg.sensor_msgs import Imu, JointState
 from bus.msg.std_msgs import Float32, Header, String
@@ -42,6 +45,33 @@ def test_it_knows_the_class() -> None:
     assert support.schema == describe(String)
     assert support.decode(support.encode(String(data="hi"))) == String(data="hi")
     assert repr(support) == "TypeSupport(std_msgs/msg/String)"
+
+
+def test_what_is_known_of_the_ready_made_classes_is_what_they_say() -> None:
+    here, made = describedtypes.MODULE.read_text().splitlines(), describedtypes.source().splitlines()
+    changed = [line[:100] for line in difflib.unified_diff(here, made, lineterm="", n=0)]
+    assert not changed, "clients/bus/msg/_described.py is of another time; run: make types\n" + "\n".join(
+        changed
+    )
+    assert set(DESCRIBED) == {type_name(cls) for cls in describedtypes.ready_made()}
+
+
+@pytest.mark.parametrize("cls", describedtypes.ready_made(), ids=lambda cls: cls.__type_name__)
+def test_a_ready_made_class_is_described_as_if_nothing_were_known_of_it(cls: type[Message]) -> None:
+    support = type_support(cls)
+    assert (support.hash, support.description) == describedtypes.described(cls)
+    assert support.schema == describe(cls)
+    assert support.schema is support.schema
+
+
+def test_a_class_of_ones_own_is_not_taken_for_the_ready_made_one_of_that_name() -> None:
+    class String(Message):
+        __type_name__ = "std_msgs/msg/String"
+        text: str = ""
+
+    assert type_support(String).name == "std_msgs/msg/String"
+    assert type_support(String).schema == describe(String)
+    assert type_hash(String) != DESCRIBED["std_msgs/msg/String"][0]
 
 
 def test_own_classes_work_the_same_way() -> None:

@@ -15,9 +15,7 @@ from bus.errors import ConfigurationError, MessageTypeError
 from bus.interfacetypes import message_class as native_class
 from bus.rosidl.message import RosMessage
 from bus.rosidl.wire import codec
-from bus.schema import describe
-from bus.typehash import schema_hash
-from bus.typesupport import ENCODE_ERRORS, TypeSupport, wrong_class
+from bus.typesupport import ENCODE_ERRORS, TypeSupport, hash_and_description, wrong_class
 
 __all__ = ["RosTypeSupport", "support_of"]
 
@@ -41,8 +39,7 @@ class RosTypeSupport(TypeSupport[Any]):
             )
         self.cls = cls
         self.name = cls.__type_name__
-        self.schema = describe(native)
-        self.hash = schema_hash(self.schema)
+        self.hash, self.description = hash_and_description(native)
         self.encode, self.decode = codec(cls, native)
         # A message without a method of its own for that is always true, and this is a function of C.
         self._is_valid = truth if os.environ.get("ROS_PYTHON_CHECK_FIELDS") != "0" else self._survives
