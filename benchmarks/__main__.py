@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
+from time import monotonic
 
 from benchmarks import report
 from benchmarks.interrupts import deferred, end_on_sigterm
@@ -39,12 +40,15 @@ def main() -> int:
     try:
         began, machine = report.began_now(), look_at_machine()
         print(machine.describe(), end="\n\n", flush=True)
+        if plan.quick:
+            print("quick: too few messages and repetitions for more than a first look\n", flush=True)
         for name in options.only or BENCHMARKS:
             with deferred():
                 measure: Callable[[Plan], report.Section] = import_module(f"benchmarks.{name}").run
+            begin_s = monotonic()
             section = measure(plan)
             plan.tell("")
-            print(report.render(section), flush=True)
+            print(f"{report.render(section)}* took {monotonic() - begin_s:.0f} s\n", flush=True)
             sections.append(section)
     except KeyboardInterrupt:
         print("interrupted; nothing saved", file=sys.stderr)

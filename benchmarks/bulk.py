@@ -1,12 +1,15 @@
 """Messages a second of one field of bytes, as a camera's: copied in and out, or written and read in place."""
 
+from functools import partial
+
 from benchmarks import copying
 from benchmarks.cases import Case, interleave
 from benchmarks.figures import bytes_text
+from benchmarks.goals import reached
 from benchmarks.plan import Plan
 from benchmarks.report import Comparison, Row, Section
 from benchmarks.systems import BUS_BYTES, BUS_SOCKET_BYTES, ICEORYX, Speed
-from benchmarks.throughput import COLUMNS, case, copying_case, work_of
+from benchmarks.throughput import COLUMNS, case, copying_case, flood_s, work_of
 from benchmarks.versus import against
 
 NAME = "bulk"
@@ -16,12 +19,14 @@ _LOANED, _COPIED, _SOCKET = (
     f"{BUS_BYTES.name}, copied",
     f"{BUS_SOCKET_BYTES.name}, copied",
 )
-_RIVAL = f"{ICEORYX.name}, loaned and in place, polling"
+_RIVAL = f"{ICEORYX.name}, loaned and in place"
+_POLLING, _RIVAL_POLLING = (f"{way}, busy polling" for way in (_LOANED, _RIVAL))
+_BUSY_POLL_S = 0.002
 _IN_PLACE = Speed(300_000, 5e9)
 _GOALS = [
     # ours, theirs, of which sizes, at least
     (_LOANED, _RIVAL, _SIZES, 1.0),
-    (_LOANED, copying.NAME, (1 << 20,), 0.5),
+    (_POLLING, _RIVAL_POLLING, (1 << 16, 4 << 20), 1.0),
     (_COPIED, _RIVAL, _SIZES, None),
     (_COPIED, copying.NAME, (1 << 20,), None),
 ]
@@ -29,7 +34,9 @@ _NOTES = [
     "reliable + keep all, a message with one field of bytes; loaned ones are filled by one copy of the same "
     "bytes; every run checked: all arrived, none dropped",
     "loaned and viewed: filled in the ring, read there; copied: publish() of bytes, bytes at the "
-    "subscriber's, which looks at the first only; iceoryx2's uses a whole CPU to ask for the next one",
+    "subscriber's, which looks at the first only",
+    "busy polling: the subscriber uses a whole CPU to look for the next one; iceoryx2's all the time, busd's "
+    f"for {_BUSY_POLL_S * 1e3:g} ms after each; the others wait for events",
     "where there is no room the publisher waits in send(), so those few messages are copied in in any case",
 ]
 
@@ -39,7 +46,7 @@ def run(plan: Plan) -> Section:
     sizes = [size for size in _SIZES if size in plan.sizes]
     cases = [one for size in sizes for one in _cases(plan, size)]
     outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
-    comparisons: list[Comparison] = []
+    comparisons: list[Comparison] = reached(NAME, outcomes)
     for size in sizes:
         text = bytes_text(size)
         for ours, theirs, of_sizes, goal in _GOALS:
@@ -58,12 +65,15 @@ def run(plan: Plan) -> Section:
 
 
 def _cases(plan: Plan, size: int) -> list[Case]:
-    loaned = work_of(plan, _IN_PLACE, size, publish_by="loan", take_by="views")
-    rival = work_of(plan, _IN_PLACE, size, publish_by="loan", take_by="polling")
-    return [
-        case(_LOANED, BUS_BYTES, loaned),
-        case(_RIVAL, ICEORYX, rival),
-        case(_COPIED, BUS_BYTES, work_of(plan, BUS_BYTES.guess, size)),
-        case(_SOCKET, BUS_SOCKET_BYTES, work_of(plan, BUS_SOCKET_BYTES.guess, size)),
-        copying_case(plan, size),
+    rounds = plan.rounds(is_essential=size != _SIZES[-1])
+    work = partial(work_of, plan, _IN_PLACE, size, publish_by="loan")
+    ways = [
+        (_LOANED, BUS_BYTES, work(take_by="views")),
+        (_RIVAL, ICEORYX, work(take_by="event")),
+        (_POLLING, BUS_BYTES, work(take_by="views", busy_poll_s=_BUSY_POLL_S)),
+        (_RIVAL_POLLING, ICEORYX, work(take_by="polling")),
+        (_COPIED, BUS_BYTES, work_of(plan, BUS_BYTES.guess, size)),
+        (_SOCKET, BUS_SOCKET_BYTES, work_of(plan, BUS_SOCKET_BYTES.guess, size)),
     ]
+    cases = [case(series, system, work, flood_s(plan), rounds) for series, system, work in ways]
+    return [*cases, copying_case(plan, size)]

@@ -14,6 +14,7 @@ class Case(NamedTuple):
     """One line of a table: `measure` does it once; `missing` says why it can't be done here.
 
     In a picture it is the point of `series` (a system, and how it is used) at `at` of the section's axis.
+    `rounds`: it takes part in the first so many repetitions only; 0: in all.
     """
 
     name: str
@@ -21,6 +22,7 @@ class Case(NamedTuple):
     missing: str = ""
     series: str = ""
     at: float = 0.0
+    rounds: int = 0
 
 
 @dataclass
@@ -54,7 +56,7 @@ def interleave(
     for number in range(repetitions):
         for case in cases if number % 2 == 0 else cases[::-1]:
             outcome = outcomes[case.name]
-            if outcome.failure or outcome.missing:
+            if outcome.failure or outcome.missing or number >= (case.rounds or repetitions):
                 continue
             tell(f"{number + 1} of {repetitions}: {case.name}")
             try:

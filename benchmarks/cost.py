@@ -5,9 +5,21 @@ from msgspec.structs import replace
 from benchmarks import paced
 from benchmarks.cases import interleave
 from benchmarks.figures import bytes_text
+from benchmarks.goals import reached
 from benchmarks.plan import Plan
 from benchmarks.report import Column, Row, Section
-from benchmarks.systems import BUS, BUS_SOCKET, FLOOR, FLOORS, RIVALS
+from benchmarks.systems import (
+    BUS,
+    BUS_BLOCKING,
+    BUS_SOCKET,
+    ECAL_SHIPPED,
+    ESSENTIAL,
+    FLOOR,
+    FLOORS,
+    PIPE,
+    PYZMQ_BLOCKING,
+    RIVALS,
+)
 from benchmarks.versus import against, against_best
 from benchmarks.work import Work
 
@@ -37,16 +49,24 @@ def run(plan: Plan) -> Section:
     work = Work(size=_SIZE, count=plan.choose(1_000, 6_000), warm_up=500, rate=_RATE)
     cases = [
         paced.case(
-            system.name, system, replace(work, take_by=system.takes_by, gives_turns=system.gives_turns)
+            system.name,
+            system,
+            replace(work, take_by=system.takes_by, gives_turns=system.gives_turns),
+            rounds=plan.rounds(is_essential=system.name in ESSENTIAL),
         )
-        for system in (BUS, BUS_SOCKET, *FLOORS, *RIVALS)
+        for system in (BUS, BUS_BLOCKING, BUS_SOCKET, *FLOORS, *RIVALS, ECAL_SHIPPED)
     ]
     outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
     text = bytes_text(_SIZE)
     ours, socket = (f"{text}, {system.name}" for system in (BUS, BUS_SOCKET))
     rivals = [f"{text}, {rival.name}" for rival in RIVALS]
     brokered = [f"{text}, {rival.name}" for rival in RIVALS if rival.kind == "brokered"]
-    comparisons = against_best(outcomes, ours, rivals, "cpu", at_most=1.0, what="CPU")
+    plain = [f"{text}, {rival.name}" for rival in (PIPE, PYZMQ_BLOCKING)]
+    comparisons = reached(NAME, outcomes)
+    comparisons += against_best(outcomes, ours, rivals, "cpu", at_most=1.0, what="CPU")
+    comparisons += against_best(
+        outcomes, f"{text}, {BUS_BLOCKING.name}", plain, "cpu", at_most=1.0, what="CPU"
+    )
     comparisons += against_best(outcomes, socket, brokered, "cpu", what="CPU")
     comparisons += against(outcomes, ours, f"{text}, {FLOOR.name}", "cpu", what="CPU")
     rows = [Row.of(outcomes[case.name]) for case in cases]

@@ -18,7 +18,7 @@ from benchmarks.work import Work
 
 NAME = "facade"
 _SIZE = 64
-_RATE = 1000.0
+_RATE = 2000.0
 _LIMIT_S = 60.0
 _RCLPY, _ASYNCIO, _THREADS = "rclpy", "asyncio", "two threads"
 _SYSTEMS = {_RCLPY: RCLPY, _ASYNCIO: BUS, _THREADS: RCLPY_THREADS}
@@ -59,7 +59,7 @@ def run(plan: Plan) -> Section:
     """Measure each work by both."""
     timed = Work(
         size=_SIZE,
-        count=plan.choose(600, 2_000),
+        count=plan.choose(600, 5_000),
         warm_up=200,
         rate=_RATE,
         publish_by="timer",
@@ -78,7 +78,10 @@ def run(plan: Plan) -> Section:
             if what == _PACED and name == _THREADS:
                 continue
             series = f"{what}, {name}"
-            cases.append(Case(series, partial(measure, system, work), system.missing(), series, _SIZE))
+            measured = partial(measure, system, work)
+            if what == _FLOOD:
+                measured = throughput.Lasting(partial(measure, system), work, throughput.flood_s(plan))
+            cases.append(Case(series, measured, system.missing(), series, _SIZE))
     outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
     comparisons = []
     for what, names, key, at_most, at_least in _GOALS:

@@ -11,6 +11,7 @@ import msgspec
 from benchmarks.adapters.growing import Load
 from benchmarks.cases import Case, Figures, Outcome, interleave
 from benchmarks.figures import percentiles, ratios
+from benchmarks.goals import reached
 from benchmarks.harness import START_S, Group
 from benchmarks.plan import Plan
 from benchmarks.report import Column, Comparison, Row, Section, compare
@@ -93,7 +94,8 @@ def run(plan: Plan) -> Section:
         for step, outcome in outcomes
     ]
     title = "Growth: what a message and an endpoint cost where there are many"
-    return Section(NAME, title, _COLUMNS, rows, _compare(outcomes), _NOTES, "how many")
+    goals = reached(NAME, {step.name: outcome for step, outcome in outcomes})
+    return Section(NAME, title, _COLUMNS, rows, [*goals, *_compare(outcomes)], _NOTES, "how many")
 
 
 def measure(system: System, load: Load) -> Figures:

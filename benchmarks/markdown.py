@@ -10,7 +10,17 @@ from benchmarks.figures import Spread, bytes_text
 from benchmarks.looks import is_main, system_of
 from benchmarks.pictures import Picture, available
 from benchmarks.report import Comparison, Result, Row, Section, goal, number, spread
-from benchmarks.systems import BUS, BUS_SOCKET, C_FLOOR, FLOOR, PIPE, RIVALS, System
+from benchmarks.systems import (
+    BUS,
+    BUS_BLOCKING,
+    BUS_SOCKET,
+    C_FLOOR,
+    FLOOR,
+    PIPE,
+    RIVALS,
+    TUNED,
+    System,
+)
 
 FOLDER = "pictures"
 """Where the pictures are, beside the report."""
@@ -26,7 +36,10 @@ _SHORT_ROWS = 24
 
 
 class _Essential(NamedTuple):
-    """A column of the short tables; `at` is None where the section has one row of each system."""
+    """A column of the short tables; `at` is None where the section has one row of each system.
+
+    `way`: of the rows whose series ends with that, after the system's name.
+    """
 
     heading: str
     section: str
@@ -34,12 +47,14 @@ class _Essential(NamedTuple):
     at: float | None
     higher_is_better: bool = False
     is_in_readme: bool = True
+    way: str = ""
 
 
 _ESSENTIALS = (
     _Essential("latency 64 B: p50 µs", "latency", "p50", 64),
     _Essential("p99 µs", "latency", "p99", 64),
     _Essential("1 MiB: p50 µs", "latency", "p50", 1 << 20),
+    _Essential("1 MiB, malloc alike: p50 µs", "latency", "p50", 1 << 20, way=TUNED),
     _Essential("messages/s of 64 B", "throughput", "per_s", 64, True),
     _Essential("bytes/s by 64 KiB", "throughput", "bytes_per_s", 1 << 16, True),
     _Essential("deliveries/s to 8", "fanout", "deliveries_per_s", 8, True),
@@ -57,6 +72,7 @@ def report_of(result: Result, source: str) -> str:
         f"repetitions ({result.repetitions} of latency and throughput); compare those of one run only.",
         _facts(result),
         *_in_short(result),
+        *_headlines(result),
         *_goals(result),
         *_troubles(result),
     ]
@@ -80,12 +96,23 @@ def speed_of(result: Result, source: str) -> str:
             _essentials(result, columns, systems),
             "Beside busd: Python's own pipe, and the best rival without a broker of each column. In "
             "brackets: how many times better busd is; **bold** where a rival is ahead. "
+            f"{_like_for_like(columns)}"
             f"Medians of the {kind} run of {result.began[:10]} at commit {machine.commit or 'unknown'}: "
             f"{machine.processor}, {machine.cpus} CPUs, {'virtual, ' if machine.is_virtual else ''}"
             f"{machine.kernel}, {machine.python}. The other systems, CPU time, start, pictures, and where "
             "busd loses: [benchmarks/REPORT.md](benchmarks/REPORT.md). Again: `make bench`, then "
             f"`make bench-report RESULT=...` (this one: `benchmarks/{source}`).",
         ]
+    )
+
+
+def _like_for_like(columns: Sequence[_Essential]) -> str:
+    if not any(one.way for one in columns):
+        return ""
+    return (
+        "The clock starts with the complete message at hand. busd tells the C library to keep the memory of "
+        "long messages, others do not, and pay page faults: *malloc alike* is with the same `MALLOC_*` in "
+        "the environment of all. "
     )
 
 
@@ -128,15 +155,35 @@ def _in_short(result: Result) -> Iterator[str]:
     columns = _measured(result)
     if columns:
         yield "## In short"
-        yield _essentials(result, columns, (BUS, BUS_SOCKET, *RIVALS, FLOOR, C_FLOOR))
+        yield _essentials(result, columns, (BUS, BUS_BLOCKING, BUS_SOCKET, *RIVALS, FLOOR, C_FLOOR))
         yield (
             "In brackets: how many times better busd by shared memory is; **bold** where a rival is ahead. "
             "A limit is no rival: it does less."
         )
 
 
+def _headlines(result: Result) -> Iterator[str]:
+    """The goals of `benchmarks.goals`: each with what came of it, met or missed."""
+    rows, asked = [], [one for part in result.sections for one in part.comparisons if one.headline]
+    if not asked:
+        return
+    for one in asked:
+        rows.append(
+            [_text(one.headline), spread(one.value), goal(one), "met" if one.is_met else "**missed**"]
+        )
+    met = sum(one.is_met for one in asked)
+    yield "## Goals"
+    yield f"{met} of {len(asked)} are met. Ratios are made within a repetition."
+    yield _table(["busd / whom it is compared with", "median (min - max)", "goal", ""], rows)
+
+
 def _goals(result: Result) -> Iterator[str]:
-    asked = [(part.name, one) for part in result.sections for one in part.comparisons if one.has_goal]
+    asked = [
+        (part.name, one)
+        for part in result.sections
+        for one in part.comparisons
+        if one.has_goal and not one.headline
+    ]
     missed = [(name, one) for name, one in asked if not one.is_met]
     yield "## Where it loses"
     if not asked:
@@ -276,7 +323,8 @@ def _row(result: Result, one: _Essential, system: System) -> Row | None:
     rows = section.rows if section is not None else []
     for row in rows:
         fits = one.at is None or row.at == one.at
-        if fits and one.key in row.figures and is_main(row.series) and system_of(row.series) == system:
+        way = row.series == f"{system.name}, {one.way}" if one.way else is_main(row.series)
+        if fits and one.key in row.figures and way and system_of(row.series) == system:
             return row
     return None
 

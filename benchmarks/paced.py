@@ -37,10 +37,11 @@ PARTS = ("publisher", "broker", "subscriber")
 """Whose CPU time and memory is told: `cpu_publisher`, `mib_publisher`, ..."""
 
 
-def case(series: str, system: System, work: Work, on_cpus: Sequence[int] = ()) -> Case:
+def case(series: str, system: System, work: Work, on_cpus: Sequence[int] = (), rounds: int = 0) -> Case:
     """A line of a table: `work` done by `system`, as the point of `series` at its size."""
     name = f"{bytes_text(work.size)}, {series}"
-    return Case(name, partial(measure, system, work, on_cpus), system.missing(), series, work.size)
+    measured = partial(measure, system, work, on_cpus)
+    return Case(name, measured, system.missing(), series, work.size, rounds)
 
 
 def measure(system: System, work: Work, on_cpus: Sequence[int] = ()) -> Figures:

@@ -19,6 +19,10 @@ class Plan(NamedTuple):
         """Of messages, in bytes, from small to large."""
         return _QUICK_SIZES if self.quick else SIZES
 
+    def rounds(self, *, is_essential: bool) -> int:
+        """How often to measure what a comparison rests on, and what only stands beside it."""
+        return self.repetitions if is_essential else max(1, self.repetitions // 2)
+
     def tell(self, text: str) -> None:
         """Say on a terminal what is being done."""
         if sys.stderr.isatty():

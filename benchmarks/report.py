@@ -51,12 +51,16 @@ class Row(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Comparison(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A figure that was asked for: of each repetition, and within which bound it should lie."""
+    """A figure that was asked for: of each repetition, and within which bound it should lie.
+
+    `headline`: its name among the goals that a report begins with (`benchmarks.goals`); empty elsewhere.
+    """
 
     name: str
     value: Spread
     at_most: float | None = None
     at_least: float | None = None
+    headline: str = ""
 
     @property
     def is_met(self) -> bool:

@@ -45,6 +45,7 @@ class System(NamedTuple):
     a flood it can't be lossless. `fans_out`: to many subscribers, not one to one only. `takes_by`: the
     `Work.take_by` by which it waits for events. `floods`: it can do more than paced messages. `largest`: no
     larger messages, in bytes. `gives_turns`: its publisher needs an event loop, that wants its turns.
+    `publisher`: the module of its publisher, where that is another than its subscriber's.
     """
 
     name: str
@@ -60,6 +61,7 @@ class System(NamedTuple):
     floods: bool = True
     largest: int = 4 << 20
     gives_turns: bool = True
+    publisher: str = ""
     guess: Speed = Speed()
 
     def start_servers(self, group: Group) -> list[Child]:
@@ -74,7 +76,8 @@ class System(NamedTuple):
 
     def launch(self, group: Group, role: str, work: msgspec.Struct, *, name: str = "") -> Child:
         """Start one and don't wait for it."""
-        return group.start_python(name or role, "-m", self.module, role, msgspec.json.encode(work).decode())
+        module = self.publisher or self.module if role == "publisher" else self.module
+        return group.start_python(name or role, "-m", module, role, msgspec.json.encode(work).decode())
 
     def start_fan(self, group: Group, work: msgspec.Struct, number: int) -> tuple[Child, list[Child]]:
         """Start so many subscribers side by side, and then the publisher, which comes first."""
@@ -131,6 +134,23 @@ def no_c_program() -> str:
     return "" if PROGRAM.exists() else "it has not been built: make -C benchmarks/floors"
 
 
+TUNED = "tuned malloc"
+"""The end of the name of a series in which all processes have MALLOC in their environment."""
+MALLOC = MappingProxyType(
+    {
+        "MALLOC_MMAP_THRESHOLD_": str(32 << 20),
+        "MALLOC_TRIM_THRESHOLD_": str(64 << 20),
+        "MALLOC_TOP_PAD_": str(1 << 20),
+    }
+)
+"""What busd asks of glibc in its own processes (bus.transport.memory): to keep the memory that was freed."""
+
+
+def tuned(system: System) -> System:
+    """`system` with malloc set for long messages in all its processes, as busd does it by itself."""
+    return system._replace(name=f"{system.name}, {TUNED}", environ={**system.environ, **MALLOC})
+
+
 _BY_SOCKET = MappingProxyType({"BUS_ROUTE": "socket"})
 _STRING, _BYTES, _FAN = (f"benchmarks.adapters.bus_{name}" for name in ("string", "bytes", "fanout"))
 
@@ -160,6 +180,10 @@ BUS_BLOCKING = BUS._replace(
     floods=False,
     gives_turns=False,
 )
+BUS_LAST, BUS_SOCKET_LAST = (
+    system._replace(publisher=BUS_BLOCKING.module, gives_turns=False) for system in (BUS, BUS_SOCKET)
+)
+"""With a publisher that is a plain program, as those of most rivals are: it sends, and then it sleeps."""
 RCLPY = BUS._replace(name="rclpy", module="benchmarks.adapters.rclpy_string", guess=Speed(700_000, 1e9))
 RCLPY_THREADS = RCLPY._replace(name="rclpy, threads", environ=MappingProxyType({"BENCH_THREADS": "2"}))
 
@@ -208,6 +232,7 @@ PYZMQ = System(
     gives_turns=False,
     guess=Speed(300_000, 500e6),
 )
+PYZMQ_BLOCKING = PYZMQ._replace(name="pyzmq, blocking", fans_out=False, takes_by="blocking", floods=False)
 PYZMQ_PROXY = PYZMQ._replace(
     name="pyzmq, XSUB/XPUB proxy",
     module="benchmarks.adapters.zeromq_proxy",
@@ -249,6 +274,8 @@ ZENOH = System(
     gives_turns=False,
     guess=Speed(300_000, 2e9),
 )
+SHIPPED = "BENCH_ECAL_SHIPPED"
+"""Where this is set, eCAL's processes look for each other as often as eCAL does by default."""
 ECAL = System(
     "eclipse-ecal",
     "benchmarks.adapters.ecal_shm",
@@ -256,6 +283,7 @@ ECAL = System(
     gives_turns=False,
     guess=Speed(25_000, 2e9),
 )
+ECAL_SHIPPED = ECAL._replace(name="eclipse-ecal, as shipped", environ=MappingProxyType({SHIPPED: "1"}))
 CYCLONE = System(
     "cyclonedds",
     "benchmarks.adapters.cyclone",
@@ -265,8 +293,17 @@ CYCLONE = System(
 )
 
 FLOORS = (FLOOR, TWO_HOPS, C_FLOOR, C_SOCKET)
-RIVALS = (PIPE, QUEUE, PYZMQ, PYZMQ_PROXY, NATS, REDIS, ICEORYX, ZENOH, ECAL, CYCLONE)
-SYSTEMS = (BUS, BUS_SOCKET, *FLOORS, *RIVALS)
+RIVALS = (PIPE, QUEUE, PYZMQ, PYZMQ_BLOCKING, PYZMQ_PROXY, NATS, REDIS, ICEORYX, ZENOH, ECAL, CYCLONE)
+SYSTEMS = (BUS, BUS_BLOCKING, BUS_SOCKET, *FLOORS, *RIVALS)
+
+ESSENTIAL = frozenset(
+    system.name
+    for system in (
+        *(BUS, BUS_BLOCKING, BUS_SOCKET, FLOOR),
+        *(PIPE, PYZMQ, PYZMQ_BLOCKING, PYZMQ_PROXY, ICEORYX, ECAL),
+    )
+)
+"""By name those that goals compare, which are measured more often than the others."""
 
 
 def of_kind(*kinds: Kind) -> list[System]:

@@ -4,9 +4,12 @@ Owns the payload's text and the pace. Must not know any system.
 """
 
 import asyncio
+import sys
 from collections.abc import Callable, Iterable
+from ctypes import memmove
 from inspect import iscoroutine
 from time import monotonic_ns, sleep
+from typing import Any
 
 import msgspec
 
@@ -17,6 +20,8 @@ AT_ONCE = "at once"
 """The way (`Work.publish_by`) to send one stamped message once it reaches somebody, without any word."""
 _LOOP_NS = 2_000_000
 _FILLING = "The quick brown fox jumps over the lazy dog. "
+_BODY_AT = {kind: sys.getsizeof(kind()) - 1 for kind in (str, bytes)}
+"""Where CPython keeps the characters of an ASCII `str`, and those of `bytes`: before their final NUL."""
 
 
 class Work(msgspec.Struct, frozen=True, kw_only=True):
@@ -63,10 +68,29 @@ def text_of(size: int) -> str:
     return (_FILLING * (size // len(_FILLING) + 1))[:size]
 
 
-async def pace(send: Callable[[str], object], work: Work) -> None:
+class Stamped:
+    """A paced message of `size` characters, complete but for the time at which it is sent.
+
+    The text is there before the clock is read: to make 1 MiB of it is no part of a message's way. The stamp
+    is then written into it in place, which only we may do, because nobody else holds it yet.
+    """
+
+    def __init__(self, size: int, due_ns: int, kind: type[str] | type[bytes] = str) -> None:
+        head = f"{due_ns} "
+        self._message: str | bytes = head.ljust(size) if kind is str else head.encode().ljust(size)
+        self._at = id(self._message) + _BODY_AT[kind] + len(head)
+
+    def now(self) -> Any:
+        """The message, which is sent now."""
+        stamp = b"%d" % monotonic_ns()
+        memmove(self._at, stamp, len(stamp))
+        return self._message
+
+
+async def pace(send: Callable[[Any], object], work: Work, kind: type[str] | type[bytes] = str) -> None:
     """`send` warm-up and messages by a schedule that is fixed beforehand.
 
-    Who is held up sends what is overdue at once, and does not skip it (no coordinated omission): each text
+    Who is held up sends what is overdue at once, and does not skip it (no coordinated omission): each message
     begins with the time at which it was due and the one at which it was sent. After each message the event
     loop gets a turn, if `work.gives_turns`. The process sleeps on its own, because the timers of uvloop have
     whole milliseconds.
@@ -75,13 +99,14 @@ async def pace(send: Callable[[str], object], work: Work) -> None:
     start_ns = monotonic_ns() + period_ns
     for number in range(work.total):
         due_ns = int(start_ns + number * period_ns)
+        message = Stamped(work.size, due_ns, kind)
         if work.gives_turns and due_ns - monotonic_ns() > 2 * _LOOP_NS:
             # Much time: the loop has it, and may need it, to send what is large.
             await asyncio.sleep((due_ns - monotonic_ns() - _LOOP_NS) / 1e9)
         rest_ns = due_ns - monotonic_ns()
         if rest_ns > 0:
             sleep(rest_ns / 1e9)  # noqa: ASYNC251
-        sent = send(f"{due_ns} {monotonic_ns()} ".ljust(work.size))
+        sent = send(message.now())
         if iscoroutine(sent):
             await sent
         if work.gives_turns:

@@ -27,36 +27,35 @@ class Frame(msgspec.Struct):
 
 
 class Feeder:
-    """Publishes frames of one size, each filled by one copy of the same bytes."""
+    """Publishes frames of one size. Those that are loaned are each filled by one copy of the same bytes."""
 
     def __init__(self, pub: bus.Publisher[Frame], work: Work) -> None:
         self._pub = pub
         self._body = text_of(work.size).encode()
-        self.feed = self._by_loan if work.publish_by == "loan" else self._by_copy
+        self._by_loan = work.publish_by == "loan"
+        self.size = HEAD if self._by_loan else work.size  # of what is made for each frame
 
-    def _by_copy(self, head: bytes) -> bool:
-        data = b"".join((head, self._body[len(head) :])) if head else self._body
-        return self._pub.publish(Frame(data=data))
-
-    def _by_loan(self, head: bytes) -> bool:
+    def feed(self, data: bytes) -> bool:
+        """A frame that is `data`, or by a loan one that begins with it."""
+        if not self._by_loan:
+            return self._pub.publish(Frame(data=data))
         loan = self._pub.loan(Frame(), "data", len(self._body))
         if loan is None:
             return False
         buffer = loan.buffer
         buffer[:] = self._body
-        buffer[: len(head)] = head
+        buffer[: len(data)] = data
         return loan.publish()
 
-    def feed_or_wait(self, head: str) -> Awaitable[None] | None:
-        """A frame that begins with `head`; where there is no room, what waits until there is."""
-        data = head.encode()
+    def feed_or_wait(self, data: bytes) -> Awaitable[None] | None:
+        """As `feed`; where there is no room, what waits until there is."""
         return None if self.feed(data) else self._pub.send(Frame(data=data + self._body[len(data) :]))
 
     async def flood(self, count: int) -> None:
         """So many frames. Where there is no room, one more is sent by copy, which waits until there is."""
-        feed = self.feed
+        feed, data = self.feed, b"" if self._by_loan else self._body
         for _ in range(count):
-            if not feed(b""):
+            if not feed(data):
                 await self._pub.send(Frame(data=self._body))
 
 
@@ -69,8 +68,7 @@ async def publisher(parent: Parent) -> None:
         parent.tell("ready", route=pub.matches[0].route)
         if work.rate:
             await parent.wait_for("go")
-            heads = msgspec.structs.replace(work, size=HEAD)
-            await pace(feeder.feed_or_wait, heads)
+            await pace(feeder.feed_or_wait, msgspec.structs.replace(work, size=feeder.size), bytes)
             await pub.flush()
         else:
             await parent.wait_for("warm_up")
@@ -103,6 +101,7 @@ async def subscriber(parent: Parent) -> None:
             TOPIC,
             _LOSSLESS,
             note if work.rate else count,
+            busy_poll=work.busy_poll_s,
             events=bus.SubscriptionEvents(message_lost=fail),
             views=work.take_by == "views",
         )

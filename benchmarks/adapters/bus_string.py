@@ -137,7 +137,9 @@ async def _take_flood(parent: Parent, node: bus.Node, work: Work) -> None:
             reached.set()
 
     by_callback = work.take_by == "callback"
-    sub = await node.create_subscription(String, work.topic, qos_of(work), count if by_callback else None)
+    sub = await node.create_subscription(
+        String, work.topic, qos_of(work), count if by_callback else None, busy_poll=work.busy_poll_s
+    )
     parent.tell("ready")
     for event, number in (("warm", work.warm_up), ("received", work.count)):
         left = number

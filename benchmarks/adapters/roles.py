@@ -14,7 +14,7 @@ from typing import Any
 
 import msgspec
 
-from benchmarks.work import AT_ONCE, HEAD, Arrivals, Work, arrivals, pace, text_of
+from benchmarks.work import AT_ONCE, HEAD, Arrivals, Stamped, Work, arrivals, pace, text_of
 from benchmarks.worker import Parent
 
 LAST = "the last"
@@ -26,8 +26,8 @@ _STEPS = 4
 
 def stamped(work: Work) -> str:
     """A paced message that is sent now, by who has a timer and no schedule: it is due now."""
-    now_ns = monotonic_ns()
-    return f"{now_ns} {now_ns} ".ljust(work.size)
+    text: str = Stamped(work.size, monotonic_ns()).now()
+    return text
 
 
 async def publish(

@@ -1,9 +1,10 @@
 """pyzmq, PUB and SUB over ipc, with libzmq's own I/O thread at each end.
 
-The subscriber waits for libzmq's descriptor on uvloop, which is quicker than zmq.asyncio. It binds, and the
-publisher connects to all subscribers: nobody has to try again until the other is there. In a flood the
-publisher blocks where a subscriber's queue is full (XPUB_NODROP), so that nothing is lost. Long messages go
-to libzmq and come from it without a copy (`copy=False`), which with short ones costs more than it saves.
+The subscriber waits for libzmq's descriptor on uvloop, which is quicker than zmq.asyncio, or it is a plain
+program that blocks in `recv` (`take_by` "blocking"). It binds, and the publisher connects to all subscribers:
+nobody has to try again until the other is there. In a flood the publisher blocks where a subscriber's queue
+is full (XPUB_NODROP), so that nothing is lost. Long messages go to libzmq and come from it without a copy
+(`copy=False`), which with short ones costs more than it saves.
 """
 
 import asyncio
@@ -70,6 +71,13 @@ async def subscribe(parent: Parent, work: Work, socket: Any) -> None:
     """The subscriber with a `socket` that is bound or connected."""
     taker = roles.Taker(parent, work)
     receive, take = socket.recv, taker.take
+    if work.take_by == "blocking":
+        is_short = work.size < _LONG
+        roles.take_in_thread(
+            taker, lambda: receive().decode() if is_short else str(receive(copy=False).buffer, "utf-8")
+        )
+        parent.tell("ready")
+        await taker.finish()
 
     def drain() -> None:
         try:

@@ -89,7 +89,8 @@ class _Line(NamedTuple):
 
 def run(plan: Plan) -> Section:
     """Measure the pairs beside each neighbour, and many that come at once; quickly, only the essential."""
-    return measure(plan, [Version()], lambda name: not plan.quick or name in ESSENTIAL)
+    once = plan._replace(repetitions=plan.rounds(is_essential=False))
+    return measure(once, [Version()], lambda name: not plan.quick or name in ESSENTIAL)
 
 
 def measure(plan: Plan, versions: Sequence[Version], is_wanted: Callable[[str], bool]) -> Section:

@@ -6,15 +6,32 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import bulk, copying, cost, facade, latency, paced, throughput
+from benchmarks import bulk, copying, cost, facade, goals, latency, paced, throughput
 from benchmarks.cases import Figures, Outcome
 from benchmarks.figures import best, bytes_text
 from benchmarks.harness import START_S, Failure, Group
 from benchmarks.plan import SIZES, Plan
 from benchmarks.report import Section
-from benchmarks.systems import RIVALS, SYSTEMS, Speed, System, of_kind
+from benchmarks.systems import (
+    BUS,
+    BUS_SOCKET,
+    ECAL_SHIPPED,
+    ICEORYX,
+    NATS,
+    PIPE,
+    PYZMQ,
+    PYZMQ_BLOCKING,
+    RIVALS,
+    SYSTEMS,
+    TUNED,
+    Speed,
+    System,
+    of_kind,
+    tuned,
+)
 from benchmarks.versus import against_best
 from benchmarks.work import Work
+from bus.transport import memory
 
 QUICK, THOROUGH = Plan(quick=True, repetitions=1), Plan(quick=False, repetitions=2)
 
@@ -81,7 +98,8 @@ def test_systems_have_a_name_each_and_are_of_one_kind() -> None:
 
     assert len(set(names)) == len(names)
     assert list(RIVALS) == of_kind("direct", "brokered")
-    assert all(rival.largest == max(SIZES) and rival.floods for rival in RIVALS)
+    assert all(rival.largest == max(SIZES) for rival in RIVALS)
+    assert [rival for rival in RIVALS if not rival.floods] == [PYZMQ_BLOCKING]
 
 
 @pytest.fixture
@@ -91,7 +109,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Work]]:
 
     def measure(system: System, work: Work, on_cpus: Sequence[int] = ()) -> Figures:
         done.append((system.name, work))
-        keys = ("p50", "p99", "cpu", "per_s", "bytes_per_s", "published_per_s", "delivered")
+        keys = ("p50", "p99", "cpu", "per_s", "bytes_per_s", "published_per_s", "delivered", "seconds")
         return dict.fromkeys(keys, 2.0)
 
     monkeypatch.setattr(System, "missing", str)
@@ -116,7 +134,8 @@ def test_each_size_has_every_rival_and_is_compared_with_the_best(
     assert {row.at for row in section.rows} == set(plan.sizes)
     for size in plan.sizes:
         text = bytes_text(size)
-        assert {f"{text}, {rival.name}" for rival in RIVALS} <= set(names)
+        rivals = [rival for rival in RIVALS if rival.floods or run is latency.run]
+        assert {f"{text}, {rival.name}" for rival in rivals} <= set(names)
         best_of = [
             one.name
             for one in section.comparisons
@@ -154,7 +173,70 @@ def test_plain_programs_give_no_turns_where_cpu_time_is_counted(measured: list[t
 
 
 def by_name(name: str) -> System:
-    return next(system for system in SYSTEMS if system.name == name)
+    return next(system for system in (*SYSTEMS, ECAL_SHIPPED) if system.name == name)
+
+
+def test_long_messages_are_measured_as_they_come_and_with_malloc_set_alike(
+    measured: list[tuple[str, Work]],
+) -> None:
+    for plan, least in ((QUICK, [BUS, PIPE, ICEORYX]), (THOROUGH, [BUS, BUS_SOCKET, PIPE, PYZMQ_BLOCKING])):
+        names = {row.name for row in latency.run(plan).rows}
+
+        assert {f"1 MiB, {name}" for one in least for name in (one.name, tuned(one).name)} <= names
+        assert not any(TUNED in name for name in names if not name.startswith("1 MiB, "))
+    assert {key: int(value) for key, value in tuned(PIPE).environ.items()} == {
+        "MALLOC_MMAP_THRESHOLD_": 32 << 20,
+        "MALLOC_TRIM_THRESHOLD_": memory._KEPT_BYTES,
+        "MALLOC_TOP_PAD_": 1 << 20,
+    }
+    assert tuned(BUS_SOCKET).environ["BUS_ROUTE"] == "socket"
+
+
+def test_a_p99_rests_on_enough_messages_and_a_flood_lasts(measured: list[tuple[str, Work]]) -> None:
+    for run in (latency.run, cost.run, facade.run):
+        run(THOROUGH)
+    for size, least in ((64, 5000), (1 << 20, 500)):
+        assert min(work.count for _, work in measured if work.rate and work.size == size) >= least
+
+    asked: list[int] = []
+
+    def flood(work: Work) -> Figures:
+        asked.append(work.count)
+        return {"seconds": work.count / 1000}
+
+    lasting = throughput.Lasting(flood, Work(size=64, count=100, warm_up=10), 2.0)
+
+    assert lasting()["seconds"] >= 2.0
+    assert asked[0] == 100 and len(asked) <= 3
+    asked.clear()
+    assert lasting()["seconds"] >= 2.0
+    assert len(asked) == 1  # it was learned
+    slow = throughput.Lasting(flood, Work(size=64, count=20_000, warm_up=10), 2.0)
+    assert (slow()["seconds"], slow()["seconds"]) == (20.0, pytest.approx(2.4))
+
+
+def test_what_is_not_essential_takes_part_in_fewer_rounds(measured: list[tuple[str, Work]]) -> None:
+    latency.run(Plan(quick=False, repetitions=4))
+
+    done = [name for name, work in measured if work.size == 64]
+    assert (done.count(NATS.name), done.count(PYZMQ.name)) == (2, 4)
+
+
+def test_a_flood_is_compared_with_who_takes_as_it_does(measured: list[tuple[str, Work]]) -> None:
+    for run in (throughput.run, bulk.run):
+        for one in run(THOROUGH).comparisons:
+            ours, slash, theirs = one.name.partition(" / ")
+            if slash and "iceoryx2" in theirs and "copied" not in ours:
+                assert ("polling" in ours) == ("polling" in theirs), one.name
+
+
+def test_every_goal_has_cases_to_be_made_of(measured: list[tuple[str, Work]]) -> None:
+    sections = [run(THOROUGH) for run in (latency.run, throughput.run, bulk.run, cost.run)]
+
+    found = {one.headline for section in sections for one in section.comparisons if one.headline}
+    measured_here = {section.name for section in sections}
+    assert found == {goal.headline for goal in goals.GOALS if goal.section in measured_here}
+    assert len({goal.headline for goal in goals.GOALS}) == len(goals.GOALS)
 
 
 # --- what may be lost, with a system that says what the test wants
