@@ -1,4 +1,5 @@
 /* The ring alone, one step at a time: sizes, laps, depth, late joiners, back-pressure, growth, takeover. */
+#define RING_LARGE (1u << 20) /* none: test_turn.c is about those */
 #include "check.h"
 
 enum { CAPACITY = 4096, INDEX = 64 };

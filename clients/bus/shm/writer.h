@@ -14,6 +14,11 @@
 #define RING_LEAD 16u /* records given up ahead, so that `oldest` changes seldom and stays in readers' caches */
 #endif
 
+#ifndef RING_LARGE
+#define RING_LARGE 32768u /* records from here on turn back, see ring_turn_back() */
+#endif
+#define RING_ROUND 3u /* of them before they do */
+
 /* A pinned record that the writer has given up and steps over; active while the pin still holds `seq`. */
 struct ring_hole {
     uint64_t seq; /* 0: none */
@@ -35,6 +40,8 @@ struct ring_writer {
     uint64_t capacity, index_length, max_payload;
     uint64_t keep; /* newest records that must stay, 1 or more: largest depth of publisher and matches */
     uint64_t latest, oldest, head; /* head: position of the next record */
+    uint64_t turn, behind;         /* after turning back: the next seq then, the position behind what lay there */
+    uint64_t island, island_end;   /* after a leap: what is before this seq lies ahead, up to that position */
     uint64_t loan;                 /* bytes of the record reserved at head; 0: none */
     uint64_t hold;                 /* nothing from this seq on may be given up; UINT64_MAX: none */
     uint64_t floor;                /* what lossless readers had taken when last looked at; 0 after hold is set */
@@ -104,6 +111,12 @@ static inline void ring_admit(struct ring_writer *w, const struct reader_slot *s
     atomic_store_explicit(place, (uint32_t)ticket, memory_order_release);
 }
 
+static inline uint64_t ring_position(const struct ring_writer *w, uint64_t seq)
+{
+    /* relaxed: own word */
+    return atomic_load_explicit(&w->index[seq & (w->index_length - 1)], memory_order_relaxed);
+}
+
 /* The first record that survives once seq `next` ends at position `end`: by bytes, and by index entries. */
 static inline uint64_t ring_survivor(const struct ring_writer *w, uint64_t next, uint64_t end)
 {
@@ -111,9 +124,8 @@ static inline uint64_t ring_survivor(const struct ring_writer *w, uint64_t next,
     if (next - seq >= w->index_length)
         seq = next - w->index_length + 1;
     while (seq <= w->latest) {
-        /* relaxed: own word */
-        const uint64_t at = atomic_load_explicit(&w->index[seq & (w->index_length - 1)], memory_order_relaxed);
-        if (at + w->capacity >= end)
+        const bool is_leapt = seq < w->island && end <= w->island_end; /* its place comes a lap later */
+        if (ring_position(w, seq) + w->capacity + (is_leapt ? w->capacity : 0) >= end)
             break;
         seq++;
     }
@@ -172,9 +184,7 @@ static inline void ring_give_up(struct ring_writer *w, uint64_t survivor)
             const uint64_t seq = atomic_load_explicit(&w->gates[i].slot->pins[j], memory_order_acquire);
             if (seq < before || seq >= survivor)
                 continue;
-            /* relaxed: own word */
-            const uint64_t at = atomic_load_explicit(&w->index[seq & (w->index_length - 1)], memory_order_relaxed);
-            const uint64_t begin = at & (w->capacity - 1);
+            const uint64_t begin = ring_position(w, seq) & (w->capacity - 1);
             const uint64_t size = load_word(w->data + begin + 16) & UINT32_MAX;
             w->hole_count += w->gates[i].holes[j].seq == 0;
             w->gates[i].holes[j] = (struct ring_hole){seq, begin, begin + ring_record_bytes(size)};
@@ -182,22 +192,65 @@ static inline void ring_give_up(struct ring_writer *w, uint64_t survivor)
     }
 }
 
+/* Before a large record of `total` bytes: goes back to the start of the ring, which is still in the cache. Not where
+ * something lies there that is needed: by lossless readers, `hold` or the depth, and one more, which may be being
+ * read. Nor where that is more than a quarter of the ring. */
+static inline void ring_turn_back(struct ring_writer *w, uint64_t next, uint64_t total)
+{
+    const uint64_t offset = w->head & (w->capacity - 1), lap = w->head - offset + w->capacity;
+    if (offset < RING_ROUND * total || next <= w->keep)
+        return;
+    uint64_t needed = next - w->keep;
+    if (needed > w->floor && needed > (w->floor = ring_taken(w)))
+        needed = w->floor;
+    if (needed < w->oldest)
+        return;
+    if (needed <= w->latest) {
+        const uint64_t at = ring_position(w, needed);
+        if (at + w->capacity < lap + total || w->head - at > w->capacity / 4)
+            return;
+    }
+    w->turn = next;
+    w->behind = lap + offset;
+    w->head = lap;
+}
+
+/* Where the ring has turned back and finds no room any more, it goes on behind what lay there then, which becomes an
+ * island: so turning back takes away no more room than that. False: there is nothing to leap over. */
+static inline bool ring_leap(struct ring_writer *w)
+{
+    if (w->head >= w->behind)
+        return false;
+    w->head = w->behind;
+    w->island = w->turn;
+    w->island_end = (w->behind | (w->capacity - 1)) + 1;
+    return true;
+}
+
 /* Makes room for a record of up to `size` bytes and lends the place in *payload; ring_publish() ends the loan,
  * another ring_reserve() takes it back. `force` gives up depth (never a lossless reader's records, nor pins).
  * Returns RING_OK, RING_TOO_LARGE, RING_SHORT, RING_FULL or RING_PINNED; after RING_PINNED
- * records may be given up that are still whole; after the other refusals nothing has changed. */
+ * records may be given up that are still whole; after the other refusals all that was there is. */
 static inline enum ring_status ring_reserve(struct ring_writer *w, uint64_t size, bool force, void **payload)
 {
     w->loan = 0;
     if (size > w->max_payload)
         return RING_TOO_LARGE;
     const uint64_t total = ring_record_bytes(size), next = w->latest + 1;
+    if (total >= RING_LARGE)
+        ring_turn_back(w, next, total);
     uint64_t position = ring_place(w, w->head, total), survivor;
     while (position <= w->head + w->capacity - total
            && (survivor = ring_survivor(w, next, position + total)) != w->oldest) {
-        if (!force && next - survivor + 1 < w->keep)
+        const bool is_short = next - survivor + 1 < w->keep;
+        const bool is_full = survivor > w->floor && survivor > (w->floor = ring_taken(w));
+        if ((is_short || is_full) && ring_leap(w)) {
+            position = ring_place(w, w->head, total);
+            continue;
+        }
+        if (is_short && !force)
             return RING_SHORT;
-        if (survivor > w->floor && survivor > (w->floor = ring_taken(w)))
+        if (is_full)
             return RING_FULL;
         if (RING_LEAD * total <= w->capacity / 8 && next > w->keep) {
             uint64_t ahead = ring_survivor(w, next + RING_LEAD, position + (1 + RING_LEAD) * total);
@@ -283,17 +336,17 @@ static inline uint64_t ring_carry_from(const struct ring_writer *w, uint64_t cou
  * and flags stay, so a reader goes on in the new ring by ring_seek() to its own next. */
 static inline enum ring_status ring_carry(struct ring_writer *w, const struct ring_writer *old)
 {
-    for (uint64_t seq = w->latest + 1; seq <= old->latest; seq++) {
-        /* relaxed: own word */
-        const uint64_t at = atomic_load_explicit(&old->index[seq & (old->index_length - 1)], memory_order_relaxed);
-        const unsigned char *record = old->data + (at & (old->capacity - 1));
+    const uint64_t keep = w->keep;
+    enum ring_status status = RING_OK;
+    w->keep = UINT64_MAX; /* all that is carried */
+    for (uint64_t seq = w->latest + 1; seq <= old->latest && status == RING_OK; seq++) {
+        const unsigned char *record = old->data + (ring_position(old, seq) & (old->capacity - 1));
         const uint64_t stamp_ns = load_word(record + 8), size_and_flags = load_word(record + 16);
         const uint32_t size = (uint32_t)size_and_flags, flags = (uint32_t)(size_and_flags >> 32);
-        const enum ring_status status = ring_write(w, record + RING_HEAD_BYTES, size, stamp_ns, flags, true);
-        if (status != RING_OK)
-            return status;
+        status = ring_write(w, record + RING_HEAD_BYTES, size, stamp_ns, flags, true);
     }
-    return RING_OK;
+    w->keep = keep;
+    return status;
 }
 
 #endif
