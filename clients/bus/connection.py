@@ -31,6 +31,7 @@ from bus.wire import messages as m
 from bus.wire.answers import expect
 from bus.wire.layout import GUESTS, LEAVING, NAMESAKES, SILENCE, VERSION
 from bus.wire.outbox import Outbox
+from bus.wire.runs import Buffer
 from bus.wire.session import Role, Session
 
 A = TypeVar("A", bound=m.Message)
@@ -182,7 +183,7 @@ class Connection:
         if self._stream is not None:
             self._stream.flush()
 
-    def send_now(self, frame: bytes) -> bool:
+    def send_now(self, frame: Buffer) -> bool:
         """Send a data frame at once, where nothing waits to be sent; returns whether it was taken over."""
         if self._stream is None or not self._stream.is_idle:
             return False

@@ -11,6 +11,7 @@ from time import monotonic_ns
 from typing import Any, Generic, TypeAlias, TypeVar
 
 from bus.allowance import STEP_BYTES, begin, extend
+from bus.shm import core, has_core
 from bus.sources import Source, Sources
 from bus.wire.layout import MAX_COUNT, RECORD_HEAD, RECORD_HEAD_BYTES
 from bus.wire.runs import Account, Run, RunQueue
@@ -55,6 +56,7 @@ class Inbox(Generic[M]):
         self.sources = Sources(self.drop)
         self.is_lossless = is_lossless
         self._decode = decode
+        self._core = core() if has_core() else None
         self._queue = RunQueue(depth, Account(STEP_BYTES))
         self.ahead: deque[Taken[M]] = deque()
         """Decoded ahead, not yet delivered."""
@@ -197,8 +199,12 @@ class Inbox(Generic[M]):
         return ahead.popleft()
 
     def take_messages(self, limit: int) -> list[M]:
-        """Up to `limit` messages out of the rings, and they alone; nothing where others wait."""
-        if self.reader is None or self.ahead or self._queue.runs:
+        """Up to `limit` of the oldest messages, and they alone; nothing where `take` has to look closer."""
+        if self.ahead:
+            return []
+        if self._queue.runs:
+            return self._take_from_run(limit)
+        if self.reader is None:
             return []
         batch: list[M] = self.reader.messages(limit, self._decode)
         if self.reader.undecodable != self._rejected:
@@ -217,6 +223,28 @@ class Inbox(Generic[M]):
         self._rejected = self.reader.undecodable
         for size, error in self.reader.pop_rejected():
             self._on_reject(size, error)
+
+    def _take_from_run(self, limit: int) -> list[M]:
+        queue, run = self._queue, self._queue.runs[0]
+        if self._core is None or run.lifespan_ns:
+            return []
+        begin, skipped = queue.offset, queue.skipped
+        number = min(limit, run.count - skipped)
+        found = self._core.run_messages(run.body, begin, number, self._decode)
+        if found is None or not self._is_head(run, skipped):
+            return []
+        messages: list[M]
+        messages, offset = found
+        queue.advance(number, offset)
+        self._count(
+            run, number, run.first_seq + skipped + number - 1, offset - begin - number * RECORD_HEAD_BYTES
+        )
+        return messages
+
+    def _is_head(self, run: Run, skipped: int) -> bool:
+        """Whether the queue still begins like this: else the decoder has called what took from it."""
+        queue = self._queue
+        return bool(queue.runs) and queue.runs[0] is run and queue.skipped == skipped
 
     def _take_single(self, run: Run) -> Taken[M] | None:
         """A run of one sample, as at a moderate rate they all are: the same as below, without the loop."""
@@ -244,8 +272,21 @@ class Inbox(Generic[M]):
                 self._let_go(gone)
                 self.drop("expired", expired)
                 return
-        begin, first_seq, held = queue.offset, run.first_seq + queue.skipped, run.count - queue.skipped
+        begin, skipped = queue.offset, queue.skipped
+        first_seq, held = run.first_seq + skipped, run.count - skipped
         offset, number = begin, min(limit, held)
+        if self._core is not None:
+            found = self._core.run_samples(
+                run.body, begin, number, decode, first_seq, run.origin, run.received_ns
+            )
+            if found is not None:
+                if self._is_head(run, skipped):
+                    samples, offset = found
+                    ahead += samples
+                    queue.advance(number, offset)
+                    size = offset - begin - number * RECORD_HEAD_BYTES
+                    self._count(run, number, first_seq + number - 1, size)
+                return
         length = len(run.body)
         # Slicing bytes copies and is faster for short payloads; a view is for long ones.
         body = run.body if length < _SHORT_BYTES * run.count else memoryview(run.body)
@@ -264,21 +305,19 @@ class Inbox(Generic[M]):
             except Exception as error:
                 rejected.append((size, error))
         else:
-            if number == held:
-                queue.forget_head()
-            else:
-                queue.advance(number, offset)
-            self._count(run, seq, offset - begin - number * RECORD_HEAD_BYTES)
+            queue.advance(number, offset)
+            self._count(run, len(ahead), seq, offset - begin - number * RECORD_HEAD_BYTES)
             self._reject(rejected)
             return
         # The run is shorter than it claims: what it still claims is gone with it.
         queue.forget_head()
-        self._count(run, first_seq + held - 1, length - begin)
+        self._count(run, len(ahead), first_seq + held - 1, length - begin)
         self._reject(rejected)
         self.drop("undecodable", first_seq + held - seq)
 
-    def _count(self, run: Run, seq: int, size: int) -> None:
-        self._samples += len(self.ahead)
+    def _count(self, run: Run, samples: int, seq: int, size: int) -> None:
+        """So many were taken out of the run, up to number `seq`."""
+        self._samples += samples
         self._bytes += size
         if self.is_lossless:
             self._note_taken(run, seq, size)

@@ -25,7 +25,7 @@ from bus.sharing import Sharing
 from bus.waiters import Waiters
 from bus.wire import messages as m
 from bus.wire.layout import VERSION
-from bus.wire.runs import Run, RunQueue
+from bus.wire.runs import Buffer, Run, RunQueue
 from bus.wire.session import Carried
 
 A = TypeVar("A", bound=m.Message)
@@ -201,7 +201,7 @@ class Link:
             self.loop.call_soon(self.hand_over)
         self._gathered.add(publisher)
 
-    def send_now(self, frame: bytes) -> bool:
+    def send_now(self, frame: Buffer) -> bool:
         """Send a data frame at once, where nothing waits to be sent; returns whether it was taken over."""
         return self._connection is not None and self._connection.send_now(frame)
 

@@ -64,8 +64,9 @@ class Outlet:
         self._refusal: BusError | None = None
         self._is_lent = False
         self._bursts = BurstWatch(link.loop, owner.topic_name, logger, is_awaitable=link.guard is None)
-        self.publish: Callable[[Any], bool | int] = _not_so_quick
-        """The quick way for a message, by the ring: True or NOTED, else nothing was done."""
+        self._socket.on_replaced = lambda count: self._bursts.note_replaced(count, self._depth)
+        self.publish: Callable[[Any], bool | int | bytes] = _not_so_quick
+        """The quick way for a message: True or NOTED; False: nothing was done; bytes: it is to be `put`."""
         self.write: Callable[[Any], bool] = _not_so_quick
         """The quick way for an encoded sample, by socket; False: ask `put`."""
         self._choose_routes()
@@ -252,6 +253,7 @@ class Outlet:
 
     def told(self) -> None:
         """The counters were reported; the next sample shall have them reported again."""
+        self._socket.is_noted = False
         if self._ring is not None:
             self._ring.writer.is_noted = False
 
@@ -319,6 +321,7 @@ class Outlet:
             return
         if ring is None:
             self.write = socket.add
+            self.publish = socket.run.publish
         elif ring.can_publish and not is_needed and not self._is_manual:
             self.publish = ring.writer.publish
 
@@ -368,12 +371,8 @@ class Outlet:
 
     def _put_in_socket(self, payload: Buffer, stamp_ns: int) -> None:
         self._last_by_socket_ns = stamp_ns
-        socket = self._socket
-        if not socket.add(payload, stamp_ns):
-            replaced = socket.replaced
-            socket.put(payload, stamp_ns)
-            if socket.replaced != replaced:
-                self._bursts.note_replaced(socket.replaced - replaced, self._depth)
+        if not self._socket.add(payload, stamp_ns):
+            self._socket.put(payload, stamp_ns)
 
     def _put_from_thread(self, payload: bytes, stamp_ns: int) -> bool:
         if not self._socket.can_take(len(payload)):

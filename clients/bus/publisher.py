@@ -107,8 +107,10 @@ class Publisher(Endpoint[M]):
         status = self._outlet.publish(message)
         return True if status is True else self._publish_on(message, status)
 
-    def _publish_on(self, message: M, status: int) -> bool:
+    def _publish_on(self, message: M, status: int | bytes) -> bool:
         """After `Outlet.publish` gave this status, and not True: step by step, where it did nothing."""
+        if isinstance(status, bytes):
+            return self._put(status)
         if status == NOTED:
             self._link.report(self)
             self._outlet.watch_turn(self._least_depth)

@@ -95,8 +95,7 @@ class RingRoute:
         self.writer.is_noted = False
         self.writer.is_guarded = link.guard is not None
         support = owner._support
-        is_valid = support.check if support.plan else support.is_valid  # with a plan it is hardly asked for
-        self.writer.prepare(support.cls, is_valid, support.encode, support.plan)
+        self.writer.prepare(*support.steps)
         if text_fields(support.cls):
             self.writer.longest = LONG_TEXT
         # A long field of bytes shall not be encoded with the rest.

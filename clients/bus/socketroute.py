@@ -12,17 +12,26 @@ has room: so that nothing is lost when busd restarts and the publisher is back f
 
 import asyncio
 from collections import deque
-from threading import get_ident
-from time import monotonic_ns
+from collections.abc import Callable
 from typing import TypeAlias
 
 from bus.allowance import STEP_BYTES, begin, extend
+from bus.bulk import bytes_fields
 from bus.declarations import Endpoint
 from bus.link import RETURN_S, Link
+from bus.openrun import open_run
 from bus.qos import Durability, History, QoSProfile, Reliability
 from bus.threadqueue import ThreadQueue
 from bus.wire import messages as m
-from bus.wire.layout import MAX_MESSAGE_BYTES, RECORD_HEAD, RECORD_HEAD_BYTES, REPLAY, RESUMED, RUN_BYTES
+from bus.wire.layout import (
+    DATA_HEAD_BYTES,
+    MAX_MESSAGE_BYTES,
+    RECORD_HEAD,
+    RECORD_HEAD_BYTES,
+    REPLAY,
+    RESUMED,
+    RUN_BYTES,
+)
 from bus.wire.runs import Account, Buffer, Run, RunQueue, data_head
 
 QUEUE_BYTES = 64 << 20
@@ -33,10 +42,11 @@ _SHORT_RETURN_S = 1.0
 _GATHER_NS = 100_000
 """A message that follows so soon on the one before is gathered with others."""
 
+_NO_MATTER = 1 << 62
+
 Sample: TypeAlias = tuple[int, int, bytes]
 """Number, stamp in ns, payload."""
 
-_SHORT_BYTES = 4096
 _pack_record = RECORD_HEAD.pack
 
 
@@ -52,8 +62,11 @@ class SocketRoute:
         self._link = link
         self._owner = owner
         self._from_threads = from_threads
-        self._thread = 0 if link.guard is not None else link.thread
         self.is_active = True
+        self.is_noted = False
+        """Else `hand_over` has the counters reported."""
+        self.on_replaced: Callable[[int], object] = int
+        """Called with the number of samples that the depth has replaced here."""
         self.queue = RunQueue(depth, Account(STEP_BYTES))
         self.keeps_history = qos.durability is Durability.TRANSIENT_LOCAL
         self._history = RunQueue(depth, Account(STEP_BYTES)) if self.keeps_history else None
@@ -63,13 +76,17 @@ class SocketRoute:
         self.bytes = 0
         self.replaced = 0
         self._is_resumed = False
-        # The run that is open: heads and payloads in turn, and how many more bytes may go into it.
-        self._parts: list[Buffer] = []
-        self._budget = 0
-        self._full_parts = 2 * depth or 1 << 30
+        self.run = open_run()
+        self.run.is_guarded = link.guard is not None
+        self.run.most = depth or _NO_MATTER
+        self.add = self.run.add
+        support = owner._support
+        if not bytes_fields(support.cls):  # a long one shall not be encoded with the rest
+            self.run.prepare(*support.steps, self._begun)
         self._max_bytes = MAX_MESSAGE_BYTES
         # Back-pressure: what was handed over and not yet taken by all.
         self._is_windowed = qos.is_lossless
+        self.run.begins_below = self._begins_below
         self._window_samples = 0
         self._window_bytes = 0
         self._credited = 0
@@ -78,54 +95,45 @@ class SocketRoute:
         # What was handed over and perhaps not taken; with a history, that tells a new broker everything.
         self._kept = RunQueue(0, Account(QUEUE_BYTES)) if qos.is_lossless and not self.keeps_history else None
         self._is_awaiting = qos.reliability is Reliability.RELIABLE and not self.keeps_history
+        self._keeps_some = qos.is_lossless or self.keeps_history
         self._takers: dict[int, bytes] = {}  # matches by this route that are waited for
         self._awaited: set[bytes] = set()  # those of them that a broker before had
         self._return: asyncio.TimerHandle | None = None
-
-    def add(self, payload: Buffer, stamp_ns: int = 0) -> bool:
-        """Take a sample into the run that is open; False where it has no room or none is open.
-
-        All other questions were answered when the run was opened. It is what a flood consists of, hence
-        without a call more. False on another thread than the loop's.
-        """
-        budget, parts = self._budget - len(payload), self._parts
-        if budget < 0 or len(parts) >= self._full_parts:
-            return False
-        if get_ident() != self._thread and get_ident() != self._link.thread:
-            return False
-        self._budget = budget - RECORD_HEAD_BYTES
-        parts += (_pack_record(len(payload), stamp_ns or monotonic_ns()), payload)
-        return True
 
     def can_take(self, size: int) -> bool:
         """Whether a sample of `size` bytes may be taken now, before a keep-all subscription takes something.
 
         One alone always may, whatever its size. May be asked from any thread.
         """
-        if not self._is_windowed or (self._budget >= size and len(self._parts) < self._full_parts):
+        run = self.run
+        if not self._is_windowed or (run.budget >= size + RECORD_HEAD_BYTES and run.samples < run.most):
             return True
-        if not (self._flying or self._parts or self._from_threads.count):
+        if not (self._flying or run.samples or self._from_threads.count):
             return True
         return self._room() >= size + RECORD_HEAD_BYTES
 
     def put(self, payload: Buffer, stamp_ns: int) -> None:
         """Take a sample as the first of a new run."""
         self.hand_over()
-        size = len(payload)
-        self._parts += (_pack_record(size, stamp_ns), payload)
+        self.run.begin(payload, stamp_ns)
+        self._begun(stamp_ns)
+
+    def _begun(self, stamp_ns: int) -> None:
+        """A run has its first sample, of this stamp: it leaves now, or is gathered with those that follow."""
         link = self._link
         if stamp_ns - link.last_sent_ns < _GATHER_NS:
-            room = self._room() if self._is_windowed else RUN_BYTES
+            run, room = self.run, RUN_BYTES
             if self._is_windowed:
-                self._full_parts = 2 * (self.open_samples + max(0, self._samples_left()))
-            self._budget = max(0, min(room, RUN_BYTES, self._max_bytes) - size - 2 * RECORD_HEAD_BYTES)
+                room = self._room()
+                run.most = run.samples + max(0, self._samples_left())
+            run.budget = max(0, min(room, RUN_BYTES, self._max_bytes) - run.size)
             link.gather(self._owner)
         else:
             link.last_sent_ns = stamp_ns
             try:
                 self.hand_over()
             except MemoryError:
-                if not self._parts:
+                if not self.run.samples:
                     raise
                 link.gather(self._owner)  # it was taken: it leaves with what follows, or when the turn ends
 
@@ -170,39 +178,43 @@ class SocketRoute:
 
     def hand_over(self) -> None:
         """End the open run and send it, or queue it where the broker does not take it now."""
-        samples = len(self._parts) // 2
+        run, first_seq = self.run, self.next_seq
+        samples, size = run.samples, run.size
         if not samples:
             return
-        body = b"".join(self._parts)
-        first_seq = self.next_seq
-        self._parts.clear()
-        self._budget = 0
+        owner, is_resumed = self._owner, self._is_resumed
+        frame = run.end(owner._id, first_seq, RESUMED if is_resumed else 0)
         self.next_seq += samples
+        self.samples += samples
+        self.bytes += size - samples * RECORD_HEAD_BYTES
+        self._is_resumed = False
+        if self._keeps_some:
+            self._keep(Run(0, 0, first_seq, samples, memoryview(frame)[DATA_HEAD_BYTES:]))
+        if (
+            not owner._id
+            or self.queue.runs
+            or self._awaited
+            # Nothing waits: past the queues, most of what one message costs at a moderate rate.
+            or not self._link.send_now(frame)
+        ):
+            body = memoryview(frame)[DATA_HEAD_BYTES:]
+            self._queue_run(Run(0, 0, first_seq, samples, body, is_resumed=is_resumed))
+        if not self.is_noted:
+            self.is_noted = True
+            self._link.report(owner)
+
+    def _keep(self, run: Run) -> None:
+        """Of what is handed over, remember what may be needed again."""
         if self._is_windowed:
-            self._flying.append((self.next_seq - 1, len(body)))
-            self._flying_bytes += len(body)
+            self._flying.append((self.next_seq - 1, len(run.body)))
+            self._flying_bytes += len(run.body)
         if self._history is not None:
-            self._history.push(Run(0, 0, first_seq, samples, body))
+            self._history.push(run)
             extend(self._history, self._most_queued, is_lossless=self._is_windowed)
             self._history.drop_over_quota(spare=1)
-        link, is_resumed = self._link, self._is_resumed
-        flags = RESUMED if is_resumed else 0
-        self._is_resumed = False
         if self._kept is not None:
-            self._kept.push(Run(0, 0, first_seq, samples, body))
+            self._kept.push(run)
             self._kept.drop_over_quota(spare=1)
-        if not (
-            # Nothing waits: past the queues, which are most of what one message costs at a moderate rate.
-            self._owner._id
-            and not self.queue.runs
-            and not self._awaited
-            and len(body) < _SHORT_BYTES
-            and link.send_now(data_head(self._owner._id, first_seq, samples, len(body), flags=flags) + body)
-        ):
-            self._queue_run(Run(0, 0, first_seq, samples, body, is_resumed=is_resumed))
-        self.samples += samples
-        self.bytes += len(body) - samples * RECORD_HEAD_BYTES
-        link.report(self._owner)
 
     def credit(self, seq: int) -> None:
         """Everything up to `seq` was taken by all that must take."""
@@ -223,7 +235,8 @@ class SocketRoute:
         self._most_queued = max(QUEUE_BYTES, answer.max_message_bytes + RUN_BYTES)
         self._window_samples = answer.window_samples
         self._window_bytes = answer.window_bytes
-        self._full_parts = 2 * answer.depth or 1 << 30
+        self.run.most = answer.depth or _NO_MATTER
+        self.run.begins_below = self._begins_below
         self.queue.set_depth(answer.depth)
         self.queue.endpoint = answer.id
         if self._history is not None:
@@ -283,16 +296,21 @@ class SocketRoute:
     @property
     def open_samples(self) -> int:
         """Samples of the run that is open; they are in no other count."""
-        return len(self._parts) // 2
+        return self.run.samples
 
     @property
     def open_bytes(self) -> int:
-        return sum(map(len, self._parts[1::2]))
+        return self.run.size - self.run.samples * RECORD_HEAD_BYTES
 
     def forget_open(self) -> None:
-        """The run that is open will not be sent."""
-        self._parts.clear()
-        self._budget = 0
+        """The run that is open will not be sent, and no other is begun here."""
+        self.run.forget()
+        self.run.begins_below = 0
+
+    @property
+    def _begins_below(self) -> int:
+        """Where nothing but its size can stand against a message, how long it may be to begin a run."""
+        return 0 if self._is_windowed else min(RUN_BYTES, self._max_bytes + 1)
 
     def _repeat(self, subscription: int) -> None:
         """Send it what the broker that died had got, and perhaps not passed on; what it has, it knows."""
@@ -340,6 +358,7 @@ class SocketRoute:
         replaced += self.queue.drop_over_quota(spare=1)
         if replaced:
             self.replaced += replaced
+            self.on_replaced(replaced)
             runs[0].is_resumed |= is_resumed  # the gap before it is mostly of that kind
         if self._owner._id and not self._awaited:
             self._link.make_ready(self.queue)

@@ -104,8 +104,14 @@ class TypeSupport(Generic[M]):
             self._plan = plan(self.cls)
         return self._plan
 
-    def check(self, message: M) -> bool:
-        """`is_valid`, which is made only now."""
+    @property
+    def steps(self) -> tuple[type[M], Callable[[M], bool], Callable[[M], bytes], Any]:
+        """What the native core must know to publish: the class, its check, its encoder, its plan or None."""
+        plan = self.plan
+        return self.cls, self.is_valid if plan is None else self._check, self.encode, plan
+
+    def _check(self, message: M) -> bool:
+        """`is_valid`, which is made only now: with a plan it is hardly asked for."""
         return self.is_valid(message)
 
     def __repr__(self) -> str:

@@ -116,6 +116,7 @@ static int core_exec(PyObject *module)
         || add_type(module, &loan_spec, &state->loan, false) < 0
         || add_type(module, &plan_spec, &state->plan, true) < 0
         || add_type(module, &writer_spec, NULL, true) < 0
+        || add_type(module, &run_spec, NULL, true) < 0
         || add_type(module, &reader_spec, NULL, true) < 0)
         return -1;
     static const struct {
@@ -160,6 +161,8 @@ static void core_release(void *module) { core_clear(module); }
 static PyMethodDef functions[] = {
     {"ring_bytes", (PyCFunction)(void (*)(void))core_ring_bytes, KEYWORDS, NULL},
     {"readers_bytes", core_readers_bytes, METH_O, NULL},
+    {"run_messages", (PyCFunction)(void (*)(void))core_run_messages, METH_FASTCALL, NULL},
+    {"run_samples", (PyCFunction)(void (*)(void))core_run_samples, METH_FASTCALL, NULL},
     {"forget_pins", core_forget_pins, METH_NOARGS, NULL},
     {0},
 };

@@ -250,5 +250,51 @@ class Reader:
     def pop_left(self) -> list[tuple[Any, str, int]]:
         """Sources whose ring was left by itself, the reason ("": it was finished), and the next number."""
 
+class OpenRun:
+    """`bus.openrun.OpenRun`, which says what it does."""
+
+    samples: int
+    size: int
+    budget: int
+    most: int
+    begins_below: int
+    thread: int
+    is_guarded: bool
+    def __init__(self) -> None: ...
+    def add(self, payload: Buffer, stamp_ns: int = 0, /) -> bool: ...
+    def begin(self, payload: Buffer, stamp_ns: int, /) -> None: ...
+    def end(self, endpoint: int, first_seq: int, flags: int, /) -> bytearray: ...
+    def forget(self) -> None: ...
+    def prepare(
+        self,
+        kind: type,
+        is_valid: Callable[[Any], bool],
+        encode: Callable[[Any], Bytes],
+        plan: Plan | None,
+        begun: Callable[[int], object],
+        /,
+    ) -> None: ...
+    def publish(self, message: Any, /) -> bool | Bytes: ...
+
+def run_messages(
+    body: Buffer, offset: int, number: int, decode: Callable[[Any], M], /
+) -> tuple[list[M], int] | None:
+    """`number` messages of a run's body from `offset` on, and the offset behind them.
+
+    None where one of them is cut off, or `decode` refuses it.
+    """
+
+def run_samples(
+    body: Buffer,
+    offset: int,
+    number: int,
+    decode: Callable[[Any], M],
+    first_seq: int,
+    source: object,
+    received_ns: int,
+    /,
+) -> tuple[list[tuple[M, int, int, Any, int]], int] | None:
+    """As `run_messages`: (message, stamp ns, seq, source, time of receipt in ns) in place of each message."""
+
 def forget_pins() -> None:
     """In the child of a fork: views that it inherited must not release the parent's pins."""

@@ -4,7 +4,7 @@
  * bounded spin of Readers.sleep) and nothing here makes, passes or closes descriptors: bus.shm.segments does.
  * Types: Mapping (core_mapping.c), Bell (core_bell.c), Writer (core_writer.c, core_gates.c, core_carry.c), Readers
  * (core_readers.c), Reader (core_reader.c, core_feed.c, core_take.c), Plan (core_plan.c); View and
- * Loan (core_view.c) are what memoryviews of records hold.
+ * Loan (core_view.c) are what memoryviews of records hold. OpenRun (core_run.c) is of the other route: no segment.
  */
 #ifndef BUS_SHM_CORE_H
 #define BUS_SHM_CORE_H
@@ -181,7 +181,11 @@ void doorbell_hush(int number, bool is_wary);
 
 /* The types */
 extern PyType_Spec mapping_spec, bell_spec, writer_spec, readers_spec, reader_spec, view_spec, loan_spec,
-    plan_spec;
+    plan_spec, run_spec;
+
+/* core_run.c */
+PyObject *core_run_messages(PyObject *module, PyObject *const *args, Py_ssize_t count);
+PyObject *core_run_samples(PyObject *module, PyObject *const *args, Py_ssize_t count);
 
 /* core_plan.c */
 

@@ -1,0 +1,130 @@
+"""The run that a publisher fills: in C where the native core is, else in Python.
+
+Both ways give the same bytes and the same answers. Must not know topics, queues or what a run is sent for.
+"""
+
+from collections.abc import Callable
+from threading import get_ident
+from time import monotonic_ns
+from typing import Any, Protocol
+
+from bus.shm import core, has_core
+from bus.wire.layout import RECORD_HEAD, RECORD_HEAD_BYTES
+from bus.wire.runs import Buffer, data_head
+
+__all__ = ["OpenRun", "PythonRun", "open_run"]
+
+_pack_record = RECORD_HEAD.pack
+
+
+class OpenRun(Protocol):
+    """The run that a publisher fills, until it is handed over.
+
+    Samples are taken on the `thread` only, unless `is_guarded`: then whoever calls holds a lock of its own.
+    """
+
+    samples: int
+    """In the run; 0: none is open."""
+    size: int
+    """Bytes of its records, with their heads."""
+    budget: int
+    """How many bytes of records may follow. 0 after `begin`."""
+    most: int
+    """How many samples it may hold."""
+    thread: int
+    is_guarded: bool
+
+    def add(self, payload: Buffer, stamp_ns: int = 0, /) -> bool:
+        """Take a sample into the run that is open; False where it has no room or none is open.
+
+        It is stamped now, where there is no stamp. False on another thread.
+        """
+
+    def begin(self, payload: Buffer, stamp_ns: int, /) -> None:
+        """Take a sample as the first of a new run. Raises ValueError where one is open."""
+
+    def end(self, endpoint: int, first_seq: int, flags: int, /) -> Buffer:
+        """The run's frame towards the broker: the head, DATA_HEAD_BYTES long, and the records."""
+
+    def forget(self) -> None:
+        """What is in the run goes nowhere."""
+
+    # --- messages
+
+    begins_below: int
+    """`publish` begins a run only with an encoding that is shorter than this."""
+
+    def prepare(
+        self,
+        kind: type,
+        is_valid: Callable[[Any], bool],
+        encode: Callable[[Any], bytes],
+        plan: Any,
+        begun: Callable[[int], object],
+        /,
+    ) -> None:
+        """For `publish`: how the messages of class `kind` are checked and encoded (`TypeSupport.steps`).
+
+        `begun` is called with the stamp of the first sample when `publish` has begun a run.
+        """
+
+    def publish(self, message: Any, /) -> bool | bytes:
+        """Check, encode and add a message, or begin a run with it; True, or False where nothing was done.
+
+        An error of the check or the encoder is not raised, but False. The message's encoding, where only the
+        run stands against it. It is always False before `prepare`, and where that is done in Python.
+        """
+
+
+def open_run() -> OpenRun:
+    """One without samples, for this thread."""
+    run: OpenRun = core().OpenRun() if has_core() else PythonRun()
+    return run
+
+
+class PythonRun:
+    """`OpenRun` in Python."""
+
+    def __init__(self) -> None:
+        self.samples = self.size = self.budget = self.begins_below = 0
+        self.most = 1 << 62
+        self.thread = get_ident()
+        self.is_guarded = False
+        self._parts: list[Buffer] = []  # heads and payloads in turn
+
+    def add(self, payload: Buffer, stamp_ns: int = 0, /) -> bool:
+        size = len(payload) + RECORD_HEAD_BYTES
+        if size > self.budget or self.samples >= self.most:
+            return False
+        if get_ident() != self.thread and not self.is_guarded:
+            return False
+        self._append(payload, stamp_ns or monotonic_ns())
+        self.budget -= size
+        return True
+
+    def begin(self, payload: Buffer, stamp_ns: int, /) -> None:
+        if self._parts:
+            raise ValueError("a run is open")
+        self._append(payload, stamp_ns)
+        self.budget = 0
+
+    def end(self, endpoint: int, first_seq: int, flags: int, /) -> Buffer:
+        head = data_head(endpoint, first_seq, self.samples, self.size, flags=flags)
+        frame = b"".join([head, *self._parts])
+        self.forget()
+        return frame
+
+    def forget(self) -> None:
+        self._parts.clear()
+        self.samples = self.size = self.budget = 0
+
+    def prepare(self, *_: Any) -> None:
+        pass
+
+    def publish(self, message: Any, /) -> bool:
+        return False
+
+    def _append(self, payload: Buffer, stamp_ns: int) -> None:
+        self._parts += (_pack_record(len(payload), stamp_ns), payload)
+        self.samples += 1
+        self.size += RECORD_HEAD_BYTES + len(payload)

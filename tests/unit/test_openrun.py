@@ -1,0 +1,209 @@
+"""bus.openrun: what `publish` does, and what it leaves to others. For the rest see test_runs_native.py."""
+
+import gc
+import threading
+import weakref
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from bus.msg.std_msgs import String
+from bus.openrun import OpenRun, PythonRun, open_run
+from bus.shm import core, has_core
+from bus.typesupport import type_support
+from bus.wire.layout import DATA_HEAD_BYTES, RECORD_HEAD_BYTES
+from bus.wire.runs import Run
+
+SUPPORT = type_support(String)
+
+
+class Route:
+    """Begins runs, as a publisher's route does; each has room for `budget` more bytes."""
+
+    def __init__(self, budget: int = 0) -> None:
+        self.run: OpenRun = core().OpenRun()
+        self.budget = budget
+        self.stamps: list[int] = []
+        self.act: Callable[[], object] = int
+        self.run.begins_below = 100
+
+    def prepare(self, encode: Callable[[Any], bytes] | None = None) -> OpenRun:
+        """With an encoder of its own, no plan stands in for it."""
+        if encode is None:
+            self.run.prepare(*SUPPORT.steps, self.begun)
+        else:
+            self.run.prepare(SUPPORT.cls, SUPPORT.is_valid, encode, None, self.begun)
+        return self.run
+
+    def begun(self, stamp_ns: int) -> None:
+        self.stamps.append(stamp_ns)
+        self.run.budget = self.budget
+        self.act()
+
+
+def payloads(run: OpenRun) -> list[str]:
+    """What is in the run, which ends."""
+    count = run.samples
+    body = memoryview(run.end(1, 1, 0))[DATA_HEAD_BYTES:]
+    return [SUPPORT.decode(payload).data for payload, _ in Run(0, 0, 1, count, body).records()]
+
+
+def test_without_the_core_nothing_is_done_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BUS_NATIVE", "no")
+    run = open_run()
+    assert isinstance(run, PythonRun)
+    run.prepare(*SUPPORT.steps, int)
+    assert run.publish(String(data="a")) is False
+
+
+@pytest.mark.skipif(not has_core(), reason="the native core was not built")
+class TestPublish:
+    def test_a_run_is_begun_and_told_of_once(self) -> None:
+        route = Route(budget=1000)
+        run = route.prepare()
+        assert [run.publish(String(data=text)) for text in "abc"] == [True, True, True]
+        assert len(route.stamps) == 1
+        assert payloads(run) == ["a", "b", "c"]
+
+    def test_what_has_no_room_comes_back_encoded(self) -> None:
+        route = Route(budget=RECORD_HEAD_BYTES + 2)
+        run = route.prepare()
+        assert run.publish(String(data="a"))
+        assert run.publish(String(data="bc")) == SUPPORT.encode(String(data="bc"))
+        assert run.publish(String(data=""))
+        assert run.publish(String(data="")) == SUPPORT.encode(String(data=""))
+        assert payloads(run) == ["a", ""]
+
+    def test_a_full_run_takes_no_more(self) -> None:
+        route = Route(budget=1000)
+        run = route.prepare()
+        run.most = 2
+        assert [run.publish(String(data="a")) is True for _ in range(3)] == [True, True, False]
+
+    @pytest.mark.parametrize("size", [98, 200])
+    def test_a_long_one_begins_none(self, size: int) -> None:
+        route = Route()
+        run = route.prepare()
+        message = String(data="a" * size)
+        assert run.publish(message) == SUPPORT.encode(message)
+        assert (run.samples, route.stamps) == (0, [])
+
+    def test_what_it_does_not_know_is_left_alone(self) -> None:
+        class Other(String):
+            pass
+
+        route = Route()
+        assert route.run.publish(String()) is False  # not prepared
+        run = route.prepare()
+        wrong: Any = 5
+        for message in (None, "text", String, Other(), String(data=wrong), String(data="\ud800")):
+            assert run.publish(message) is False
+        assert (run.samples, route.stamps) == (0, [])
+
+    def test_only_its_thread_publishes_unless_it_is_guarded(self) -> None:
+        route = Route(budget=1000)
+        run = route.prepare()
+        answers: list[Any] = []
+
+        def publish() -> None:
+            answers.append(run.publish(String(data="a")))
+            answers.append(run.add(b"", 1))
+
+        for run.is_guarded in (False, True):
+            thread = threading.Thread(target=publish)
+            thread.start()
+            thread.join()
+        assert answers == [False, False, True, True]
+
+    def test_an_interruption_goes_through(self) -> None:
+        def encode(message: String) -> bytes:
+            raise KeyboardInterrupt
+
+        run = Route().prepare(encode)
+        with pytest.raises(KeyboardInterrupt):
+            run.publish(String())
+        assert run.samples == 0
+
+    def test_what_the_route_raises_goes_through_and_the_sample_is_there(self) -> None:
+        route = Route()
+
+        def fail() -> None:
+            raise MemoryError
+
+        route.act = fail
+        run = route.prepare()
+        with pytest.raises(MemoryError):
+            run.publish(String(data="a"))
+        assert payloads(run) == ["a"]
+
+    def test_an_encoder_may_publish_itself(self) -> None:
+        route = Route(budget=1000)
+
+        def encode(message: String) -> bytes:
+            if message.data == "outer":
+                assert run.publish(String(data="inner"))
+            return SUPPORT.encode(message)
+
+        run = route.prepare(encode)
+        assert run.publish(String(data="outer"))
+        assert payloads(run) == ["inner", "outer"]
+
+    def test_an_encoder_may_end_the_run(self) -> None:
+        route = Route(budget=1000)
+        frames = []
+
+        def encode(message: String) -> bytes:
+            if run.samples:
+                frames.append(run.end(1, 1, 0))
+                run.begins_below = 0
+            return SUPPORT.encode(message)
+
+        run = route.prepare(encode)
+        assert run.publish(String(data="a"))
+        assert run.publish(String(data="b")) == SUPPORT.encode(String(data="b"))
+        assert (len(frames), run.samples) == (1, 0)
+
+    def test_the_route_may_end_the_run_while_it_is_told(self) -> None:
+        route = Route()
+        frames = []
+        run = route.prepare()
+        route.act = lambda: frames.append(run.end(1, 1, 0))
+        assert run.publish(String(data="a")) and run.publish(String(data="b"))
+        assert (len(frames), run.samples) == (2, 0)
+
+    def test_an_encoding_that_is_no_bytes_is_left_to_others(self) -> None:
+        wrong: Any = bytearray
+        run = Route().prepare(lambda message: wrong(b"a"))
+        assert run.publish(String()) is False
+
+    def test_a_route_and_its_run_go_together(self) -> None:
+        route = Route()
+        route.prepare()
+        gone = weakref.ref(route)
+        del route
+        gc.collect()
+        assert gone() is None
+
+    def test_a_publisher_prepares_it_once(self) -> None:
+        route = Route()
+        route.prepare()
+        with pytest.raises(ValueError, match="prepared already"):
+            route.prepare()
+
+
+@pytest.mark.skipif(not has_core(), reason="the native core was not built")
+def test_numbers_that_the_wire_has_no_place_for_are_refused() -> None:
+    run = Route().run
+    with pytest.raises(ValueError, match="no run is open"):
+        run.end(1, 1, 0)
+    run.begin(b"", 1)
+    with pytest.raises(ValueError, match="too large"):
+        run.end(1 << 32, 1, 0)
+    with pytest.raises(OverflowError):
+        run.end(1, -1, 0)
+    with pytest.raises(ValueError, match="no open run"):
+        run.begin(b"", 1)
+    with pytest.raises(TypeError):
+        run.add(5)  # type: ignore[arg-type]
+    assert run.samples == 1
