@@ -1,6 +1,7 @@
 """Calls a subscription's callback for what waits in its inbox: in turns, so that others have theirs.
 
-Calls of one subscription never overlap. Does not know where messages come from.
+Calls of one subscription never overlap. A plain callback for one message that came in a ring is the native
+reader's to call (`Readers.deliver`): both look at one flag, whether a call is under way.
 """
 
 import asyncio
@@ -18,10 +19,19 @@ _TURN_NS = 5_000_000
 _MOST_IN_A_TURN = 64
 
 
+class _Calls:
+    """Stands in for the native reader where there is none."""
+
+    __slots__ = ("is_busy",)
+
+    def __init__(self) -> None:
+        self.is_busy = False
+
+
 class Dispatcher(Generic[M]):
     """`make_info` gives a callback of two arguments its second; `receive` waits for the next message.
 
-    `on_error` is told of what the callback raises.
+    `on_error` is told of what the callback raises. `is_timed`: somebody must hear of each message.
     """
 
     def __init__(
@@ -33,6 +43,7 @@ class Dispatcher(Generic[M]):
         receive: Callable[[], Awaitable[tuple[M, Any]]],
         on_error: Callable[[BaseException], None],
         name: str,
+        is_timed: bool,
     ) -> None:
         self._callback = callback
         self._inbox = inbox
@@ -42,11 +53,13 @@ class Dispatcher(Generic[M]):
         self._wants_info = takes_info(callback)
         self._loop = asyncio.get_running_loop()
         self._has_ended = False
-        self._is_dispatching = False
-        self._is_scheduled = False
+        self._calls: Any = _Calls() if inbox.reader is None else inbox.reader
+        """Its `is_busy`: a call is under way, or the next turn is scheduled."""
         self._task: asyncio.Task[None] | None = None
         if is_async(callback):
             self._task = asyncio.create_task(self._run(), name=f"callback of {name}")
+        elif inbox.reader is not None and not self._wants_info and not is_timed:
+            inbox.call_back(callback, on_error)
 
     @property
     def is_async(self) -> bool:
@@ -56,14 +69,18 @@ class Dispatcher(Generic[M]):
     def end(self) -> None:
         """Call back no more."""
         self._has_ended = True
+        if self._inbox.reader is not None:
+            self._inbox.reader.forget_callback()
         if self._task is not None and self._task is not asyncio.current_task():
             self._task.cancel()
 
     def dispatch(self) -> None:
         """Call back for what waits."""
-        if self._is_dispatching or self._is_scheduled:
+        state = self._calls
+        if state.is_busy:
             return
-        self._is_dispatching = True
+        state.is_busy = True
+        is_scheduled = False
         callback, inbox, wants_info = self._callback, self._inbox, self._wants_info
         calls, number, end_ns = 0, 1, 0
         try:
@@ -93,7 +110,7 @@ class Dispatcher(Generic[M]):
                 if now_ns > end_ns:
                     # Let timers and sockets have their turn: a slow callback must not see stale messages.
                     # Until then nobody else dispatches, or the turns would add up.
-                    self._is_scheduled = True
+                    is_scheduled = True
                     self._loop.call_soon(self._dispatch_on)
                     return
                 # A callback that proves fast gets more at a time, which saves looking at the clock.
@@ -101,7 +118,7 @@ class Dispatcher(Generic[M]):
         except Exception as error:
             self._on_error(error)
         finally:
-            self._is_dispatching = False
+            state.is_busy = is_scheduled
 
     def _call_with(self, messages: list[M]) -> None:
         """Call back for each message; those that an exception leaves over wait to be taken again."""
@@ -115,7 +132,7 @@ class Dispatcher(Generic[M]):
             self._inbox.put_back(list(left))
 
     def _dispatch_on(self) -> None:
-        self._is_scheduled = False
+        self._calls.is_busy = False
         self.dispatch()
 
     async def _run(self) -> None:

@@ -64,9 +64,8 @@ class Inbox(Generic[M]):
         """Takes out of the rings: `bus.shm`'s Reader, where memory is shared."""
         self.stamp_ns = 0
         """Stamp of the sample that `take` had last out of a ring."""
-        self.is_noted = False
-        """Else `on_note` is called when `take` has something out of a ring."""
         self.on_note: Callable[[], object] = _ignore
+        """Called when `take` has something out of a ring, unless the reader's `is_noted` says that it was."""
         self._rejected = 0
         self._on_drop = on_drop
         self._on_reject = on_reject
@@ -186,8 +185,8 @@ class Inbox(Generic[M]):
                     return None
                 if batch:
                     self.stamp_ns = batch[-1][1]
-                    if not self.is_noted:
-                        self.is_noted = True
+                    if not self.reader.is_noted:
+                        self.reader.is_noted = True
                         self.on_note()
                 ahead += batch
                 continue
@@ -214,6 +213,10 @@ class Inbox(Generic[M]):
     def quick_take(self) -> Callable[[], list[M]] | None:
         """What takes a message out of the rings in one native call, for who knows that no others wait."""
         return None if self.reader is None else partial(self.reader.messages, 1, self._decode)
+
+    def call_back(self, callback: Callable[[M], object], on_error: Callable[[Exception], object]) -> None:
+        """Let the reader call back by itself for what comes in rings, while nothing else waits here."""
+        self.reader.prepare(callback, self._decode, on_error, (self.ahead, self._queue.runs))
 
     def put_back(self, messages: list[M]) -> None:
         """What `take_messages` gave and was not delivered is taken next."""

@@ -80,7 +80,8 @@ class Sharing:
         self._is_closed = False
         # On a loop that threads share, whoever waits for the news goes on before the rest is seen to.
         self._deferred = self._loop.deferred if isinstance(self._loop, GuardedLoop) else None
-        self._loop.add_reader(self.doorbell.number, self._rung)
+        self._look_at_all = self._rung if self._deferred is None else self._rung_among_threads
+        self._loop.add_reader(self.doorbell.number, self._look_at_all)
         self.readers.sleep()
 
     @classmethod
@@ -98,6 +99,7 @@ class Sharing:
         """Hear the doorbell no more. What is pinned stays readable."""
         if not self._is_closed:
             self._is_closed = True
+            self.readers.close()
             self._loop.remove_reader(self.doorbell.number)
             self._waiting.clear()
             if self._watch is not None:
@@ -108,6 +110,7 @@ class Sharing:
     def abandon(self) -> None:
         """In the child of a fork: leave alone the event loop, and what is the parent's."""
         self._is_closed = True
+        self.readers.close()
         self._waiting.clear()
 
     # --- the other side
@@ -185,22 +188,27 @@ class Sharing:
 
     def _look_at_added(self) -> None:
         self._is_look_due = False
-        self._rung()
+        self._look_at_all()
 
     def _rung(self) -> None:
         # Few steps from here to the callback: after a sleep each of them is slow.
+        owners = self.readers.deliver(not self._poll_ns)
+        if owners:
+            self._on_news(owners)
+        if owners is not None or self._waiting:
+            self._turn(True, 0)
+
+    def _rung_among_threads(self) -> None:
         if not self._is_closed:
             owners = self.readers.wake()
             if owners:
                 self._on_news(owners)
-            if self._deferred is None:
-                self._turn(bool(owners), 0)
-            else:
-                self._deferred.append((self._turn, (bool(owners), 0)))
+            assert self._deferred is not None
+            self._deferred.append((self._turn, (bool(owners), 0)))
 
     def _look_unrung(self) -> None:
         self._watch = self._loop.call_later(_WATCH_S, self._look_unrung)
-        self._rung()
+        self._look_at_all()
 
     def _turn(self, has_news: bool, spin_ns: int) -> None:
         """What has come is delivered: see to the rest, and sleep."""

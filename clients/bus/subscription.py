@@ -107,6 +107,13 @@ class Subscription(Endpoint[M]):
         """Called on the event loop when something has come that may be taken; in place of a callback."""
         self._on_end: Callable[[BusError], object] | None = None
         """Called once it can't be used any more, whatever the cause."""
+        self._rings: RingInput | None = None
+        if link.sharing is not None:
+            self._rings = RingInput(link, link.sharing, self, self._miss)
+            self._inbox.reader = self._rings.reader
+            self._inbox.on_note = partial(link.report, self)
+            if busy_poll:
+                self._rings.poll(busy_poll)
         self._dispatcher: Dispatcher[M] | None = None
         if callback is not None:
             self._dispatcher = Dispatcher(
@@ -116,14 +123,8 @@ class Subscription(Endpoint[M]):
                 receive=self.receive,
                 on_error=on_error,
                 name=topic,
+                is_timed=qos.deadline is not None,
             )
-        self._rings: RingInput | None = None
-        if link.sharing is not None:
-            self._rings = RingInput(link, link.sharing, self, self._miss)
-            self._inbox.reader = self._rings.reader
-            self._inbox.on_note = partial(link.report, self)
-            if busy_poll:
-                self._rings.poll(busy_poll)
 
     def take(self) -> tuple[M, MessageInfo] | None:
         """The oldest waiting message and its info; None where none waits. Never blocks."""
@@ -276,9 +277,9 @@ class Subscription(Endpoint[M]):
     def _totals(self) -> m.Report:
         """This subscription's counters, for the graph."""
         inbox = self._inbox
-        inbox.is_noted = False
         queued = inbox.queued  # looks at the rings
         if self._rings is not None:
+            self._rings.reader.is_noted = False
             self._rings.sweep()
         return m.Report(
             endpoint=self._id,

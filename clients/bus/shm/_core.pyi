@@ -1,7 +1,7 @@
 """The native core: whole operations on mapped segments. See docs/ring.md; the algorithm is in the headers."""
 
 import builtins
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Sized
 from types import MemberDescriptorType
 from typing import Any, Final, Literal, TypeAlias, TypeVar
 
@@ -169,6 +169,14 @@ class Readers:
     slot_count: int
     is_wary: bool
     def __init__(self, memory: Mapping, doorbell: int) -> None: ...
+    def deliver(self, may_sleep: bool, /) -> list[Any] | None:
+        """The doorbell rang: disarm, and give each reader with news its turn; then read the doorbell.
+
+        A reader that was prepared and may call back takes one message and does. Where the others and those
+        with more are none, and it may, this falls asleep: then None, as when it was closed. Else the owners
+        that must look, perhaps none, and it is awake. An exception of a callback that is no Exception comes
+        out of here, and the doorbell stays rung: what is left to do, the next call does.
+        """
     def wake(self) -> list[Any]:
         """The doorbell rang: read it, disarm, and give the owners of readers for whom something new has come
         since `wake` or `sleep` looked last."""
@@ -181,6 +189,8 @@ class Readers:
         """Look for up to `spin_ns` for news, without arming the bell (busy polling)."""
     def is_free(self, slot: int) -> bool:
         """No pin of this slot is in use."""
+    def close(self) -> None:
+        """The doorbell is somebody else's from now on: `deliver` leaves it alone and ends, wherever it is."""
 
 class Reader:
     """What one subscription reads: the rings of its publishers, merged by their stamps.
@@ -196,6 +206,10 @@ class Reader:
     overrun: int
     expired: int
     undecodable: int
+    is_busy: bool
+    """A call is under way or about to go on, so that it must not call back by itself. May be set."""
+    is_noted: bool
+    """May be set to False: then the owner is told when a message is taken next by `Readers.deliver`."""
     expected: int
     """By the numbers: samples + replaced + overrun + expired + undecodable + those that wait."""
 
@@ -236,6 +250,16 @@ class Reader:
         """Leave a ring at once. Nothing happens where it is not attached."""
     def next_seq(self, source: Any) -> int:
         """The number that is taken next; 0 where it is not attached."""
+    def prepare(
+        self,
+        callback: Callable[[M], object],
+        decode: Callable[[Any], M],
+        on_error: Callable[[Exception], object],
+        queues: tuple[Sized, ...],
+    ) -> None:
+        """Let `Readers.deliver` call back, while all `queues` are empty: what waits there comes first."""
+    def forget_callback(self) -> None:
+        """Take that back, also while it is called."""
     def waiting(self) -> int:
         """Samples that could be taken now, within the depth."""
     def take(self, limit: int, decode: Callable[[Any], M]) -> list[tuple[M, int, int, Any, int]]:

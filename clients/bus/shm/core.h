@@ -108,10 +108,11 @@ typedef struct {
     struct readers_header *header;
     struct reader_slot *slots;
     uint64_t slot_count;
-    int doorbell;
+    int doorbell; /* -1: closed */
     struct watch *watches; /* one for each feed of all Readers that live; not owned */
     size_t count, room;
     uint64_t round; /* looks so far */
+    PyObject *told; /* a list: owners that deliver() has yet to give out; NULL: none */
     bool had_news;  /* at the last attempt to fall asleep */
     char is_wary;   /* of other users, who may have the doorbell */
 } Readers;
@@ -145,6 +146,12 @@ struct feed {
     unsigned forks;          /* in a child of a fork, the slot is the parent's */
 };
 
+/* With what a Reader calls back by itself. */
+struct prepared {
+    PyObject *callback, *decode, *on_error;
+    PyObject *queues; /* a tuple: what waits in these comes before what is in the rings */
+};
+
 struct Reader {
     PyObject_HEAD
     Readers *readers;
@@ -157,7 +164,11 @@ struct Reader {
     bool tells_cursor;
     uint64_t samples, bytes, expired, undecodable;
     uint64_t replaced, overrun, passed; /* of feeds that were left; passed: all that they have stepped over */
+    uint64_t lost_told;        /* of all that was lost, what the owner has looked after */
     PyObject *rejected, *left; /* lists */
+    struct prepared prepared;  /* callback NULL: the owner calls back */
+    char is_busy;              /* a call is under way or about to go on: calls never overlap */
+    char is_noted;             /* the owner knows that its counters have changed */
 };
 
 /* _core.c */
@@ -241,6 +252,7 @@ void feed_skip(struct feed *feed, uint64_t count);
 enum ring_status feed_look(struct feed *feed, uint64_t depth);
 bool feed_may_pin(struct feed *feed);
 bool feed_has_news(struct feed *feed);
+void feed_see(struct feed *feed);
 void feed_tell(struct feed *feed);
 void feed_room(struct feed *feed);
 
@@ -258,5 +270,7 @@ int reader_leave(Reader *self, struct feed *feed, const char *reason);
 /* core_take.c */
 PyObject *reader_take(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObject *kwnames);
 PyObject *reader_messages(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObject *kwnames);
+bool reader_is_ready(const Reader *self);
+int reader_deliver(Reader *self);
 
 #endif

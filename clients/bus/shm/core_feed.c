@@ -178,17 +178,17 @@ bool feed_may_pin(struct feed *self)
     return self->ticket == 0;
 }
 
-/* Whether something came that the owner was not told of, and it is told now. */
+/* Whether something waits that the owner was not told of. */
 bool feed_has_news(struct feed *self)
 {
     const uint64_t newest = feed_newest(self);
     if (self->ticket != 0)
         feed_may_pin(self);
-    if (newest <= self->seen)
-        return false;
-    self->seen = newest;
-    return newest >= self->ring.next;
+    return newest > self->seen && newest >= self->ring.next;
 }
+
+/* The owner looks now. */
+void feed_see(struct feed *self) { self->seen = feed_newest(self); }
 
 /* Rings the publisher where it waits for room. */
 void feed_room(struct feed *self)

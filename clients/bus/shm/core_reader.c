@@ -44,6 +44,16 @@ static void remove_feed(Reader *self, const struct feed *feed)
     self->passed += feed->ring.next - feed->first;
 }
 
+static void forget_callback(Reader *self)
+{
+    struct prepared prepared = self->prepared;
+    self->prepared = (struct prepared){0}; /* first: what goes with them may run anything */
+    Py_XDECREF(prepared.callback);
+    Py_XDECREF(prepared.decode);
+    Py_XDECREF(prepared.on_error);
+    Py_XDECREF(prepared.queues);
+}
+
 static int reader_clear(PyObject *object)
 {
     Reader *self = (Reader *)object;
@@ -55,6 +65,7 @@ static int reader_clear(PyObject *object)
     Py_CLEAR(self->owner);
     Py_CLEAR(self->rejected);
     Py_CLEAR(self->left);
+    forget_callback(self);
     return 0;
 }
 
@@ -65,6 +76,10 @@ static int reader_traverse(PyObject *object, visitproc visit, void *arg)
     Py_VISIT(self->owner);
     Py_VISIT(self->rejected);
     Py_VISIT(self->left);
+    Py_VISIT(self->prepared.callback);
+    Py_VISIT(self->prepared.decode);
+    Py_VISIT(self->prepared.on_error);
+    Py_VISIT(self->prepared.queues);
     for (size_t i = 0; i < self->count; i++)
         Py_VISIT(self->feeds[i]->source);
     return 0;
@@ -362,6 +377,29 @@ static PyObject *get_expected(PyObject *object, void *Py_UNUSED(closure))
     return PyLong_FromUnsignedLongLong(sum);
 }
 
+static PyObject *reader_prepare(PyObject *object, PyObject *args, PyObject *kwargs)
+{
+    static char *names[] = {"callback", "decode", "on_error", "queues", NULL};
+    Reader *self = (Reader *)object;
+    struct prepared prepared;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOO!", names, &prepared.callback, &prepared.decode,
+                                     &prepared.on_error, &PyTuple_Type, &prepared.queues))
+        return NULL;
+    Py_INCREF(prepared.callback);
+    Py_INCREF(prepared.decode);
+    Py_INCREF(prepared.on_error);
+    Py_INCREF(prepared.queues);
+    forget_callback(self);
+    self->prepared = prepared;
+    Py_RETURN_NONE;
+}
+
+static PyObject *reader_forget_callback(PyObject *object, PyObject *Py_UNUSED(none))
+{
+    forget_callback((Reader *)object);
+    Py_RETURN_NONE;
+}
+
 static PyMethodDef methods[] = {
     {"attach", (PyCFunction)(void (*)(void))reader_attach, KEYWORDS, NULL},
     {"extend", (PyCFunction)(void (*)(void))reader_extend, KEYWORDS, NULL},
@@ -369,6 +407,8 @@ static PyMethodDef methods[] = {
     {"detach", reader_detach, METH_O, NULL},
     {"next_seq", reader_next_seq, METH_O, NULL},
     {"waiting", reader_waiting, METH_NOARGS, NULL},
+    {"prepare", (PyCFunction)(void (*)(void))reader_prepare, KEYWORDS, NULL},
+    {"forget_callback", reader_forget_callback, METH_NOARGS, NULL},
     {"take", (PyCFunction)(void (*)(void))reader_take, FAST_KEYWORDS, NULL},
     {"messages", (PyCFunction)(void (*)(void))reader_messages, FAST_KEYWORDS, NULL},
     {"pop_rejected", reader_pop_rejected, METH_NOARGS, NULL},
@@ -381,6 +421,8 @@ static PyMemberDef members[] = {
     {"bytes", T_ULONGLONG, offsetof(Reader, bytes), READONLY, NULL},
     {"expired", T_ULONGLONG, offsetof(Reader, expired), READONLY, NULL},
     {"undecodable", T_ULONGLONG, offsetof(Reader, undecodable), READONLY, NULL},
+    {"is_busy", T_BOOL, offsetof(Reader, is_busy), 0, NULL},
+    {"is_noted", T_BOOL, offsetof(Reader, is_noted), 0, NULL},
     {0},
 };
 

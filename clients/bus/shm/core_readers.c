@@ -50,6 +50,7 @@ static PyObject *readers_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
 static void readers_dealloc(PyObject *object)
 {
     PyMem_Free(((Readers *)object)->watches);
+    Py_XDECREF(((Readers *)object)->told);
     DROP(((Readers *)object)->memory);
     core_free(object);
 }
@@ -85,19 +86,28 @@ void readers_forget(Readers *self, const struct feed *feed)
     self->watches[feed->watch].feed->watch = feed->watch;
 }
 
+static inline bool has_news(struct watch *watch)
+{
+    /* PAIR(latest): acquire, as in ring_poll(). PAIR(sleep): what bell_arm() orders before this look. */
+    const uint64_t latest = atomic_load_explicit(watch->latest, memory_order_acquire);
+    if (latest == watch->known && latest != LOOK)
+        return false;
+    if (feed_has_news(watch->feed))
+        return true;
+    watch->known = watch->feed->ticket == 0 ? latest : LOOK; /* a ticket is shown for a while only */
+    return false;
+}
+
 /* Adds the owners of readers with news. Each is told once, so what can't be added is an error for all. */
 static int collect(Readers *self, PyObject *owners)
 {
     self->round++;
     for (size_t i = 0; i < self->count; i++) {
         struct watch *watch = &self->watches[i];
-        /* PAIR(latest): acquire, as in ring_poll(). PAIR(sleep): what bell_arm() orders before this look. */
-        const uint64_t latest = atomic_load_explicit(watch->latest, memory_order_acquire);
-        if (latest == watch->known && latest != LOOK)
+        if (!has_news(watch))
             continue;
-        const bool has_news = feed_has_news(watch->feed);
-        watch->known = watch->feed->ticket == 0 ? latest : LOOK; /* a ticket is shown for a while only */
-        if (!has_news || watch->reader->round == self->round)
+        feed_see(watch->feed);
+        if (watch->reader->round == self->round)
             continue;
         watch->reader->round = self->round;
         if (PyList_Append(owners, watch->reader->owner) < 0)
@@ -117,6 +127,74 @@ static PyObject *readers_wake(PyObject *object, PyObject *Py_UNUSED(none))
     if (collect(self, owners) < 0)
         Py_CLEAR(owners);
     return owners;
+}
+
+/* The owner of `reader` is to look. */
+static int tell(Readers *self, const Reader *reader)
+{
+    if (self->told == NULL && (self->told = PyList_New(0)) == NULL)
+        return -1;
+    return PyList_Append(self->told, reader->owner);
+}
+
+/* Each reader with news has its turn once, and calls back for one message or leaves it to its owner. A callback may add
+ * readers and remove them, look, or close it all. What is passed over for that, or comes after its reader's turn, the
+ * look before the sleep finds. */
+static int give_turns(Readers *self)
+{
+    const uint64_t round = ++self->round;
+    bool is_quick = true;
+    for (size_t i = 0; i < self->count && self->doorbell >= 0; i++) {
+        if (!has_news(&self->watches[i]) || self->watches[i].reader->round >= round)
+            continue;
+        Reader *reader = self->watches[i].reader;
+        HOLD(reader);
+        reader->round = round;
+        for (size_t j = 0; j < reader->count; j++)
+            feed_see(reader->feeds[j]);
+        /* An owner that calls back itself comes before the readers that follow: the order is always the same. */
+        is_quick = is_quick && reader_is_ready(reader);
+        int status = is_quick ? reader_deliver(reader) : 0;
+        if (status <= 0 && tell(self, reader) < 0)
+            status = -1;
+        DROP(reader);
+        if (status < 0)
+            return -1;
+    }
+    return 0;
+}
+
+static PyObject *readers_deliver(PyObject *object, PyObject *may_sleep)
+{
+    Readers *self = (Readers *)object;
+    if (self->doorbell < 0)
+        Py_RETURN_NONE;
+    bell_disarm(&self->header->arrival);
+    if (give_turns(self) < 0)
+        return NULL; /* the doorbell is not cleared, so this is called again for the rest */
+    if (self->doorbell < 0)
+        Py_RETURN_NONE; /* now it may be another file's number, or, in the child of a fork, the parent's doorbell */
+    doorbell_hush(self->doorbell, self->is_wary); /* whoever rang before, published before: the look finds it */
+    PyObject *owners = self->told;
+    self->told = NULL;
+    if (owners == NULL && may_sleep == Py_True) {
+        bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring(). */
+        self->had_news = false;
+        for (size_t i = 0; i < self->count && !self->had_news; i++)
+            self->had_news = has_news(&self->watches[i]);
+        if (!self->had_news)
+            Py_RETURN_NONE;
+        bell_disarm(&self->header->arrival);
+    }
+    return owners == NULL ? PyList_New(0) : owners;
+}
+
+static PyObject *readers_close(PyObject *object, PyObject *Py_UNUSED(none))
+{
+    Readers *self = (Readers *)object;
+    self->doorbell = -1;
+    Py_CLEAR(self->told);
+    Py_RETURN_NONE;
 }
 
 static inline void relax(void)
@@ -212,10 +290,12 @@ static PyObject *readers_is_free(PyObject *object, PyObject *argument)
 }
 
 static PyMethodDef methods[] = {
+    {"deliver", readers_deliver, METH_O, NULL},
     {"wake", readers_wake, METH_NOARGS, NULL},
     {"sleep", (PyCFunction)(void (*)(void))readers_sleep, FAST_KEYWORDS, NULL},
     {"look", readers_look, METH_O, NULL},
     {"is_free", readers_is_free, METH_O, NULL},
+    {"close", readers_close, METH_NOARGS, NULL},
     {0},
 };
 

@@ -136,10 +136,11 @@ static PyObject *with_origin(PyObject *message, const struct ring_record *record
     return item;
 }
 
-/* Takes the head of the feed, and adds what it decodes to. Returns how many were added, -1 for an error. */
-static int take_one(Reader *self, struct feed *feed, PyObject *decode, uint64_t now_ns, bool has_origin, PyObject *list)
+/* Takes the head of the feed, and decodes it. 1: *item is a new reference; 0: it is lost, and counted; -1: an error. */
+static int take_one(Reader *self, struct feed *feed, PyObject *decode, uint64_t now_ns, bool has_origin, PyObject **item)
 {
     const struct ring_record record = feed->head;
+    *item = NULL;
     if (feed->lifespan_ns != 0 && now_ns > record.stamp_ns && now_ns - record.stamp_ns > feed->lifespan_ns) {
         feed_step(feed);
         self->expired++;
@@ -147,26 +148,33 @@ static int take_one(Reader *self, struct feed *feed, PyObject *decode, uint64_t 
     }
     PyObject *source = feed->source;
     Py_INCREF(source);
-    PyObject *payload = fetch(self, feed), *item = NULL;
-    int added = 0;
+    PyObject *payload = fetch(self, feed);
+    int taken = payload == NULL && PyErr_Occurred() ? -1 : 0;
     if (payload != NULL) {
-        item = PyObject_CallFunctionObjArgs(decode, payload, NULL);
+        *item = PyObject_CallFunctionObjArgs(decode, payload, NULL);
         Py_DECREF(payload);
-        if (item == NULL) {
-            added = reject(self, record.size);
+        if (*item == NULL) {
+            taken = reject(self, record.size);
         } else {
             self->samples++;
             self->bytes += record.size;
             if (has_origin)
-                item = with_origin(item, &record, source, now_ns);
-            added = item == NULL || PyList_Append(list, item) < 0 ? -1 : 1;
+                *item = with_origin(*item, &record, source, now_ns);
+            taken = *item == NULL ? -1 : 1;
         }
-    } else if (PyErr_Occurred()) {
-        added = -1;
     }
-    Py_XDECREF(item);
     Py_DECREF(source);
-    return added;
+    return taken;
+}
+
+/* Samples were taken or passed over. */
+static void show(Reader *self)
+{
+    for (size_t i = 0; i < self->count; i++) {
+        readers_watch_anew(self->readers, self->feeds[i]);
+        if (self->tells_cursor)
+            feed_tell(self->feeds[i]);
+    }
 }
 
 static PyObject *take(Reader *self, PyObject *const *args, Py_ssize_t count, PyObject *kwnames, bool has_origin)
@@ -193,14 +201,14 @@ static PyObject *take(Reader *self, PyObject *const *args, Py_ssize_t count, PyO
             status = PyErr_Occurred() ? -1 : 0;
             break;
         }
-        status = take_one(self, feed, values[1], now_ns, has_origin, list);
+        PyObject *item;
+        status = take_one(self, feed, values[1], now_ns, has_origin, &item);
         left -= status;
+        if (status == 1 && PyList_Append(list, item) < 0)
+            status = -1;
+        Py_XDECREF(item);
     }
-    for (size_t i = 0; i < self->count; i++) {
-        readers_watch_anew(self->readers, self->feeds[i]);
-        if (self->tells_cursor)
-            feed_tell(self->feeds[i]);
-    }
+    show(self);
     if (status < 0)
         Py_CLEAR(list);
     return list;
@@ -214,4 +222,94 @@ PyObject *reader_take(PyObject *self, PyObject *const *args, Py_ssize_t count, P
 PyObject *reader_messages(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObject *kwnames)
 {
     return take((Reader *)self, args, count, kwnames, false);
+}
+
+/* Whether it may call back by itself now. */
+bool reader_is_ready(const Reader *self)
+{
+    if (self->prepared.callback == NULL || self->is_busy)
+        return false;
+    for (Py_ssize_t i = 0; i < PyTuple_Size(self->prepared.queues); i++)
+        if (PyObject_Size(PyTuple_GetItem(self->prepared.queues, i)) != 0)
+            return false;
+    return true;
+}
+
+/* As take_one(), of the oldest of all. */
+static int take_oldest(Reader *self, PyObject *decode, PyObject **item)
+{
+    *item = NULL;
+    if (poll_feeds(self) < 0)
+        return -1;
+    struct feed *feed = oldest_feed(self);
+    if (feed == NULL)
+        return PyErr_Occurred() ? -1 : 0;
+    return take_one(self, feed, decode, feed->lifespan_ns != 0 ? core_now_ns() : 0, false, item);
+}
+
+/* Whether the owner has to look after its counters: they were reported since, or count more losses. */
+static bool note(Reader *self)
+{
+    uint64_t lost = self->overrun + self->replaced + self->expired + self->undecodable;
+    for (size_t i = 0; i < self->count; i++)
+        lost += self->feeds[i]->ring.overrun + self->feeds[i]->ring.replaced;
+    const bool is_due = !self->is_noted || lost != self->lost_told;
+    self->is_noted = 1;
+    self->lost_told = lost;
+    return is_due;
+}
+
+static bool has_more(const Reader *self)
+{
+    for (size_t i = 0; i < self->count; i++)
+        if (feed_newest(self->feeds[i]) >= self->feeds[i]->ring.next)
+            return true;
+    return false;
+}
+
+/* In place of `except Exception as error: on_error(error)`. */
+static int handle(PyObject *on_error)
+{
+    PyObject *type, *error, *traceback;
+    if (!PyErr_ExceptionMatches(PyExc_Exception))
+        return -1;
+    PyErr_Fetch(&type, &error, &traceback);
+    PyErr_NormalizeException(&type, &error, &traceback);
+    if (traceback != NULL)
+        PyException_SetTraceback(error, traceback);
+    PyObject *before = PyErr_GetHandledException();
+    PyErr_SetHandledException(error);
+    PyObject *answer = PyObject_CallFunctionObjArgs(on_error, error, NULL);
+    PyErr_SetHandledException(before);
+    Py_XDECREF(before);
+    Py_XDECREF(type);
+    Py_XDECREF(error);
+    Py_XDECREF(traceback);
+    Py_XDECREF(answer);
+    return answer == NULL ? -1 : 0;
+}
+
+/* Where it is ready: calls back for the oldest message. 1: that was all; 0: the owner must look; -1: an error. */
+int reader_deliver(Reader *self)
+{
+    PyObject *callback = Py_NewRef(self->prepared.callback), *decode = Py_NewRef(self->prepared.decode);
+    PyObject *on_error = Py_NewRef(self->prepared.on_error), *message;
+    self->is_busy = 1;
+    int status = take_oldest(self, decode, &message);
+    show(self);
+    if (status == 1) {
+        const bool is_due = note(self);
+        PyObject *answer = PyObject_CallFunctionObjArgs(callback, message, NULL);
+        if (answer == NULL && handle(on_error) < 0)
+            status = -1;
+        else
+            status = !is_due && !has_more(self);
+        Py_XDECREF(answer);
+    }
+    self->is_busy = 0;
+    Py_XDECREF(message);
+    Py_DECREF(callback);
+    Py_DECREF(decode);
+    Py_DECREF(on_error);
+    return status;
 }

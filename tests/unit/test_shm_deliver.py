@@ -1,0 +1,383 @@
+"""bus.shm._core: Readers.deliver, which calls back by itself and falls asleep again."""
+
+import gc
+import os
+import sys
+import weakref
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from bus.shm import segments
+from shm_ends import Listener, Talker, core, is_rung, listener, talker
+
+__all__ = ["listener", "talker"]
+
+
+class Heard:
+    """Gets what a reader calls back with; `then` is done in the call."""
+
+    def __init__(self, reader: Any, decode: Callable[[Any], Any] = bytes) -> None:
+        self.reader = reader
+        self.messages: list[Any] = []
+        self.errors: list[BaseException] = []
+        self.queue: list[object] = []
+        self.then: Callable[[], object] = int
+        reader.is_noted = True
+        reader.prepare(self, decode, self.errors.append, (self.queue,))
+
+    def __call__(self, message: Any) -> None:
+        self.messages.append(message)
+        self.then()
+
+
+@pytest.fixture
+def heard(listener: Listener, talker: Talker) -> Heard:
+    listener.join(talker)
+    listener.readers.sleep()
+    return Heard(listener.reader)
+
+
+def another(listener: Listener, talker: Talker, owner: object) -> Any:
+    """One more reader of the same process."""
+    reader = core.Reader(listener.readers, owner, 0, tells_cursor=False)
+    reader.attach(1, segments.map_ring(talker.ring), next(listener.slots))
+    return reader
+
+
+def test_a_message_is_called_back_with_and_the_process_sleeps(
+    talker: Talker, listener: Listener, heard: Heard
+) -> None:
+    for number in range(1, 4):
+        talker.write(b"x")
+        assert talker.writer.rung == number
+        assert listener.readers.deliver(True) is None
+        assert heard.messages == [b"x"] * number
+        assert not is_rung(listener.doorbell)
+    assert listener.reader.samples == 3
+    assert listener.readers.deliver(True) is None  # rung for nothing
+
+
+def test_it_stays_awake_where_it_may_not_sleep(talker: Talker, listener: Listener, heard: Heard) -> None:
+    talker.write(b"x")
+    assert listener.readers.deliver(False) == []
+    assert heard.messages == [b"x"]
+    talker.write(b"y")
+    assert talker.writer.rung == 1
+
+
+def test_the_owner_takes_what_is_more_than_one(talker: Talker, listener: Listener, heard: Heard) -> None:
+    talker.write(b"a", b"b", b"c")
+    assert listener.readers.deliver(True) == [listener]
+    assert heard.messages == [b"a"]
+    assert listener.take() == [b"b", b"c"]
+    assert listener.readers.sleep() == []
+
+
+def test_what_comes_in_the_call_is_the_owners(talker: Talker, listener: Listener, heard: Heard) -> None:
+    heard.then = lambda: talker.write(b"b")
+    talker.write(b"a")
+    assert listener.readers.deliver(True) == [listener]
+    assert heard.messages == [b"a"]
+
+
+def test_what_comes_for_others_in_the_call_is_found_before_the_sleep(
+    talker: Talker, listener: Listener, heard: Heard
+) -> None:
+    late = Talker()
+    first = another(listener, late, "first")
+    Heard(first)
+    first.detach(1)  # and comes behind the other one in every look
+    again = core.Reader(listener.readers, "again", 0, tells_cursor=False)
+    again.attach(1, segments.map_ring(late.ring), next(listener.slots))
+    others = Heard(again)
+    heard.then = lambda: late.write(b"b")
+    talker.write(b"a")
+    assert listener.readers.deliver(True) is None
+    assert (heard.messages, others.messages) == ([b"a"], [b"b"])
+    others.then, heard.then = lambda: talker.write(b"d"), int
+    late.write(b"c")
+    assert listener.readers.deliver(True) == []  # its turn is over: awake
+    assert listener.readers.sleep() == [listener]
+    late.close()
+
+
+@pytest.mark.parametrize("reason", ["busy", "queue", "forgotten", "never prepared"])
+def test_who_must_not_be_called_back_is_left_to_its_owner(
+    talker: Talker, listener: Listener, heard: Heard, reason: str
+) -> None:
+    if reason == "busy":
+        listener.reader.is_busy = True
+    elif reason == "queue":
+        heard.queue.append(None)
+    elif reason == "forgotten":
+        listener.reader.forget_callback()
+    else:
+        listener.reader.detach(1)
+        other = another(listener, talker, "other")
+        talker.write(b"x")
+        assert listener.readers.deliver(True) == ["other"]
+        del other
+        return
+    talker.write(b"x")
+    assert listener.readers.deliver(True) == [listener]
+    assert heard.messages == []
+    assert listener.readers.sleep() == []  # it is told once
+    if reason != "forgotten":
+        listener.reader.is_busy = False
+        heard.queue.clear()
+        talker.write(b"y")
+        assert listener.readers.deliver(True) == [listener]
+        assert heard.messages == [b"x"]
+    assert listener.take() == [b"x", b"y"][len(heard.messages) : 1 + len(heard.messages)]
+
+
+def test_those_behind_an_owner_wait_for_it(talker: Talker, listener: Listener, heard: Heard) -> None:
+    """Whoever calls back, the order is that in which the rings were attached."""
+    middle, last = (another(listener, talker, name) for name in ("middle", "last"))
+    others = Heard(last)
+    talker.write(b"x")
+    assert listener.readers.deliver(True) == ["middle", "last"]
+    assert (heard.messages, others.messages) == ([b"x"], [])
+    Heard(middle)
+    last.messages(1, bytes)
+    middle.messages(1, bytes)
+    talker.write(b"y")
+    assert listener.readers.deliver(True) is None
+    assert others.messages == [b"y"]
+
+
+def test_the_owner_is_told_of_the_first_since_its_report(
+    talker: Talker, listener: Listener, heard: Heard
+) -> None:
+    listener.reader.is_noted = False
+    talker.write(b"a")
+    assert listener.readers.deliver(True) == [listener]
+    assert listener.reader.is_noted
+    assert listener.readers.sleep() == []
+    talker.write(b"b")
+    assert listener.readers.deliver(True) is None
+    assert heard.messages == [b"a", b"b"]
+
+
+def test_the_owner_is_told_of_losses(talker: Talker, listener: Listener, heard: Heard) -> None:
+    listener.reader.depth = 1
+    for number, lost in ((3, 2), (600, 601)):
+        talker.write(*[b"x"] * number)
+        assert listener.readers.deliver(True) == [listener]
+        assert listener.reader.replaced + listener.reader.overrun == lost
+        assert (listener.reader.overrun != 0) is (number == 600)
+        assert listener.readers.sleep() == []
+        talker.write(b"y")
+        assert listener.readers.deliver(True) is None
+    assert heard.messages == [b"x", b"y"] * 2
+
+
+def test_the_owner_looks_after_what_does_not_decode_or_has_expired(
+    talker: Talker, listener: Listener
+) -> None:
+    def decode(payload: bytes) -> bytes:
+        if payload == b"bad":
+            raise ValueError("bad")
+        return payload
+
+    listener.join(talker, lifespan_ns=1)
+    talker.write(b"old")
+    heard = Heard(listener.reader, decode)
+    assert listener.readers.deliver(True) == [listener]
+    assert listener.reader.expired == 1
+    listener.reader.detach(1)
+    listener.join(talker, start=2)
+    talker.write(b"bad")
+    assert listener.readers.deliver(True) == [listener]
+    assert [(size, str(error)) for size, error in listener.reader.pop_rejected()] == [(3, "bad")]
+    assert heard.messages == []
+    assert not listener.reader.is_busy
+
+
+def test_an_error_is_told_while_it_is_handled(talker: Talker, listener: Listener, heard: Heard) -> None:
+    told: list[Any] = []
+
+    def fail() -> None:
+        raise ValueError("no")
+
+    def on_error(error: BaseException) -> None:
+        told.append((error, sys.exc_info()[1], error.__traceback__))
+
+    heard.then = fail
+    listener.reader.prepare(heard, bytes, on_error, ())
+    talker.write(b"x")
+    try:
+        raise KeyError
+    except KeyError as outer:
+        assert listener.readers.deliver(True) is None
+        assert sys.exc_info()[1] is outer
+    ((error, handled, traceback),) = told
+    assert isinstance(error, ValueError) and handled is error
+    assert traceback.tb_frame.f_code is Heard.__call__.__code__
+    assert not listener.reader.is_busy
+
+
+@pytest.mark.parametrize("error", [SystemExit, KeyboardInterrupt, GeneratorExit])
+@pytest.mark.parametrize("where", ["callback", "decode", "on_error"])
+def test_what_is_no_exception_goes_through_and_loses_no_wake_up(
+    talker: Talker, listener: Listener, heard: Heard, error: type[BaseException], where: str
+) -> None:
+    other = Heard(another(listener, talker, "other"))
+
+    def fail(*_: object) -> None:
+        raise error
+
+    def fail_simply() -> None:
+        raise ValueError
+
+    if where == "callback":
+        heard.then = fail
+    elif where == "decode":
+        listener.reader.prepare(heard, fail, fail, ())
+    else:
+        heard.then = fail_simply
+        listener.reader.prepare(heard, bytes, fail, ())
+    talker.write(b"x")
+    with pytest.raises(error):
+        listener.readers.deliver(True)
+    assert not listener.reader.is_busy
+    assert other.messages == []
+    assert listener.readers.deliver(True) == [listener]
+    assert other.messages == [b"x"]
+    assert not is_rung(listener.doorbell)
+
+
+def test_a_callback_may_look_itself(talker: Talker, listener: Listener, heard: Heard) -> None:
+    """A loop that is run in a callback, for example."""
+    other = Heard(another(listener, talker, "other"))
+    answers: list[Any] = []
+    heard.then = lambda: answers.append(listener.readers.deliver(True))
+    talker.write(b"x")
+    assert listener.readers.deliver(True) is None
+    assert answers == [None]
+    assert (heard.messages, other.messages) == ([b"x"], [b"x"])
+    talker.write(b"y")
+    heard.then = lambda: (talker.write(b"z"), answers.append(listener.readers.deliver(True)))
+    assert listener.readers.deliver(True) is not None
+    assert answers[1] == [listener, "other"]  # calls don't overlap
+    assert heard.messages == [b"x", b"y"]
+
+
+def test_a_callback_may_end_itself_and_others(talker: Talker, listener: Listener, heard: Heard) -> None:
+    others = [Heard(another(listener, talker, number)) for number in range(5)]
+
+    def end() -> None:
+        listener.reader.forget_callback()
+        listener.reader.detach(1)
+        others[0].reader.detach(1)
+        del others[1:3]
+        gc.collect()
+        for other in others:
+            other.reader.forget_callback()
+
+    heard.then = end
+    talker.write(b"x")
+    told = listener.readers.deliver(True)
+    assert sorted([*told, *listener.readers.sleep()]) == [3, 4]
+    assert heard.messages == [b"x"]
+    assert all(other.messages == [] for other in others)
+
+
+def test_a_callback_may_add_readers(talker: Talker, listener: Listener, heard: Heard) -> None:
+    added: list[Heard] = []
+
+    def add() -> None:
+        heard.then = int
+        added.extend(Heard(another(listener, talker, number)) for number in range(40))
+
+    heard.then = add
+    talker.write(b"x")
+    assert listener.readers.deliver(True) is None
+    talker.write(b"y")
+    assert listener.readers.deliver(True) is None
+    assert [one.messages for one in added] == [[b"x", b"y"]] * 40
+
+
+def test_closed_in_a_callback_the_doorbell_is_left_alone(
+    talker: Talker, listener: Listener, heard: Heard
+) -> None:
+    other = Heard(another(listener, talker, "other"))
+    heard.then = listener.readers.close
+    talker.write(b"x")
+    assert listener.readers.deliver(True) is None
+    assert is_rung(listener.doorbell)  # not read, and not armed
+    talker.write(b"y")
+    assert not is_rung(listener.doorbell)
+    assert listener.readers.deliver(True) is None
+    assert (heard.messages, other.messages) == ([b"x"], [])
+
+
+def test_a_child_forked_in_a_callback_leaves_the_doorbell_to_its_parent(
+    talker: Talker, listener: Listener, heard: Heard
+) -> None:
+    children = []
+
+    def fork() -> None:
+        if child := os.fork():
+            children.append(child)
+        else:
+            core.forget_pins()
+            listener.readers.close()
+
+    heard.then = fork
+    talker.write(b"x")
+    answer = listener.readers.deliver(False)
+    if not children:
+        os._exit(0 if answer is None and is_rung(listener.doorbell) else 1)
+    os.waitpid(children[0], 0)
+    assert answer == []
+
+
+def test_a_prepared_reader_is_collected_with_what_it_calls(talker: Talker, listener: Listener) -> None:
+    reader = another(listener, talker, "owner")
+    heard = Heard(reader)
+    heard.then = reader.messages  # a circle
+    gone = weakref.ref(heard)
+    del heard, reader
+    gc.collect()
+    assert gone() is None
+    talker.write(b"x")
+    assert listener.readers.deliver(True) is None
+
+
+def test_nothing_is_kept_of_what_was_called(talker: Talker, listener: Listener) -> None:
+    class Message:
+        def __init__(self, payload: bytes) -> None:
+            if payload == b"bad":
+                raise ValueError
+
+    listener.join(talker)
+    heard = Heard(listener.reader, Message)
+
+    def raise_error() -> None:
+        heard.errors.clear()
+        raise ValueError
+
+    def count() -> tuple[int, list[int]]:
+        gc.collect()
+        used = (heard, Message, listener, listener.reader, listener.readers, heard.queue)
+        return sys.getallocatedblocks(), [sys.getrefcount(one) for one in used]
+
+    def round_trips() -> None:
+        for heard.then in (int, raise_error):
+            for payload in (b"x", b"bad"):
+                for may_sleep in (True, False):
+                    talker.write(payload)
+                    listener.readers.deliver(may_sleep)
+                    listener.reader.pop_rejected()
+                    heard.messages.clear()
+
+    round_trips()
+    blocks, references = count()
+    for _ in range(1000):
+        round_trips()
+    after = count()
+    assert after[1] == references
+    assert after[0] < blocks + 50
