@@ -13,7 +13,9 @@
 Names are imported when they are first used, so that tools which need only a few of them start fast.
 """
 
+import gc
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -190,7 +192,7 @@ def __getattr__(name: str) -> Any:
     if name == "__version__":
         return import_module("bus.release").RELEASE
     if name in _HOME_OF:
-        value = globals()[name] = getattr(import_module(_HOME_OF[name]), name)
+        value = globals()[name] = getattr(_import(_HOME_OF[name]), name)
         return value
     said = f"module 'bus' has no attribute {name!r}"
     raise AttributeError(said, name=name, obj=import_module("bus"))  # Python suggests a name that is near
@@ -198,3 +200,14 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return __all__
+
+
+def _import(module: str) -> ModuleType:
+    """What is imported stays: the collector would look at all of it several times, and find nothing."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        return import_module(module)
+    finally:
+        if was_enabled:
+            gc.enable()

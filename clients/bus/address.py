@@ -6,11 +6,14 @@ folder and checks its owner.
 
 import os
 from collections.abc import Mapping
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bus.errors import ConfigurationError
 
-__all__ = ["MAX_DOMAIN", "MAX_PATH_BYTES", "domain_id", "is_default_folder", "socket_path"]
+if TYPE_CHECKING:  # it takes a while to import, and a program that only uses the bus needs none of it
+    from pathlib import Path
+
+__all__ = ["MAX_DOMAIN", "MAX_PATH_BYTES", "domain_id", "is_default_folder", "socket_name", "socket_path"]
 
 MAX_DOMAIN = 65535
 MAX_PATH_BYTES = 107
@@ -23,7 +26,20 @@ def socket_path(
     *,
     environ: Mapping[str, str] = os.environ,
     uid: int | None = None,
-) -> Path:
+) -> "Path":
+    """`socket_name`, as a Path."""
+    from pathlib import Path
+
+    return Path(socket_name(socket, domain, environ=environ, uid=uid))
+
+
+def socket_name(
+    socket: str | os.PathLike[str] | None = None,
+    domain: int | None = None,
+    *,
+    environ: Mapping[str, str] = os.environ,
+    uid: int | None = None,
+) -> str:
     """The absolute path of the socket: `socket`, else $BUSD_SOCKET, else one for the domain.
 
     That one is $XDG_RUNTIME_DIR/busd/<domain>.sock, or /tmp/busd-<uid>/<domain>.sock where that variable is
@@ -33,17 +49,22 @@ def socket_path(
     """
     chosen = socket if socket is not None else environ.get("BUSD_SOCKET") or None
     if chosen is not None:
-        return _checked(Path(chosen).absolute())
+        name = os.fspath(chosen)
+        if not name.startswith("/"):
+            name = f"{os.getcwd()}/{name}"  # noqa: PTH109
+        return _checked(_normal(name))
     runtime = environ.get("XDG_RUNTIME_DIR", "")
     # The XDG specification: a relative path is invalid and to be ignored.
     if runtime.startswith("/"):
-        folder = Path(runtime, "busd")
+        folder = _normal(f"{runtime}/busd")
     else:
-        folder = Path(f"/tmp/busd-{os.getuid() if uid is None else uid}")
-    return _checked(folder / f"{domain_id(domain, environ=environ)}.sock")
+        folder = f"/tmp/busd-{os.getuid() if uid is None else uid}"
+    return _checked(f"{folder}/{domain_id(domain, environ=environ)}.sock")
 
 
-def is_default_folder(folder: Path, environ: Mapping[str, str] = os.environ, uid: int | None = None) -> bool:
+def is_default_folder(
+    folder: "Path", environ: Mapping[str, str] = os.environ, uid: int | None = None
+) -> bool:
     """Whether sockets are in `folder` by themselves, and not because the user named it."""
     rest = {name: value for name, value in environ.items() if name != "BUSD_SOCKET"}
     try:
@@ -71,10 +92,16 @@ def domain_id(domain: int | None = None, *, environ: Mapping[str, str] = os.envi
     return number
 
 
-def _checked(path: Path) -> Path:
+def _normal(path: str) -> str:
+    """As `Path` has it: without empty parts and dots. What `..` leads to, only the file system knows."""
+    root = "/" if path.startswith("/") else ""
+    return root + "/".join(part for part in path.split("/") if part not in ("", "."))
+
+
+def _checked(path: str) -> str:
     encoded = os.fsencode(path)
     if b"\0" in encoded:
-        raise ConfigurationError(f"the path of busd's socket must not contain a NUL byte: {str(path)!r}")
+        raise ConfigurationError(f"the path of busd's socket must not contain a NUL byte: {path!r}")
     if len(encoded) > MAX_PATH_BYTES:
         raise ConfigurationError(
             f"the path of busd's socket has {len(encoded)} bytes, but a socket's path may have at most "

@@ -26,7 +26,7 @@ __all__ = [
 ]
 
 _LOG_LEVELS = ("UNSET", "DEBUG", "INFO", "WARN", "ERROR", "FATAL")
-_PARAMETER_NAME = re.compile(r"[A-Za-z0-9_/]+(?:\.[A-Za-z0-9_/]+)*")
+_PARAMETER_NAME = r"[A-Za-z0-9_/]+(?:\.[A-Za-z0-9_/]+)*"
 
 
 class UnknownArguments(ConfigurationError):
@@ -204,7 +204,7 @@ def _parse_remap(flag: str, rule: str) -> RemapRule:
 def _parse_parameter(flag: str, rule: str) -> Parameter:
     try:
         node, name, value = _split_rule(rule)
-        if not _PARAMETER_NAME.fullmatch(name):
+        if not re.fullmatch(_PARAMETER_NAME, name):
             raise ConfigurationError(
                 f"parameter name must be alphanumerics, '_', '/' and single dots: '{name}'"
             )

@@ -10,14 +10,16 @@ import os
 import socket
 import sys
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bus.address import is_default_folder
 from bus.errors import BrokerUnavailable, ConfigurationError
-from bus.logfile import log_path, open_in_memory, open_log
 from bus.logger import get_logger
 from bus.reach import NotNow, Patience, try_to_connect
 from bus.trust import prepare_folder
+
+if TYPE_CHECKING:  # for a program that starts one
+    from pathlib import Path
 
 BUSD = (sys.executable, "-P", "-m", "busd")
 """What starts busd: the one that is installed, whatever lies in the folder that we are in."""
@@ -38,7 +40,9 @@ def is_allowed(environ: Mapping[str, str] = os.environ) -> bool:
     return environ.get("BUSD_AUTOSTART", "1") not in ("0", "no", "off", "false")
 
 
-async def open_socket(path: Path, patience: Patience, *, may_start: bool = True) -> socket.socket:
+async def open_socket(
+    path: str | os.PathLike[str], patience: Patience, *, may_start: bool = True
+) -> socket.socket:
     """A non-blocking socket connected to the broker at `path`; one is started, if it `may_start`.
 
     Raises BrokerUnavailable where none answers and none may be or could be started, or where `patience` ends.
@@ -64,13 +68,20 @@ async def open_socket(path: Path, patience: Patience, *, may_start: bool = True)
         await asyncio.sleep(patience.pause_s(why))
 
 
-async def start(path: Path, options: Sequence[str] = ("--idle-exit", str(IDLE_EXIT_S))) -> None:
+async def start(
+    path: str | os.PathLike[str], options: Sequence[str] = ("--idle-exit", str(IDLE_EXIT_S))
+) -> None:
     """Start a busd at `path` in a session of its own; returns when it is ready, or another one was first.
 
     Its log goes beside the socket. Raises BrokerUnavailable with the reason where it ends or hangs.
     Cancellation: it goes on.
     """
+    from pathlib import Path
+
+    from bus.logfile import log_path
+
     reap()
+    path = Path(path)
     _prepare_folder(path.parent)
     try:
         log = _Log(log_path(path))
@@ -86,7 +97,7 @@ async def start(path: Path, options: Sequence[str] = ("--idle-exit", str(IDLE_EX
         get_logger("bus").warning(f"busd has no file for its log, which is in memory: {log.fault}")
 
 
-async def _start(path: Path, log: "_Log", options: Sequence[str]) -> int | None:
+async def _start(path: "Path", log: "_Log", options: Sequence[str]) -> int | None:
     """Returns its exit status, None while it runs."""
     loop = asyncio.get_running_loop()
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ready:
@@ -130,7 +141,9 @@ def reap() -> None:
 class _Log:
     """What a busd that is to be started gets as stderr: its file, or memory where it can't have that."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: "Path") -> None:
+        from bus.logfile import open_in_memory, open_log
+
         self.path = path
         self.fault = ""
         try:
@@ -148,7 +161,7 @@ class _Log:
         return lines[-1].removeprefix("busd: ") if lines else ""
 
 
-def _prepare_folder(folder: Path) -> None:
+def _prepare_folder(folder: "Path") -> None:
     is_default = is_default_folder(folder)
     try:
         # Whether others may look into it, busd knows: it has the configuration.
@@ -158,7 +171,7 @@ def _prepare_folder(folder: Path) -> None:
         raise BrokerUnavailable(f"no busd is started: {error}{hint}") from None
 
 
-def _spawn(path: Path, log_fd: int, notify: str, options: Sequence[str]) -> int:
+def _spawn(path: "Path", log_fd: int, notify: str, options: Sequence[str]) -> int:
     environ = {**os.environ, "NOTIFY_SOCKET": notify}
     arguments = [*BUSD, "--socket", str(path), *options]
     # Nothing is opened in the child that could keep it: until its exec we are held up as well.
@@ -213,7 +226,7 @@ def _settle(future: asyncio.Future[None]) -> None:
         future.set_result(None)
 
 
-async def _connect(path: Path, patience: Patience) -> socket.socket:
+async def _connect(path: str | os.PathLike[str], patience: Patience) -> socket.socket:
     while True:
         try:
             return try_to_connect(path)

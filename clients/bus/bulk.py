@@ -6,7 +6,6 @@ found in an encoding; knows neither topics nor routes.
 
 import os
 from collections.abc import Callable, Sequence
-from copy import copy
 from functools import cache
 from struct import pack
 from typing import Any, TypeVar, cast
@@ -80,6 +79,8 @@ def long_field(message: msgspec.Struct, names: tuple[str, ...]) -> tuple[str, me
 
 def with_field(message: M, name: str, value: Any) -> M:
     """A copy of `message` with `value` as field `name`. Its class has no say: it has seen the message."""
+    from copy import copy
+
     changed = copy(message)
     msgspec.structs.force_setattr(changed, name, value)
     return changed

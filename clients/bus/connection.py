@@ -8,7 +8,6 @@ import os
 import sys
 from collections.abc import Callable, Iterable
 from itertools import count
-from pathlib import Path
 from time import monotonic_ns
 from typing import Any, TypeVar
 
@@ -107,7 +106,7 @@ class Connection:
         self._heartbeat: asyncio.TimerHandle | None = None
         self._greeted: asyncio.Future[m.Hello] = self._loop.create_future()
 
-    async def open(self, path: Path, patience: Patience, *, may_start: bool = True) -> None:
+    async def open(self, path: str, patience: Patience, *, may_start: bool = True) -> None:
         """Connect to the broker at `path` (or start one, if this `may_start` one) and exchange Hellos.
 
         Raises BrokerUnavailable; of that NotNow where another try may help. Cancellation: closed.
@@ -149,7 +148,7 @@ class Connection:
         if self._sharing is not None and GUESTS in hello.capabilities:
             self._sharing.readers.is_wary = True
 
-    def _refusal(self, path: Path) -> BrokerUnavailable:
+    def _refusal(self, path: str) -> BrokerUnavailable:
         """Why the connection has ended before it could be used."""
         if self._was_silent:  # as one that ends with connections in its backlog
             return NotNow(f"busd at {path} closed the connection without a word")
@@ -332,4 +331,4 @@ class Connection:
 
 
 def _program() -> str:
-    return Path(sys.argv[0]).name[:255] if sys.argv and sys.argv[0] else "python"
+    return sys.argv[0].rpartition("/")[2][:255] if sys.argv and sys.argv[0] else "python"

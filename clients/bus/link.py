@@ -8,7 +8,6 @@ import asyncio
 import os
 import weakref
 from collections.abc import Awaitable, Callable, Collection, Iterable
-from pathlib import Path
 from threading import get_ident
 from time import monotonic_ns, time_ns
 from typing import Any, ClassVar, TypeVar
@@ -47,7 +46,7 @@ class Link:
 
     _links: ClassVar["weakref.WeakSet[Link]"] = weakref.WeakSet()
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: str) -> None:
         self.path = path
         self.loop = asyncio.get_running_loop()
         self._thread = get_ident()
@@ -81,7 +80,7 @@ class Link:
     # --- making and ending
 
     @classmethod
-    async def acquire(cls, path: Path) -> "Link":
+    async def acquire(cls, path: str) -> "Link":
         """The link of this event loop to the socket `path`, connected.
 
         Raises BrokerUnavailable where no broker answers and none could be started.

@@ -328,7 +328,7 @@ _TOKEN = re.compile(
 )
 _END_OF_COLOUR = "\x1b[0m"
 _ENDS_OF_COLOUR = (_END_OF_COLOUR, "\x1b[m")
-_COLOURING = re.compile("(\x1b\\[[0-9;:]*m)")
+_COLOURING = "(\x1b\\[[0-9;:]*m)"
 """What a terminal calls SGR: it changes how text looks, and nothing else."""
 _COLOURS = {Severity.DEBUG: 32, Severity.WARN: 33, Severity.ERROR: 31, Severity.FATAL: 31}
 
@@ -413,7 +413,7 @@ def _template(text: str) -> str:
 
 def _shown(line: str) -> str:
     """`line` as it is safe on a terminal, whoever wrote what is in it. Programs colour their own lines."""
-    parts = _COLOURING.split(line)  # text, colour, text ...
+    parts = re.split(_COLOURING, line)  # text, colour, text ...
     parts[::2] = map(printable, parts[::2])
     if len(parts) > 1 and parts[-2] not in _ENDS_OF_COLOUR:
         parts.append(_END_OF_COLOUR)

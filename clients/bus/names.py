@@ -37,13 +37,12 @@ MAX_TOPIC_NAME_LENGTH = 247
 MAX_NAMESPACE_LENGTH = 245
 """Leaves room for a slash and a node or topic of one letter."""
 
-_NODE_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_FULL_NAME = re.compile(r"(?:/[A-Za-z_][A-Za-z0-9_]*)+")
-_NOT_WORD = re.compile(r"[^A-Za-z0-9_]")
-_NOT_WORD_OR_SLASH = re.compile(r"[^A-Za-z0-9_/]")
-_BAD_TOKEN_START = re.compile(r"/[/0-9]")
-_NUMBER_AFTER_SLASH = re.compile(r"/[0-9]")
-_SUBSTITUTION = re.compile(r"\{([^{}]*)\}")
+# Compiled by who needs them: a right name without substitutions needs none.
+_NOT_WORD = r"[^A-Za-z0-9_]"
+_NOT_WORD_OR_SLASH = r"[^A-Za-z0-9_/]"
+_BAD_TOKEN_START = r"/[/0-9]"
+_NUMBER_AFTER_SLASH = r"/[0-9]"
+_SUBSTITUTION = r"\{([^{}]*)\}"
 _SHOWN_LENGTH = 256
 _DIGITS = frozenset("0123456789")
 
@@ -101,12 +100,12 @@ def expand_topic_name(name: str, node: str, namespace: str) -> str:
     validate_node_name(node)
     validate_namespace(namespace)
     known = {"node": node, "ns": namespace, "namespace": namespace}
-    for found in _SUBSTITUTION.finditer(name):
-        if found[1] not in known:
-            raise _invalid("topic name", name, (f"unknown substitution: {found[0]}", found.start()))
-
     full = join_node_name(namespace, node) + name[1:] if name[0] == "~" else name
-    full = _SUBSTITUTION.sub(lambda found: known[found[1]], full)
+    if "{" in name:
+        for found in re.finditer(_SUBSTITUTION, name):
+            if found[1] not in known:
+                raise _invalid("topic name", name, (f"unknown substitution: {found[0]}", found.start()))
+        full = re.sub(_SUBSTITUTION, lambda found: known[found[1]], full)
     if full[0] != "/":
         full = join_node_name(namespace, full)
     fault = _full_topic_fault(full)
@@ -169,11 +168,11 @@ def is_hidden_node(name: str) -> bool:
 def _node_name_fault(name: str) -> _Fault | None:
     if len(name) > MAX_NODE_NAME_LENGTH:
         return f"node name length should not exceed '{MAX_NODE_NAME_LENGTH}'", MAX_NODE_NAME_LENGTH - 1
-    if _NODE_NAME.fullmatch(name):
+    if _is_word(name):
         return None
     if not name:
         return "node name must not be empty", 0
-    if bad := _NOT_WORD.search(name):
+    if bad := re.search(_NOT_WORD, name):
         return "node name must not contain characters other than alphanumerics or '_'", bad.start()
     return "node name must not start with a number", 0
 
@@ -200,7 +199,7 @@ def _full_topic_fault(name: str) -> _Fault | None:
 
 def _absolute_name_fault(name: str) -> _Fault | None:
     """The rules that topics and namespaces share, without the noun in front."""
-    if _FULL_NAME.fullmatch(name):
+    if name.startswith("/") and all(map(_is_word, name[1:].split("/"))):
         return None
     if not name:
         return "must not be empty", 0
@@ -208,16 +207,23 @@ def _absolute_name_fault(name: str) -> _Fault | None:
         return "must be absolute, it must lead with a '/'", 0
     if name[-1] == "/":
         return _ENDS_WITH_SLASH, len(name) - 1
-    if bad := _NOT_WORD_OR_SLASH.search(name):
+    if bad := re.search(_NOT_WORD_OR_SLASH, name):
         return "must not contain characters other than alphanumerics, '_', or '/'", bad.start()
-    bad = _BAD_TOKEN_START.search(name)
+    bad = re.search(_BAD_TOKEN_START, name)
     assert bad is not None, name
     if bad[0] == "//":
         return "must not contain repeated '/'", bad.start() + 1
     return "must not have a token that starts with a number", bad.start() + 1
 
 
+def _is_word(text: str) -> bool:
+    """Whether it is `[A-Za-z_][A-Za-z0-9_]*`."""
+    return text.isascii() and text.isidentifier()
+
+
 def _typed_topic_fault(name: str) -> _Fault | None:
+    if all(map(_is_word, name.removeprefix("/").split("/"))):
+        return None
     if not name:
         return "topic name must not be empty string", 0
     if name[0] in _DIGITS:
@@ -229,7 +235,7 @@ def _typed_topic_fault(name: str) -> _Fault | None:
     # rcl lets a two-letter name such as `~a` pass by accident; the rule says otherwise.
     if name[0] == "~" and len(name) > 1 and name[1] != "/":
         return "topic name must not have a tilde '~' that is not followed by a forward slash '/'", 1
-    bad = _NUMBER_AFTER_SLASH.search(name)
+    bad = re.search(_NUMBER_AFTER_SLASH, name)
     return None if bad is None else ("topic name token must not start with a number", bad.start() + 1)
 
 

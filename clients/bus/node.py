@@ -1,5 +1,7 @@
 """Nodes: named participants in the graph, owners of publishers, subscriptions and timers."""
 
+from __future__ import annotations
+
 import asyncio
 import sys
 import weakref
@@ -7,17 +9,16 @@ from collections.abc import Callable, Sequence
 from os import PathLike
 from time import monotonic
 from types import TracebackType
-from typing import Any, Literal, Self, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar, overload
 
 import msgspec
 
 from bus import names, shm
-from bus.address import socket_path
+from bus.address import socket_name
 from bus.arguments import Arguments
 from bus.awaited import done_anyway, to_be_awaited
 from bus.errors import AccessDenied, CommandLineError, ConfigurationError, ConnectionClosed, ForkError
 from bus.events import PublisherEvents, SubscriptionEvents
-from bus.graph import Graph, graph_of
 from bus.link import Link
 from bus.logger import Logger, configure, get_logger
 from bus.parameterhost import ParameterHost
@@ -25,10 +26,13 @@ from bus.publisher import Publisher
 from bus.qos import QoS, profile, rosout_default
 from bus.rosout import Rosout
 from bus.slowcallback import watched
-from bus.subscription import MessageInfo, Subscription
 from bus.timer import Timer
 from bus.typesupport import type_support
 from bus.wire import messages as m
+
+if TYPE_CHECKING:  # not every program needs them
+    from bus.graph import Graph
+    from bus.subscription import MessageInfo, Subscription
 
 M = TypeVar("M", bound=msgspec.Struct)
 
@@ -103,7 +107,7 @@ class Node(ParameterHost):
         self.namespace: str = self._arguments.namespace(names.absolute_namespace(namespace), self.name)
         """With a slash in front; `/` where it has none."""
         self._id = 0
-        self._path = socket_path(socket, domain)
+        self._path = socket_name(socket, domain)
         self._logger = get_logger(names.logger_name(self.namespace, self.name))
         configure(self._arguments)
         self._read_parameters(self._arguments)
@@ -289,6 +293,8 @@ class Node(ParameterHost):
 
             subscription = await node.create_subscription(String, "chatter", 10, print)
         """
+        from bus.subscription import Subscription
+
         link, name = self._opened(), self.resolve_topic_name(topic)
         if callback is not None:
             callback = watched(callback, f"subscription '{name}'", self._logger)
@@ -347,6 +353,8 @@ class Node(ParameterHost):
 
             graph = await node.graph()
         """
+        from bus.graph import graph_of
+
         snapshot = await self._opened().request(
             lambda number: m.GetGraph(request=number, statistics=statistics), m.Graph
         )
@@ -410,7 +418,7 @@ class Node(ParameterHost):
         """The sums over its open endpoints."""
         open_ones = [one for one in self._endpoints if one._refusal is None]
         publishers = [one.statistics() for one in open_ones if isinstance(one, Publisher)]
-        subscriptions = [one.statistics() for one in open_ones if isinstance(one, Subscription)]
+        subscriptions = [one.statistics() for one in open_ones if not isinstance(one, Publisher)]
         return NodeStatistics(
             published=sum(one.published for one in publishers),
             delivered=sum(one.delivered for one in subscriptions),

@@ -15,13 +15,13 @@ from bus.errors import AccessDenied, CommandLineError, ConfigurationError, Conne
 from bus.publisher import Publisher
 from bus.qos import QoS, parameter_events
 from bus.servicehost import ServiceHost
-from bus.subscription import Subscription
 
 if TYPE_CHECKING:  # most programs need neither
     from bus.msg.builtin_interfaces import Time
     from bus.parameters import Change
     from bus.parameterserver import ParameterServer
     from bus.parameterset import ParameterSet
+    from bus.subscription import Subscription
     from bus.timesource import TimeSource
 
 __all__ = ["ParameterHost"]
@@ -49,7 +49,7 @@ class ParameterHost(ServiceHost):
     @abstractmethod
     def create_subscription(
         self, message_type: type[Any], topic: str, qos: QoS, callback: Callable[[Any], object]
-    ) -> Awaitable[Subscription[Any]]: ...
+    ) -> "Awaitable[Subscription[Any]]": ...
 
     # --- parameters
 
@@ -332,7 +332,7 @@ class ParameterHost(ServiceHost):
             self._time_source = TimeSource(self._clock, self._logger, self._subscribe_to_clock)
         self._time_source.follow(is_simulated)
 
-    def _subscribe_to_clock(self, callback: Callable[[Any], None]) -> Awaitable[Subscription[Any]]:
+    def _subscribe_to_clock(self, callback: Callable[[Any], None]) -> "Awaitable[Subscription[Any]]":
         from bus.interfacetypes import message_class
         from bus.timesource import CLOCK_QOS, CLOCK_TOPIC
 

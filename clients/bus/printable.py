@@ -5,10 +5,11 @@ begin one that looks like somebody else's. Owns which characters these are and w
 """
 
 import re
+from functools import cache
 
 __all__ = ["printable", "printable_json"]
 
-_HOSTILE = re.compile(
+_HOSTILE = (
     "[\x00-\x1f\x7f-\x9f"  # control characters: C0, DEL, C1
     "\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"  # Unicode's Bidi_Control: they turn the order around
     "\u2028\u2029"  # separators of lines and paragraphs
@@ -23,12 +24,18 @@ def printable(text: str, keep: str = "\n\t") -> str:
     """
     if text.isprintable():
         return text
-    return _HOSTILE.sub(lambda found: found[0] if found[0] in keep else _escape(found[0]), text)
+    return _hostile().sub(lambda found: found[0] if found[0] in keep else _escape(found[0]), text)
 
 
 def printable_json(text: str) -> str:
     """The same for JSON, where `text` can be told: what JSON itself lets stand is escaped in its way."""
-    return text if text.isprintable() else _HOSTILE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+    return text if text.isprintable() else _hostile().sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+@cache
+def _hostile() -> re.Pattern[str]:
+    """Compiled when the first text needs it: most programs see none."""
+    return re.compile(_HOSTILE)
 
 
 def _escape(character: str) -> str:

@@ -5,9 +5,9 @@ no event tells when there is room. So a client tries again, soon at first and th
 same where a broker turns it away for something that passes, or ends while it connects.
 """
 
+import os
 import socket
 from collections.abc import Callable
-from pathlib import Path
 from time import monotonic
 
 from bus.errors import BrokerUnavailable
@@ -60,7 +60,7 @@ class Patience:
         return pause_s
 
 
-def try_to_connect(path: Path) -> socket.socket:
+def try_to_connect(path: str | os.PathLike[str]) -> socket.socket:
     """A non-blocking socket, connected to the broker at `path`.
 
     Raises FileNotFoundError or ConnectionRefusedError where nobody listens there, BacklogFull where too
@@ -69,7 +69,7 @@ def try_to_connect(path: Path) -> socket.socket:
     sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         sock.setblocking(False)
-        sock.connect(str(path))
+        sock.connect(os.fspath(path))
         check_server(sock, path)
     except BlockingIOError:
         sock.close()

@@ -20,7 +20,7 @@ Node: TypeAlias = str | list[Any]
 MAX_TYPES: Final = 256
 MAX_FIELDS: Final = 1024
 
-_TYPE_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*/(msg|srv|action)/[^\W\d]\w*")
+_KINDS: Final = ("msg", "srv", "action")
 _ZEROS: Final[dict[str, Any]] = {
     **dict.fromkeys(("any", "none")),
     **dict.fromkeys(("uint8[]", "byte[]"), b""),
@@ -74,8 +74,17 @@ def type_name(cls: type[Struct]) -> str:
 
 
 def is_type_name(name: str) -> bool:
-    """Whether a name has the three parts."""
-    return len(name) <= 255 and _TYPE_NAME.fullmatch(name) is not None
+    """Whether a name has the three parts: `[A-Za-z][A-Za-z0-9_]*`, one of _KINDS, letters of any script."""
+    package, _, rest = name.partition("/")
+    kind, _, own = rest.partition("/")
+    return (
+        len(name) <= 255
+        and package.isascii()
+        and package.isidentifier()
+        and package[0] != "_"
+        and kind in _KINDS
+        and (own.isidentifier() if own.isascii() else re.fullmatch(r"[^\W\d]\w*", own) is not None)
+    )
 
 
 def zero(node: Node, classes: Mapping[str, type[Struct]]) -> Any:

@@ -14,11 +14,11 @@ from bus.logger import Logger
 from bus.publisher import Publisher
 from bus.qos import QoS, QoSProfile, profile
 from bus.slowcallback import watched
-from bus.subscription import Subscription
 
 if TYPE_CHECKING:  # most programs need neither
     from bus.client import ServiceClient
     from bus.service import RequestId, ServiceServer
+    from bus.subscription import Subscription
 
 __all__ = ["SERVICE_QOS", "ServiceHost"]
 
@@ -43,7 +43,7 @@ class ServiceHost(ABC):
     def _opened(self) -> Link: ...
 
     @abstractmethod
-    async def _declare(self, link: Link, endpoint: Publisher[Any] | Subscription[Any]) -> None: ...
+    async def _declare(self, link: Link, endpoint: "Publisher[Any] | Subscription[Any]") -> None: ...
 
     @abstractmethod
     def _fail(self, error: BaseException) -> None: ...
@@ -130,7 +130,7 @@ class ServiceHost(ABC):
         return self.resolve_topic_name(name)
 
     async def _declare_both(
-        self, first: Publisher[Any] | Subscription[Any], second: Publisher[Any] | Subscription[Any]
+        self, first: "Publisher[Any] | Subscription[Any]", second: "Publisher[Any] | Subscription[Any]"
     ) -> None:
         """The two endpoints of a service or client: both, or none."""
         link = self._opened()

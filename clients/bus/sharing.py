@@ -9,7 +9,6 @@ import os
 import select
 from collections import deque
 from collections.abc import Callable
-from pathlib import Path
 from time import monotonic_ns
 from typing import Any
 from weakref import WeakValueDictionary
@@ -140,7 +139,8 @@ class Sharing:
 
     def writer_doorbell(self, doorbell: Descriptor) -> Descriptor:
         """One descriptor for all that came of the same doorbell."""
-        info = Path(f"/proc/self/fdinfo/{doorbell.number}").read_text()
+        with open(f"/proc/self/fdinfo/{doorbell.number}") as file:  # noqa: PTH123
+            info = file.read()
         key = next((line for line in info.splitlines() if line.startswith("eventfd-id")), "")
         return self._doorbells.setdefault(key, doorbell) if key else doorbell
 

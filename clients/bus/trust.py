@@ -9,17 +9,20 @@ import os
 import socket
 import stat
 import struct
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bus.address import is_default_folder
 from bus.errors import BrokerUnavailable, ConfigurationError
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 __all__ = ["check_server", "prepare_folder"]
 
 _UCRED = struct.Struct("=iII")
 
 
-def check_server(sock: socket.socket, path: Path) -> None:
+def check_server(sock: socket.socket, path: str | os.PathLike[str]) -> None:
     """Raises BrokerUnavailable where a default `path` is served by another user than this one and root.
 
     `sock` is connected, and nothing was sent yet.
@@ -27,14 +30,18 @@ def check_server(sock: socket.socket, path: Path) -> None:
     if not hasattr(socket, "SO_PEERCRED"):
         return
     _, uid, _ = _UCRED.unpack(sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size))
-    if uid not in (0, os.geteuid()) and is_default_folder(path.parent):
+    if uid in (0, os.geteuid()):
+        return
+    from pathlib import Path
+
+    if is_default_folder(Path(path).parent):
         raise BrokerUnavailable(
             f"{path} is served by user {uid}, who should not be there; nothing was sent "
             "(where you mean to use his busd, set BUSD_SOCKET)"
         )
 
 
-def prepare_folder(folder: Path, *, is_default: bool, may_enter: int = 0) -> None:
+def prepare_folder(folder: "Path", *, is_default: bool, may_enter: int = 0) -> None:
     """Make the default folder where it is missing; refuse one in which a stranger could replace busd's files.
 
     Any other folder must be there. The default one must be a real folder, ours, and have no permissions for
@@ -63,7 +70,7 @@ def prepare_folder(folder: Path, *, is_default: bool, may_enter: int = 0) -> Non
         raise ConfigurationError(f"busd refuses to open its socket in '{folder}' (owner {owner}): {distrust}")
 
 
-def _check_above(folder: Path, above: os.stat_result) -> None:
+def _check_above(folder: "Path", above: os.stat_result) -> None:
     """Root, with a user's environment, must not make the folder that this user will then not have."""
     us = os.geteuid()
     if above.st_uid not in (0, us) and not above.st_mode & stat.S_ISVTX:

@@ -52,8 +52,8 @@ ENCODE_ERRORS = (AttributeError, BufferError, OverflowError, RecursionError, Typ
 """What encoders raise for contents that no check has seen; `TypeSupport.explain` says it better."""
 
 _UNKNOWN: Any = object()
-_PATH = re.compile(r"(?<=`)\$[^`]*(?=`)")
-_STEP = re.compile(r"\[\.\.\.\]|\[(\d+)\]|\.([^.\[]+)")
+_PATH = r"(?<=`)\$[^`]*(?=`)"
+_STEP = r"\[\.\.\.\]|\[(\d+)\]|\.([^.\[]+)"
 
 
 class TypeSupport(Generic[M]):
@@ -155,12 +155,12 @@ class TypeSupport(Generic[M]):
         return None
 
     def _with_names(self, text: str) -> str:
-        return _PATH.sub(lambda match: self._named_path(match[0]), text)
+        return re.sub(_PATH, lambda match: self._named_path(match[0]), text)
 
     def _named_path(self, path: str) -> str:
         """`$[0][2]` as `$.header.frame_id`: arrays of fields have no names on the wire."""
         named, node = "$", cast(Node, self.schema["root"])
-        for step in _STEP.finditer(path):
+        for step in re.finditer(_STEP, path):
             name, node = self._step(node, step)
             named += name
         return named

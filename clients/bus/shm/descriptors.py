@@ -7,7 +7,6 @@ missing, nobody else can map it writable. What stands in it is the core's busine
 import errno
 import fcntl
 import os
-from pathlib import Path
 
 __all__ = ["SEALS", "doorbell_fault", "readers_fault", "ring_fault"]
 
@@ -38,7 +37,7 @@ def readers_fault(number: int) -> str:
 def doorbell_fault(number: int) -> str:
     """Why descriptor `number` can't be a doorbell; "" where it can."""
     try:
-        kind = str(Path(f"/proc/self/fd/{number}").readlink())
+        kind = os.readlink(f"/proc/self/fd/{number}")  # noqa: PTH115
         is_blocking = os.get_blocking(number)
     except OSError as error:
         return f"descriptor can't be looked at ({error.strerror})"

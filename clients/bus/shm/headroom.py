@@ -10,13 +10,12 @@ import os
 import re
 from collections.abc import Iterator
 from functools import lru_cache
-from pathlib import Path, PurePosixPath
 from time import monotonic_ns
 from typing import NamedTuple
 
 __all__ = ["Room", "claim", "rooms", "spare"]
 
-PROC = Path("/proc")
+PROC = "/proc"
 
 _RESERVE_PART = 16
 _RESERVE_LEAST = 8 << 20
@@ -106,7 +105,7 @@ def rooms(process: int | str = "self", *, need: float = math.inf) -> Iterator[Ro
     Caches are only looked at where `need` bytes are not free without them.
     """
     try:
-        cgroups = _read(PROC / str(process) / "cgroup")
+        cgroups = _read(f"{PROC}/{process}/cgroup")
         places = _places(cgroups, PROC)
     except OSError:  # another system, or no /proc
         places = ()
@@ -119,30 +118,30 @@ def rooms(process: int | str = "self", *, need: float = math.inf) -> Iterator[Ro
         yield room
 
 
-def _of_cgroup(folder: Path, kind: _Kind, need: float) -> Room | None:
-    limit = min((_number(folder / name) for name in kind.limits), default=_UNLIMITED)
+def _of_cgroup(folder: str, kind: _Kind, need: float) -> Room | None:
+    limit = min((_number(f"{folder}/{name}") for name in kind.limits), default=_UNLIMITED)
     if limit >= _UNLIMITED:
         return None
-    used = _number(folder / kind.usage)
+    used = _number(f"{folder}/{kind.usage}")
     if used >= _UNLIMITED:
         return None
     room = Room(f"memory cgroup {folder}", limit, max(limit - used, 0))
     if room.left - room.reserve < need:
-        fields = _fields(folder / "memory.stat")
+        fields = _fields(f"{folder}/memory.stat")
         caches = sum(fields.get(name, 0) // part for name, part in kind.caches)
         room = room._replace(left=max(limit - used + caches, 0))
     return room
 
 
 def _of_machine() -> Room | None:
-    fields = _fields(PROC / "meminfo")
+    fields = _fields(f"{PROC}/meminfo")
     total, available = fields.get("MemTotal:"), fields.get("MemAvailable:")
     if total is None or available is None:
         return None
     return Room("the machine", total << 10, available << 10)
 
 
-def _number(path: Path) -> int:
+def _number(path: str) -> int:
     """What stands there; _UNLIMITED where that is no number, or nothing."""
     try:
         return int(_read(path))
@@ -150,7 +149,7 @@ def _number(path: Path) -> int:
         return _UNLIMITED
 
 
-def _fields(path: Path) -> dict[str, int]:
+def _fields(path: str) -> dict[str, int]:
     """The first number of each line, by the word before it."""
     try:
         lines = _read(path).splitlines()
@@ -161,7 +160,7 @@ def _fields(path: Path) -> dict[str, int]:
     }
 
 
-def _read(path: Path) -> str:
+def _read(path: str) -> str:
     """A file of the kernel's, which is short. Raises OSError. (Half of what `Path.read_text` takes.)"""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
@@ -174,7 +173,7 @@ def _read(path: Path) -> str:
 
 
 @lru_cache(maxsize=4)
-def _places(cgroups: str, proc: Path) -> tuple[tuple[Path, _Kind], ...]:
+def _places(cgroups: str, proc: str) -> tuple[tuple[str, _Kind], ...]:
     """The folders of the memory cgroups that /proc/PID/cgroup names, and of all that these are in.
 
     Raises OSError.
@@ -186,8 +185,10 @@ def _places(cgroups: str, proc: Path) -> tuple[tuple[Path, _Kind], ...]:
             paths[_V2] = path
         elif "memory" in controllers.split(","):
             paths[_V1] = path
-    found: list[tuple[Path, _Kind]] = []
-    for line in (proc / "self" / "mountinfo").read_text().splitlines():
+    found: list[tuple[str, _Kind]] = []
+    with open(f"{proc}/self/mountinfo") as file:  # noqa: PTH123 - and it may be long
+        lines = file.read().splitlines()
+    for line in lines:
         before, _, after = line.partition(" - ")
         fields, (system, _, options) = before.split(), after.split(maxsplit=2)
         kind = {"cgroup2": _V2, "cgroup": _V1}.get(system)
@@ -195,24 +196,27 @@ def _places(cgroups: str, proc: Path) -> tuple[tuple[Path, _Kind], ...]:
             continue
         if kind is not None and kind in paths:
             root, place = (_unescaped(field) for field in fields[3:5])
-            found += [(folder, kind) for folder in _with_parents(Path(place), root, paths.pop(kind))]
+            found += [(folder, kind) for folder in _with_parents(place, root, paths.pop(kind))]
     return tuple(found)
 
 
-def _with_parents(mount: Path, root: str, path: str) -> list[Path]:
+def _with_parents(mount: str, root: str, path: str) -> list[str]:
     """The folder of the cgroup `path`, where the cgroup `root` is mounted at `mount`, and those it is in."""
-    try:
-        parts = PurePosixPath(path).relative_to(root).parts
-    except ValueError:  # not to be seen from here, but for the topmost
-        parts = ()
-    folders = [mount.joinpath(*parts[:depth]) for depth in range(len(parts), -1, -1)]
+    parts, above = _parts(path), _parts(root)
+    # One that is not below `root` is not to be seen from here, but for the topmost.
+    parts = parts[len(above) :] if parts[: len(above)] == above else []
+    folders = ["/".join((mount, *parts[:depth])) for depth in range(len(parts), -1, -1)]
     # In a cgroup of the first kind, what is in it may not count.
     alone = next((at for at, one in enumerate(folders) if at and _is_alone(one)), len(folders))
     return folders[:alone]
 
 
-def _is_alone(folder: Path) -> bool:
-    return _number(folder / "memory.use_hierarchy") == 0
+def _is_alone(folder: str) -> bool:
+    return _number(f"{folder}/memory.use_hierarchy") == 0
+
+
+def _parts(path: str) -> list[str]:
+    return [part for part in path.split("/") if part]
 
 
 def _unescaped(text: str) -> str:
