@@ -14,6 +14,7 @@ from benchmarks.plan import Plan
 
 BENCHMARKS = (
     "latency",
+    "foreign",
     "facade",
     "throughput",
     "bulk",

@@ -14,15 +14,14 @@ from benchmarks.cases import Case, Figures, Outcome, interleave
 from benchmarks.figures import per_100k, percentiles, ratios
 from benchmarks.goals import reached
 from benchmarks.harness import START_S, Child, Event, Failure, Group
+from benchmarks.paced import PLAIN
 from benchmarks.plan import Plan
 from benchmarks.report import Column, Comparison, Row, Section, compare
 from benchmarks.systems import (
     BUS,
     BUS_FAN_OUT,
-    BUS_LAST,
     BUS_SOCKET,
     BUS_SOCKET_FAN_OUT,
-    BUS_SOCKET_LAST,
     ESSENTIAL,
     NATS,
     PYZMQ,
@@ -41,8 +40,6 @@ _GOAL_NUMBERS = (8, 16)
 _LOSSY_NUMBERS = (1, 16)
 _SLOW_NUMBER = 8
 """Of who is no match for the others only so many subscribers are measured."""
-_PACED = {BUS.name: BUS_LAST, BUS_SOCKET.name: BUS_SOCKET_LAST}
-"""Who has another publisher for the paced stream than for the flood."""
 _LOSSY_ROUNDS = 2
 _LIMIT_S = 30.0
 _LOOK_S = 0.3
@@ -125,7 +122,7 @@ def comparisons(outcomes: Mapping[str, Outcome], systems: list[System]) -> list[
 
 def measure(system: System, flood: Callable[[], Figures], paced: Work) -> Figures:
     """A flood and a paced stream. Raises Failure where one did not end, or lost what it may not lose."""
-    return flood() | measure_last(_PACED.get(system.name, system), paced)
+    return flood() | measure_last(PLAIN.get(system.name, system), paced)
 
 
 def measure_flood(system: System, work: Work) -> Figures:
@@ -217,7 +214,7 @@ def _case(plan: Plan, system: System, number: int) -> Case:
         warm_up=25,
         rate=_RATE,
         take_by=system.takes_by,
-        gives_turns=_PACED.get(system.name, system).gives_turns,
+        gives_turns=PLAIN.get(system.name, system).gives_turns,
         subscribers=number,
     )
     name, measured = name_of(system, number), partial(measure, system, flood, paced)

@@ -4,6 +4,8 @@ Shared by the benchmarks of latency and of cost.
 """
 
 import os
+import signal
+import sys
 from collections.abc import Sequence
 from functools import partial
 from itertools import cycle
@@ -15,7 +17,7 @@ from benchmarks.cases import Case, Figures
 from benchmarks.figures import bytes_text, per_100k, percentiles
 from benchmarks.harness import START_S, Child, Failure, Group
 from benchmarks.report import Column
-from benchmarks.systems import System
+from benchmarks.systems import BUS, BUS_PLAIN, BUS_SOCKET, BUS_SOCKET_PLAIN, System
 from benchmarks.work import Arrivals, Work
 
 LATENCY_COLUMNS = [
@@ -35,6 +37,9 @@ LATENCY_NOTES = [
 ]
 PARTS = ("publisher", "broker", "subscriber")
 """Whose CPU time and memory is told: `cpu_publisher`, `mib_publisher`, ..."""
+PLAIN = {BUS.name: BUS_PLAIN, BUS_SOCKET.name: BUS_SOCKET_PLAIN}
+"""Who has another publisher where publishers are to be plain programs."""
+_BUSY = "while True: pass"
 
 
 def case(series: str, system: System, work: Work, on_cpus: Sequence[int] = (), rounds: int = 0) -> Case:
@@ -44,11 +49,18 @@ def case(series: str, system: System, work: Work, on_cpus: Sequence[int] = (), r
     return Case(name, measured, system.missing(), series, work.size, rounds)
 
 
-def measure(system: System, work: Work, on_cpus: Sequence[int] = ()) -> Figures:
+def measure(
+    system: System, work: Work, on_cpus: Sequence[int] = (), *, neighbours: int | None = None
+) -> Figures:
     """Do it once: on CPUs of the scheduler's choice, or with the publisher on the first of `on_cpus` and the
     others, in turns, on the next ones. Raises Failure where it did not come to its end.
+
+    Beside so many `neighbours`, processes that only use a CPU; then, also with none, the kernel's switches
+    of the publisher and the subscriber are among the figures.
     """
     with Group() as group:
+        for number in range(neighbours or 0):
+            group.start(f"neighbour_{number}", sys.executable, "-c", _BUSY, stop_signal=signal.SIGTERM)
         servers = system.start_servers(group)
         publisher, subscriber = system.start_pair(group, work)
         children = (publisher, subscriber, *servers)
@@ -56,10 +68,12 @@ def measure(system: System, work: Work, on_cpus: Sequence[int] = ()) -> Figures:
             for child, place in zip(children, cycle(on_cpus), strict=False):
                 put_on(child, place)
         before_ns = [child.cpu_ns() for child in children]
+        before_switches = [switches(child) for child in children[:2]]
         publisher.tell("go")
         limit_s = 2 * work.total / work.rate + START_S
         group.expect(subscriber, "complete", within_s=limit_s)
         after_ns = [child.cpu_ns() for child in children]
+        after_switches = [switches(child) for child in children[:2]]
         mib = [memory_mib(child) for child in children]
         subscriber.tell("report")
         event = group.expect(subscriber, "received", within_s=START_S)
@@ -71,6 +85,11 @@ def measure(system: System, work: Work, on_cpus: Sequence[int] = ()) -> Figures:
     for key, found in (("cpu", cpu), ("mib", mib)):
         values = (found[0], sum(found[2:]), found[1])
         figures |= {f"{key}_{part}": value for part, value in zip(PARTS, values, strict=True)}
+    if neighbours is None:
+        return figures
+    for part, before, after in zip(("publisher", "subscriber"), before_switches, after_switches, strict=True):
+        figures[f"given_{part}"] = (after[0] - before[0]) / work.total
+        figures[f"taken_{part}"] = (after[1] - before[1]) / work.total * 1000
     return figures
 
 
@@ -81,6 +100,20 @@ def put_on(child: Child, cpu: int) -> None:
             os.sched_setaffinity(int(thread.name), {cpu})
     except OSError as error:
         raise Failure(f"{child.name} can't be put on CPU {cpu}: {error.strerror}") from None
+
+
+def switches(child: Child) -> tuple[int, int]:
+    """How often its threads gave up their CPU, and had it taken away. Raises Failure if it is gone."""
+    counts = [0, 0]
+    try:
+        for thread in (Path("/proc") / str(child.pid) / "task").iterdir():
+            for line in (thread / "status").read_text().splitlines():
+                for place, key in enumerate(("voluntary_ctxt_switches:", "nonvoluntary_ctxt_switches:")):
+                    if line.startswith(key):
+                        counts[place] += int(line.split()[1])
+    except OSError:
+        raise Failure(child.describe_end()) from None
+    return counts[0], counts[1]
 
 
 def memory_mib(child: Child) -> float:

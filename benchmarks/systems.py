@@ -180,7 +180,7 @@ BUS_BLOCKING = BUS._replace(
     floods=False,
     gives_turns=False,
 )
-BUS_LAST, BUS_SOCKET_LAST = (
+BUS_PLAIN, BUS_SOCKET_PLAIN = (
     system._replace(publisher=BUS_BLOCKING.module, gives_turns=False) for system in (BUS, BUS_SOCKET)
 )
 """With a publisher that is a plain program, as those of most rivals are: it sends, and then it sleeps."""

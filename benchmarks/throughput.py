@@ -53,7 +53,7 @@ _TRIES, _LONGER, _MOST_LONGER = 3, 1.2, 20.0
 """How often a flood that was over too soon is tried in all, and how many times as long it may be made."""
 _GENTLE = 2.0
 """A flood that took so many times what was asked for is shortened, for the next repetition."""
-_CODEC, _COPY = Speed(3_000_000, 3e9), Speed(20_000_000, 5e9)
+_CODEC, _COPY = Speed(3_000_000, 3e9), Speed(20_000_000, 20e9)
 _CODEC_NAME = "codec alone"
 _POLLING, _ICEORYX_POLLING = (f"{system.name}, busy polling" for system in (BUS, ICEORYX))
 _BUSY_POLL_S = 0.002
@@ -144,14 +144,14 @@ def work_of(plan: Plan, speed: Speed, size: int, **ways: Any) -> Work:
 
 def copying_case(plan: Plan, size: int) -> Case:
     """The limit of whatever copies."""
-    measure_it = partial(copying.measure_copying, size, _COPY.messages_in(_FLOOD_S[0], size))
+    measure_it = partial(copying.measure_copying, size, _COPY.messages_in(flood_s(plan), size))
     return Case(f"{bytes_text(size)}, {copying.NAME}", measure_it, no_c_program(), copying.NAME, size)
 
 
 def _cases(plan: Plan, size: int) -> list[Case]:
     codec = partial(measure_codec, work_of(plan, _CODEC, size))
     few, seconds = plan.rounds(is_essential=False), flood_s(plan)
-    cases = [Case(f"{bytes_text(size)}, {_CODEC_NAME}", codec, "", _CODEC_NAME, size)]
+    cases = [Case(f"{bytes_text(size)}, {_CODEC_NAME}", codec, "", _CODEC_NAME, size, few)]
     ways: list[tuple[str, System, dict[str, Any]]] = [
         (system.name, system, {"take_by": system.takes_by})
         for system in (BUS, BUS_SOCKET, *FLOORS, *RIVALS)
@@ -171,7 +171,7 @@ def _cases(plan: Plan, size: int) -> list[Case]:
         rounds = plan.repetitions if is_essential else few
         cases.append(case(series, system, work_of(plan, system.guess, size, **way), seconds, rounds))
     if size > _KiB:
-        cases.append(copying_case(plan, size))
+        cases.append(copying_case(plan, size)._replace(rounds=few))
     return cases
 
 

@@ -8,7 +8,7 @@ import os
 import traceback
 from collections.abc import Callable
 from inspect import iscoroutine, iscoroutinefunction
-from threading import Thread
+from threading import Event, Thread
 from time import monotonic_ns
 from typing import Any
 
@@ -183,6 +183,7 @@ def take_in_thread(taker: Taker, receive: Callable[[], Any]) -> None:
         try:
             while not taker.is_done:
                 take(receive())
+            Event().wait()  # what the kernel counts of a thread goes with it
         except BaseException:
             traceback.print_exc()
             os._exit(1)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import bulk, copying, cost, facade, goals, latency, paced, throughput
+from benchmarks import bulk, copying, cost, facade, foreign, goals, latency, paced, throughput
 from benchmarks.cases import Figures, Outcome
 from benchmarks.figures import best, bytes_text
 from benchmarks.harness import START_S, Failure, Group
@@ -107,7 +107,9 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Work]]:
     """What was measured, by nobody: each system is there, and has the same figures."""
     done: list[tuple[str, Work]] = []
 
-    def measure(system: System, work: Work, on_cpus: Sequence[int] = ()) -> Figures:
+    def measure(
+        system: System, work: Work, on_cpus: Sequence[int] = (), neighbours: int | None = None
+    ) -> Figures:
         done.append((system.name, work))
         keys = ("p50", "p99", "cpu", "per_s", "bytes_per_s", "published_per_s", "delivered", "seconds")
         return dict.fromkeys(keys, 2.0)
@@ -230,6 +232,14 @@ def test_a_flood_is_compared_with_who_takes_as_it_does(measured: list[tuple[str,
                 assert ("polling" in ours) == ("polling" in theirs), one.name
 
 
+def test_pairs_beside_a_busy_process_have_publishers_that_are_alike(measured: list[tuple[str, Work]]) -> None:
+    section = foreign.run(THOROUGH)
+
+    assert {row.at for row in section.rows} == {0, 1}
+    assert not any(work.gives_turns for _, work in measured)
+    assert any("best rival" in one.name and one.has_goal for one in section.comparisons)
+
+
 def test_every_goal_has_cases_to_be_made_of(measured: list[tuple[str, Work]]) -> None:
     sections = [run(THOROUGH) for run in (latency.run, throughput.run, bulk.run, cost.run)]
 
@@ -297,7 +307,18 @@ def test_a_flood_of_which_nothing_or_too_much_arrives_is_a_failure(
         throughput.measure(loser, FLOOD)
 
 
-# --- where it runs, and memory
+# --- where it runs, beside whom, and memory
+
+
+def test_a_pair_is_measured_beside_a_process_that_uses_a_cpu() -> None:
+    work = Work(size=64, count=100, warm_up=10, rate=1000, take_by="blocking", gives_turns=False)
+
+    found = paced.measure(PIPE, work, neighbours=1)
+
+    assert 0 < found["p50"] <= found["max"]
+    assert found["given_publisher"] > 0 and found["given_subscriber"] > 0
+    assert min(found["taken_publisher"], found["taken_subscriber"]) >= 0
+    assert "given_publisher" not in paced.measure(PIPE, work)
 
 
 def test_processes_are_put_where_they_shall_be_and_who_is_gone_is_not() -> None:

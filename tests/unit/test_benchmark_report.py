@@ -23,6 +23,7 @@ from benchmarks.systems import (
     PYZMQ,
     PYZMQ_PROXY,
     SYSTEMS,
+    tuned,
 )
 
 MACHINE = Machine("Some CPU", 2, True, 8.0, "Linux 6", "CPython 3.11", {"msgspec": "0.19"}, "abc", 0.5)
@@ -101,6 +102,45 @@ def test_the_report_says_where_it_loses_and_what_is_missing() -> None:
     assert "**NOT met**" in text and "load 0.50 at the start" in text
     for picture in pictures.available(RESULT):
         assert all(f"pictures/{file}" in text for file in picture.files().values())
+
+
+def test_the_goals_come_first_and_are_met_or_missed() -> None:
+    asked = [
+        Comparison("64 B, ours / theirs, p50", one(0.8), at_most=0.9, headline="64 B, p50 / theirs"),
+        Comparison("64 B, ours, per_s", one(3e6), at_least=4e6, headline="64 B, messages/s"),
+    ]
+    section = msgspec.structs.replace(latency(), comparisons=[*asked, *latency().comparisons])
+
+    text = markdown.report_of(result(section), "x.json")
+
+    assert text.index("## In short") < text.index("## Goals") < text.index("## Where it loses")
+    assert "1 of 2 are met." in text and "1 of 2 goals are met." in text  # those of the section beside them
+    assert "| 64 B, p50 / theirs | 0.800 (0.720 - 0.880) | at most 0.900 | met |" in text
+    assert "| 64 B, messages/s | 3.00M (2.70M - 3.30M) | at least 4.00M | **missed** |" in text
+    assert "## Goals" not in markdown.report_of(RESULT, "x.json")
+
+
+def test_the_readmes_table_has_long_messages_also_with_malloc_set_alike() -> None:
+    rows = [
+        Row(series, {"p50": one(value)}, "", series, MIB)
+        for series, value in {
+            BUS.name: 10.0,
+            tuned(BUS).name: 9.0,
+            PIPE.name: 90.0,
+            tuned(PIPE).name: 18.0,
+            f"{ICEORYX.name}, busy polling": 1.0,
+        }.items()
+    ]
+
+    lines = markdown.speed_of(result(Section("latency", "", latency().columns, rows)), "x").splitlines()
+
+    assert lines[0] == "|  | 1 MiB: p50 µs | 1 MiB, malloc alike: p50 µs |"
+    assert lines[2:4] == [
+        "| **busd, shared memory** | **10.0** | **9.00** |",
+        "| multiprocessing.Pipe | 90.0 (9.00x) | 18.0 (2.00x) |",
+    ]
+    assert "*malloc alike*" in lines[-1]
+    assert "malloc" not in markdown.speed_of(RESULT, "x")
 
 
 def test_the_short_tables_have_ratios_and_tell_where_a_rival_is_ahead() -> None:

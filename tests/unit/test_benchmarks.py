@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from time import monotonic_ns
 
 import pytest
 from hypothesis import given
@@ -16,7 +17,7 @@ from benchmarks.figures import Spread, bytes_text, per_100k, percentile, percent
 from benchmarks.harness import START_S, Failure, Group
 from benchmarks.machine import ROOT, Machine, look_at_machine
 from benchmarks.report import Column, Comparison, Result, Row, Section
-from benchmarks.work import Work, arrivals, text_of
+from benchmarks.work import Stamped, Work, arrivals, text_of
 
 MACHINE = Machine("Some CPU", 2, True, 8.0, "Linux 6", "CPython 3.11", {"msgspec": "0.19"}, "abc+", 0.5)
 SLEEPER = "import time; time.sleep(600)"
@@ -140,6 +141,25 @@ def test_a_case_that_failed_or_is_missing_is_not_tried_again_and_the_others_go_o
     assert Row.of(outcomes["fails"]).trouble == "failed: it hangs"
     assert Row.of(outcomes["missing"]).trouble == "missing: not installed"
     assert len(outcomes["works"].repetitions) == 2
+
+
+# --- paced messages
+
+
+@given(st.sampled_from([64, 100, 1 << 20]), st.integers(0, 2**62))
+def test_a_message_is_complete_before_its_stamp_which_changes_no_other_text(size: int, due_ns: int) -> None:
+    twin = f"{due_ns} ".ljust(size)
+    begin_ns = monotonic_ns()
+
+    text, data = (Stamped(size, due_ns, kind).now() for kind in (str, bytes))
+
+    end_ns = monotonic_ns()
+    assert isinstance(text, str) and isinstance(data, bytes)
+    assert len(text) == len(data) == size and text.isascii()
+    for head in (text[:64], data[:64].decode()):
+        due, sent = map(int, head.split())
+        assert due == due_ns and begin_ns <= sent <= end_ns
+    assert twin.split() == [str(due_ns)]
 
 
 # --- reports
