@@ -10,7 +10,7 @@ import asyncio
 import os
 import resource
 import socket
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, Protocol
 
@@ -74,7 +74,7 @@ class PeerHost(Protocol):
 
     def may_write(self, connection: "PeerConnection") -> bool: ...
 
-    def receive(self, connection: "PeerConnection", items: Iterable[Any]) -> None: ...
+    def receive(self, connection: "PeerConnection", count: int) -> None: ...
 
     def resume(self, connection: "PeerConnection") -> None: ...
 
@@ -138,7 +138,7 @@ class PeerConnection:
             sock,
             Session(Role.BROKER, max_message_bytes=host.limits.message_bytes),
             Outbox(),
-            on_received=partial(host.receive, self),
+            on_bytes=partial(host.receive, self),
             on_lost=self._lost,
             takes_descriptors=True,
             may_read=partial(host.may_read, self),

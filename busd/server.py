@@ -12,7 +12,8 @@ from typing import Any, TypeAlias
 
 from bus.errors import ConfigurationError, RemoteProtocolError
 from bus.ids import PeerId
-from bus.wire.layout import GUESTS
+from bus.transport.stream import Stream
+from bus.wire.layout import DATA_HEAD_BYTES, GUESTS
 from bus.wire.messages import (
     Done,
     GetGraph,
@@ -25,7 +26,7 @@ from bus.wire.messages import (
     encode_frame,
 )
 from bus.wire.runs import Account, Run
-from bus.wire.session import Carried
+from bus.wire.session import Carried, Session
 from busd.admission import Admission
 from busd.core.access import Access
 from busd.core.broker import Broker
@@ -154,8 +155,12 @@ class Server:
         """Whether the connection's socket may be read now; if not, it gets its turn."""
         if connection.is_choked:
             connection.wrote()  # it may have gone meanwhile, so that this is the end of what it has sent
-        if connection.items is None and not self._is_early(connection):
-            return self.may_write(connection)
+        if (
+            connection.items is None
+            and not (connection.is_early and self._is_early(connection))
+            and self._turns.may_go(monotonic_ns(), connection.party)
+        ):
+            return True
         self._wait(connection)
         return False
 
@@ -166,13 +171,15 @@ class Server:
         self._wait(connection)
         return False
 
-    def receive(self, connection: PeerConnection, items: Iterable[Any]) -> None:
-        """Handle what was read, as far as the party's allowance goes."""
-        party, meter = connection.party, self._broker.meter
+    def receive(self, connection: PeerConnection, count: int) -> None:
+        """Handle the `count` bytes that were read, as far as the party's allowance goes."""
+        party, meter, session = connection.party, self._broker.meter, connection.stream.session
         self._payer = party
         meter.left = party.left - _READ
         try:
-            self._handle(connection, items)
+            session.reader.came(count)
+            if not self._pass_on(connection, session):
+                self._handle(connection, session.items())
         finally:
             party.left = meter.left
             self._payer = None
@@ -295,18 +302,50 @@ class Server:
         self._carry_out(self._broker.trim(now_ns))
         return True
 
+    def _pass_on(self, connection: PeerConnection, session: Session) -> bool:
+        """Send on the runs at the front that are each for one subscription, whose process takes them at once.
+
+        They leave from where they lie in the reader's buffer; at a moderate rate all do. Returns whether that
+        was all.
+        """
+        broker, reader, runs, now_ns = self._broker, session.reader, 0, monotonic_ns()
+        stream: Stream | None = None
+        meter = broker.meter
+        while (front := reader.front()) is not None and meter.left > 0 and not session.descriptors:
+            endpoint, source, first_seq, count, size = front
+            if source or (way := broker.passage(now_ns, connection.id, endpoint)) is None:
+                break
+            publisher, subscription = way
+            taker = self._peers[subscription.flush.peer].stream
+            if taker is not stream:
+                if stream is not None:
+                    stream.pass_on(reader.readdressed())
+                stream = taker
+                if not taker.is_idle:
+                    break
+            if not broker.passed_on(publisher, first_seq, count, size - DATA_HEAD_BYTES):
+                break
+            reader.readdress(front, subscription.id, publisher.id)
+            runs += 1
+            if reader.is_cut:
+                break
+        if runs:
+            if stream is not None and len(frames := reader.readdressed()):
+                stream.pass_on(frames)
+            broker.routing_times.add(runs, monotonic_ns() - now_ns)
+        return runs > 0 and reader.is_cut
+
     def _handle(self, connection: PeerConnection, items: Iterable[Any]) -> None:
         """Hand the broker what came, one after the other; what there is no time for now waits."""
         broker, peer, meter = self._broker, connection.id, self._broker.meter
         now_ns, runs, is_swamped = monotonic_ns(), 0, False
-        is_one = items.__class__ is list
         left = iter(items)
         try:
             for item in left:
                 if item.__class__ is Run:
                     runs += 1
                     effects = broker.route(now_ns, peer, item)
-                    if effects and not (is_one and self._pass_on(effects)):
+                    if effects:
                         self._carry_out(effects)
                     if broker.is_overfull:
                         is_swamped = self._trim(now_ns, connection)
@@ -318,9 +357,8 @@ class Server:
                 if connection.stream.is_closed:
                     break
                 if meter.left <= 0 or connection.is_held or peer in broker.unfinished:
-                    if not is_one:
-                        connection.items = left
-                        self.resume(connection)
+                    connection.items = left
+                    self.resume(connection)
                     break
         except RemoteProtocolError as error:
             connection.refuse(str(error))
@@ -349,21 +387,6 @@ class Server:
             self._payer = None
 
     # --- effects
-
-    def _pass_on(self, effects: list[Effect]) -> bool:
-        """A read brought one run, and it is for one subscription whose process takes it at once.
-
-        At a moderate rate all are like that; the outbox is most of what the broker's part would cost.
-        """
-        flush = effects[0]
-        if len(effects) > 1 or flush.__class__ is not Flush or self._broker.is_overfull:
-            return False
-        connection = self._peers.get(flush.peer)
-        if connection is None or not connection.stream.is_idle:
-            return False
-        head, body = flush.queue.pop_frame()
-        connection.stream.send_now([head, body], len(head) + len(body))
-        return True
 
     def _carry_out(self, effects: list[Effect]) -> None:
         overfull: list[PeerConnection] = []

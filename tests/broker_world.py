@@ -29,7 +29,7 @@ from bus.qos import QoSProfile
 from bus.wire import messages as m
 from bus.wire.layout import FRAME_HEAD_BYTES, GUESTS, SILENCE, VERSION
 from bus.wire.outbox import Outbox
-from bus.wire.runs import Run
+from bus.wire.runs import Account, Run, RunQueue
 from bus.wire.session import Carried, Role, Session
 from busd.core.access import Access, AccessRule
 from busd.core.broker import Broker
@@ -105,6 +105,8 @@ class World:
         """What happens between two pieces of long work."""
         self.overdrawn = 0
         """How much more than the budget was ever done at a time."""
+        self.passed_on = 0
+        """Runs that went on as they were."""
         self.gids = count(1)
 
     def process(
@@ -240,7 +242,8 @@ class Process:
             for item in feed(self._to_broker, data):
                 world.refill()
                 if isinstance(item, Run):
-                    world.carry_out(broker.route(world.now_ns, self.id, item))
+                    if not self._is_passed_on(item):
+                        world.carry_out(broker.route(world.now_ns, self.id, item))
                     if broker.is_overfull:
                         world.carry_out(broker.trim(world.now_ns))
                 elif isinstance(item, Carried):
@@ -254,6 +257,25 @@ class Process:
             del world.processes[self.id]
             self.cut(str(error))
             world.carry_out(broker.detach(world.now_ns, self.id))
+
+    def _is_passed_on(self, run: Run) -> bool:
+        """Do what the daemon's shell does with a run for one subscription that has nothing else waiting."""
+        world, broker = self.world, self.world.broker
+        if run.source or run.is_replay or run.is_resumed:
+            return False
+        way = broker.passage(world.now_ns, self.id, run.endpoint)
+        taker = world.processes.get(way[1].flush.peer) if way is not None else None
+        if way is None or taker is None or taker.is_blocked or taker.outbox:
+            return False
+        publisher, subscription = way
+        if not broker.passed_on(publisher, run.first_seq, run.count, len(run.body)):
+            return False
+        world.passed_on += 1
+        run.source = publisher.id
+        queue = RunQueue(0, Account(1 << 40), subscription.id)
+        queue.append(run)
+        taker.hear(b"".join(queue.pop_frame()))
+        return True
 
     def die(self) -> None:
         """The process is gone; its socket closes."""
@@ -269,26 +291,27 @@ class Process:
         while (taken := self.outbox.take())[1]:
             if taken[2]:
                 self._from_broker.descriptors.append(taken[2])
-            for item in feed(self._from_broker, b"".join(taken[0])):
-                if isinstance(item, Carried):
-                    self.messages.append(item.message)
-                    self.carried.append((item.message, [one.name for one in item.descriptors]))  # type: ignore[attr-defined]
-                elif isinstance(item, Run):
-                    samples = _samples(item)
-                    self.samples.setdefault(item.endpoint, []).extend(samples)
-                    missing = item.count - len(samples)
-                    self.undecodable[item.endpoint] = self.undecodable.get(item.endpoint, 0) + missing
-                else:
-                    self.messages.append(item)
-                    if (
-                        isinstance(item, m.Rerouted)
-                        and item.endpoint in self.world.broker.graph.subscriptions
-                    ):
-                        left.append(
-                            m.LeaveRing(subscription=item.endpoint, source=item.other, seq=self.has_read)
-                        )
+            left += self.hear(b"".join(taken[0]))
         for one in left:
             self.tell(one)
+
+    def hear(self, data: bytes) -> list[m.LeaveRing]:
+        """Take what has come; returns which rings are to be left."""
+        left = list[m.LeaveRing]()
+        for item in feed(self._from_broker, data):
+            if isinstance(item, Carried):
+                self.messages.append(item.message)
+                self.carried.append((item.message, [one.name for one in item.descriptors]))  # type: ignore[attr-defined]
+            elif isinstance(item, Run):
+                samples = _samples(item)
+                self.samples.setdefault(item.endpoint, []).extend(samples)
+                missing = item.count - len(samples)
+                self.undecodable[item.endpoint] = self.undecodable.get(item.endpoint, 0) + missing
+            else:
+                self.messages.append(item)
+                if isinstance(item, m.Rerouted) and item.endpoint in self.world.broker.graph.subscriptions:
+                    left.append(m.LeaveRing(subscription=item.endpoint, source=item.other, seq=self.has_read))
+        return left
 
     def unblock(self) -> None:
         """The socket takes bytes again, and the process reads all of them."""

@@ -2,6 +2,7 @@
 
     effects = broker.handle(now_ns, peer, message)     control messages (and the descriptors they bring)
     effects = broker.route(now_ns, peer, run)          samples (then `trim`, if the broker `is_overfull`)
+    way = broker.passage(now_ns, peer, endpoint)       may the shell pass on a run by itself? (`passed_on`)
     effects = broker.go_on(now_ns, peer)               while a peer is in `broker.unfinished`
     effects = broker.tick(now_ns)                      when `next_deadline_ns()` has come (the hot
                                                        path reads it as `broker.timers.earliest_ns`)
@@ -30,7 +31,7 @@ from busd.core.asking import Questions
 from busd.core.bucket import Bucket
 from busd.core.declaring import Registrar
 from busd.core.effects import Disconnect, Effect, Flush, Later, Note, Reload, Restart, Send, Stop
-from busd.core.entities import GRAPH, Peer, Publisher
+from busd.core.entities import GRAPH, Peer, Publisher, Subscription
 from busd.core.graph import Graph
 from busd.core.guard import Guard
 from busd.core.latency import RoutingTimes
@@ -90,6 +91,7 @@ class Broker:
         self._silences = Silences(
             self.timers, emit, self.meter, peers=self._peers, lives=lives, evict=self._cut
         )
+        self.passed_on = self._router.passed_on
         lease_ns = int(self.limits.lease_s * 1e9)
         self._leases = Leases(self.timers, emit, self.meter, lease_ns=lease_ns, silences=self._silences)
         self._guard = Guard(self.graph, access or Access(uid))
@@ -275,6 +277,21 @@ class Broker:
                 self.is_overfull = self._router.is_overfull
             return self._take_effects()
         return out
+
+    def passage(self, now_ns: int, peer_id: PeerId, endpoint: int) -> tuple[Publisher, Subscription] | None:
+        """A publisher of the peer's, and the one that its next run is for, with nothing else to be done.
+
+        None: the run must be given to `route`.
+        """
+        peer = self._peers.get(peer_id)
+        if peer is None or peer.is_silent or peer.lapsed or self._withheld or self.is_overfull:
+            return None
+        peer.last_heard_ns = now_ns
+        publisher = peer.endpoints.get(EndpointId(endpoint))
+        if publisher.__class__ is not Publisher or len(publisher.routed) != 1 or publisher.does_more:
+            return None
+        (subscription,) = publisher.routed.values()
+        return None if subscription.queue.runs else (publisher, subscription)
 
     def trim(self, now_ns: int) -> list[Effect]:
         """Bound the queues that the last run overfilled; call it after the Flush effects were carried out."""

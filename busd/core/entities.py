@@ -248,6 +248,17 @@ class Publisher(Endpoint):
 
     kind = "publisher"
 
+    @property
+    def does_more(self) -> bool:
+        """With a run there is more to do than to queue it for those that it is `routed` to."""
+        return bool(
+            self.history is not None
+            or self.lease_ns
+            or self.behind
+            or self.is_credit_ahead
+            or (self.is_lossless and not self.acked)
+        )
+
     def is_catching_up(self, subscription: EndpointId) -> bool:
         """It was rerouted and has left the ring; it gets what was sent to it alone, and nothing else yet."""
         return not any(subscription in some for some in (self.shared, self.leaving, self.routed, self.behind))

@@ -128,6 +128,24 @@ class Router:
                 give_credit(publisher, out.append)
         return work
 
+    def passed_on(self, publisher: Publisher, first_seq: int, count: int, size: int) -> bool:
+        """Count a run of `size` bytes, which the shell passes on to its only taker, as `route` does.
+
+        False, and nothing is done, where there is more to it.
+        """
+        payload_bytes = size - count * RECORD_HEAD_BYTES
+        if (
+            first_seq != publisher.next_seq
+            or count > MAX_RUN_SAMPLES
+            or not 0 <= payload_bytes <= publisher.max_message_bytes
+        ):
+            return False
+        publisher.next_seq = first_seq + count
+        publisher.samples += count
+        publisher.bytes += payload_bytes
+        self._meter.left -= FRAME + count // SAMPLES_PER_UNIT
+        return True
+
     def _distribute(
         self,
         now_ns: int,

@@ -222,6 +222,77 @@ def test_garbage_is_refused_or_waits(garbage: bytes, pieces: list[int]) -> None:
     assert size <= len(garbage)
 
 
+class TestFront:
+    """What may go on as it lies in the buffer."""
+
+    def came(self, content: bytes) -> FrameReader:
+        made = reader()
+        made.get_buffer()[: len(content)] = content
+        made.came(len(content))
+        return made
+
+    def test_frames_are_readdressed_in_their_place(self) -> None:
+        first, second = data(record(3)), data(record(5), first_seq=2)
+        made = self.came(first + second + control(b"x") + first[:10])
+        for frame, seq in ((first, 1), (second, 2)):
+            front = made.front()
+            assert front == (7, 8, seq, 1, len(frame))
+            made.readdress(front, 70 + seq, 80 + seq)
+        assert made.front() is None
+        sent = bytes(made.readdressed())
+        assert values(feed(reader(), sent)) == [
+            (71, 81, 1, 1, record(3), False),
+            (72, 82, 2, 1, record(5), False),
+        ]
+        assert len(made.readdressed()) == 0
+        assert made.cut() == [b"x"]
+        assert made.cut() == []
+        buffer = made.get_buffer()  # the beginning of the next one was kept
+        buffer[: len(first) - 10] = first[10:]
+        made.came(len(first) - 10)
+        front = made.front()
+        assert front is not None
+        assert values([made.take(front)]) == [(7, 8, 1, 1, record(3), False)]
+        assert made.is_cut
+
+    @pytest.mark.parametrize(
+        "content",
+        [
+            control(bytes(100)),
+            data(record(3))[:-1],
+            data(record(3))[: DATA_HEAD_BYTES - 1],
+            data(record(3), flags=REPLAY),
+            data(record(3), flags=RESUMED),
+            data(record(3), flags=4),
+            data(record(3), zero=1),
+            data(record(3), count=0),
+            data(record(3), first_seq=MAX_COUNT + 1),
+            bytes(64),
+            b"\xff" * 64,
+        ],
+    )
+    def test_all_others_are_cut(self, content: bytes) -> None:
+        assert self.came(content).front() is None
+
+    def test_what_is_too_large_is_cut(self) -> None:
+        made = reader(max_data=100)
+        frame = data(record(100))
+        made.get_buffer()[: len(frame)] = frame
+        made.came(len(frame))
+        assert made.front() is None
+        assert made.cut() == []
+        assert made.fault is not None
+
+    def test_not_within_a_long_frame(self) -> None:
+        frame, made = data(record(BUFFER_BYTES)), reader()
+        head = frame[:100_000]
+        made.get_buffer()[: len(head)] = head
+        assert made.received(len(head)) == []
+        made.get_buffer()[:1] = frame[100_000:100_001]
+        made.came(1)
+        assert made.front() is None
+
+
 class TestCharges:
     """A frame that is too long for the common buffer is charged until it is whole, or never will be."""
 

@@ -131,7 +131,7 @@ async def test_it_gives_way_where_more_comes_than_can_be_taken(
     server = Server(listener, broker)
     connection = Deaf([])
 
-    server.receive(connection, [Run(1, 0, 1, 1, b"")] * 10)  # type: ignore[arg-type]
+    server._handle(connection, [Run(1, 0, 1, 1, b"")] * 10)  # type: ignore[arg-type]
 
     assert len(yields) == is_swamped  # once for all that one read brought
     server.stop("a test")

@@ -42,6 +42,7 @@ class Stream:
     `on_received(items)` gets the messages and runs of one read, in order; iterating may raise
     RemoteProtocolError, which is handed to `on_lost` where `on_received` lets it pass. `on_lost(error)` is
     called once when the connection ends for any reason but `close`; None means that the peer closed it.
+    With `on_bytes(count)` the owner is told how many bytes have come, and gets the items out of the session.
     Descriptors that come are given to the session where it `takes_descriptors`; else the kernel closes them.
 
     `may_read` and `may_write`, where they are given, are asked each time that the event loop says that the
@@ -54,8 +55,9 @@ class Stream:
         session: Session,
         outbox: Outbox,
         *,
-        on_received: Callable[[Iterable[Any]], None],
+        on_received: Callable[[Iterable[Any]], None] | None = None,
         on_lost: Callable[[Exception | None], None],
+        on_bytes: Callable[[int], None] | None = None,
         takes_descriptors: bool = False,
         may_read: Callable[[], bool] | None = None,
         may_write: Callable[[], bool] | None = None,
@@ -78,7 +80,8 @@ class Stream:
         self._is_heard_out = False
         self._loop = asyncio.get_running_loop()
         self._sock = sock
-        self.on_received = on_received
+        self.on_received = on_received or _ignore
+        self._on_bytes = on_bytes
         self._on_lost = on_lost
         self._takes_descriptors = takes_descriptors
         self._rest: list[Buffer] = []
@@ -145,7 +148,8 @@ class Stream:
     @property
     def is_idle(self) -> bool:
         """Nothing waits to be sent."""
-        return not (self.is_blocked or self.is_closed or self.outbox)
+        outbox = self.outbox
+        return not (self.is_blocked or self.is_closed or outbox.ready or outbox.control)
 
     @property
     def is_quiet(self) -> bool:
@@ -169,6 +173,18 @@ class Stream:
         """Send a frame past the outbox, only while the stream `is_idle`; False where nobody hears it."""
         self._send(buffers, size)
         return not (self._is_unheard or self.is_closed)
+
+    def pass_on(self, frames: memoryview) -> None:
+        """Send whole frames as they lie in somebody's buffer, only while the stream `is_idle`."""
+        try:
+            sent = self._sock.send(frames)
+        except OSError:
+            self._send([frames.tobytes()], len(frames))
+            return
+        self.sent_bytes += sent
+        if sent != len(frames):
+            self._rest = [frames[sent:].tobytes()]
+            self._wait_to_write()
 
     def finish(self) -> None:
         """End what has begun to be sent, send nothing after it, and go on reading."""
@@ -226,7 +242,10 @@ class Stream:
             if len(buffer) > BUFFER_BYTES:
                 keep_freed_memory()
             if count:
-                self.on_received(self.session.received(count))
+                if self._on_bytes is None:
+                    self.on_received(self.session.received(count))
+                else:
+                    self._on_bytes(count)
                 if self._is_left:
                     self._loop.call_soon(self._read_rest)
                 return True
@@ -346,6 +365,7 @@ class Stream:
         self.is_closed = True
         # Whom it told of things goes with it: not when a collector comes by.
         self.on_received = self._on_lost = _ignore
+        self._on_bytes = None
         self._before_write = None
         self._loop.remove_reader(self._sock.fileno())
         if self.is_blocked:

@@ -9,6 +9,7 @@ The first frame that breaks the layout is the reader's `fault`; frames before it
 """
 
 from struct import Struct
+from typing import TypeAlias
 
 from bus.errors import RemoteProtocolError
 from bus.wire.layout import (
@@ -35,8 +36,13 @@ _DATA_FLAGS = REPLAY | RESUMED
 _DATA_WORDS = tuple(DATA | flags << 8 for flags in range(_DATA_FLAGS + 1))
 _RESUMED_WORD = DATA | RESUMED << 8  # and above
 _END_COUNT = MAX_COUNT + 1
+_pack_address = Struct("<II").pack_into  # endpoint and source, which stand behind FRAME_HEAD
 _unpack_frame_head = FRAME_HEAD.unpack_from
 _unpack_data_head = DATA_HEAD.unpack_from
+
+
+Front: TypeAlias = tuple[int, int, int, int, int]
+"""Of a data frame: endpoint, source, first number, samples, bytes of the whole frame."""
 
 
 class FrameReader:
@@ -53,6 +59,7 @@ class FrameReader:
         self._view = memoryview(self._buffer)
         self._end = 0  # bytes of a part of a frame at the start of the buffer
         self._start = self._stop = 0  # what is yet to be cut
+        self._begin = 0  # of what was readdressed
         self._large: bytearray | None = None  # the frame that is too long for the buffer
         self._large_length = 0
         self._large_end = 0
@@ -80,26 +87,74 @@ class FrameReader:
     def get_buffer(self) -> memoryview:
         """Where the next bytes of the stream belong; never empty. What came before must have been cut."""
         if self._large is None:
-            return self._view[self._end :]
+            return self._view[self._end :] if self._end else self._view
         return memoryview(self._large)[self._large_end :]
 
     def received(self, count: int) -> list[bytes | Run]:
         """The first frames that are complete now that `count` bytes have come; `cut` gives the next ones."""
-        if self._large is not None:
-            return self._received_large(count)
-        self._start, self._stop, self._end = 0, self._end + count, 0
+        self.came(count)
         return self.cut()
+
+    def came(self, count: int) -> None:
+        """`count` bytes have come; `front` and `cut` tell what they are."""
+        if self._large is None:
+            self._begin = self._start = 0
+            self._stop, self._end = self._end + count, 0
+        else:
+            self._large_end += count
 
     @property
     def is_cut(self) -> bool:
         """Nothing whole is left in the buffer."""
         return self._start == self._stop
 
+    def front(self) -> Front | None:
+        """The frame that comes next, if it is whole and a data frame without fault or flags.
+
+        It stays where it is until `take` or `readdress`, before which nothing else may be cut.
+        """
+        start = self._start
+        left = self._stop - start
+        if left < DATA_HEAD_BYTES or self._large is not None:
+            return None
+        length, word, endpoint, source, first_seq, number, rest = _unpack_short(self._view, start)
+        size = length + LENGTH_BYTES
+        if (
+            word != DATA
+            or not DATA_HEAD_BYTES <= size <= left
+            or size > DATA_HEAD_BYTES + self.max_data_bytes
+            or not number
+            or first_seq + number > _END_COUNT
+            or rest
+        ):
+            return None
+        return endpoint, source, first_seq, number, size
+
+    def take(self, front: Front) -> Run:
+        """The run that `front` has just told of."""
+        endpoint, source, first_seq, number, size = front
+        start = self._start
+        self._start = stop = start + size
+        return Run(endpoint, source, first_seq, number, self._view[start + DATA_HEAD_BYTES : stop].tobytes())
+
+    def readdress(self, front: Front, endpoint: int, source: int) -> None:
+        """The frame that `front` has just told of becomes one from `source` to `endpoint`, where it lies."""
+        start = self._start
+        _pack_address(self._view, start + FRAME_HEAD_BYTES, endpoint, source)
+        self._start = start + front[4]
+
+    def readdressed(self) -> memoryview:
+        """The frames that were readdressed since the last time, back to back, until something else comes."""
+        begin, self._begin = self._begin, self._start
+        return self._view[begin : self._start]
+
     def cut(self) -> list[bytes | Run]:
         """The next frames that are complete, MOST_CUT at most; none: more bytes must come first.
 
         Where a frame breaks the layout, those before it are given out and `fault` is set.
         """
+        if self._large is not None:
+            return self._cut_large()
         frames: list[bytes | Run] = []
         view, start, end = self._view, self._start, self._stop
         self._start = self._stop = 0
@@ -141,8 +196,7 @@ class FrameReader:
             self.fault = error
         return frames
 
-    def _received_large(self, count: int) -> list[bytes | Run]:
-        self._large_end += count
+    def _cut_large(self) -> list[bytes | Run]:
         try:
             if self._large is None or self._large_end < self._large_length:
                 self._grow()

@@ -18,12 +18,12 @@ MAX_BUFFERS = 512  # sendmsg takes 1,024 at most
 class Outbox:
     """Control frames and ready queues of one connection. Bytes of control frames are charged to `account`."""
 
-    __slots__ = ("_control", "_ready", "account", "control_bytes")
+    __slots__ = ("account", "control", "control_bytes", "ready")
 
     def __init__(self) -> None:
         self.account: Account | None = None
-        self._control: deque[bytes | tuple[bytes, tuple[Descriptor, ...]]] = deque()
-        self._ready: deque[RunQueue] = deque()
+        self.control: deque[bytes | tuple[bytes, tuple[Descriptor, ...]]] = deque()
+        self.ready: deque[RunQueue] = deque()
         self.control_bytes = 0
 
     def put(self, frame: bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
@@ -31,14 +31,14 @@ class Outbox:
 
         Who has no more use for one of the descriptors drops it; closed by then, it could not be sent.
         """
-        self._control.append((frame, descriptors) if descriptors else frame)
+        self.control.append((frame, descriptors) if descriptors else frame)
         self._charge(len(frame))
 
     def make_ready(self, queue: RunQueue) -> None:
         """Say that `queue` has something to send; it is looked at until it is empty."""
         if not queue.is_ready:
             queue.is_ready = True
-            self._ready.append(queue)
+            self.ready.append(queue)
 
     def take(self) -> tuple[list[Buffer], int, tuple[Descriptor, ...]]:
         """Buffers to send now, their size, about TAKE_BYTES, and the descriptors that go with them.
@@ -47,7 +47,7 @@ class Outbox:
         """
         buffers: list[Buffer] = []
         size = 0
-        control = self._control
+        control = self.control
         while control and size < TAKE_BYTES and len(buffers) < MAX_BUFFERS:
             frame = control.popleft()
             if isinstance(frame, tuple):
@@ -63,7 +63,7 @@ class Outbox:
             self._charge(-size)
         if control:
             return buffers, size, ()
-        ready = self._ready
+        ready = self.ready
         while ready and size < TAKE_BYTES and len(buffers) < MAX_BUFFERS:
             queue = ready[0]
             turn_end = size + _TURN_BYTES
@@ -82,11 +82,11 @@ class Outbox:
     @property
     def samples(self) -> int:
         """How many samples wait."""
-        return sum(queue.count for queue in self._ready)
+        return sum(queue.count for queue in self.ready)
 
     def clear_control(self) -> None:
         """Forget the control frames, and let go of their descriptors."""
-        self._control.clear()
+        self.control.clear()
         self._charge(-self.control_bytes)
 
     def _charge(self, size: int) -> None:
@@ -95,4 +95,4 @@ class Outbox:
             self.account.charge(size)
 
     def __bool__(self) -> bool:
-        return bool(self._control or self._ready)
+        return bool(self.control or self.ready)

@@ -13,6 +13,7 @@ frames. To the session they are things that can be closed.
 from collections import deque
 from collections.abc import Iterable, Iterator
 from enum import Enum, auto
+from itertools import chain
 from typing import Any, NamedTuple
 
 from bus.descriptor import Descriptor
@@ -88,17 +89,18 @@ class Session:
         The buffer is in use until the iteration has ended: before that, nothing may be read into it.
         Iterating raises RemoteProtocolError where the peer broke a rule, after all that came before.
         """
-        frames = self.reader.received(count)
-        if (
-            self.state is State.OPEN
-            and len(frames) == 1
-            and frames[0].__class__ is Run
-            and self.reader.is_cut
-            and self.reader.fault is None
-            and not self.descriptors
-        ):
-            return frames  # the common case at a moderate rate, without a generator's cost
-        return self._interpret(frames)
+        reader = self.reader
+        reader.came(count)
+        if self.state is State.OPEN and not self.descriptors and (front := reader.front()) is not None:
+            run = reader.take(front)
+            if reader.is_cut:
+                return (run,)  # the common case at a moderate rate, without a generator's cost
+            return chain((run,), self.items())
+        return self.items()
+
+    def items(self) -> Iterator[Any]:
+        """As `received`, of what has come and was not taken from the reader's front."""
+        return self._interpret(self.reader.cut())
 
     def open(self, hello: Hello) -> None:
         """Begin behind the peer's Hello, which was read by itself (`bus.wire.greeting`)."""

@@ -1,0 +1,196 @@
+"""busd.server: runs that are passed on as they lie in the reader's buffer, and what that costs."""
+
+import asyncio
+import os
+import socket
+import sys
+from collections.abc import Callable
+from itertools import count
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import pytest
+
+from bus.qos import QoSProfile
+from bus.wire import messages as m
+from bus.wire.layout import DATA, DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES, VERSION
+from bus.wire.runs import Run
+from bus.wire.session import Role, Session
+from busd.core.broker import Broker
+from busd.credentials import Credentials
+from busd.listener import open_listener
+from busd.peer import PeerConnection
+from busd.server import Server
+from conftest import WAIT_S
+from feeding import feed, frame_record
+
+KIND = {"type_name": "test/msg/Text", "type_hash": "hash"}
+UID = os.getuid()
+
+
+class Peer:
+    """A process of a server's, at the other end of a pair of sockets."""
+
+    _numbers = count(1)
+
+    def __init__(self, server: Server) -> None:
+        self.server = server
+        inner, self.sock = socket.socketpair()
+        inner.setblocking(False)
+        self.sock.setblocking(False)
+        who = Credentials(pid=os.getpid(), uid=UID, gid=os.getgid())
+        server.let_in(inner, who, m.Hello(version=VERSION, program="test"))
+        self.connection: PeerConnection = max(server._peers.values(), key=lambda one: one.id)
+        self._session = Session(Role.CLIENT)
+        self._waiting: list[Any] = []
+
+    async def get(self, wanted: Callable[[Any], bool]) -> Any:
+        """The next thing that is so; what came before it is gone."""
+        async with asyncio.timeout(WAIT_S):
+            while True:
+                while self._waiting:
+                    if wanted(item := self._waiting.pop(0)):
+                        return item
+                await asyncio.sleep(0)
+                try:
+                    self._waiting += feed(self._session, self.sock.recv(1 << 20))
+                except BlockingIOError:
+                    pass
+
+    async def run(self) -> tuple[int, int, int, bytes]:
+        """Endpoint, source, first number and body of the next run."""
+        run = await self.get(lambda item: isinstance(item, Run))
+        return run.endpoint, run.source, run.first_seq, bytes(run.body)
+
+    async def make(self, kind: type[Any], topic: str, **more: Any) -> int:
+        """A publisher or subscription of a node of its own; returns its number."""
+        numbers = [next(Peer._numbers) for _ in range(2)]
+        self.sock.send(
+            m.encode_frame(m.DeclareType(**KIND))
+            + m.encode_frame(m.CreateNode(request=numbers[0], name=f"node_{numbers[0]}", namespace="/"))
+        )
+        node = (await self.get(lambda item: getattr(item, "request", 0) == numbers[0])).id
+        qos = QoSProfile(depth=10)
+        asked = kind(request=numbers[1], node=node, topic=topic, qos=qos, gid=os.urandom(16), **KIND, **more)
+        self.sock.send(m.encode_frame(asked))
+        return int((await self.get(lambda item: getattr(item, "request", 0) == numbers[1])).id)
+
+
+class Pair:
+    """A publisher and the subscription that is its only one."""
+
+    def __init__(self, talker: Peer, listener: Peer) -> None:
+        self.talker = talker
+        self.listener = listener
+        self.source = self.endpoint = 0
+        self.next_seq = 1
+
+    async def declare(self, topic: str) -> "Pair":
+        self.endpoint = await self.listener.make(m.CreateSubscription, topic, last_seqs={})
+        self.source = await self.talker.make(m.CreatePublisher, topic)
+        return self
+
+    def frame(self, body: bytes) -> bytes:
+        head = DATA_HEAD.pack(
+            DATA_HEAD_BYTES - LENGTH_BYTES + len(body), DATA, 0, 0, self.source, 0, self.next_seq, 1, 0
+        )
+        self.next_seq += 1
+        return head + body
+
+
+@pytest.fixture
+async def server(tmp_path: Path) -> Any:
+    with open_listener(tmp_path / "busd.sock") as listener:
+        server = Server(listener, Broker(uid=UID))
+        yield server
+        for connection in tuple(server._connections):
+            connection.close()
+        server.stop("a test")
+        await server.stopped
+
+
+async def test_some_runs_for_some_in_one_read(server: Server) -> None:
+    """Each gets its own, in order, whoever else is in the read."""
+    talker, one, other = (Peer(server) for _ in range(3))
+    first = await Pair(talker, one).declare("/first")
+    second = await Pair(talker, other).declare("/second")
+    bodies = [frame_record(bytes([at]) * 10 * at, at) for at in range(6)]
+    talker.sock.send(
+        first.frame(bodies[0])
+        + first.frame(bodies[1])
+        + second.frame(bodies[2])
+        + m.encode_frame(m.Ping(number=7))
+        + first.frame(bodies[3])
+        + second.frame(bodies[4])[:20]
+    )
+    assert await one.run() == (first.endpoint, first.source, 1, bodies[0])
+    assert await one.run() == (first.endpoint, first.source, 2, bodies[1])
+    assert await one.run() == (first.endpoint, first.source, 3, bodies[3])
+    assert await other.run() == (second.endpoint, second.source, 1, bodies[2])
+    assert (await talker.get(lambda item: isinstance(item, m.Pong))).number == 7
+    second.next_seq -= 1
+    talker.sock.send(second.frame(bodies[4])[20:])
+    assert await other.run() == (second.endpoint, second.source, 2, bodies[4])
+    for peer in (talker, one, other):
+        peer.sock.close()
+
+
+async def test_what_the_socket_does_not_take_waits_in_order(server: Server) -> None:
+    """Within the depth, and what was taken in part comes whole."""
+    talker, listener = Peer(server), Peer(server)
+    pair = await Pair(talker, listener).declare("/topic")
+    sent = 0
+    async with asyncio.timeout(WAIT_S):
+        while not listener.connection.stream.is_blocked:
+            talker.sock.send(pair.frame(frame_record(bytes([sent % 251]) * 30_000, sent)))
+            sent += 1
+            await asyncio.sleep(0)
+    talker.sock.send(pair.frame(frame_record(b"the last", sent)))
+    sent += 1
+    for at in range(sent):
+        _, _, seq, body = await listener.run()
+        assert seq == at + 1
+        expected = frame_record(b"the last" if seq == sent else bytes([at % 251]) * 30_000, at)
+        assert body == expected
+    talker.sock.close()
+    listener.sock.close()
+
+
+async def test_one_that_has_gone_harms_nobody(server: Server) -> None:
+    talker, listener, other = (Peer(server) for _ in range(3))
+    pair = await Pair(talker, listener).declare("/topic")
+    second = await Pair(talker, other).declare("/second")
+    listener.sock.close()
+    talker.sock.send(pair.frame(frame_record(b"x", 1)) + second.frame(frame_record(b"y", 1)))
+    assert await other.run() == (second.endpoint, second.source, 1, frame_record(b"y", 1))
+    talker.sock.close()
+    other.sock.close()
+
+
+async def test_a_lone_message_costs_few_steps(server: Server) -> None:
+    talker, listener = Peer(server), Peer(server)
+    pair = await Pair(talker, listener).declare("/topic")
+    body = frame_record(bytes(64), 1)
+    for _ in range(3):
+        talker.sock.send(pair.frame(body))
+        await listener.run()
+    talker.sock.send(pair.frame(body))
+    steps = 0
+
+    def trace(frame: FrameType, event: str, _: object) -> Any:
+        nonlocal steps
+        frame.f_trace_opcodes = True
+        steps += event == "opcode"
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        talker.server._peers[talker.connection.id].stream._on_readable()
+    finally:
+        sys.settrace(before)
+    assert (await listener.run())[2] == 4
+    assert 100 < steps < 800
+    talker.sock.close()
+    listener.sock.close()
