@@ -1,0 +1,279 @@
+"""Counts what one message costs a process: bytecodes, Python calls, allocations, system calls.
+
+No mood of the machine is in them, so tests hold them as bounds. Each count is made in a process of its own,
+of which this file is the program, while another one publishes or listens, with a pause between messages.
+It is the median of what the process does from one message to the next, without the event loop's own Python,
+and without what the pause of a publisher costs by itself.
+
+    assert steps("subscriber").bytecodes <= 40
+"""
+
+import asyncio
+import ctypes
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from statistics import median
+from types import CodeType, FrameType
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+import pytest
+
+import bus
+from bus.msg.std_msgs import String
+
+Role: TypeAlias = Literal["publisher", "subscriber"]
+
+LIMIT_S = 60.0 * float(os.environ.get("BUSD_TESTS_TIMEOUT_FACTOR", "1"))
+
+_MESSAGES = 40
+_WARM_UP = 20
+_PAUSE_S = 0.005
+_TEXT = "x" * 64
+_MARK = "/of-no-use/but-to-be-seen-by-strace"
+_OTHERS = ("asyncio", "selectors", "__main__")
+
+_COUNT_MALLOCS = r"""
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <stddef.h>
+unsigned long allocations;
+extern void *__libc_malloc(size_t), *__libc_calloc(size_t, size_t), *__libc_realloc(void *, size_t);
+void *malloc(size_t size) { allocations++; return __libc_malloc(size); }
+void *calloc(size_t count, size_t size) { allocations++; return __libc_calloc(count, size); }
+void *realloc(void *old, size_t size) { allocations++; return __libc_realloc(old, size); }
+"""
+
+
+class Steps(NamedTuple):
+    """Of Python, for one message."""
+
+    bytecodes: float
+    calls: float
+
+
+def steps(role: Role, loop: str = "uvloop", **options: bool) -> Steps:
+    """What a publisher or a subscriber with a plain callback does for a message of 64 characters.
+
+    `options`: as `_listen` and `_publish` take them.
+    """
+    counted = _measure(role, [], {}, unit="steps", loop=loop, **options)
+    bytecodes, calls = (_of_one(role, list(row)) for row in zip(*counted, strict=True))
+    return Steps(bytecodes, calls)
+
+
+def allocations(role: Role, folder: Path, loop: str = "uvloop", **options: bool) -> float:
+    """Calls of malloc, calloc and realloc, with all of Python's objects made by them.
+
+    Skips the test where there is no C compiler or no glibc.
+    """
+    library, source = folder / "count_mallocs.so", folder / "count_mallocs.c"
+    source.write_text(_COUNT_MALLOCS)
+    compiler = shutil.which("cc") or pytest.skip(
+        "allocations are counted by a library: there is no C compiler"
+    )
+    built = subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-o", library, source], capture_output=True)
+    variables = {"LD_PRELOAD": str(library), "PYTHONMALLOC": "malloc"}
+    tried = subprocess.run([sys.executable, "-c", "0"], env={**os.environ, **variables}, capture_output=True)
+    if built.returncode or tried.returncode or tried.stderr:
+        pytest.skip(f"allocations can't be counted here: {(built.stderr or tried.stderr).decode()}")
+    return _of_one(role, _measure(role, [], variables, unit="allocations", loop=loop, **options))
+
+
+def system_calls(role: Role, folder: Path, loop: str = "uvloop", **options: bool) -> float:
+    """System calls, the wait for the next message among them. Skips the test where strace may not look."""
+    strace = shutil.which("strace") or pytest.skip("system calls are counted by strace, which is not there")
+    log = folder / "strace.log"
+    command = [strace, "-qq", "-o", str(log)]
+    tried = subprocess.run([*command, sys.executable, "-c", "0"], capture_output=True, text=True)
+    if tried.returncode:
+        pytest.skip(f"strace may not look: {tried.stderr}")
+    _measure(role, command, {}, unit="system_calls", loop=loop, **options)
+    counts, since = list[int](), 0
+    for line in log.read_text().splitlines():
+        since += 1
+        if _MARK in line:
+            counts.append(since - 1)
+            since = 0
+    return _of_one(role, counts[1:])
+
+
+def _of_one(role: Role, counts: list[int]) -> float:
+    return median(counts) if role == "subscriber" else median(counts[0::2]) - median(counts[1::2])
+
+
+def _measure(role: Role, before: list[str], variables: dict[str, str], **options: Any) -> Any:
+    """What the program says."""
+    other = "subscriber" if role == "publisher" else "publisher"
+    with (
+        _program(other, [], {}, unit="nothing", loop="uvloop"),
+        _program(role, before, variables, **options) as measured,
+    ):
+        said, _ = measured.communicate(timeout=LIMIT_S)
+    assert measured.returncode == 0
+    return json.loads(said)
+
+
+@contextmanager
+def _program(
+    role: str, before: list[str], variables: dict[str, str], **options: Any
+) -> Iterator[subprocess.Popen[str]]:
+    command = [*before, sys.executable, __file__, role, json.dumps(options)]
+    environment = {**os.environ, "PYTHONASYNCIODEBUG": "", **variables}
+    with subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        try:
+            yield process
+        finally:
+            with suppress(ProcessLookupError):  # it has ended
+                os.killpg(process.pid, signal.SIGKILL)
+
+
+# --- in the process that is measured
+
+
+class _Meter:
+    """Measures nothing, and without an end."""
+
+    is_endless = True
+
+    def mark(self) -> None:
+        """One message is dealt with, and the next begins."""
+
+    def counts(self) -> list[Any]:
+        """Of what lies between two marks."""
+        return []
+
+
+class _StepCount(_Meter):
+    """`code`: of the user's callback, whose steps count, too."""
+
+    is_endless = False
+
+    def __init__(self, code: CodeType | None) -> None:
+        self._code = code
+        self._bytecodes = self._calls = 0
+        self._counts: list[tuple[int, int]] = []
+
+    def mark(self) -> None:
+        self._counts.append((self._bytecodes, self._calls))
+        self._bytecodes = self._calls = 0
+        sys.settrace(self._enter)
+
+    def counts(self) -> list[Any]:
+        sys.settrace(None)
+        return self._counts[1:]
+
+    def _enter(self, frame: FrameType, event: str, argument: Any) -> Any:
+        is_others = frame.f_globals.get("__name__", "").partition(".")[0] in _OTHERS
+        if is_others and frame.f_code is not self._code:
+            return None
+        self._calls += 1
+        frame.f_trace_opcodes, frame.f_trace_lines = True, False
+        return self._step
+
+    def _step(self, frame: FrameType, event: str, argument: Any) -> Any:
+        self._bytecodes += event == "opcode"
+        return self._step
+
+
+class _AllocationCount(_Meter):
+    is_endless = False
+
+    def __init__(self) -> None:
+        self._count = ctypes.c_ulong.in_dll(ctypes.CDLL(None), "allocations")
+        self._seen = [0] * (2 * _MESSAGES + 2)
+        self._at = 0
+
+    def mark(self) -> None:
+        self._seen[self._at] = self._count.value
+        self._seen[self._at + 1] = self._count.value  # tells what a mark takes by itself
+        self._at += 2
+
+    def counts(self) -> list[Any]:
+        own = min(self._seen[at + 1] - self._seen[at] for at in range(0, self._at, 2))
+        return [self._seen[at] - self._seen[at - 1] - own for at in range(2, self._at, 2)]
+
+
+class _SystemCallCount(_Meter):
+    """strace counts."""
+
+    is_endless = False
+
+    def mark(self) -> None:
+        os.access(_MARK, 0)
+
+
+def _meter(unit: str, code: CodeType | None = None) -> _Meter:
+    match unit:
+        case "steps":
+            return _StepCount(code)
+        case "allocations":
+            return _AllocationCount()
+        case "system_calls":
+            return _SystemCallCount()
+    return _Meter()
+
+
+async def _listen(unit: str, *, message_lost: bool = False) -> list[Any]:
+    """`message_lost`: it wants to hear of losses."""
+    heard = 0
+    is_done = asyncio.get_running_loop().create_future()
+
+    def callback(message: String) -> None:
+        nonlocal heard
+        heard += 1
+
+    def counted(message: String) -> None:
+        callback(message)
+        if heard >= _WARM_UP:
+            meter.mark()
+        if heard == _WARM_UP + _MESSAGES and not meter.is_endless:
+            is_done.set_result(meter.counts())
+
+    meter = _meter(unit, callback.__code__)
+    events = bus.SubscriptionEvents(message_lost=id) if message_lost else None
+    async with bus.Node("listener", rosout=False, arguments=[]) as node:
+        await node.create_subscription(String, "steps", 10, counted, events=events)
+        counts: list[Any] = await is_done
+        return counts
+
+
+async def _publish(unit: str) -> list[Any]:
+    """By turns a message and a pause, and a pause."""
+    meter, message = _meter(unit), String(data=_TEXT)
+    async with bus.Node("talker", rosout=False, arguments=[]) as node:
+        publisher = await node.create_publisher(String, "steps", 10)
+        await publisher.wait_for_subscriptions(1)
+        turn = 0
+        while True:
+            if turn >= _WARM_UP:
+                meter.mark()
+            if turn == _WARM_UP + _MESSAGES and not meter.is_endless:
+                return meter.counts()
+            if turn % 2 == 0:
+                publisher.publish(message)
+            await asyncio.sleep(_PAUSE_S)
+            turn += 1
+
+
+def _main() -> None:
+    role, text = sys.argv[1:]
+    options = json.loads(text)
+    if options.pop("loop") == "uvloop":
+        import uvloop as loops
+    else:
+        loops = asyncio
+    with asyncio.Runner(loop_factory=loops.new_event_loop) as runner:
+        print(json.dumps(runner.run((_publish if role == "publisher" else _listen)(**options))))
+
+
+if __name__ == "__main__":
+    _main()

@@ -1,0 +1,41 @@
+"""Bounds on what a message costs a process that publishes or subscribes: see `stepcount`."""
+
+from pathlib import Path
+
+import pytest
+
+from stepcount import allocations, steps, system_calls
+
+pytestmark = pytest.mark.usefixtures("daemon")
+
+by_shared_memory = pytest.mark.parametrize("route", [pytest.param("shm", id="memory")], indirect=True)
+on_both_loops = pytest.mark.parametrize("loop", ["uvloop", "asyncio"])
+
+
+@by_shared_memory
+@on_both_loops
+def test_steps_of_a_publisher_by_shared_memory(route: str, loop: str) -> None:
+    bytecodes, calls = steps("publisher", loop)
+    assert 5 <= bytecodes <= 24
+    assert calls == 1
+
+
+@by_shared_memory
+@on_both_loops
+@pytest.mark.parametrize("message_lost", [False, True])
+def test_steps_of_a_subscriber_by_shared_memory(route: str, loop: str, message_lost: bool) -> None:
+    bytecodes, calls = steps("subscriber", loop, message_lost=message_lost)
+    assert 10 <= bytecodes <= 40
+    assert calls == 2  # the doorbell's, and the user's callback
+
+
+@by_shared_memory
+def test_allocations_by_shared_memory(route: str, tmp_path: Path) -> None:
+    assert allocations("publisher", tmp_path) <= 2
+    assert 2 <= allocations("subscriber", tmp_path) <= 4  # of which the message and its text are two
+
+
+@by_shared_memory
+def test_system_calls_by_shared_memory(route: str, tmp_path: Path) -> None:
+    assert system_calls("publisher", tmp_path) == 1  # the doorbell
+    assert system_calls("subscriber", tmp_path) == 2  # the wait, and the doorbell
