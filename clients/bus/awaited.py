@@ -33,7 +33,7 @@ def done_anyway(function: Callable[P, Coroutine[Any, Any, T]]) -> Callable[P, Co
 
 def is_to_be_awaited(function: object) -> bool:
     """Whether it, or the method that it is, was decorated so."""
-    return hasattr(function, _MARK)
+    return hasattr(function, _MARK) or hasattr(getattr(function, "__self__", None), _MARK)
 
 
 def _decorated(

@@ -40,9 +40,14 @@ _LOOK_S = 1.0
 
 
 class Outlet:
-    """`owner` is the publisher that the link knows; without a `ring` all goes by socket."""
+    """`owner` is the publisher that the link knows; without a `ring` all goes by socket.
 
-    def __init__(self, link: Link, owner: Endpoint, logger: Logger, ring: RingRoute | None) -> None:
+    `sends` (a `_core.Sends`) is to have the quick way, too.
+    """
+
+    def __init__(
+        self, link: Link, owner: Endpoint, logger: Logger, ring: RingRoute | None, sends: Any = None
+    ) -> None:
         qos = owner.qos
         self._link = link
         self._owner = owner
@@ -67,6 +72,7 @@ class Outlet:
         self._socket.on_replaced = lambda count: self._bursts.note_replaced(count, self._depth)
         self.publish: Callable[[Any], bool | int | bytes] = _not_so_quick
         """The quick way for a message: True or NOTED; False: nothing was done; bytes: it is to be `put`."""
+        self._sends = sends
         self.write: Callable[[Any], bool] = _not_so_quick
         """The quick way for an encoded sample, by socket; False: ask `put`."""
         self._choose_routes()
@@ -141,7 +147,7 @@ class Outlet:
             return None
         place[:start], place[stop:] = before, after
         self._is_lent = True
-        self.publish = self.write = _not_so_quick
+        self._set_quick()
 
         def finish(is_wanted: bool) -> bool:
             if get_ident() != self._link.thread:
@@ -204,7 +210,7 @@ class Outlet:
         """Take nothing more."""
         self._totals = self.published
         self._refusal = reason
-        self.write = self.publish = _not_so_quick
+        self._set_quick()
         self._socket.end()
         if self._return is not None:
             self._return.cancel()
@@ -217,7 +223,7 @@ class Outlet:
         """In the child of a fork: what is the parent's is left alone."""
         self._totals = 0, 0
         self._refusal = reason
-        self.write = self.publish = _not_so_quick
+        self._set_quick()
         self._socket.forget_open()
 
     # --- the broker
@@ -278,6 +284,7 @@ class Outlet:
         """Raises OSError or ValueError, saying what is wrong with what came."""
         if self._ring is not None:
             self._ring.attach(gid, attached, descriptors)
+            self._choose_routes()
         self.release_waiters()
 
     def set_waiting(self, gid: bytes, *, is_on: bool) -> None:
@@ -316,14 +323,29 @@ class Outlet:
         if socket.is_active and not is_needed:
             socket.hand_over()
         socket.is_active = is_needed
-        self.publish = self.write = _not_so_quick
         if self._totals is not None or self._is_lent or self._from_threads.late or self._has_deadline:
-            return
-        if ring is None:
-            self.write = socket.add
-            self.publish = socket.run.publish
+            self._set_quick()
+        elif ring is None:
+            self._set_quick(socket.run.publish, socket.add)
         elif ring.can_publish and not is_needed and not self._is_manual:
-            self.publish = ring.writer.publish
+            # Who reads in this event loop has its turn with every hundred that are sent, lest depth suffers.
+            self._set_quick(ring.writer.publish, spares_turns=not ring.is_read_here)
+        else:
+            self._set_quick()
+
+    def _set_quick(
+        self,
+        publish: Callable[[Any], bool | int | bytes] | None = None,
+        write: Callable[[Any], bool] | None = None,
+        *,
+        spares_turns: bool = False,
+    ) -> None:
+        """The quick ways from now on; `spares_turns` is for `send`."""
+        self.publish = publish or _not_so_quick
+        self.write = write or _not_so_quick
+        if self._sends is not None:
+            self._sends.publish = self.publish
+            self._sends.spares_turns = spares_turns
 
     def _returned(self) -> None:
         self._is_returning = False

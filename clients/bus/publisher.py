@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
+from bus.awaited import done_anyway
 from bus.bulk import bytes_fields, check_field, encode_around, long_field, text_fields, with_field
 from bus.descriptor import Descriptor
 from bus.endpoint import Endpoint
@@ -23,6 +24,7 @@ from bus.outlet import NOTED, Outlet
 from bus.provoked import warn
 from bus.qos import History, QoSProfile
 from bus.ringroute import RingRoute
+from bus.shm import core, has_core
 from bus.transport.memory import LARGE_BYTES, keep_freed_memory
 from bus.typesupport import ENCODE_ERRORS, TypeSupport, wrong_class
 from bus.wire import messages as m
@@ -88,7 +90,11 @@ class Publisher(Endpoint[M]):
         self._sends_in_turn = 0
         self._lost_liveliness = 0
         ring = None if by_socket else RingRoute.make(link, self, logger)
-        self._outlet = Outlet(link, self, logger, ring)
+        # The same `send`, but for who forgets the `await`; the native core's is quick where there is room.
+        send = done_anyway(self.send)
+        sends = core().Sends(self.send, self._send_on, send) if has_core() else None
+        self.__dict__["send"] = send if sends is None else sends.send
+        self._outlet = Outlet(link, self, logger, ring, sends)
         self._long_fields = bytes_fields(support.cls)
         if ring is not None:  # by socket, text had to be copied once more to be joined with the rest
             self._long_fields += text_fields(support.cls)
@@ -172,6 +178,12 @@ class Publisher(Endpoint[M]):
         while not self.publish(message):
             self._refused -= 1  # it is not given up
             await self._outlet.wait_for_room()
+
+    def _send_on(self, message: M, status: int | bytes) -> bool:
+        """As `_publish_on`, for `send`; False: it is to wait for room."""
+        is_taken = self._publish_on(message, status)
+        self._refused -= not is_taken  # it is not given up
+        return is_taken
 
     async def wait_for_room(self) -> None:
         """After `publish` or `loan` found no room: wait until it is worth trying again.

@@ -107,6 +107,7 @@ class RingRoute:
         self._holds: list[tuple[int, int]] = []  # of the held ones of these, a heap: what it holds, its key
         # Without a match, but messages may still be held; by where it told of itself.
         self._left: dict[tuple[ReaderProcess, int], _Gate] = {}
+        self._here: set[bytes] = set()  # the matches with subscriptions of this event loop
         self._forget: asyncio.Handle | None = None
         self._return: asyncio.TimerHandle | None = None
         self._rest: asyncio.TimerHandle | None = None  # while it runs, laps of the first ring don't matter
@@ -232,6 +233,11 @@ class RingRoute:
         """Matches whose reader has not yet said where it tells of itself."""
         return len(self._unattached)
 
+    @property
+    def is_read_here(self) -> bool:
+        """Whether a subscription of this event loop reads it."""
+        return bool(self._here)
+
     def expect(self, matched: m.Matched) -> None:
         """A match by this route: hold what its reader is to find, until it says where it tells of itself."""
         is_held = matched.qos.is_lossless
@@ -274,6 +280,8 @@ class RingRoute:
             gate.process, gate.slot = process, attached.slot
         self._unattached.pop(first_key, None)
         gate.is_attached = True
+        if process.is_here:
+            self._here.add(gid)
         self._set_hold()
 
     def unmatched(self, gid: bytes, *, is_lost: bool = False) -> None:
@@ -283,6 +291,7 @@ class RingRoute:
             return
         self._forget_depth(gate)
         self._unattached.pop(gate.key, None)
+        self._here.discard(gid)
         if gate.process is not None:
             gate.is_lost = is_lost
             self._left[gate.process, gate.slot] = gate

@@ -31,11 +31,14 @@ _log = get_logger("bus")
 
 
 class ReaderProcess:
-    """A process that reads rings of this one: how to wake it."""
+    """A process that reads rings of this one: how to wake it. `is_here`: this event loop itself."""
 
-    __slots__ = ("__weakref__", "bell", "doorbell", "pid")
+    __slots__ = ("__weakref__", "bell", "doorbell", "is_here", "pid")
 
-    def __init__(self, segment: Descriptor, doorbell: Descriptor, pid: int, *, foreign: bool) -> None:
+    def __init__(
+        self, segment: Descriptor, doorbell: Descriptor, pid: int, *, foreign: bool, is_here: bool
+    ) -> None:
+        self.is_here = is_here
         self.doorbell = doorbell
         self.pid = pid
         self.bell = core().Bell(segments.map_readers(segment), doorbell.number, foreign=foreign)
@@ -125,7 +128,9 @@ class Sharing:
         process = self._processes.get(key)
         if process is None:
             foreign = self.beware(uid)
-            process = self._processes[key] = ReaderProcess(segment, doorbell, pid, foreign=foreign)
+            is_here = segments.identity(segment) == segments.identity(self.segment)
+            process = ReaderProcess(segment, doorbell, pid, foreign=foreign, is_here=is_here)
+            self._processes[key] = process
         return process
 
     def beware(self, uid: int) -> bool:

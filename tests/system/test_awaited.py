@@ -88,6 +88,23 @@ async def test_close_ends_a_reader_all_the_same(node: bus.Node) -> None:
         assert await reading == ["last"]
 
 
+async def test_what_is_sent_is_sent_all_the_same(node: bus.Node) -> None:
+    subscription = await node.create_subscription(String, "t")
+    publisher = await node.create_publisher(String, "t")
+    text, _, path = warned_at(lambda: publisher.send(String(data="forgotten")))
+    assert text == "coroutine 'Publisher.send' was never awaited; it is done a little later"
+    assert path == __file__
+    async with asyncio.timeout(10):
+        assert (await subscription.receive())[0].data == "forgotten"
+    with pytest.warns(RuntimeWarning) as told:
+        publisher.send(String(data="next"))
+        frame = currentframe()
+        assert frame is not None
+        assert told[0].lineno == frame.f_lineno - 3
+    async with asyncio.timeout(10):
+        assert (await subscription.receive())[0].data == "next"
+
+
 async def test_all_that_is_closed_so_is_closed(node: bus.Node) -> None:
     client = await node.create_client(Empty, "s")
     service = await node.create_service(Empty, "s", lambda request: Empty.Response())
@@ -122,6 +139,8 @@ async def test_where_it_is_not_forgotten(node: bus.Node, recwarn: pytest.Warning
     with pytest.raises(RuntimeError, match="reuse"):
         await coroutine
     node.create_publisher(String, "f").close()
-    assert is_async(node.close)
+    assert is_async(node.close) and is_async(made[1].send)
+    await asyncio.gather(made[1].send(String()), asyncio.create_task(made[1].send(String())))
+    made[1].send(String()).close()
     gc.collect()
     assert recwarn.list == []

@@ -179,6 +179,37 @@ class TestDepth:
         await publisher.send(Int32(data=-2))
         assert (await subscription.receive())[0].data == -2
 
+    async def test_one_that_was_cancelled_before_it_began_was_not_published(self, node: bus.Node) -> None:
+        subscription = await node.create_subscription(Int32, "t", 10)
+        publisher = await node.create_publisher(Int32, "t", 10)
+        sending = asyncio.create_task(publisher.send(Int32(data=1)))
+        sending.cancel()
+        await asyncio.gather(sending, return_exceptions=True)
+        await asyncio.gather(*(publisher.send(Int32(data=number)) for number in range(2, 5)))
+        assert [(await subscription.receive())[0].data for _ in range(3)] == [2, 3, 4]
+        assert publisher.statistics().published == 3
+
+    async def test_send_raises_when_it_is_awaited(self, node: bus.Node) -> None:
+        publisher = await node.create_publisher(Int32, "t", 10)
+        wrong: Any = Int32(data="x")  # type: ignore[arg-type]
+        sending = publisher.send(wrong)
+        with pytest.raises(bus.MessageTypeError, match="data"):
+            await sending
+        (error,) = await asyncio.gather(publisher.send(wrong), return_exceptions=True)
+        assert isinstance(error, bus.MessageTypeError)
+        await publisher.close()
+        with pytest.raises(bus.ConnectionClosed):
+            await publisher.send(Int32())
+
+    async def test_a_callback_may_send_on(self, node: bus.Node) -> None:
+        relay = await node.create_publisher(Int32, "there", 10)
+        await node.create_subscription(Int32, "here", 10, relay.send)
+        subscription = await node.create_subscription(Int32, "there", 10)
+        publisher = await node.create_publisher(Int32, "here", 10)
+        for number in range(5):
+            await publisher.send(Int32(data=number))
+        assert [(await subscription.receive())[0].data for _ in range(5)] == list(range(5))
+
     async def test_sends_that_never_wait_let_the_loop_turn(self, node: bus.Node) -> None:
         publisher = await node.create_publisher(Int32, "t", KEEP_ALL)
 

@@ -30,6 +30,25 @@ def numbered(number: int, size: int) -> Numbered:
     return Numbered(number, number.to_bytes(4, "little") * (size // 4))
 
 
+@by_shared_memory
+async def test_sends_lose_nothing_that_is_read_in_the_same_loop(node: bus.Node) -> None:
+    """Each hundred lets it read, so a depth of some hundreds is enough."""
+    heard: list[int] = []
+    subscription = await node.create_subscription(
+        Int32, "t", 1000, lambda message: heard.append(message.data)
+    )
+    publisher = await node.create_publisher(Int32, "t", 1000)
+    await publisher.wait_for_subscriptions()
+    ring = publisher._outlet._ring
+    assert ring is not None and ring.is_read_here
+    for number in range(20_000):
+        await publisher.send(Int32(data=number))
+    await until(lambda: len(heard) == 20_000)
+    assert heard == list(range(20_000))
+    await subscription.close()
+    await until(lambda: not ring.is_read_here)
+
+
 class TestGrowth:
     @by_shared_memory
     async def test_for_the_depth_of_a_subscription(self, node: bus.Node) -> None:

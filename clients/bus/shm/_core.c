@@ -115,6 +115,8 @@ static int core_exec(PyObject *module)
         || add_type(module, &view_spec, &state->view, false) < 0
         || add_type(module, &loan_spec, &state->loan, false) < 0
         || add_type(module, &plan_spec, &state->plan, true) < 0
+        || add_type(module, &sending_spec, &state->sending, false) < 0
+        || add_type(module, &sends_spec, NULL, true) < 0
         || add_type(module, &writer_spec, NULL, true) < 0
         || add_type(module, &run_spec, NULL, true) < 0
         || add_type(module, &reader_spec, NULL, true) < 0)
@@ -141,6 +143,7 @@ static int core_traverse(PyObject *module, visitproc visit, void *arg)
     Py_VISIT(state->view);
     Py_VISIT(state->loan);
     Py_VISIT(state->plan);
+    Py_VISIT(state->sending);
     return 0;
 }
 
@@ -153,6 +156,7 @@ static int core_clear(PyObject *module)
     Py_CLEAR(state->view);
     Py_CLEAR(state->loan);
     Py_CLEAR(state->plan);
+    Py_CLEAR(state->sending);
     return 0;
 }
 

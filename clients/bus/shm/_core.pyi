@@ -1,7 +1,7 @@
 """The native core: whole operations on mapped segments. See docs/ring.md; the algorithm is in the headers."""
 
 import builtins
-from collections.abc import Callable, Sequence, Sized
+from collections.abc import Callable, Coroutine, Sequence, Sized
 from types import MemberDescriptorType
 from typing import Any, Final, Literal, TypeAlias, TypeVar
 
@@ -69,6 +69,27 @@ class Plan:
     ) -> None: ...
     def encode(self, message: Any, /) -> Bytes | None:
         """What the encoder would give; None where the message is not just as planned: go the long way."""
+
+class Sends:
+    """What gives a publisher's `send` where there is room, with no coroutine.
+
+    `go_on(message, status)` takes over where `publish` gave neither True nor False, and says whether the
+    message is taken. Where it is not, `slow(message)` gives the coroutine that does all.
+    `forgotten(message)` is called where nobody awaits what `send` gave.
+    """
+
+    publish: Callable[[Any], Any]
+    """The quick way at present: True: the message is taken; False: nothing was done. May be set."""
+    spares_turns: bool
+    """After 100 messages the event loop gets a turn only where it has had none for 0.2 ms. May be set."""
+
+    def __init__(
+        self,
+        slow: Callable[[Any], Coroutine[Any, Any, None]],
+        go_on: Callable[[Any, Any], bool],
+        forgotten: Callable[[Any], object],
+    ) -> None: ...
+    def send(self, message: Any, /) -> Coroutine[Any, Any, None]: ...
 
 class Writer:
     """A publisher's end of its ring. Only for the thread that made it, unless `is_guarded`; `memory` is its

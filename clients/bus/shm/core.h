@@ -3,8 +3,8 @@
  * Each call from Python is one whole operation on mapped segments, under the GIL. Nothing here waits (but for the
  * bounded spin of Readers.sleep) and nothing here makes, passes or closes descriptors: bus.shm.segments does.
  * Types: Mapping (core_mapping.c), Bell (core_bell.c), Writer (core_writer.c, core_gates.c, core_carry.c), Readers
- * (core_readers.c), Reader (core_reader.c, core_feed.c, core_take.c), Plan (core_plan.c); View and
- * Loan (core_view.c) are what memoryviews of records hold. OpenRun (core_run.c) is of the other route: no segment.
+ * (core_readers.c), Reader (core_reader.c, core_feed.c, core_take.c); View and Loan (core_view.c) are what memoryviews
+ * of records hold. Plan (core_plan.c), OpenRun (core_run.c, of the other route) and Sends (core_send.c) have no segment.
  */
 #ifndef BUS_SHM_CORE_H
 #define BUS_SHM_CORE_H
@@ -30,7 +30,7 @@ enum { NOTED = 2, FULL, SHORT, PINNED, TOO_LARGE, FOREIGN };
 #define FAST_KEYWORDS (METH_FASTCALL | METH_KEYWORDS)
 
 typedef struct {
-    PyTypeObject *mapping, *bell, *readers, *view, *loan, *plan;
+    PyTypeObject *mapping, *bell, *readers, *view, *loan, *plan, *sending;
 } CoreState;
 
 typedef struct {
@@ -192,7 +192,7 @@ void doorbell_hush(int number, bool is_wary);
 
 /* The types */
 extern PyType_Spec mapping_spec, bell_spec, writer_spec, readers_spec, reader_spec, view_spec, loan_spec,
-    plan_spec, run_spec;
+    plan_spec, run_spec, sends_spec, sending_spec;
 
 /* core_run.c */
 PyObject *core_run_messages(PyObject *module, PyObject *const *args, Py_ssize_t count);

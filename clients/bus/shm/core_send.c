@@ -1,0 +1,379 @@
+/* Sends: a publisher's `send` where there is room, with no coroutine; Sending: what it gives, to be awaited.
+ *
+ * A Sending is to its users what the coroutine of an async function is: nothing happens before it is awaited or a task
+ * runs it, it can be cancelled, and it is good for once. Where the quick way takes the message, that is all. Else it is
+ * the coroutine of the publisher's own `send`, behind a Sending. */
+#include "core.h"
+
+/* Who sends without ever waiting gives the event loop a turn, with so many messages; where `spares_turns`, only when it
+ * has had none for so long. */
+enum { PER_TURN = 100 };
+#define TURN_NS UINT64_C(200000)
+
+enum sending_state { IS_NEW, HAS_TURNED, IS_BUSY, IS_RUNNING, IS_DONE };
+
+typedef struct {
+    PyObject_HEAD
+    PyObject *publish;   /* the quick way, at present: as Writer.publish; NULL: none */
+    PyObject *slow;      /* async, of a message */
+    PyObject *go_on;     /* of a message and what `publish` gave, where that was neither True nor False */
+    PyObject *forgotten; /* of a message that nobody awaits */
+    PyTypeObject *sending;
+    unsigned in_turn;
+    uint64_t turn_ns; /* when the last turn ended that was given */
+    char spares_turns;
+} Sends;
+
+typedef struct {
+    PyObject_HEAD
+    Sends *sends;
+    PyObject *message;
+    PyObject *coroutine; /* IS_RUNNING */
+    enum sending_state state;
+} Sending;
+
+static PyObject *sends_send(PyObject *object, PyObject *message)
+{
+    Sends *self = (Sends *)object;
+    Sending *sending = PyObject_GC_New(Sending, self->sending);
+    if (sending == NULL)
+        return NULL;
+    HOLD(self);
+    sending->sends = self;
+    sending->message = Py_NewRef(message);
+    sending->coroutine = NULL;
+    sending->state = IS_NEW;
+    return (PyObject *)sending; /* tracked by the collector only once it has a coroutine */
+}
+
+/* Whether it ends here; the message is taken, or an error is set. */
+static bool ends(Sending *self, bool is_taken)
+{
+    self->state = IS_DONE;
+    Py_CLEAR(self->message);
+    return is_taken;
+}
+
+static bool begin_slowly(Sending *self)
+{
+    self->coroutine = PyObject_CallFunctionObjArgs(self->sends->slow, self->message, NULL);
+    if (self->coroutine == NULL)
+        return ends(self, false);
+    Py_CLEAR(self->message);
+    self->state = IS_RUNNING;
+    PyObject_GC_Track(self);
+    return true;
+}
+
+static PySendResult run_on(Sending *self, PyObject *value, PyObject **result)
+{
+    const PySendResult outcome = PyIter_Send(self->coroutine, value, result);
+    if (outcome != PYGEN_NEXT) {
+        self->state = IS_DONE;
+        Py_CLEAR(self->coroutine);
+    }
+    return outcome;
+}
+
+static bool is_turn_due(Sends *sends)
+{
+    if (++sends->in_turn <= PER_TURN)
+        return false;
+    sends->in_turn = 1;
+    return !sends->spares_turns || core_now_ns() - sends->turn_ns >= TURN_NS;
+}
+
+/* 1: the message is taken; 0: it is to go slowly; -1: an error is set. */
+static int try_quickly(const Sends *sends, PyObject *message)
+{
+    if (sends->publish == NULL)
+        return 0;
+    PyObject *publish = Py_NewRef(sends->publish); /* it may be exchanged meanwhile */
+    PyObject *status = PyObject_CallFunctionObjArgs(publish, message, NULL);
+    Py_DECREF(publish);
+    if (status != NULL && status != Py_True && status != Py_False) {
+        PyObject *answer = PyObject_CallFunctionObjArgs(sends->go_on, message, status, NULL);
+        Py_DECREF(status);
+        status = answer;
+    }
+    const int is_taken = status == NULL ? -1 : status == Py_True;
+    Py_XDECREF(status);
+    return is_taken;
+}
+
+static PySendResult begin(Sending *self, PyObject **result)
+{
+    Sends *sends = self->sends;
+    *result = NULL;
+    if (self->state == HAS_TURNED) {
+        sends->turn_ns = core_now_ns();
+    } else if (is_turn_due(sends)) {
+        self->state = HAS_TURNED;
+        *result = Py_NewRef(Py_None); /* what asyncio.sleep(0) gives */
+        return PYGEN_NEXT;
+    }
+    self->state = IS_BUSY;
+    const int is_taken = try_quickly(sends, self->message);
+    if (is_taken != 0) {
+        ends(self, is_taken > 0);
+        *result = is_taken > 0 ? Py_NewRef(Py_None) : NULL;
+        return is_taken > 0 ? PYGEN_RETURN : PYGEN_ERROR;
+    }
+    sends->in_turn--; /* the slow way counts by itself */
+    return begin_slowly(self) ? run_on(self, Py_None, result) : PYGEN_ERROR;
+}
+
+static PySendResult refuse(enum sending_state state, PyObject **result)
+{
+    *result = NULL;
+    if (state == IS_BUSY)
+        PyErr_SetString(PyExc_ValueError, "coroutine already executing");
+    else
+        PyErr_SetString(PyExc_RuntimeError, "cannot reuse already awaited coroutine");
+    return PYGEN_ERROR;
+}
+
+static PySendResult sending_go_on(PyObject *object, PyObject *value, PyObject **result)
+{
+    Sending *self = (Sending *)object;
+    if (self->state == IS_RUNNING)
+        return run_on(self, value, result);
+    if (self->state == IS_NEW && value != Py_None) {
+        *result = NULL;
+        PyErr_SetString(PyExc_TypeError, "can't send non-None value to a just-started coroutine");
+        return PYGEN_ERROR;
+    }
+    return self->state == IS_NEW || self->state == HAS_TURNED ? begin(self, result) : refuse(self->state, result);
+}
+
+/* As a method returns it: the end is a StopIteration. */
+static PyObject *outcome_of(PySendResult outcome, PyObject *result)
+{
+    if (outcome == PYGEN_RETURN) {
+        PyObject *error = PyObject_CallFunctionObjArgs(PyExc_StopIteration, result == Py_None ? NULL : result, NULL);
+        if (error != NULL)
+            PyErr_SetObject(PyExc_StopIteration, error);
+        Py_XDECREF(error);
+        Py_CLEAR(result);
+    }
+    return result;
+}
+
+static PyObject *sending_send(PyObject *object, PyObject *value)
+{
+    PyObject *result;
+    const PySendResult outcome = sending_go_on(object, value, &result);
+    return outcome_of(outcome, result);
+}
+
+static PyObject *sending_next(PyObject *object) { return sending_send(object, Py_None); }
+
+/* One that has not begun does not: its coroutine raises what is thrown, and the message is not published. */
+static PyObject *sending_throw(PyObject *object, PyObject *args)
+{
+    Sending *self = (Sending *)object;
+    PyObject *result = NULL;
+    if (self->state == IS_BUSY || self->state == IS_DONE) {
+        refuse(self->state, &result);
+        return NULL;
+    }
+    if (self->state != IS_RUNNING && !begin_slowly(self))
+        return NULL;
+    PyObject *method = PyObject_GetAttrString(self->coroutine, "throw");
+    if (method != NULL) {
+        result = PyObject_CallObject(method, args);
+        Py_DECREF(method);
+    }
+    if (result == NULL) {
+        self->state = IS_DONE;
+        Py_CLEAR(self->coroutine);
+    }
+    return result;
+}
+
+static PyObject *sending_close(PyObject *object, PyObject *Py_UNUSED(none))
+{
+    Sending *self = (Sending *)object;
+    PyObject *result = NULL;
+    if (self->state == IS_BUSY) {
+        refuse(self->state, &result);
+        return NULL;
+    }
+    if (self->state == IS_RUNNING) {
+        PyObject *method = PyObject_GetAttrString(self->coroutine, "close");
+        result = method == NULL ? NULL : PyObject_CallObject(method, NULL);
+        Py_XDECREF(method);
+        if (result == NULL)
+            return NULL;
+        Py_DECREF(result);
+    }
+    ends(self, true);
+    Py_RETURN_NONE;
+}
+
+static PyObject *sending_await(PyObject *object)
+{
+    const enum sending_state state = ((Sending *)object)->state;
+    PyObject *none;
+    if (state == IS_DONE) {
+        refuse(state, &none);
+        return NULL;
+    }
+    return Py_NewRef(object);
+}
+
+static PyObject *sending_repr(PyObject *object)
+{
+    return PyUnicode_FromFormat("<coroutine object Publisher.send at %p>", object);
+}
+
+static PyObject *get_name(PyObject *Py_UNUSED(object), void *name) { return PyUnicode_FromString(name); }
+
+static int sending_traverse(PyObject *object, visitproc visit, void *arg)
+{
+    const Sending *self = (Sending *)object;
+    Py_VISIT(Py_TYPE(object));
+    Py_VISIT(self->sends);
+    Py_VISIT(self->message);
+    Py_VISIT(self->coroutine);
+    return 0;
+}
+
+static int sending_clear(PyObject *object)
+{
+    Sending *self = (Sending *)object;
+    Py_CLEAR(self->message);
+    Py_CLEAR(self->coroutine);
+    return 0;
+}
+
+static void tell_of_forgotten(const Sends *sends, PyObject *message)
+{
+    PyObject *type, *value, *traceback;
+    PyErr_Fetch(&type, &value, &traceback);
+    PyObject *call = PyObject_CallFunctionObjArgs(sends->forgotten, message, NULL);
+    if (call == NULL)
+        PyErr_WriteUnraisable(sends->forgotten);
+    Py_XDECREF(call);
+    PyErr_Restore(type, value, traceback);
+}
+
+static void sending_dealloc(PyObject *object)
+{
+    Sending *self = (Sending *)object;
+    PyTypeObject *type = Py_TYPE(object);
+    Sends *sends = self->sends;
+    PyObject *message = self->message, *coroutine = self->coroutine;
+    const bool is_forgotten = self->state == IS_NEW;
+    PyObject_GC_UnTrack(object);
+    PyObject_GC_Del(object);
+    if (is_forgotten)
+        tell_of_forgotten(sends, message);
+    Py_XDECREF(message);
+    Py_XDECREF(coroutine);
+    DROP(sends);
+    DROP(type);
+}
+
+static PyMethodDef sending_methods[] = {
+    {"send", sending_send, METH_O, NULL},
+    {"throw", sending_throw, METH_VARARGS, NULL},
+    {"close", sending_close, METH_NOARGS, NULL},
+    {0},
+};
+
+static PyGetSetDef sending_properties[] = {
+    {"__name__", get_name, NULL, NULL, "send"},
+    {"__qualname__", get_name, NULL, NULL, "Publisher.send"},
+    {0},
+};
+
+static PyType_Slot sending_slots[] = {
+    {Py_tp_dealloc, (void *)sending_dealloc},
+    {Py_tp_traverse, (void *)sending_traverse},
+    {Py_tp_clear, (void *)sending_clear},
+    {Py_tp_repr, (void *)sending_repr},
+    {Py_tp_iternext, (void *)sending_next},
+    {Py_am_await, (void *)sending_await},
+    {Py_am_send, (void *)sending_go_on},
+    {Py_tp_methods, sending_methods},
+    {Py_tp_getset, sending_properties},
+    {0},
+};
+
+PyType_Spec sending_spec = {"bus.shm._core.Sending", sizeof(Sending), 0,
+                            CORE_TYPE | Py_TPFLAGS_HAVE_GC | Py_TPFLAGS_DISALLOW_INSTANTIATION, sending_slots};
+
+/* Sends */
+
+static PyObject *sends_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
+{
+    static char *names[] = {"slow", "go_on", "forgotten", NULL};
+    const CoreState *state = PyType_GetModuleState(type);
+    PyObject *slow, *go_on, *forgotten;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOO", names, &slow, &go_on, &forgotten))
+        return NULL;
+    Sends *self = core_allocate(type);
+    if (self == NULL)
+        return NULL;
+    self->slow = Py_NewRef(slow);
+    self->go_on = Py_NewRef(go_on);
+    self->forgotten = Py_NewRef(forgotten);
+    HOLD(state->sending);
+    self->sending = state->sending;
+    return (PyObject *)self;
+}
+
+static int sends_traverse(PyObject *object, visitproc visit, void *arg)
+{
+    const Sends *self = (Sends *)object;
+    Py_VISIT(Py_TYPE(object));
+    Py_VISIT(self->publish);
+    Py_VISIT(self->slow);
+    Py_VISIT(self->go_on);
+    Py_VISIT(self->forgotten);
+    return 0;
+}
+
+static void sends_dealloc(PyObject *object)
+{
+    Sends *self = (Sends *)object;
+    PyObject_GC_UnTrack(object);
+    Py_XDECREF(self->publish);
+    Py_XDECREF(self->slow);
+    Py_XDECREF(self->go_on);
+    Py_XDECREF(self->forgotten);
+    DROP(self->sending);
+    core_free(self);
+}
+
+static PyMethodDef sends_methods[] = {
+    {"send", sends_send, METH_O, NULL},
+    {0},
+};
+
+static PyMemberDef sends_members[] = {
+    {"publish", T_OBJECT_EX, offsetof(Sends, publish), 0, NULL},
+    {"spares_turns", T_BOOL, offsetof(Sends, spares_turns), 0, NULL},
+    {0},
+};
+
+/* A callback that is this method is an async one (bus.awaited). */
+static PyObject *get_mark(PyObject *Py_UNUSED(object), void *Py_UNUSED(closure)) { Py_RETURN_TRUE; }
+
+static PyGetSetDef sends_properties[] = {
+    {"_is_to_be_awaited", get_mark, NULL, NULL, NULL},
+    {0},
+};
+
+static PyType_Slot sends_slots[] = {
+    {Py_tp_new, (void *)sends_new},
+    {Py_tp_dealloc, (void *)sends_dealloc},
+    {Py_tp_traverse, (void *)sends_traverse},
+    {Py_tp_methods, sends_methods},
+    {Py_tp_members, sends_members},
+    {Py_tp_getset, sends_properties},
+    {0},
+};
+
+PyType_Spec sends_spec = {"bus.shm._core.Sends", sizeof(Sends), 0, CORE_TYPE | Py_TPFLAGS_HAVE_GC, sends_slots};
