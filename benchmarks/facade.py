@@ -80,7 +80,7 @@ def run(plan: Plan) -> Section:
             series = f"{what}, {name}"
             measured = partial(measure, system, work)
             if what == _FLOOD:
-                measured = throughput.Lasting(partial(measure, system), work, throughput.flood_s(plan))
+                measured = throughput.Lasting(partial(measure, system), work, throughput.least_s(plan))
             cases.append(Case(series, measured, system.missing(), series, _SIZE))
     outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
     comparisons = []

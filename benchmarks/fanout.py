@@ -28,7 +28,7 @@ from benchmarks.systems import (
     RIVALS,
     System,
 )
-from benchmarks.throughput import Lasting, flood_s
+from benchmarks.throughput import Lasting, flood_s, least_s
 from benchmarks.versus import against_best
 from benchmarks.work import Work
 
@@ -207,7 +207,7 @@ def _case(plan: Plan, system: System, number: int) -> Case:
     # Who may lose messages may lose those of a warm-up, for which nobody could wait.
     warm_up = 0 if system.may_lose else count // 10
     work = Work(size=_SIZE, count=count, warm_up=warm_up, take_by=system.takes_by, subscribers=number)
-    flood = Lasting(partial(measure_flood, system), work, flood_s(plan))
+    flood = Lasting(partial(measure_flood, system), work, least_s(plan))
     paced = Work(
         size=_SIZE,
         count=plan.choose(150, 500),

@@ -163,12 +163,12 @@ BUS = System(
     no_shared_memory,
     route="shm",
     kind="ours",
-    guess=Speed(2_500_000, 2e9),
+    guess=Speed(3_500_000, 10e9),
 )
 BUS_SOCKET = BUS._replace(
-    name="busd, socket", missing=str, environ=_BY_SOCKET, route="socket", guess=Speed(700_000, 700e6)
+    name="busd, socket", missing=str, environ=_BY_SOCKET, route="socket", guess=Speed(1_500_000, 1.2e9)
 )
-BUS_BYTES = BUS._replace(module=_BYTES, guess=Speed(1_000_000, 5e9))
+BUS_BYTES = BUS._replace(module=_BYTES, guess=Speed(1_000_000, 15e9))
 BUS_SOCKET_BYTES = BUS_SOCKET._replace(module=_BYTES)
 BUS_FAN_OUT = BUS._replace(module=_FAN)
 BUS_SOCKET_FAN_OUT = BUS_SOCKET._replace(module=_FAN)
@@ -212,7 +212,7 @@ C_FLOOR = System(
     environ=MappingProxyType({WAY: "shm"}),
     kind="floor",
     fans_out=False,
-    guess=Speed(500_000, 4e9),
+    guess=Speed(500_000, 30e9),
 )
 C_SOCKET = C_FLOOR._replace(
     name="C, UNIX socket", environ=MappingProxyType({WAY: "socket"}), guess=Speed(400_000, 1.5e9)
@@ -224,13 +224,14 @@ PIPE = System(
     fans_out=False,
     takes_by="blocking",
     gives_turns=False,
+    guess=Speed(200_000, 2e9),
 )
 PYZMQ = System(
     "pyzmq",
     "benchmarks.adapters.zeromq",
     missing=_needs("zmq"),
     gives_turns=False,
-    guess=Speed(300_000, 500e6),
+    guess=Speed(900_000, 1e9),
 )
 PYZMQ_BLOCKING = PYZMQ._replace(name="pyzmq, blocking", fans_out=False, takes_by="blocking", floods=False)
 PYZMQ_PROXY = PYZMQ._replace(
@@ -240,7 +241,7 @@ PYZMQ_PROXY = PYZMQ._replace(
     kind="brokered",
 )
 QUEUE = PIPE._replace(
-    name="multiprocessing.Queue", module="benchmarks.adapters.mp_queue", guess=Speed(100_000, 300e6)
+    name="multiprocessing.Queue", module="benchmarks.adapters.mp_queue", guess=Speed(160_000, 700e6)
 )
 NATS = System(
     "nats-py",
@@ -248,7 +249,7 @@ NATS = System(
     serve_nats,
     _needs("nats", server="nats-server"),
     kind="brokered",
-    guess=Speed(60_000, 150e6),
+    guess=Speed(140_000, 250e6),
 )
 REDIS = System(
     "redis-py",
@@ -257,7 +258,7 @@ REDIS = System(
     _needs("redis", server="redis-server"),
     kind="brokered",
     gives_turns=False,
-    guess=Speed(40_000, 200e6),
+    guess=Speed(160_000, 600e6),
 )
 ICEORYX = System(
     "iceoryx2",
@@ -265,6 +266,7 @@ ICEORYX = System(
     missing=_needs("iceoryx2"),
     takes_by="event",
     gives_turns=False,
+    guess=Speed(240_000, 4e9),
 )
 
 ZENOH = System(
@@ -272,7 +274,7 @@ ZENOH = System(
     "benchmarks.adapters.zenoh_peer",
     missing=_needs("zenoh"),
     gives_turns=False,
-    guess=Speed(300_000, 2e9),
+    guess=Speed(500_000, 4e9),
 )
 SHIPPED = "BENCH_ECAL_SHIPPED"
 """Where this is set, eCAL's processes look for each other as often as eCAL does by default."""
@@ -281,7 +283,7 @@ ECAL = System(
     "benchmarks.adapters.ecal_shm",
     missing=_needs("ecal"),
     gives_turns=False,
-    guess=Speed(25_000, 2e9),
+    guess=Speed(15_000, 800e6),
 )
 ECAL_SHIPPED = ECAL._replace(name="eclipse-ecal, as shipped", environ=MappingProxyType({SHIPPED: "1"}))
 CYCLONE = System(
@@ -289,7 +291,7 @@ CYCLONE = System(
     "benchmarks.adapters.cyclone",
     missing=_needs("cyclonedds"),
     gives_turns=False,
-    guess=Speed(25_000, 100e6),
+    guess=Speed(45_000, 400e6),
 )
 
 FLOORS = (FLOOR, TWO_HOPS, C_FLOOR, C_SOCKET)
