@@ -52,8 +52,9 @@ def look_of(series: str) -> Look:
     if system is None or system.kind == "floor":
         return Look(GREY, ".", ":")
     if system.kind == "ours":
-        is_socket = system.route == "socket"
-        return Look(SOCKET if is_socket else OURS, "s" if is_socket else "o", "-", is_ours=True)
+        is_socket, is_plain = system.route == "socket", system.takes_by == "blocking"
+        marker = "s" if is_socket else "v" if is_plain else "o"
+        return Look(SOCKET if is_socket else OURS, marker, "--" if is_plain else "-", is_ours=True)
     at = of_kind("direct", "brokered").index(system)
     dashes = "--" if system.kind == "brokered" else "-"
     return Look(_RIVALS[at % len(_RIVALS)], _MARKERS[at % len(_MARKERS)], dashes)

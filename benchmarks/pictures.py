@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from benchmarks.figures import Spread, bytes_text
 from benchmarks.looks import is_main, is_polling, kind_colour, look_of
 from benchmarks.report import Result, Section, number
+from benchmarks.systems import TUNED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,7 +21,8 @@ PROCESSES = {"cpu_publisher": "publisher", "cpu_broker": "broker", "cpu_subscrib
 _PROCESS_COLOURS = ("#0072B2", "#D55E00", "#CC79A7")
 _WIDTH_IN, _LINE_IN, _PANEL_IN = 9.2, 0.24, 3.9
 _LABEL_PT = 8.5
-_BARS_AT = (64, 1 << 20)
+_BARS = ((64, ""), (1 << 20, ""), (1 << 20, TUNED))
+"""Of which sizes, and of which way to use each system."""
 _BAR_KEYS = ("p50", "p99", "p99.9")
 
 Points = Mapping[float, Spread]
@@ -108,17 +110,16 @@ def style(theme: str) -> dict[str, Any]:
 def _latency_bars(section: Section) -> Any:
     from matplotlib import pyplot
 
-    sizes = [size for size in _BARS_AT if _bars_of(section, size)]
-    bars = [_bars_of(section, size) for size in sizes]
-    heights = [len(part) + 2 for part in bars]
+    panels = {(size, way): bars for size, way in _BARS if (bars := _bars_of(section, size, way))}
+    heights = [len(part) + 2 for part in panels.values()]
     figure, grid = pyplot.subplots(
-        len(sizes),
+        len(panels),
         1,
         figsize=(_WIDTH_IN, sum(heights) * _LINE_IN + 0.8),
         height_ratios=heights,
         squeeze=False,
     )
-    for axes, size, part in zip(grid[:, 0], sizes, bars, strict=True):
+    for axes, ((size, way), part) in zip(grid[:, 0], panels.items(), strict=True):
         p50, p99, largest = ([figures[key].median for _, figures in part] for key in _BAR_KEYS)
         colours = [kind_colour(series) for series, _ in part]
         faces = ["none" if is_polling(series) else kind_colour(series) for series, _ in part]
@@ -132,7 +133,7 @@ def _latency_bars(section: Section) -> Any:
         axes.set_xscale("log")
         low, high = axes.get_xlim()
         axes.set_xlim(low / 1.5, high)
-        axes.set_title(bytes_text(int(size)), loc="left")
+        axes.set_title(", ".join(filter(None, (bytes_text(size), way))), loc="left")
         axes.grid(visible=False, axis="y")
         _name_rows(axes, [series for series, _ in part])
         plain_ticks(axes.xaxis)
@@ -143,13 +144,13 @@ def _latency_bars(section: Section) -> Any:
     return figure
 
 
-def _bars_of(section: Section, size: float) -> list[tuple[str, Mapping[str, Spread]]]:
-    """The series with figures at `size` that wait for events or poll, the fastest first."""
+def _bars_of(section: Section, size: float, way: str) -> list[tuple[str, Mapping[str, Spread]]]:
+    """The series with figures at `size`, used in that `way`, or by events or polling; the fastest first."""
     found = {
-        row.series: row.figures
+        row.series.removesuffix(f", {way}"): row.figures
         for row in section.rows
         if row.at == size and set(_BAR_KEYS) <= row.figures.keys()
-        if is_main(row.series) or is_polling(row.series)
+        if (row.series.endswith(f", {way}") if way else is_main(row.series) or is_polling(row.series))
     }
     return sorted(found.items(), key=lambda item: item[1]["p50"].median)
 
