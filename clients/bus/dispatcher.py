@@ -12,6 +12,7 @@ from typing import Any, Generic, TypeVar
 from bus.callbacks import is_async, takes_info
 from bus.errors import ConnectionClosed
 from bus.inbox import Inbox, Taken
+from bus.wire.runs import Run
 
 M = TypeVar("M")
 
@@ -58,7 +59,9 @@ class Dispatcher(Generic[M]):
         self._task: asyncio.Task[None] | None = None
         if is_async(callback):
             self._task = asyncio.create_task(self._run(), name=f"callback of {name}")
-        elif inbox.reader is not None and not self._wants_info and not is_timed:
+        self.is_plain = self._task is None and not self._wants_info and not is_timed
+        """It wants the message and nothing else."""
+        if self.is_plain and inbox.reader is not None:
             inbox.call_back(callback, on_error)
 
     @property
@@ -73,6 +76,25 @@ class Dispatcher(Generic[M]):
             self._inbox.reader.forget_callback()
         if self._task is not None and self._task is not asyncio.current_task():
             self._task.cancel()
+
+    def deliver(self, run: Run) -> bool:
+        """Call back for a run that has just come, where that is all there is to it; else it is to be put.
+
+        Only where the callback `is_plain`.
+        """
+        state = self._calls
+        if state.is_busy or self._has_ended or not (messages := self._inbox.take_lone(run)):
+            return False
+        state.is_busy = True
+        try:
+            self._callback(messages[0])
+        except Exception as error:
+            self._on_error(error)
+        finally:
+            state.is_busy = False
+        if self._inbox.has_more:
+            self.dispatch()
+        return True
 
     def dispatch(self) -> None:
         """Call back for what waits."""

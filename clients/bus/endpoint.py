@@ -171,6 +171,9 @@ class Endpoint(Generic[M]):
     def _hand_over(self) -> None:
         """Turn what was gathered into a run (a publisher's part)."""
 
+    _receive_lone: Callable[[Run], bool] = staticmethod(lambda run: False)
+    """The quick way for a run that came alone: it was delivered; False: nothing was done."""
+
     def _receive_run(self, run: Run) -> None:
         """A run has come (a subscription's part)."""
 

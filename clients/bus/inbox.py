@@ -5,7 +5,7 @@ waits there; it is taken after what came by socket. Does no I/O; its owner deliv
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from time import monotonic_ns
 from typing import Any, Generic, TypeAlias, TypeVar
@@ -210,6 +210,37 @@ class Inbox(Generic[M]):
             self._reject_from_rings()
         return batch
 
+    def take_lone(self, run: Run) -> list[M]:
+        """The message of a run that was not `put`, of one sample; nothing where there is more to it.
+
+        As at a moderate rate they all are: it is simply the next, and nothing else waits here but in rings.
+        """
+        source = self.sources.get(run.source)
+        if (
+            source is None
+            or run.count != 1
+            or run.first_seq != source.last_seq + 1
+            or source.is_new
+            or source.lifespan_ns
+            or self._queue.runs
+            or self.ahead
+            or self._core is None
+        ):
+            return []
+        found = self._core.run_messages(run.body, 0, 1, self._decode)
+        if found is None or run.first_seq != source.last_seq + 1:
+            return []
+        source.last_seq += 1
+        self.sources.received += 1
+        self._samples += 1
+        size = found[1] - RECORD_HEAD_BYTES
+        self._bytes += size
+        if self.is_lossless:
+            run.origin = source
+            self._note_taken(run, run.first_seq, size)
+        messages: list[M] = found[0]
+        return messages
+
     def quick_take(self) -> Callable[[], list[M]] | None:
         """What takes a message out of the rings in one native call, for who knows that no others wait."""
         return None if self.reader is None else partial(self.reader.messages, 1, self._decode)
@@ -300,28 +331,34 @@ class Inbox(Generic[M]):
             if start > length:
                 break
             size, stamp_ns = _unpack_record(body, offset)
-            offset = start + size
-            if offset > length:
+            if start + size > length:
                 break
+            offset = start + size
             try:
                 ahead.append((decode(body[start:offset]), stamp_ns, seq, run.origin, run.received_ns))
             except Exception as error:
                 rejected.append((size, error))
         else:
             queue.advance(number, offset)
-            self._count(run, len(ahead), seq, offset - begin - number * RECORD_HEAD_BYTES)
+            size = offset - begin - number * RECORD_HEAD_BYTES
+            self._count(run, len(ahead), seq, size, rejected)
             self._reject(rejected)
             return
         # The run is shorter than it claims: what it still claims is gone with it.
         queue.forget_head()
-        self._count(run, len(ahead), first_seq + held - 1, length - begin)
+        size = offset - begin - (seq - first_seq) * RECORD_HEAD_BYTES
+        self._count(run, len(ahead), first_seq + held - 1, size, rejected)
         self._reject(rejected)
         self.drop("undecodable", first_seq + held - seq)
 
-    def _count(self, run: Run, samples: int, seq: int, size: int) -> None:
-        """So many were taken out of the run, up to number `seq`."""
+    def _count(
+        self, run: Run, samples: int, seq: int, size: int, rejected: Sequence[tuple[int, Exception]] = ()
+    ) -> None:
+        """So many were taken out of the run, up to number `seq`; with those `rejected`, so many bytes."""
         self._samples += samples
         self._bytes += size
+        if rejected:
+            self._bytes -= sum(one for one, _ in rejected)
         if self.is_lossless:
             self._note_taken(run, seq, size)
 

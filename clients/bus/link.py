@@ -261,6 +261,8 @@ class Link:
             if received_ns > connection.late_ns:
                 connection.note_standstill(received_ns)
             connection.heard_ns = received_ns
+        if items.__class__ is tuple and self._deliver_lone(items, received_ns):
+            return
         endpoints, touched = self._declarations.by_id, set[Endpoint]()
         self._is_receiving = True
         try:
@@ -281,6 +283,22 @@ class Link:
         finally:
             self._is_receiving = False
             self._deliver(touched)
+
+    def _deliver_lone(self, items: Any, received_ns: int) -> bool:
+        """A read has brought nothing but one run, and there is nothing to do but to call back for it."""
+        run = items[0]
+        endpoint = self._declarations.by_id.get(run.endpoint)
+        if endpoint is None:
+            return False
+        run.received_ns = received_ns
+        try:
+            is_done = endpoint._receive_lone(run)
+        except Exception as error:
+            self._tell_loop(error)
+            is_done = True
+        if is_done:
+            self._reports.add(endpoint)
+        return is_done
 
     def _deliver(self, endpoints: Collection[Endpoint]) -> None:
         """Something has come for these. First of all the callbacks: somebody waits for them."""

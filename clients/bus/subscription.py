@@ -115,6 +115,7 @@ class Subscription(Endpoint[M]):
             if busy_poll:
                 self._rings.poll(busy_poll)
         self._dispatcher: Dispatcher[M] | None = None
+        self._receive_lone = _not_so_quick
         if callback is not None:
             self._dispatcher = Dispatcher(
                 callback,
@@ -125,6 +126,8 @@ class Subscription(Endpoint[M]):
                 name=topic,
                 is_timed=qos.deadline is not None,
             )
+            if self._dispatcher.is_plain:
+                self._receive_lone = self._dispatcher.deliver
 
     def take(self) -> tuple[M, MessageInfo] | None:
         """The oldest waiting message and its info; None where none waits. Never blocks."""
@@ -409,6 +412,10 @@ class Subscription(Endpoint[M]):
             f"New publisher discovered on topic '{self.topic_name}', offering incompatible QoS. "
             f"No messages will be received from it. Last incompatible policy: {policy}"
         )
+
+
+def _not_so_quick(run: Run) -> bool:
+    return False
 
 
 def _decoder(support: TypeSupport[Any], *, raw: bool, views: bool) -> Callable[[Any], Any]:

@@ -84,7 +84,7 @@ class Session:
         self._decode = (from_client if role is Role.BROKER else from_broker).decode
 
     def received(self, count: int) -> Iterable[Any]:
-        """What came with the `count` bytes now in the reader's buffer, in order.
+        """What came with the `count` bytes now in the reader's buffer, in order; one run alone in a tuple.
 
         The buffer is in use until the iteration has ended: before that, nothing may be read into it.
         Iterating raises RemoteProtocolError where the peer broke a rule, after all that came before.
