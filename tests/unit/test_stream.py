@@ -115,6 +115,37 @@ async def test_nothing_is_asked_of_the_socket_beside_what_has_come(
     end.stream.close()
 
 
+@pytest.mark.parametrize(("size", "is_wide"), [(1_000, False), (100_000, True)])
+async def test_who_sends_much_at_a_time_gets_more_room(
+    pair: tuple[socket.socket, socket.socket], size: int, is_wide: bool
+) -> None:
+    """What a process that does not read makes the kernel hold is bounded either way, and all of it comes."""
+    mine, other = pair
+    end = End(mine)
+
+    def room() -> int:
+        return mine.getsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF)
+
+    before = room()
+    sent = b""
+    while not end.stream.is_blocked:
+        assert room() == before
+        frame = m.encode_frame(m.Fault(text="x" * size))
+        sent += frame
+        end.stream.outbox.put(frame)
+        end.stream.flush()
+    assert room() == (max(before, 416 << 10) if is_wide else before)
+    came = b""
+    other.setblocking(False)
+    while len(came) < len(sent):
+        try:
+            came += other.recv(1 << 20)
+        except BlockingIOError:
+            await asyncio.sleep(0)
+    assert came == sent
+    end.stream.close()
+
+
 class Counted:
     """A socket that remembers what was called."""
 

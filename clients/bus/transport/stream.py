@@ -26,6 +26,10 @@ from bus.wire.runs import Buffer
 from bus.wire.session import Session
 
 _SHORT_BYTES = 4096
+_LONG_BYTES = 64 << 10
+_WIDE_BYTES = 208 << 10
+"""The kernel doubles it, and says that there is room again when three quarters are free. Who asks for nothing
+has half of it, three long runs; more than this only a machine gives whose administrator says so."""
 _MOST_WORK = 512
 """What one `flush` sends at most, in the work that it costs; the rest goes in later turns of the loop."""
 _DESCRIPTORS_WORK = 8
@@ -78,6 +82,7 @@ class Stream:
         self._is_unheard = False
         self._is_left = False  # nothing new will come, but there may be something to read: read to the end
         self._is_heard_out = False
+        self._is_wide = False
         self._loop = asyncio.get_running_loop()
         self._sock = sock
         self.on_received = on_received or _ignore
@@ -184,7 +189,7 @@ class Stream:
         self.sent_bytes += sent
         if sent != len(frames):
             self._rest = [frames[sent:].tobytes()]
-            self._wait_to_write()
+            self._be_full(len(frames))
 
     def finish(self) -> None:
         """End what has begun to be sent, send nothing after it, and go on reading."""
@@ -296,6 +301,15 @@ class Stream:
             return
         self._rest = _unsent(buffers, sent)
         self._rest_descriptors = () if sent else descriptors
+        self._be_full(size)
+
+    def _be_full(self, size: int) -> None:
+        """The socket did not take all of `size` bytes. Who sends much at a time gets more room for it."""
+        if size >= _LONG_BYTES and not self._is_wide:
+            self._is_wide = True
+            with suppress(OSError):
+                if self._sock.getsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF) < 2 * _WIDE_BYTES:
+                    self._sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _WIDE_BYTES)
         self._wait_to_write()
 
     def _wait_to_write(self) -> None:
