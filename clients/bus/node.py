@@ -17,7 +17,7 @@ from bus import names, shm
 from bus.address import socket_name
 from bus.arguments import Arguments
 from bus.awaited import done_anyway, to_be_awaited
-from bus.errors import AccessDenied, CommandLineError, ConfigurationError, ConnectionClosed, ForkError
+from bus.errors import BusError, CommandLineError, ConfigurationError, ConnectionClosed, ForkError
 from bus.events import PublisherEvents, SubscriptionEvents
 from bus.link import Link
 from bus.logger import Logger, configure, get_logger
@@ -37,6 +37,9 @@ if TYPE_CHECKING:  # not every program needs them
 M = TypeVar("M", bound=msgspec.Struct)
 
 _LEAST_SWEPT = 16
+
+_ROSOUT_S = 5.0
+"""How long the end of a node waits for busd to know of its /rosout."""
 
 _log = get_logger("bus")
 
@@ -119,6 +122,7 @@ class Node(ParameterHost):
         self._error: BaseException | None = None
         self._wants_rosout = rosout and self._arguments.log_to_rosout
         self._rosout: Rosout | None = None
+        self._declaring_rosout: asyncio.Task[None] | None = None
 
     def __repr__(self) -> str:
         state = "not open "
@@ -152,7 +156,7 @@ class Node(ParameterHost):
         try:
             await self._link.declare_node(self)
             if self._wants_rosout:
-                await self._open_rosout()
+                await self._open_rosout(self._link)
             await self._open_parameters()
         except BaseException:
             await self.close()
@@ -221,7 +225,21 @@ class Node(ParameterHost):
         by_socket: bool = False,
     ) -> Publisher[M]:
         link = self._opened()
-        publisher: Publisher[M] = Publisher(
+        publisher = self._make_publisher(link, message_type, topic, qos, events, by_socket=by_socket)
+        await self._declare(link, publisher)
+        return publisher
+
+    def _make_publisher(
+        self,
+        link: Link,
+        message_type: type[M],
+        topic: str,
+        qos: QoS,
+        events: PublisherEvents | None = None,
+        *,
+        by_socket: bool = False,
+    ) -> Publisher[M]:
+        return Publisher(
             link,
             self.full_name,
             self.resolve_topic_name(topic),
@@ -232,8 +250,6 @@ class Node(ParameterHost):
             self._fail,
             by_socket=by_socket,
         )
-        await self._declare(link, publisher)
-        return publisher
 
     @overload
     async def create_subscription(
@@ -464,6 +480,7 @@ class Node(ParameterHost):
 
     async def _close_endpoints(self, link: Link) -> None:
         try:
+            await self._end_rosout()
             results = await asyncio.gather(*(one.close() for one in self._endpoints), return_exceptions=True)
         finally:
             for endpoint in self._endpoints:
@@ -487,14 +504,34 @@ class Node(ParameterHost):
                 {"message": f"exception in a callback of {self.full_name}", "exception": error}
             )
 
-    async def _open_rosout(self) -> None:
+    async def _open_rosout(self, link: Link) -> None:
+        """Declare it before anything else that the program declares, which need not wait for the answer."""
         from bus.msg.rcl_interfaces import Log
 
-        try:
-            # Each node has one, few say much, and busd keeps the history anyway: no ring is worth its memory.
-            publisher = await self._create_publisher(Log, "/rosout", rosout_default, by_socket=True)
-        except AccessDenied as denied:
-            self._logger.warning(f"the log of this node stays here: {denied}")
-            return
+        # Each node has one, few say much, and busd keeps the history anyway: no ring is worth its memory.
+        publisher = self._make_publisher(link, Log, "/rosout", rosout_default, by_socket=True)
         self._rosout = Rosout(publisher)
-        self._logger.add_sink(self._rosout.publish)
+        self._logger.add_sink(self._rosout.publish)  # what is logged until the answer comes waits for it
+        self._declaring_rosout = link.loop.create_task(
+            self._declare_rosout(link, publisher), name="declare /rosout"
+        )
+        if link.guard is None:
+            await asyncio.sleep(0)  # that has left now
+        else:  # such a loop may rest as soon as nobody waits, and what is logged with it
+            await asyncio.wait([self._declaring_rosout])
+
+    async def _declare_rosout(self, link: Link, publisher: Publisher[Any]) -> None:
+        try:
+            await self._declare(link, publisher)
+        except (BusError, TimeoutError) as error:
+            if self._link is link:  # else it is closed meanwhile
+                self._logger.warning(f"the log of this node stays here: {error}")
+
+    async def _end_rosout(self) -> None:
+        """What was logged is handed over, if busd answers soon."""
+        declaring, self._declaring_rosout = self._declaring_rosout, None
+        if declaring is not None and not declaring.done():
+            try:
+                await asyncio.wait([declaring], timeout=_ROSOUT_S)
+            finally:
+                declaring.cancel()

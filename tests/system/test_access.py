@@ -188,10 +188,10 @@ class TestDenied:
         busd = guests(rule(f"users = [{GUEST}]", "/chat", *ALL))
         guest = await join(busd, GUEST, "guest", rosout=True)
         guest.get_logger().info("hello")
+        await guest.create_publisher(String, "/chat", 10)  # the answer about the log has come before
         err = capfd.readouterr().err
         assert len(lines_of(err, "the log of this node stays here")) == 1
         assert len(lines_of(err, "hello")) == 1
-        await guest.create_publisher(String, "/chat", 10)
 
     @pytest.mark.parametrize("source", [RCLPY_NODE, NATIVE_NODE], ids=["rclpy", "native"])
     def test_a_node_works_without_what_it_has_by_itself(self, guests: Start, source: str) -> None:

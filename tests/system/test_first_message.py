@@ -1,12 +1,21 @@
-"""What the first message of a program waits for: imports. Counted, so that no clock is in it."""
+"""What the first message of a program waits for: imports, and answers of busd. No clock is in it."""
 
+import asyncio
+import logging
 import subprocess
 import sys
+from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
 
 import bus
+import bus.node
+from bus.msg.rcl_interfaces import Log
+from bus.msg.std_msgs import String
+from bus.wire import messages as m
+from conftest import WAIT_S
+from fake_broker import FakeBroker, FakeConnection
 
 _TALKER = """
 import sys
@@ -97,3 +106,83 @@ bus.Rate
 assert not gc.isenabled()
 """
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+@pytest.fixture
+async def broker(socket_path: Path) -> AsyncIterator[FakeBroker]:
+    async with asyncio.timeout(WAIT_S), FakeBroker(socket_path) as broker:
+        yield broker
+
+
+async def _opened(broker: FakeBroker) -> tuple[bus.Node, FakeConnection, m.CreatePublisher]:
+    """A node whose /rosout busd has not yet answered."""
+    node = bus.Node("node", arguments=[])
+    opening = asyncio.ensure_future(node.open())
+    client = await broker.accept()
+    await client.create(m.CreateNode, 1)
+    await opening
+    rosout = await client.expect(m.CreatePublisher)
+    assert (rosout.node, rosout.topic) == (1, "/rosout")
+    return node, client, rosout
+
+
+async def test_nobody_waits_for_the_topic_of_the_log(broker: FakeBroker) -> None:
+    node, client, rosout = await _opened(broker)
+    making = asyncio.ensure_future(node.create_publisher(String, "chatter"))
+    chatter = await client.expect(m.CreatePublisher)  # so three answers are waited for, Hello's among them
+    client.send(m.Created(request=chatter.request, id=3, depth=10, max_message_bytes=1 << 20))
+    assert (await making)._id == 3
+    client.send(m.Created(request=rosout.request, id=2, depth=1000, max_message_bytes=1 << 20))
+    await node.close()
+
+
+async def test_a_refused_log_stays_here(broker: FakeBroker, caplog: pytest.LogCaptureFixture) -> None:
+    node, client, rosout = await _opened(broker)
+    logging.getLogger("bus.nodes").addHandler(caplog.handler)
+    node.get_logger().info("before")
+    client.send(m.Refused(request=rosout.request, text="too many", resource="endpoints", used=1, limit=1))
+    await node._declaring_rosout
+    node.get_logger().info("after")
+    logging.getLogger("bus.nodes").removeHandler(caplog.handler)
+    texts = [record.getMessage() for record in caplog.records]
+    assert texts[0] == "before" and "the log of this node stays here: endpoints: 1 of 1" in texts[1]
+    assert texts[2:] == ["after"]
+    assert node.statistics().publishers == 0
+    await node.close()
+
+
+async def test_a_node_ends_though_busd_never_answers(
+    broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bus.node, "_ROSOUT_S", 0.01)
+    node, client, _ = await _opened(broker)
+    node.get_logger().info("for nobody")
+    await node.close()
+    await client.expect(m.DestroyNode)
+    assert await client.receive() is None
+
+
+async def test_an_end_that_is_cancelled_leaves_nothing_behind(broker: FakeBroker) -> None:
+    node, client, _ = await _opened(broker)
+    ending = asyncio.ensure_future(node.close())
+    await asyncio.sleep(0)
+    ending.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await ending
+    await client.expect(m.DestroyNode)
+    assert await client.receive() is None
+
+
+@pytest.mark.usefixtures("daemon")
+async def test_what_is_logged_before_busd_has_answered_is_told_in_order() -> None:
+    async with asyncio.timeout(WAIT_S), bus.Node("listener", arguments=[], rosout=False) as listener:
+        heard = await listener.create_subscription(Log, "/rosout", 100)
+        for name in ("stays", "goes"):
+            node = bus.Node(name, arguments=[])
+            await node.open()
+            for number in range(3):
+                node.get_logger().info(f"{number}")
+            if name == "goes":
+                await node.close()
+            assert [(await heard.receive())[0].msg for _ in range(3)] == ["0", "1", "2"]
+            await node.close()
