@@ -204,10 +204,13 @@ def __dir__() -> list[str]:
 
 def _import(module: str) -> ModuleType:
     """What is imported stays: the collector would look at all of it several times, and find nothing."""
-    was_enabled = gc.isenabled()
+    if not gc.isenabled():
+        return import_module(module)
     gc.disable()
     try:
         return import_module(module)
     finally:
-        if was_enabled:
-            gc.enable()
+        if not gc.get_freeze_count():  # else somebody has frozen something, which is to stay so
+            gc.freeze()
+            gc.unfreeze()  # now it is among what is old, and nobody had to look at it
+        gc.enable()

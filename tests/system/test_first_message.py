@@ -101,6 +101,13 @@ def count(phase, info):
 gc.callbacks.append(count)
 bus.Node
 assert (collections, gc.isenabled()) == (0, True), collections
+young, threshold = gc.get_count()[0], gc.get_threshold()[0]
+assert young < threshold, young  # nor has it been put off
+gc.freeze()
+frozen = gc.get_freeze_count()
+bus.Subscription
+assert gc.get_freeze_count() >= frozen - 100 and gc.isenabled()
+gc.unfreeze()
 gc.disable()
 bus.Rate
 assert not gc.isenabled()
