@@ -3,6 +3,8 @@
 Owns the refusal of what is none; must not know the messages but for their base.
 """
 
+from collections.abc import Callable
+from functools import cached_property
 from struct import Struct
 from typing import Any
 
@@ -51,7 +53,12 @@ class Decoder:
     """Decodes the control messages that one role may send (`union`); one for each role is enough."""
 
     def __init__(self, union: Any) -> None:
-        self._decode = msgspec.msgpack.Decoder(union).decode
+        self._union = union
+
+    @cached_property
+    def _decode(self) -> Callable[[bytes], Any]:
+        """Made when it is first used: a client has no use for that of the broker."""
+        return msgspec.msgpack.Decoder(self._union).decode
 
     def decode(self, body: bytes) -> Any:
         """Raises RemoteProtocolError, naming the field, where `body` is no message of that role."""
