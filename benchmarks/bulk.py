@@ -14,6 +14,8 @@ from benchmarks.versus import against
 
 NAME = "bulk"
 _SIZES = (1 << 16, 1 << 20, 4 << 20)
+_COMPARED = 1 << 20
+"""The size on which goals rest."""
 _LOANED, _COPIED, _SOCKET = (
     f"{BUS_BYTES.name}, loaned and viewed",
     f"{BUS_BYTES.name}, copied",
@@ -65,7 +67,7 @@ def run(plan: Plan) -> Section:
 
 
 def _cases(plan: Plan, size: int) -> list[Case]:
-    rounds = plan.rounds(is_essential=size != _SIZES[-1])
+    rounds = plan.rounds(is_essential=size == _COMPARED)
     work = partial(work_of, plan, _IN_PLACE, size, publish_by="loan")
     ways = [
         (_LOANED, BUS_BYTES, work(take_by="views")),

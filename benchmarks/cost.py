@@ -46,7 +46,7 @@ _NOTES = [
 
 def run(plan: Plan) -> Section:
     """Measure all systems with 64 B at 5,000/s."""
-    work = Work(size=_SIZE, count=plan.choose(1_000, 6_000), warm_up=500, rate=_RATE)
+    work = Work(size=_SIZE, count=plan.choose(1_000, 5_000), warm_up=500, rate=_RATE)
     cases = [
         paced.case(
             system.name,

@@ -18,7 +18,7 @@ from benchmarks.work import Work
 
 NAME = "facade"
 _SIZE = 64
-_RATE = 2000.0
+_RATE = 2500.0
 _LIMIT_S = 60.0
 _RCLPY, _ASYNCIO, _THREADS = "rclpy", "asyncio", "two threads"
 _SYSTEMS = {_RCLPY: RCLPY, _ASYNCIO: BUS, _THREADS: RCLPY_THREADS}
@@ -81,7 +81,8 @@ def run(plan: Plan) -> Section:
             measured = partial(measure, system, work)
             if what == _FLOOD:
                 measured = throughput.Lasting(partial(measure, system), work, throughput.least_s(plan))
-            cases.append(Case(series, measured, system.missing(), series, _SIZE))
+            rounds = plan.rounds(is_essential=what != _LOSSY)
+            cases.append(Case(series, measured, system.missing(), series, _SIZE, rounds))
     outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
     comparisons = []
     for what, names, key, at_most, at_least in _GOALS:

@@ -16,7 +16,6 @@ from benchmarks.report import Column, Comparison, Row, Section
 from benchmarks.systems import (
     BUS,
     BUS_BLOCKING,
-    BUS_SOCKET,
     ECAL,
     FLOOR,
     ICEORYX,
@@ -29,8 +28,8 @@ from benchmarks.versus import against, against_best
 from benchmarks.work import Work
 
 NAME = "foreign"
-_SIZE, _RATE = 64, 2000.0
-_SYSTEMS = (BUS, BUS_BLOCKING, BUS_SOCKET, FLOOR, PIPE, PYZMQ, PYZMQ_BLOCKING, ICEORYX, ECAL)
+_SIZE, _RATE = 64, 2500.0
+_SYSTEMS = (BUS, BUS_BLOCKING, FLOOR, PIPE, PYZMQ, PYZMQ_BLOCKING, ICEORYX, ECAL)
 _QUICK_SYSTEMS = (BUS, FLOOR, PIPE, ECAL)
 _RIVALS = (PIPE, PYZMQ, ICEORYX, ECAL)
 _PLAIN = (PIPE, PYZMQ_BLOCKING)

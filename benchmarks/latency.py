@@ -58,17 +58,19 @@ class _Stream(NamedTuple):
 
 
 _STREAMS = {
-    _SMALL: _Stream(2000, 200, (600, 5000)),
-    1 << 10: _Stream(2000, 100, (300, 1000)),
+    _SMALL: _Stream(2500, 200, (600, 5000)),
+    1 << 10: _Stream(2500, 100, (300, 1000)),
     1 << 16: _Stream(1000, 100, (200, 1000)),
-    1 << 20: _Stream(150, 10, (40, 500)),
+    1 << 20: _Stream(200, 10, (40, 500)),
     4 << 20: _Stream(20, 4, (15, 20)),
 }
-_PLACED = (BUS, FLOOR, ICEORYX, ECAL)
+_PLACED = (BUS, FLOOR, ECAL)
 _ON_ONE, _ON_TWO = "on one CPU", "on two CPUs"
 _POLLED = (_SMALL, 1 << 16, 1 << 20)
 _BY_FACADE = (_SMALL, 1 << 20)
 _LARGE = (1 << 20, 4 << 20)
+_COMPARED = (_SMALL, 1 << 16, 1 << 20)
+"""The sizes of which there are more rounds than one."""
 _TUNED_AT = 1 << 20
 _QUICK_TUNED = (BUS, PIPE, PYZMQ, ICEORYX, ECAL)
 _TUNED = (BUS, BUS_BLOCKING, BUS_SOCKET, PIPE, PYZMQ, PYZMQ_BLOCKING, PYZMQ_PROXY, ICEORYX, ZENOH, ECAL)
@@ -164,10 +166,11 @@ def _placed(plan: Plan, work: Work, system: System, where: str) -> Case:
 
 
 def _case(plan: Plan, work: Work, series: str, system: System, *, rounds: int = 0, **ways: object) -> Case:
-    if not rounds and work.size >= _TUNED_AT:
-        rounds = max(1, plan.repetitions - 1)  # each takes long
-    if system.kind != "ours" and system.name.removesuffix(f", {TUNED}") not in ESSENTIAL:
+    is_ours = system.kind == "ours" or system.name.removesuffix(f", {TUNED}") in ESSENTIAL
+    if work.size not in _COMPARED or not is_ours:
         rounds = plan.rounds(is_essential=False)
+    elif not rounds and work.size == _TUNED_AT:
+        rounds = max(1, plan.repetitions - 1)  # each takes long
     return paced.case(series, system, replace(_as_used(work, system), **ways), rounds=rounds)
 
 

@@ -126,7 +126,7 @@ def run(plan: Plan) -> Section:
     cases.append(Case(_ZMQ_ASYNCIO, measure, PYZMQ.missing(), "pyzmq, zmq.asyncio"))
     cases.append(Case(_RCLPY_FIRST, measure_first_by_rclpy))
     cases.append(Case(_ALONE, measure_with_autostart))
-    repetitions = plan.repetitions + plan.choose(0, 1)
+    repetitions = plan.repetitions
     with _compiling():
         interleave(cases, 1)  # so that all is compiled
         outcomes = interleave(cases, repetitions, lambda text: plan.tell(f"startup {text}"))

@@ -22,7 +22,6 @@ from benchmarks.report import Column, Comparison, Row, Section, compare
 from benchmarks.systems import (
     BUS,
     BUS_SOCKET,
-    ESSENTIAL,
     FLOORS,
     ICEORYX,
     PIPE,
@@ -60,6 +59,15 @@ _BUSY_POLL_S = 0.002
 _TUNED_AT = 1 << 20
 _TUNED = (BUS, BUS_SOCKET, PIPE, PYZMQ, PYZMQ_PROXY, ICEORYX, ZENOH)
 _POLLED = (_SMALL, 64 * _KiB, 1 << 20)
+_SEVERAL = {
+    _SMALL: (BUS, BUS_SOCKET, PYZMQ, PYZMQ_PROXY, ICEORYX),
+    64 * _KiB: (BUS, BUS_SOCKET, PYZMQ_PROXY, ICEORYX),
+    1 << 20: (BUS, BUS_SOCKET, PYZMQ_PROXY, ICEORYX),
+}
+"""Of which sizes and systems there are several rounds, since goals rest on them."""
+_FEW = (BUS, BUS_SOCKET, *FLOORS, PYZMQ, PYZMQ_PROXY, ICEORYX)
+"""Who is measured at the other sizes."""
+_LIMIT_FLOOD_S = 0.5
 _GOALS = [
     # system, size, figure, at least
     (BUS, _KiB, "per_s", 1.5e6),
@@ -149,17 +157,19 @@ def work_of(plan: Plan, speed: Speed, size: int, **ways: Any) -> Work:
 
 def copying_case(plan: Plan, size: int) -> Case:
     """The limit of whatever copies."""
-    measure_it = partial(copying.measure_copying, size, _COPY.messages_in(flood_s(plan), size))
+    measure_it = partial(copying.measure_copying, size, _COPY.messages_in(_LIMIT_FLOOD_S, size))
     return Case(f"{bytes_text(size)}, {copying.NAME}", measure_it, no_c_program(), copying.NAME, size)
 
 
 def _cases(plan: Plan, size: int) -> list[Case]:
-    codec = partial(measure_codec, work_of(plan, _CODEC, size))
+    count = _CODEC.messages_in(_LIMIT_FLOOD_S, size)
+    codec = partial(measure_codec, Work(size=size, count=count, warm_up=0))
+    several = [system.name for system in _SEVERAL.get(size, ())]
     few, seconds = plan.rounds(is_essential=False), least_s(plan)
     cases = [Case(f"{bytes_text(size)}, {_CODEC_NAME}", codec, "", _CODEC_NAME, size, few)]
     ways: list[tuple[str, System, dict[str, Any]]] = [
         (system.name, system, {"take_by": system.takes_by})
-        for system in (BUS, BUS_SOCKET, *FLOORS, *RIVALS)
+        for system in ((BUS, BUS_SOCKET, *FLOORS, *RIVALS) if size in _SEVERAL else _FEW)
         if system.floods and size <= system.largest
     ]
     if size == _TUNED_AT and not plan.quick:
@@ -172,8 +182,10 @@ def _cases(plan: Plan, size: int) -> list[Case]:
         ways.append((f"{BUS.name}, async for", BUS, {"take_by": "async for"}))
         ways.append((f"{BUS.name}, send", BUS, {"publish_by": "send"}))
     for series, system, way in ways:
-        is_essential = size in _POLLED and system.name.removesuffix(f", {TUNED}") in ESSENTIAL
-        rounds = plan.repetitions if is_essential else few
+        is_essential = system.name.removesuffix(f", {TUNED}") in several
+        rounds = plan.rounds(is_essential=is_essential)
+        if is_essential and size == _TUNED_AT:
+            rounds = max(1, plan.repetitions - 1)  # there are twice as many
         cases.append(case(series, system, work_of(plan, system.guess, size, **way), seconds, rounds))
     if size > _KiB:
         cases.append(copying_case(plan, size)._replace(rounds=few))

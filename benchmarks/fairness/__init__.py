@@ -88,9 +88,14 @@ class _Line(NamedTuple):
 
 
 def run(plan: Plan) -> Section:
-    """Measure the pairs beside each neighbour, and many that come at once; quickly, only the essential."""
+    """Measure the pairs beside the essential neighbours, once, and many that come at once.
+
+    `python -m benchmarks.fairness` has the time for all.
+    """
     once = plan._replace(repetitions=plan.rounds(is_essential=False))
-    return measure(once, [Version()], lambda name: not plan.quick or name in ESSENTIAL)
+    return measure(
+        once, [Version()], lambda name: name in ESSENTIAL or not (plan.quick or name in NEIGHBOURS)
+    )
 
 
 def measure(plan: Plan, versions: Sequence[Version], is_wanted: Callable[[str], bool]) -> Section:

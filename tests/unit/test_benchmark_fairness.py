@@ -47,7 +47,7 @@ def pretended(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("pretended")
 def test_each_neighbour_has_the_goals_and_what_asks_nothing_of_busd_has_none() -> None:
-    section = fairness.run(Plan(quick=False, repetitions=1))
+    section = fairness.measure(Plan(quick=False, repetitions=1), [Version()], lambda name: True)
 
     values = {one.name: one for one in section.comparisons}
     hostile = [name for name, one in NEIGHBOURS.items() if not one.is_floor]
@@ -78,10 +78,12 @@ def test_what_is_linear_and_who_did_not_get_in() -> None:
 
 
 @pytest.mark.usefixtures("pretended")
-def test_quickly_only_the_essential() -> None:
+def test_in_a_run_of_all_benchmarks_only_the_essential_neighbours() -> None:
     section = fairness.run(Plan(quick=True, repetitions=1))
 
     assert [row.name for row in section.rows] == [*ESSENTIAL]
+    more = {row.name for row in fairness.run(Plan(quick=False, repetitions=1)).rows}
+    assert more & NEIGHBOURS.keys() == NEIGHBOURS.keys() & {*ESSENTIAL} and len(more) > len(ESSENTIAL)
 
 
 @pytest.mark.usefixtures("pretended")
