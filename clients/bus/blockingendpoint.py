@@ -77,17 +77,20 @@ class BlockingPublisher(Generic[M]):
         more, for up to `timeout` seconds; TimeoutError says that it was not published. Else raises as
         `bus.Publisher.publish`.
         """
+        native = self._native
+        outlet = native._outlet
         with self._guard:
-            is_taken = self._native._outlet.publish(message)
+            is_taken = outlet.publish(message)
             if is_taken is not True:
-                is_taken = self._native._publish_on(message, is_taken)
+                is_taken = native._publish_on(message, is_taken)
+            if outlet.goes_by_socket:
                 self._send()
         if self._loop.is_interrupted:
             self._loop.check()
         # Somebody waits for the message: whatever else there is to do comes after it.
         if self._foreground.is_free():
-            self._foreground.attend()
-            if self._has_new_matches or not self._native._id:
+            self._foreground.attend_often()
+            if self._has_new_matches or not native._id:
                 self._reach()
         if not is_taken:
             self._wait_for_room(message, timeout)
@@ -148,10 +151,9 @@ class BlockingPublisher(Generic[M]):
     def _send(self) -> None:
         """Under the guard: what was gathered for the end of a turn leaves now, and all of a long message."""
         link = self._native._link
-        if self._native._outlet.goes_by_socket:
-            link.hand_over()
-            if link.is_writing and self._foreground.is_free():
-                self._foreground.wait(Condition(lambda: not link.is_writing), monotonic_ns() + _SEND_NS)
+        link.hand_over()
+        if link.is_writing and self._foreground.is_free():
+            self._foreground.wait(Condition(lambda: not link.is_writing), monotonic_ns() + _SEND_NS)
 
     def _reach(self) -> None:
         """Give busd time to come back, and new subscriptions to say how they are woken, which wakes them.

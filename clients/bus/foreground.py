@@ -26,6 +26,9 @@ T = TypeVar("T")
 _REST_NS = 5_000_000
 """A caller that finds all its messages without the loop still gives it a turn this often."""
 
+_OFTEN_NS = 100_000
+"""One that publishes without a pause looks for events this often: to look costs more than to publish."""
+
 _SIGNALS = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 _MOST_S = 1e9
 _MOST_TURNS = 20
@@ -70,7 +73,7 @@ class Foreground:
         self.failure: BusError | None = None
         self.thread = get_ident()
         self._users = 0
-        self._attended_ns = 0
+        self._attended_ns = self._asked_ns = 0
         self._heard: dict[int, Any] = {}  # signals, and their handlers before
         self._is_silent = False
 
@@ -166,6 +169,13 @@ class Foreground:
                     if not loop.has_events():
                         break
             self._attended_ns = monotonic_ns()
+
+    def attend_often(self) -> None:
+        """As `attend`; where nothing is due, the system is asked at most once in a tenth of a millisecond."""
+        now_ns = monotonic_ns()
+        if self.loop.is_due or now_ns - self._asked_ns > _OFTEN_NS:
+            self._asked_ns = now_ns
+            self.attend()
 
     def attend_rarely(self) -> None:
         """As `attend`, where that is a while ago."""

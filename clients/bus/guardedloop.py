@@ -152,6 +152,11 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         """Whether callbacks wait to be called."""
         return bool(self._ready or self.deferred)
 
+    @property
+    def is_due(self) -> bool:
+        """Whether something waits to be called, timers and descriptors apart."""
+        return bool(self._ready)
+
     def has_events(self) -> bool:
         """Whether a run would find anything to do at once."""
         scheduled = self._scheduled

@@ -109,3 +109,29 @@ def test_a_signal_ends_a_wait(
 def test_times_that_are_none(timeout: float) -> None:
     with pytest.raises(ConfigurationError, match="is not a number of seconds from 0, or None"):
         deadline_after(timeout)
+
+
+def test_who_publishes_without_a_pause_asks_the_system_rarely(
+    foreground: Foreground, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loop, asked, called = foreground.loop, 0, 0
+    has_events = loop.has_events
+
+    def ask() -> bool:
+        nonlocal asked
+        asked += 1
+        return has_events()
+
+    def call() -> None:
+        nonlocal called
+        called += 1
+
+    monkeypatch.setattr(loop, "has_events", ask)
+    begin = time.monotonic()
+    for _ in range(10_000):
+        foreground.attend_often()
+    assert 1 <= asked <= (time.monotonic() - begin) / 0.0001 + 1
+    for number in range(100):  # what is due is done at once
+        loop.call_soon(call)
+        foreground.attend_often()
+        assert called == number + 1
