@@ -26,10 +26,11 @@ from bus.wire.runs import Buffer
 from bus.wire.session import Session
 
 _SHORT_BYTES = 4096
-_LONG_BYTES = 64 << 10
-_WIDE_BYTES = 208 << 10
-"""The kernel doubles it, and says that there is room again when three quarters are free. Who asks for nothing
-has half of it, three long runs; more than this only a machine gives whose administrator says so."""
+_LONG_BYTES, _WIDE_BYTES = 64 << 10, 208 << 10
+_HUGE_BYTES, _WIDEST_BYTES = 512 << 10, 1 << 20
+"""Who sends so much at a time asks for so much room in the kernel, which doubles it, and says that there is
+room again when three quarters are free. By default it has 208 KiB, three long runs, and gives twice that at
+most; more where the administrator says so (net.core.wmem_max)."""
 _MOST_WORK = 512
 """What one `flush` sends at most, in the work that it costs; the rest goes in later turns of the loop."""
 _DESCRIPTORS_WORK = 8
@@ -82,7 +83,7 @@ class Stream:
         self._is_unheard = False
         self._is_left = False  # nothing new will come, but there may be something to read: read to the end
         self._is_heard_out = False
-        self._is_wide = False
+        self._asked_bytes = 0  # of room in the kernel
         self._loop = asyncio.get_running_loop()
         self._sock = sock
         self.on_received = on_received or _ignore
@@ -305,12 +306,16 @@ class Stream:
 
     def _be_full(self, size: int) -> None:
         """The socket did not take all of `size` bytes. Who sends much at a time gets more room for it."""
-        if size >= _LONG_BYTES and not self._is_wide:
-            self._is_wide = True
-            with suppress(OSError):
-                if self._sock.getsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF) < 2 * _WIDE_BYTES:
-                    self._sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _WIDE_BYTES)
+        if size >= _LONG_BYTES:
+            self._widen(_WIDE_BYTES if size < _HUGE_BYTES else _WIDEST_BYTES)
         self._wait_to_write()
+
+    def _widen(self, wanted: int) -> None:
+        if self._asked_bytes < wanted:
+            self._asked_bytes = wanted
+            with suppress(OSError):
+                if self._sock.getsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF) < 2 * wanted:
+                    self._sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, wanted)
 
     def _wait_to_write(self) -> None:
         if not self.is_blocked:
