@@ -226,7 +226,9 @@ class Sources(dict[int, Source]):
     def miss(self, missed: dict[bytes, tuple[int, int]]) -> None:
         """What publishers have sent since, or from where on that was to come; as in Dropped."""
         for gid, (first_seq, last_seq) in missed.items():
-            known_seq = max(self.last_seqs.get(gid, 0), (first_seq or last_seq + 1) - 1)
+            # No first number: the match went by a ring. Who never read that ring and knows an earlier number
+            # has missed what lies behind it; who knows none can't tell what was for it.
+            known_seq = max(self.last_seqs.get(gid, 0 if first_seq else last_seq), first_seq - 1)
             self.last_seqs[gid] = max(known_seq, last_seq)
             self.lose_while_away(max(0, last_seq - known_seq))
         self._forget_oldest()

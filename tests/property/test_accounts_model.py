@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 
 from accounts_cuts import Cuts, pick
 from accounts_world import World
-from bus import link
+from bus import link, shm
 from bus.qos import QoSProfile
 from busd.core import absent, routing
 from conftest import TEST_S
@@ -262,3 +262,19 @@ def test_against_the_model(
             runner.run(bounded(Path(folder)))
 
     play()
+
+
+async def test_a_match_by_its_ring_is_lost_before_it_is_heard_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is published by that ring then, the subscription has missed: before, it was heard by socket."""
+    if not shm.is_available():
+        pytest.skip(shm.why_not())
+    monkeypatch.delenv("BUS_ROUTE", raising=False)
+    monkeypatch.setattr(link, "_RETRY_S", (0.0, 0.001))
+    beginning: Beginning = ([True, True], [(1, QoSProfile())], [(0, QoSProfile()), (1, QoSProfile())])
+    again = [("publish", 0, 8), ("leave", 0)]
+    async with asyncio.timeout(TEST_S):
+        await Story(tmp_path, "shm", beginning).play(
+            [("refuse", 0, False, []), ("cut", 0, "hang up", [], [], again)]
+        )

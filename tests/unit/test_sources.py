@@ -269,6 +269,13 @@ class TestBeginnings:
     def test_nobody_says(self) -> None:
         heard = self.heard(5, told=3)
         heard.sources.learn({})
+        heard.sources.hear(GID, 9)
         heard.sources.miss({GID: (0, 9)})
         assert heard.lost == [], "it reads the ring, and knows where it is"
         assert heard.sources.last_seqs == {GID: 9}
+
+    def test_nobody_says_and_it_does_not_read_the_ring(self) -> None:
+        """The match by the ring was lost before it was heard of."""
+        heard = self.heard(5, told=0)
+        heard.sources.miss({GID: (0, 9), b"of whom nothing was heard": (0, 9)})
+        assert heard.lost == [("disconnected", 4)]
