@@ -184,9 +184,7 @@ class Connection:
 
     def send_now(self, frame: Buffer) -> bool:
         """Send a data frame at once, where nothing waits to be sent; returns whether it was taken over."""
-        if self._stream is None or not self._stream.is_idle:
-            return False
-        return self._stream.send_now([frame], len(frame))
+        return self._stream is not None and self._stream.send_now(frame)
 
     async def request(
         self, make: Callable[[int], m.Message], kind: type[A], descriptors: tuple[Descriptor, ...] = ()

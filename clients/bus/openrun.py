@@ -49,31 +49,31 @@ class OpenRun(Protocol):
     def forget(self) -> None:
         """What is in the run goes nowhere."""
 
-    # --- messages
+    # --- quick ways, which begin a run by themselves
 
     begins_below: int
-    """`publish` begins a run only with an encoding that is shorter than this."""
+    """They begin one only with a payload that is shorter than this."""
 
-    def prepare(
-        self,
-        kind: type,
-        is_valid: Callable[[Any], bool],
-        encode: Callable[[Any], bytes],
-        plan: Any,
-        begun: Callable[[int], object],
-        /,
-    ) -> None:
-        """For `publish`: how the messages of class `kind` are checked and encoded (`TypeSupport.steps`).
+    def begin_by(self, begun: Callable[[int], object], may_begin: Callable[[int], bool] | None, /) -> None:
+        """`begun` is called with the stamp of a first sample when it was taken.
 
-        `begun` is called with the stamp of the first sample when `publish` has begun a run.
+        Before that `may_begin` is asked with its size, where there is one.
         """
 
+    def prepare(
+        self, kind: type, is_valid: Callable[[Any], bool], encode: Callable[[Any], bytes], plan: Any, /
+    ) -> None:
+        """How the messages of class `kind` are checked and encoded (`TypeSupport.steps`)."""
+
     def publish(self, message: Any, /) -> bool | bytes:
-        """Check, encode and add a message, or begin a run with it; True, or False where nothing was done.
+        """Check, encode and take a message; True, or False where nothing was done.
 
         An error of the check or the encoder is not raised, but False. The message's encoding, where only the
         run stands against it. It is always False before `prepare`, and where that is done in Python.
         """
+
+    def write(self, payload: Buffer, /) -> bool:
+        """Take an encoded message; False where nothing was done. In Python it begins no run."""
 
 
 def open_run() -> OpenRun:
@@ -102,6 +102,9 @@ class PythonRun:
         self.budget -= size
         return True
 
+    def write(self, payload: Buffer, /) -> bool:
+        return self.add(payload)
+
     def begin(self, payload: Buffer, stamp_ns: int, /) -> None:
         if self._parts:
             raise ValueError("a run is open")
@@ -118,8 +121,10 @@ class PythonRun:
         self._parts.clear()
         self.samples = self.size = self.budget = 0
 
-    def prepare(self, *_: Any) -> None:
+    def begin_by(self, *_: Any) -> None:
         pass
+
+    prepare = begin_by
 
     def publish(self, message: Any, /) -> bool:
         return False

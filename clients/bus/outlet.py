@@ -326,7 +326,7 @@ class Outlet:
         if self._totals is not None or self._is_lent or self._from_threads.late or self._has_deadline:
             self._set_quick()
         elif ring is None:
-            self._set_quick(socket.run.publish, socket.add)
+            self._set_quick(socket.run.publish, socket.run.write)
         elif ring.can_publish and not is_needed and not self._is_manual:
             # Who reads in this event loop has its turn with every hundred that are sent, lest depth suffers.
             self._set_quick(ring.writer.publish, spares_turns=not ring.is_read_here)

@@ -145,7 +145,7 @@ class Publisher(Endpoint[M]):
         """
         if isinstance(payload, str):
             raise TypeError(f"an encoded message on '{self.topic_name}' must be bytes, not text")
-        return self._put(payload)
+        return self._outlet.write(payload) or self._put(payload)
 
     def loan(self, message: M, field: str, size: int) -> Loan | None:
         """A place for `size` bytes that are to be the field `field` of `message`, to be filled by the caller.

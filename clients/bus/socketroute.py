@@ -82,11 +82,12 @@ class SocketRoute:
         self.add = self.run.add
         support = owner._support
         if not bytes_fields(support.cls):  # a long one shall not be encoded with the rest
-            self.run.prepare(*support.steps, self._begun)
+            self.run.prepare(*support.steps)
+        self.run.begin_by(self._begun, self.can_take if qos.is_lossless else None)
+        self.run.begins_below = RUN_BYTES
         self._max_bytes = MAX_MESSAGE_BYTES
         # Back-pressure: what was handed over and not yet taken by all.
         self._is_windowed = qos.is_lossless
-        self.run.begins_below = self._begins_below
         self._window_samples = 0
         self._window_bytes = 0
         self._credited = 0
@@ -236,7 +237,7 @@ class SocketRoute:
         self._window_samples = answer.window_samples
         self._window_bytes = answer.window_bytes
         self.run.most = answer.depth or _NO_MATTER
-        self.run.begins_below = self._begins_below
+        self.run.begins_below = min(RUN_BYTES, self._max_bytes + 1)
         self.queue.set_depth(answer.depth)
         self.queue.endpoint = answer.id
         if self._history is not None:
@@ -306,11 +307,6 @@ class SocketRoute:
         """The run that is open will not be sent, and no other is begun here."""
         self.run.forget()
         self.run.begins_below = 0
-
-    @property
-    def _begins_below(self) -> int:
-        """Where nothing but its size can stand against a message, how long it may be to begin a run."""
-        return 0 if self._is_windowed else min(RUN_BYTES, self._max_bytes + 1)
 
     def _repeat(self, subscription: int) -> None:
         """Send it what the broker that died had got, and perhaps not passed on; what it has, it knows."""

@@ -4,11 +4,14 @@ from pathlib import Path
 
 import pytest
 
+from bus.shm import has_core
 from stepcount import allocations, steps, system_calls
 
 pytestmark = pytest.mark.usefixtures("daemon")
 
 by_shared_memory = pytest.mark.parametrize("route", [pytest.param("shm", id="memory")], indirect=True)
+by_socket = pytest.mark.parametrize("route", ["socket"], indirect=True)
+natively = pytest.mark.skipif(not has_core(), reason="the native core was not built")
 on_both_loops = pytest.mark.parametrize("loop", ["uvloop", "asyncio"])
 
 
@@ -39,3 +42,28 @@ def test_allocations_by_shared_memory(route: str, tmp_path: Path) -> None:
 def test_system_calls_by_shared_memory(route: str, tmp_path: Path) -> None:
     assert system_calls("publisher", tmp_path) == 1  # the doorbell
     assert system_calls("subscriber", tmp_path) == 2  # the wait, and the doorbell
+
+
+@natively
+@by_socket
+@on_both_loops
+def test_steps_of_a_publisher_by_socket(route: str, loop: str) -> None:
+    bytecodes, calls = steps("publisher", loop)
+    assert 100 <= bytecodes <= 200
+    assert calls <= 6
+
+
+@natively
+@by_socket
+@on_both_loops
+@pytest.mark.parametrize("message_lost", [False, True])
+def test_steps_of_a_subscriber_by_socket(route: str, loop: str, message_lost: bool) -> None:
+    bytecodes, calls = steps("subscriber", loop, message_lost=message_lost)
+    assert 100 <= bytecodes <= 500
+    assert calls <= 17
+
+
+@by_socket
+def test_system_calls_by_socket(route: str, tmp_path: Path) -> None:
+    assert system_calls("publisher", tmp_path) == 1  # it is sent
+    assert system_calls("subscriber", tmp_path) == 2  # the wait, and it is read

@@ -26,15 +26,22 @@ class Route:
         self.budget = budget
         self.stamps: list[int] = []
         self.act: Callable[[], object] = int
+        self.asked: list[int] = []
+        self.ask: Callable[[], bool] = lambda: True
         self.run.begins_below = 100
 
     def prepare(self, encode: Callable[[Any], bytes] | None = None) -> OpenRun:
         """With an encoder of its own, no plan stands in for it."""
+        self.run.begin_by(self.begun, self.may_begin)
         if encode is None:
-            self.run.prepare(*SUPPORT.steps, self.begun)
+            self.run.prepare(*SUPPORT.steps)
         else:
-            self.run.prepare(SUPPORT.cls, SUPPORT.is_valid, encode, None, self.begun)
+            self.run.prepare(SUPPORT.cls, SUPPORT.is_valid, encode, None)
         return self.run
+
+    def may_begin(self, size: int) -> bool:
+        self.asked.append(size)
+        return self.ask()
 
     def begun(self, stamp_ns: int) -> None:
         self.stamps.append(stamp_ns)
@@ -42,19 +49,29 @@ class Route:
         self.act()
 
 
-def payloads(run: OpenRun) -> list[str]:
+def payload_bytes(run: OpenRun) -> list[bytes]:
     """What is in the run, which ends."""
     count = run.samples
     body = memoryview(run.end(1, 1, 0))[DATA_HEAD_BYTES:]
-    return [SUPPORT.decode(payload).data for payload, _ in Run(0, 0, 1, count, body).records()]
+    return [bytes(payload) for payload, _ in Run(0, 0, 1, count, body).records()]
+
+
+def payloads(run: OpenRun) -> list[str]:
+    return [SUPPORT.decode(payload).data for payload in payload_bytes(run)]
 
 
 def test_without_the_core_nothing_is_done_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("BUS_NATIVE", "no")
     run = open_run()
     assert isinstance(run, PythonRun)
-    run.prepare(*SUPPORT.steps, int)
+    run.prepare(*SUPPORT.steps)
+    run.begin_by(int, None)
     assert run.publish(String(data="a")) is False
+    assert run.write(b"a") is False
+    run.begin(b"a", 1)
+    run.budget = 1000
+    assert run.write(b"b") is True
+    assert payload_bytes(run) == [b"a", b"b"]
 
 
 @pytest.mark.skipif(not has_core(), reason="the native core was not built")
@@ -185,11 +202,52 @@ class TestPublish:
         gc.collect()
         assert gone() is None
 
+    def test_what_is_encoded_is_taken_likewise(self) -> None:
+        route = Route(budget=1000)
+        run = route.prepare()
+        assert [run.write(part) for part in (b"a", bytearray(b"b"), memoryview(b"c"))] == [True] * 3
+        assert (len(route.stamps), payload_bytes(run)) == (1, [b"a", b"b", b"c"])
+        assert run.write(b"a" * 100) is False
+        with pytest.raises(TypeError):
+            run.write("a")  # type: ignore[arg-type]
+        assert run.samples == 0
+
+    def test_the_route_is_asked_before_a_run_is_begun(self) -> None:
+        route = Route(budget=1000)
+        run = route.prepare()
+        message = String(data="a")
+        route.ask = lambda: False
+        assert (run.publish(message), run.write(b"a")) == (SUPPORT.encode(message), False)
+        route.ask = lambda: True
+        assert run.publish(message) is True and run.publish(message) is True
+        assert (route.asked, len(route.stamps)) == ([len(SUPPORT.encode(message)), 1, 3], 1)
+        assert payloads(run) == ["a", "a"]
+
+    def test_the_route_may_fail_or_publish_when_it_is_asked(self) -> None:
+        route = Route(budget=1000)
+        run = route.prepare()
+
+        def fail() -> bool:
+            raise KeyboardInterrupt
+
+        def nest() -> bool:
+            route.ask = lambda: True
+            return run.publish(String(data="inner")) is True
+
+        route.ask = fail
+        with pytest.raises(KeyboardInterrupt):
+            run.publish(String(data="a"))
+        route.ask = nest
+        assert run.publish(String(data="outer")) is True
+        assert (len(route.stamps), payloads(run)) == (1, ["inner", "outer"])
+
     def test_a_publisher_prepares_it_once(self) -> None:
         route = Route()
         route.prepare()
-        with pytest.raises(ValueError, match="prepared already"):
+        with pytest.raises(ValueError, match="ways already"):
             route.prepare()
+        with pytest.raises(ValueError, match="prepared already"):
+            route.run.prepare(*SUPPORT.steps)
 
 
 @pytest.mark.skipif(not has_core(), reason="the native core was not built")

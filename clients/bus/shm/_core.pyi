@@ -316,10 +316,13 @@ class OpenRun:
         is_valid: Callable[[Any], bool],
         encode: Callable[[Any], Bytes],
         plan: Plan | None,
-        begun: Callable[[int], object],
         /,
     ) -> None: ...
+    def begin_by(
+        self, begun: Callable[[int], object], may_begin: Callable[[int], bool] | None, /
+    ) -> None: ...
     def publish(self, message: Any, /) -> bool | Bytes: ...
+    def write(self, payload: Buffer, /) -> bool: ...
 
 def run_messages(
     body: Buffer, offset: int, number: int, decode: Callable[[Any], M], /

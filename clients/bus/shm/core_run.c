@@ -21,7 +21,8 @@ typedef struct {
     PyObject_HEAD
     PyObject *kind, *is_valid, *encode; /* of the messages to publish; NULL: not prepared */
     Plan *plan;                         /* NULL: all go the long way */
-    PyObject *begun;                    /* called with its stamp after publish() has begun a run */
+    PyObject *may_begin;                /* asked with its size before a sample begins a run; NULL: always */
+    PyObject *begun;                    /* called with its stamp after that */
     PyObject *frame;                    /* bytearray: a place for the head, then records; NULL: none is open */
     uint64_t room;                      /* bytes of records that `frame` has place for */
     uint64_t samples, size, budget, most;
@@ -48,6 +49,7 @@ static int run_traverse(PyObject *object, visitproc visit, void *arg)
     Py_VISIT(self->kind);
     Py_VISIT(self->is_valid);
     Py_VISIT(self->encode);
+    Py_VISIT(self->may_begin);
     Py_VISIT(self->begun);
     return 0;
 }
@@ -58,6 +60,7 @@ static int run_clear(PyObject *object)
     Py_CLEAR(self->kind);
     Py_CLEAR(self->is_valid);
     Py_CLEAR(self->encode);
+    Py_CLEAR(self->may_begin);
     Py_CLEAR(self->begun);
     return 0;
 }
@@ -160,12 +163,12 @@ static PyObject *run_begin(PyObject *object, PyObject *const *args, Py_ssize_t c
 static PyObject *run_prepare(PyObject *object, PyObject *args)
 {
     OpenRun *self = (OpenRun *)object;
-    PyObject *kind, *is_valid, *encode, *plan, *begun;
+    PyObject *kind, *is_valid, *encode, *plan;
     if (self->kind != NULL) {
         PyErr_SetString(PyExc_ValueError, "run is prepared already");
         return NULL;
     }
-    if (!PyArg_ParseTuple(args, "OOOOO", &kind, &is_valid, &encode, &plan, &begun))
+    if (!PyArg_ParseTuple(args, "OOOO", &kind, &is_valid, &encode, &plan))
         return NULL;
     if (plan != Py_None && Py_TYPE(plan) != core_state(object)->plan) {
         PyErr_SetString(PyExc_TypeError, "plan must be a Plan or None");
@@ -175,7 +178,21 @@ static PyObject *run_prepare(PyObject *object, PyObject *args)
     self->is_valid = Py_NewRef(is_valid);
     self->encode = Py_NewRef(encode);
     self->plan = plan == Py_None ? NULL : (Plan *)Py_NewRef(plan);
+    Py_RETURN_NONE;
+}
+
+static PyObject *run_begin_by(PyObject *object, PyObject *args)
+{
+    OpenRun *self = (OpenRun *)object;
+    PyObject *begun, *may_begin;
+    if (self->begun != NULL) {
+        PyErr_SetString(PyExc_ValueError, "run has its ways already");
+        return NULL;
+    }
+    if (!PyArg_ParseTuple(args, "OO", &begun, &may_begin))
+        return NULL;
     self->begun = Py_NewRef(begun);
+    self->may_begin = may_begin == Py_None ? NULL : Py_NewRef(may_begin);
     Py_RETURN_NONE;
 }
 
@@ -199,8 +216,15 @@ static PyObject *check_and_encode(const OpenRun *self, PyObject *message)
  * ended it. */
 static int take(OpenRun *self, const void *bytes, uint64_t size)
 {
-    const bool begins = self->samples == 0;
-    if (begins ? size >= self->begins_below : !fits(self, size))
+    if (self->samples == 0 && self->may_begin != NULL && size < self->begins_below) {
+        PyObject *answer = PyObject_CallFunction(self->may_begin, "K", (unsigned long long)size);
+        const bool is_allowed = answer == Py_True;
+        Py_XDECREF(answer);
+        if (!is_allowed)
+            return answer == NULL ? -1 : 0;
+    }
+    const bool begins = self->samples == 0; /* only now: whatever runs Python code may publish here */
+    if (begins ? self->begun == NULL || size >= self->begins_below : !fits(self, size))
         return 0;
     const uint64_t stamp_ns = core_now_ns();
     if (!append(self, bytes, size, stamp_ns))
@@ -238,6 +262,19 @@ static PyObject *run_publish(PyObject *object, PyObject *message)
         Py_DECREF(payload);
     }
     return status < 0 ? NULL : PyBool_FromLong(1);
+}
+
+static PyObject *run_write(PyObject *object, PyObject *payload)
+{
+    OpenRun *self = (OpenRun *)object;
+    Py_buffer buffer;
+    if (!is_at_home(self))
+        Py_RETURN_FALSE;
+    if (PyObject_GetBuffer(payload, &buffer, PyBUF_SIMPLE) < 0)
+        return NULL;
+    const int status = take(self, buffer.buf, (uint64_t)buffer.len);
+    PyBuffer_Release(&buffer);
+    return status < 0 ? NULL : PyBool_FromLong(status);
 }
 
 static void forget(OpenRun *self)
@@ -410,7 +447,9 @@ PyObject *core_run_samples(PyObject *Py_UNUSED(module), PyObject *const *args, P
 
 static PyMethodDef methods[] = {
     {"prepare", run_prepare, METH_VARARGS, NULL},
+    {"begin_by", run_begin_by, METH_VARARGS, NULL},
     {"publish", run_publish, METH_O, NULL},
+    {"write", run_write, METH_O, NULL},
     {"add", (PyCFunction)(void (*)(void))run_add, METH_FASTCALL, NULL},
     {"begin", (PyCFunction)(void (*)(void))run_begin, METH_FASTCALL, NULL},
     {"end", (PyCFunction)(void (*)(void))run_end, METH_FASTCALL, NULL},

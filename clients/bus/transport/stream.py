@@ -175,10 +175,21 @@ class Stream:
         poll.register(self._sock, select.POLLRDHUP)
         return bool(poll.poll(0))
 
-    def send_now(self, buffers: list[Buffer], size: int) -> bool:
-        """Send a frame past the outbox, only while the stream `is_idle`; False where nobody hears it."""
-        self._send(buffers, size)
-        return not (self._is_unheard or self.is_closed)
+    def send_now(self, frame: Buffer) -> bool:
+        """Send a frame past the outbox, if nothing waits to be sent; returns whether it was taken over."""
+        outbox = self.outbox
+        if self.is_blocked or self.is_closed or outbox.ready or outbox.control:
+            return False
+        try:
+            sent = self._sock.send(frame)
+        except OSError:
+            self._send([frame], len(frame))
+            return not (self._is_unheard or self.is_closed)
+        self.sent_bytes += sent
+        if sent != len(frame):
+            self._rest = [memoryview(frame)[sent:]]
+            self._wait_to_write()
+        return True
 
     def pass_on(self, frames: memoryview) -> None:
         """Send whole frames as they lie in somebody's buffer, only while the stream `is_idle`."""
