@@ -12,7 +12,7 @@ and 8 bytes, so a list of n doubles has 0xcb at every ninth place, and one that 
 places can't be anything else. In the same way a small integer is its own single byte.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from enum import Flag
 from inspect import ismemberdescriptor
 from keyword import iskeyword
@@ -53,52 +53,58 @@ def predicate(cls: type[msgspec.Struct]) -> Callable[[Any], bool]:
     return check
 
 
-def plan(cls: type[msgspec.Struct]) -> Any:
+def plan(cls: type[msgspec.Struct], kinds: Mapping[type, type] | None = None) -> Any:
     """A `_core.Plan` for messages of `cls`; None for a class of other things, and without the native core.
 
     What it encodes is right, and the bytes are those of msgspec's encoder. What it does not encode may be
-    right all the same.
+    right all the same. `kinds`: the messages are not of `cls` and the classes within it, but of the classes
+    that stand for these, which keep the field `x` in the slot `_x`.
     """
-    return _plan(inspect.type_info(cls), {}) if has_core() else None
+    return _Planner(kinds).plan(inspect.type_info(cls)) if has_core() else None
 
 
-def _plan(info: inspect.Type, known: dict[type, Any]) -> Any:
-    assert isinstance(info, inspect.StructType)
-    cls, fields = info.cls, []
-    if cls in known:
-        return known[cls]
-    known[cls] = None  # also of a class in itself
-    if info.tag is not None or cls.__struct_config__.omit_defaults or getattr(cls, "__foreign__", False):
-        return None
-    for field in info.fields:
-        slot = getattr(cls, field.name, None)
-        value = _planned(field.type, known)
-        if value is None or not ismemberdescriptor(slot):
+class _Planner:
+    def __init__(self, kinds: Mapping[type, type] | None) -> None:
+        self._kinds = kinds
+        self._known: dict[type, Any] = {}
+
+    def plan(self, info: inspect.Type) -> Any:
+        assert isinstance(info, inspect.StructType)
+        cls, fields, known = info.cls, [], self._known
+        if cls in known:
+            return known[cls]
+        known[cls] = None  # also of a class in itself
+        if info.tag is not None or cls.__struct_config__.omit_defaults or getattr(cls, "__foreign__", False):
             return None
-        fields.append((slot, b"" if info.array_like else _encode(field.encode_name), *value))
-    known[cls] = made = core().Plan(cls, tuple(fields), info.array_like)
-    return made
+        kind, prefix = (cls, "") if self._kinds is None else (self._kinds[cls], "_")
+        for field in info.fields:
+            slot = getattr(kind, prefix + field.name, None)
+            value = self._value(field.type)
+            if value is None or not ismemberdescriptor(slot):
+                return None
+            fields.append((slot, b"" if info.array_like else _encode(field.encode_name), *value))
+        known[cls] = made = core().Plan(kind, tuple(fields), info.array_like)
+        return made
 
-
-def _planned(info: inspect.Type, known: dict[type, Any]) -> tuple[int, int, int, Any] | None:
-    """Of the value of a field: how it is encoded, the least and the greatest, its plan."""
-    while isinstance(info, inspect.Metadata):
-        info = info.type
-    match info:
-        case inspect.StrType(None, None, None):
-            return core().AS_TEXT, 0, 0, None
-        case inspect.FloatType(None, None, None, None, None):
-            return core().AS_FLOAT, 0, 0, None
-        case inspect.BoolType():
-            return core().AS_BOOL, 0, 0, None
-        case inspect.IntType(multiple_of=None):
-            least, most = _bounds(info)
-            if least <= 2**63 - 1 and most >= 0:
-                return core().AS_INT, max(least, _INT64_MIN), min(most, _UINT64_MAX), None
-        case inspect.StructType() if isinstance(info.cls, type):
-            inner = _plan(info, known)
-            return None if inner is None else (core().AS_STRUCT, 0, 0, inner)
-    return None
+    def _value(self, info: inspect.Type) -> tuple[int, int, int, Any] | None:
+        """Of the value of a field: how it is encoded, the least and the greatest, its plan."""
+        while isinstance(info, inspect.Metadata):
+            info = info.type
+        match info:
+            case inspect.StrType(None, None, None):
+                return core().AS_TEXT, 0, 0, None
+            case inspect.FloatType(None, None, None, None, None):
+                return core().AS_FLOAT, 0, 0, None
+            case inspect.BoolType():
+                return core().AS_BOOL, 0, 0, None
+            case inspect.IntType(multiple_of=None):
+                least, most = _bounds(info)
+                if least <= 2**63 - 1 and most >= 0:
+                    return core().AS_INT, max(least, _INT64_MIN), min(most, _UINT64_MAX), None
+            case inspect.StructType() if isinstance(info.cls, type):
+                inner = self.plan(info)
+                return None if inner is None else (core().AS_STRUCT, 0, 0, inner)
+        return None
 
 
 def _unsure(_: object) -> bool:

@@ -51,7 +51,7 @@ _encoder = msgspec.msgpack.Encoder(enc_hook=_as_plain)
 ENCODE_ERRORS = (AttributeError, BufferError, OverflowError, RecursionError, TypeError, ValueError)
 """What encoders raise for contents that no check has seen; `TypeSupport.explain` says it better."""
 
-_UNKNOWN: Any = object()
+UNKNOWN: Any = object()
 _PATH = r"(?<=`)\$[^`]*(?=`)"
 _STEP = r"\[\.\.\.\]|\[(\d+)\]|\.([^.\[]+)"
 
@@ -88,7 +88,7 @@ class TypeSupport(Generic[M]):
             raise MessageTypeError(f"{self.name}: {error}") from error
         # Only who publishes needs them, and the first one only for messages that are not as planned.
         self._is_valid: Callable[[M], bool] | None = None
-        self._plan: Any = _UNKNOWN
+        self._plan: Any = UNKNOWN
 
     @property
     def is_valid(self) -> Callable[[M], bool]:
@@ -100,9 +100,12 @@ class TypeSupport(Generic[M]):
     @property
     def plan(self) -> Any:
         """By which the native core checks and encodes what is surely right (`_core.Plan`); or None."""
-        if self._plan is _UNKNOWN:
-            self._plan = plan(self.cls)
+        if self._plan is UNKNOWN:
+            self._plan = self._make_plan()
         return self._plan
+
+    def _make_plan(self) -> Any:
+        return plan(self.cls)
 
     @property
     def steps(self) -> tuple[type[M], Callable[[M], bool], Callable[[M], bytes], Any]:

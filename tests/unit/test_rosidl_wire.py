@@ -64,6 +64,8 @@ def test_a_default_message_is_the_native_one(name: str) -> None:
     assert (ours.name, ours.hash, ours.schema) == (theirs.name, type_hash(native), theirs.schema)
     data = theirs.encode(native())
     assert ours.encode(cls(name)()) == data
+    assert (ours.plan is None) is (theirs.plan is None)
+    assert ours.plan is None or ours.plan.encode(cls(name)()) == data
     assert ours.decode(data) == cls(name)()
 
 
@@ -74,11 +76,30 @@ def test_any_message_gives_the_bytes_of_the_native_one(data: st.DataObject) -> N
     message: Any = data.draw(messages(name))
     native = type_support(native_class(name))
     encoded = support(name).encode(message)
+    plan = support(name).plan
+    assert plan is None or plan.encode(message) == encoded
     assert native.encode(native.decode(encoded)) == encoded
     assert support(name).decode(encoded) == message
     assert support(name).is_valid(message) is True
     assert support(name).explain(message) is None
     assert deserialize_message(serialize_message(message), type(message)) == message
+
+
+def test_by_plan_only_what_is_surely_right_is_encoded() -> None:
+    point, pose = cls("geometry_msgs/msg/Point"), cls("geometry_msgs/msg/Pose")
+
+    class Corner(point):  # type: ignore[misc]
+        pass
+
+    plan = support("geometry_msgs/msg/Pose").plan
+    right = pose(position=point(x=1.0))
+    assert plan.encode(right) == support("geometry_msgs/msg/Pose").encode(right)
+    assert plan.encode(pose(position=Corner(x=1.0))) is None  # the other way takes it
+    assert plan.encode(Corner()) is None and plan.encode(native_class("geometry_msgs/msg/Pose")()) is None
+    for name, value in (("UInt8", 256), ("Int8", True), ("Float64", "1"), ("String", "\ud800"), ("Bool", 1)):
+        message = cls(f"std_msgs/msg/{name}")()
+        message._data = value  # past the check of what is assigned
+        assert support(f"std_msgs/msg/{name}").plan.encode(message) is None
 
 
 def test_any_buffer_is_read_and_what_is_no_message_refused() -> None:

@@ -55,8 +55,11 @@ class Publisher(Generic[M]):
             self._publish_other(msg)
             return
         try:
+            native = self.native
             with self._guard:
-                is_taken = self.native.publish(msg)
+                is_taken = native._outlet.publish(msg)
+                if is_taken is not True:
+                    is_taken = native._publish_on(msg, is_taken)
         except ConnectionClosed as error:
             raise self._why_closed(error) from None
         if self._loop.is_interrupted:

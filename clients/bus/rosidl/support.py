@@ -15,7 +15,8 @@ from bus.errors import ConfigurationError, MessageTypeError
 from bus.interfacetypes import message_class as native_class
 from bus.rosidl.message import RosMessage
 from bus.rosidl.wire import codec
-from bus.typesupport import ENCODE_ERRORS, TypeSupport, hash_and_description, wrong_class
+from bus.typecheck import plan
+from bus.typesupport import ENCODE_ERRORS, UNKNOWN, TypeSupport, hash_and_description, wrong_class
 
 __all__ = ["RosTypeSupport", "support_of"]
 
@@ -43,7 +44,10 @@ class RosTypeSupport(TypeSupport[Any]):
         self.encode, self.decode = codec(cls, native)
         # A message without a method of its own for that is always true, and this is a function of C.
         self._is_valid = truth if os.environ.get("ROS_PYTHON_CHECK_FIELDS") != "0" else self._survives
-        self._plan = None
+        self._plan = UNKNOWN
+
+    def _make_plan(self) -> Any:
+        return plan(native_class(self.name), dict(_kinds(self.cls)))
 
     def _survives(self, message: Any) -> bool:
         try:
@@ -68,6 +72,13 @@ class RosTypeSupport(TypeSupport[Any]):
 def support_of(cls: type[RosMessage]) -> RosTypeSupport:
     """That of a class that was made of a definition."""
     return RosTypeSupport(cls)
+
+
+def _kinds(cls: type[RosMessage]) -> Iterator[tuple[type, type]]:
+    """The native classes of this class and of those within it, each with its own."""
+    yield native_class(cls.__type_name__), cls
+    for nested in cls.__nested__.values():
+        yield from _kinds(nested)
 
 
 def _mistakes(message: RosMessage, path: str) -> Iterator[tuple[str, str]]:
