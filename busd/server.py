@@ -316,7 +316,9 @@ class Server:
             if source or (way := broker.passage(now_ns, connection.id, endpoint)) is None:
                 break
             publisher, subscription = way
-            taker = self._peers[subscription.flush.peer].stream
+            if (owner := self._peers.get(subscription.flush.peer)) is None:  # the core has yet to forget it
+                break
+            taker = owner.stream
             if taker is not stream:
                 if stream is not None:
                     stream.pass_on(reader.readdressed())
@@ -327,6 +329,7 @@ class Server:
                 break
             reader.readdress(front, subscription.id, publisher.id)
             runs += 1
+            meter.left -= size >> 12  # what it costs to send it, as in Stream.flush
             if reader.is_cut:
                 break
         if runs:

@@ -4,6 +4,7 @@ import asyncio
 import os
 import socket
 import sys
+import time
 from collections.abc import Callable
 from itertools import count
 from pathlib import Path
@@ -18,6 +19,7 @@ from bus.wire.layout import DATA, DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES, VERS
 from bus.wire.runs import Run
 from bus.wire.session import Role, Session
 from busd.core.broker import Broker
+from busd.core.turns import BUDGET
 from busd.credentials import Credentials
 from busd.listener import open_listener
 from busd.peer import PeerConnection
@@ -176,6 +178,24 @@ async def test_what_the_socket_does_not_take_waits_in_order(server: Server) -> N
     listener.sock.close()
 
 
+async def test_what_is_sent_is_paid_for(server: Server) -> None:
+    """So that who sends much has its turns, too; a short one costs the read and the frame."""
+    talker, listener = Peer(server), Peer(server)
+    pair = await Pair(talker, listener).declare("/topic")
+    party, paid = talker.connection.party, list[int]()
+    for size in (64, 40 << 10):
+        await asyncio.sleep(0.01)
+        party.refill(time.monotonic_ns())
+        assert party.left == BUDGET
+        talker.sock.send(pair.frame(frame_record(bytes(size), 1)))
+        talker.connection.stream._on_readable()
+        paid.append(BUDGET - party.left)
+        await listener.run()
+    assert paid == [8, 18]
+    talker.sock.close()
+    listener.sock.close()
+
+
 async def test_one_that_has_gone_harms_nobody(server: Server) -> None:
     talker, listener, other = (Peer(server) for _ in range(3))
     pair = await Pair(talker, listener).declare("/topic")
@@ -185,6 +205,18 @@ async def test_one_that_has_gone_harms_nobody(server: Server) -> None:
     assert await other.run() == (second.endpoint, second.source, 1, frame_record(b"y", 1))
     talker.sock.close()
     other.sock.close()
+
+
+async def test_one_that_the_core_has_yet_to_forget(server: Server) -> None:
+    """What a process had is taken out of the graph in pieces, and its connection is gone before."""
+    talker, listener = Peer(server), Peer(server)
+    pair = await Pair(talker, listener).declare("/topic")
+    gone = server._peers.pop(listener.connection.id)
+    talker.sock.send(pair.frame(frame_record(b"x", 1)) + m.encode_frame(m.Ping(number=7)))
+    assert (await talker.get(lambda item: isinstance(item, m.Pong))).number == 7
+    server._peers[gone.id] = gone
+    talker.sock.close()
+    listener.sock.close()
 
 
 async def test_a_lone_message_costs_few_steps(server: Server) -> None:
