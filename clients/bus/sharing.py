@@ -8,7 +8,7 @@ import asyncio
 import os
 import select
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from time import monotonic_ns
 from typing import Any
 from weakref import WeakValueDictionary
@@ -62,7 +62,7 @@ class Sharing:
     Raises OSError where the machine has no memory or descriptors left.
     """
 
-    def __init__(self, on_news: Callable[[list[Any]], None]) -> None:
+    def __init__(self, on_news: Callable[[Collection[Any]], None]) -> None:
         self.doorbell = segments.make_doorbell()
         self.segment, memory = segments.make_readers(SLOTS)
         self.readers = core().Readers(memory, self.doorbell.number)
@@ -87,7 +87,7 @@ class Sharing:
         self.readers.sleep()
 
     @classmethod
-    def make(cls, on_news: Callable[[list[Any]], None]) -> "Sharing | None":
+    def make(cls, on_news: Callable[[Collection[Any]], None]) -> "Sharing | None":
         """None where memory may not or can't be shared; then everything goes by socket."""
         if not is_available():
             return None
@@ -198,10 +198,11 @@ class Sharing:
     def _rung(self) -> None:
         # Few steps from here to the callback: after a sleep each of them is slow.
         owners = self.readers.deliver(not self._poll_ns)
-        if owners:
-            self._on_news(owners)
         if owners is not None or self._waiting:
-            self._turn(True, 0)
+            try:
+                self._on_news(owners or ())
+            finally:  # also where a callback raises what is no Exception
+                self._turn(True, 0)
 
     def _rung_among_threads(self) -> None:
         if not self._is_closed:

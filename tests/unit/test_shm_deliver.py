@@ -242,6 +242,7 @@ def test_what_is_no_exception_goes_through_and_loses_no_wake_up(
     talker.write(b"x")
     with pytest.raises(error):
         listener.readers.deliver(True)
+    assert is_rung(listener.doorbell)
     assert not listener.reader.is_busy
     assert other.messages == []
     assert listener.readers.deliver(True) == [listener]

@@ -196,7 +196,7 @@ class Readers:
         A reader that was prepared and may call back takes one message and does. Where the others and those
         with more are none, and it may, this falls asleep: then None, as when it was closed. Else the owners
         that must look, perhaps none, and it is awake. An exception of a callback that is no Exception comes
-        out of here, and the doorbell stays rung: what is left to do, the next call does.
+        out of here, and the doorbell rings: what is left to do, the next call does.
         """
     def wake(self) -> list[Any]:
         """The doorbell rang: read it, disarm, and give the owners of readers for whom something new has come

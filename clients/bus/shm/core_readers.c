@@ -170,10 +170,17 @@ static PyObject *readers_deliver(PyObject *object, PyObject *may_sleep)
     if (self->doorbell < 0)
         Py_RETURN_NONE;
     bell_disarm(&self->header->arrival);
-    if (give_turns(self) < 0)
-        return NULL; /* the doorbell is not cleared, so this is called again for the rest */
-    if (self->doorbell < 0)
-        Py_RETURN_NONE; /* now it may be another file's number, or, in the child of a fork, the parent's doorbell */
+    const int status = give_turns(self);
+    const struct doorbell own = {self->doorbell, false};
+    if (own.number < 0) { /* now it may be another file's number, or, in the child of a fork, the parent's doorbell */
+        if (status < 0)
+            return NULL;
+        Py_RETURN_NONE;
+    }
+    if (status < 0) {
+        doorbell_ring(&own); /* to be called again for the rest, if the event loop goes on */
+        return NULL;
+    }
     doorbell_hush(self->doorbell, self->is_wary); /* whoever rang before, published before: the look finds it */
     PyObject *owners = self->told;
     self->told = NULL;
