@@ -7,7 +7,7 @@ import asyncio
 import sys
 from collections.abc import Callable, Iterable
 from ctypes import memmove
-from inspect import iscoroutine
+from inspect import isawaitable
 from time import monotonic_ns, sleep
 from typing import Any
 
@@ -107,7 +107,7 @@ async def pace(send: Callable[[Any], object], work: Work, kind: type[str] | type
         if rest_ns > 0:
             sleep(rest_ns / 1e9)  # noqa: ASYNC251
         sent = send(message.now())
-        if iscoroutine(sent):
+        if isawaitable(sent):
             await sent
         if work.gives_turns:
             await asyncio.sleep(0)

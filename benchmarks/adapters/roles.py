@@ -7,7 +7,7 @@ import asyncio
 import os
 import traceback
 from collections.abc import Callable
-from inspect import iscoroutine, iscoroutinefunction
+from inspect import isawaitable, iscoroutinefunction
 from threading import Event, Thread
 from time import monotonic_ns
 from typing import Any
@@ -39,7 +39,7 @@ async def publish(
     """
     if work.publish_by == AT_ONCE:
         sent = send(stamped(work))
-        if iscoroutine(sent):
+        if isawaitable(sent):
             await sent
         parent.tell("ready")
         await parent.wait_for("end")
