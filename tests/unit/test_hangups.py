@@ -1,0 +1,82 @@
+"""bus.transport.hangups: one descriptor for all streams of an event loop, as long as there are some."""
+
+import asyncio
+import os
+import socket
+from collections.abc import Iterator
+
+import pytest
+
+from bus.transport.hangups import HangUps
+from conftest import WAIT_S
+
+Pair = tuple[socket.socket, socket.socket]
+
+
+@pytest.fixture
+def pairs() -> Iterator[list[Pair]]:
+    pairs = [socket.socketpair() for _ in range(3)]
+    yield pairs
+    for pair in pairs:
+        for one in pair:
+            one.close()
+
+
+def hang_ups() -> HangUps:
+    found = HangUps.of(asyncio.get_running_loop())
+    if found is None:
+        pytest.skip("this event loop tells of the end as long as it is there")
+    return found
+
+
+async def test_those_that_have_gone_are_told_once(pairs: list[Pair]) -> None:
+    told, watch = list[int](), hang_ups()
+    for at, (mine, _) in enumerate(pairs):
+        watch.watch(mine.fileno(), lambda at=at: told.append(at))  # type: ignore[misc]
+    assert hang_ups() is watch
+    pairs[0][0].send(b"unread")
+    pairs[0][1].close()
+    pairs[1][1].send(b"something has come")
+    pairs[2][1].shutdown(socket.SHUT_WR)  # it may still read
+    async with asyncio.timeout(WAIT_S):
+        while not told:  # noqa: ASYNC110
+            await asyncio.sleep(0)
+    await asyncio.sleep(0.01)
+    assert told == [0]
+    for mine, _ in pairs:
+        watch.forget(mine.fileno())
+
+
+async def test_the_last_one_closes_it(pairs: list[Pair]) -> None:
+    watch = hang_ups()
+    before = len(os.listdir("/proc/self/fd"))  # noqa: PTH208
+    for mine, _ in pairs:
+        watch.watch(mine.fileno(), lambda: None)
+    for mine, _ in pairs:
+        watch.forget(mine.fileno())
+        watch.forget(mine.fileno())
+    assert len(os.listdir("/proc/self/fd")) == before - 1  # noqa: PTH208
+    again = hang_ups()
+    assert again is not watch
+    again.watch(pairs[0][0].fileno(), lambda: None)
+    again.forget(pairs[0][0].fileno())
+
+
+async def test_one_that_is_forgotten_by_another_is_not_told(pairs: list[Pair]) -> None:
+    told, watch = list[int](), hang_ups()
+    numbers = [mine.fileno() for mine, _ in pairs[:2]]
+
+    def tell(at: int) -> None:
+        told.append(at)
+        watch.forget(numbers[1 - at])
+
+    for at, number in enumerate(numbers):
+        watch.watch(number, lambda at=at: tell(at))  # type: ignore[misc]
+    for _, other in pairs[:2]:
+        other.close()
+    async with asyncio.timeout(WAIT_S):
+        while not told:  # noqa: ASYNC110
+            await asyncio.sleep(0)
+    await asyncio.sleep(0.01)
+    assert len(told) == 1
+    watch.forget(numbers[told[0]])
