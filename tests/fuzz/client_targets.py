@@ -34,6 +34,7 @@ from bus.wire.layout import (
     FRAME_HEAD_BYTES,
     LENGTH_BYTES,
 )
+from bus.wire.runs import Buffer
 from bus.wire.session import Role, Session
 from feeding import feed, frame_record
 from fuzz.hostile_ring import HostileRing
@@ -57,7 +58,7 @@ class _Silent:
 
     full_name = "/node"
     is_quiet = True
-    is_blocked = is_idle = False
+    is_blocked = False
 
     def __init__(self) -> None:
         self._id = 0
@@ -70,6 +71,9 @@ class _Silent:
 
     def flush(self) -> None:
         pass
+
+    def send_now(self, frame: Buffer) -> bool:
+        return False
 
     def finish(self) -> None:
         pass
