@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import bulk, copying, cost, facade, foreign, goals, latency, paced, throughput
+from benchmarks import bulk, copying, cost, facade, fanout, foreign, goals, growth, latency, paced, throughput
 from benchmarks.cases import Figures, Outcome
 from benchmarks.figures import best, bytes_text
 from benchmarks.harness import START_S, Failure, Group
@@ -247,6 +247,17 @@ def test_every_goal_has_cases_to_be_made_of(measured: list[tuple[str, Work]]) ->
     measured_here = {section.name for section in sections}
     assert found == {goal.headline for goal in goals.GOALS if goal.section in measured_here}
     assert len({goal.headline for goal in goals.GOALS}) == len(goals.GOALS)
+
+
+def test_goals_name_cases_of_the_other_sections_too() -> None:
+    names = {
+        "fanout": {fanout.name_of(system, number) for system in (BUS, ICEORYX) for number in (8, 16)},
+        "growth": {step.name for step in growth.steps(THOROUGH)},
+        "startup": {f"first message, {system.name}" for system in (BUS, PYZMQ)},
+    }
+    for goal in goals.GOALS:
+        if goal.section in names:
+            assert {goal.ours, goal.theirs} <= names[goal.section]
 
 
 # --- what may be lost, with a system that says what the test wants
