@@ -252,8 +252,8 @@ class Sharing:
         owners = self.readers.look(_POLL_NS)
         if owners:
             self._on_news(owners)
-        if owners or monotonic_ns() > self._poll_until_ns:
-            self._turn(bool(owners), 0)
+        if owners is not None or monotonic_ns() > self._poll_until_ns:
+            self._turn(owners is not None, 0)
         else:
             self._is_polling = True
             self._loop.call_soon(self._look)

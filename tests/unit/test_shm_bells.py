@@ -61,7 +61,7 @@ def test_news_is_told_once_and_only_while_it_waits(talker: Talker, listener: Lis
     assert listener.readers.wake() == []
     talker.write(b"b")
     assert listener.readers.look(0) == [listener]
-    assert listener.readers.look(1000) == []
+    assert listener.readers.look(1000) is None
     talker.write(b"c")
     assert len(listener.take(1)) == 1
     assert listener.readers.sleep() == [listener]

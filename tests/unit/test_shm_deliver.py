@@ -382,3 +382,28 @@ def test_nothing_is_kept_of_what_was_called(talker: Talker, listener: Listener) 
     after = count()
     assert after[1] == references
     assert after[0] < blocks + 50
+
+
+def test_a_look_gives_turns_too(talker: Talker, listener: Listener, heard: Heard) -> None:
+    assert listener.readers.deliver(False) == []
+    assert listener.readers.look(1000) is None
+    talker.write(b"x")
+    assert talker.writer.rung == 0
+    assert listener.readers.look(0) == []
+    assert heard.messages == [b"x"]
+    assert listener.readers.look(0) is None
+    talker.write(b"y", b"z")
+    assert listener.readers.look(0) == [listener]
+    assert listener.take() == [b"z"]
+
+
+def test_an_error_in_a_look_loses_no_wake_up(talker: Talker, listener: Listener, heard: Heard) -> None:
+    def fail() -> None:
+        raise KeyboardInterrupt
+
+    heard.then = fail
+    talker.write(b"x")
+    with pytest.raises(KeyboardInterrupt):
+        listener.readers.look(0)
+    assert is_rung(listener.doorbell)
+    assert listener.readers.look(0) == [listener]

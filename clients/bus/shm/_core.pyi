@@ -206,8 +206,11 @@ class Readers:
 
         What `attach` and `extend` find is news to the next `sleep`, `look` or `wake`: do one of them after.
         """
-    def look(self, spin_ns: int) -> list[Any]:
-        """Look for up to `spin_ns` for news, without arming the bell (busy polling)."""
+    def look(self, spin_ns: int) -> list[Any] | None:
+        """Look for up to `spin_ns` for news, without arming the bell (busy polling); give turns as `deliver`.
+
+        None: nothing has come. Else the owners that must look, perhaps none.
+        """
     def is_free(self, slot: int) -> bool:
         """No pin of this slot is in use."""
     def close(self) -> None:

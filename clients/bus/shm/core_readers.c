@@ -98,6 +98,14 @@ static inline bool has_news(struct watch *watch)
     return false;
 }
 
+static bool any_news(Readers *self)
+{
+    for (size_t i = 0; i < self->count; i++)
+        if (has_news(&self->watches[i]))
+            return true;
+    return false;
+}
+
 /* Adds the owners of readers with news. Each is told once, so what can't be added is an error for all. */
 static int collect(Readers *self, PyObject *owners)
 {
@@ -158,10 +166,22 @@ static int give_turns(Readers *self)
         if (status <= 0 && tell(self, reader) < 0)
             status = -1;
         DROP(reader);
-        if (status < 0)
+        if (status < 0) {
+            const struct doorbell own = {self->doorbell, false};
+            if (own.number >= 0)
+                doorbell_ring(&own); /* to be called again for the rest, if the event loop goes on */
             return -1;
+        }
     }
     return 0;
+}
+
+/* Whom give_turns() has left to be told, perhaps nobody. */
+static PyObject *give_out(Readers *self)
+{
+    PyObject *owners = self->told;
+    self->told = NULL;
+    return owners == NULL ? PyList_New(0) : owners;
 }
 
 static PyObject *readers_deliver(PyObject *object, PyObject *may_sleep)
@@ -170,30 +190,19 @@ static PyObject *readers_deliver(PyObject *object, PyObject *may_sleep)
     if (self->doorbell < 0)
         Py_RETURN_NONE;
     bell_disarm(&self->header->arrival);
-    const int status = give_turns(self);
-    const struct doorbell own = {self->doorbell, false};
-    if (own.number < 0) { /* now it may be another file's number, or, in the child of a fork, the parent's doorbell */
-        if (status < 0)
-            return NULL;
-        Py_RETURN_NONE;
-    }
-    if (status < 0) {
-        doorbell_ring(&own); /* to be called again for the rest, if the event loop goes on */
+    if (give_turns(self) < 0)
         return NULL;
-    }
+    if (self->doorbell < 0)
+        Py_RETURN_NONE; /* now it may be another file's number, or, in the child of a fork, the parent's doorbell */
     doorbell_hush(self->doorbell, self->is_wary); /* whoever rang before, published before: the look finds it */
-    PyObject *owners = self->told;
-    self->told = NULL;
-    if (owners == NULL && may_sleep == Py_True) {
+    if (self->told == NULL && may_sleep == Py_True) {
         bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring(). */
-        self->had_news = false;
-        for (size_t i = 0; i < self->count && !self->had_news; i++)
-            self->had_news = has_news(&self->watches[i]);
+        self->had_news = any_news(self);
         if (!self->had_news)
             Py_RETURN_NONE;
         bell_disarm(&self->header->arrival);
     }
-    return owners == NULL ? PyList_New(0) : owners;
+    return give_out(self);
 }
 
 static PyObject *readers_close(PyObject *object, PyObject *Py_UNUSED(none))
@@ -213,17 +222,15 @@ static inline void relax(void)
 #endif
 }
 
-/* Looks for news for up to `spin_ns`. */
-static int spin(Readers *self, PyObject *owners, uint64_t spin_ns)
+/* Looks for news for up to `spin_ns`: 1 where there are, -1 with an error. */
+static int spin(Readers *self, uint64_t spin_ns)
 {
     const uint64_t end = core_now_ns() + (spin_ns < MAX_SEQ ? spin_ns : MAX_SEQ);
     while (true) {
         const uint64_t now = core_now_ns(), until = end < now + SLICE_NS ? end : now + SLICE_NS;
         while (core_now_ns() < until) {
-            if (collect(self, owners) < 0)
-                return -1;
-            if (PyList_Size(owners) != 0)
-                return 0;
+            if (any_news(self))
+                return 1;
             relax();
         }
         if (until == end)
@@ -251,7 +258,9 @@ static PyObject *readers_sleep(PyObject *object, PyObject *const *args, Py_ssize
     if (self->had_news || spin_ns != 0)
         status = collect(self, owners);
     if (status == 0 && spin_ns != 0 && PyList_Size(owners) == 0)
-        status = spin(self, owners, spin_ns);
+        status = spin(self, spin_ns);
+    if (status == 1)
+        status = collect(self, owners);
     if (status == 0 && PyList_Size(owners) == 0) {
         bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring(). */
         status = collect(self, owners);
@@ -270,15 +279,10 @@ static PyObject *readers_look(PyObject *object, PyObject *argument)
     uint64_t spin_ns;
     if (!core_as_u64(argument, &spin_ns))
         return NULL;
-    PyObject *owners = PyList_New(0);
-    if (owners == NULL)
-        return NULL;
-    int status = collect(self, owners);
-    if (status == 0 && PyList_Size(owners) == 0)
-        status = spin(self, owners, spin_ns);
-    if (status < 0)
-        Py_CLEAR(owners);
-    return owners;
+    const int found = any_news(self) ? 1 : spin(self, spin_ns);
+    if (found == 0 && self->told == NULL)
+        Py_RETURN_NONE;
+    return found < 0 || give_turns(self) < 0 ? NULL : give_out(self);
 }
 
 static PyObject *readers_is_free(PyObject *object, PyObject *argument)
