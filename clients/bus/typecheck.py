@@ -1,7 +1,7 @@
 """Fast checks that the fields of a message have the right types, made for one class at a time.
 
 Owns: the source text of one function per class, compiled as dataclasses does it; and the plan by which the
-native core checks and encodes a message of text, numbers and bool in one pass. Both are made only from a
+native core checks and encodes a message of plain things in one pass. Both are made only from a
 class that the program itself has, never from a foreign schema. Must not know: errors, schemas, topics.
 
 A check that says True is sure; False only means "look closer": a scalar of numpy, a tuple for a list, or a
@@ -82,12 +82,12 @@ class _Planner:
             value = self._value(field.type)
             if value is None or not ismemberdescriptor(slot):
                 return None
-            fields.append((slot, b"" if info.array_like else _encode(field.encode_name), *value))
+            fields.append((slot, b"" if info.array_like else _encode(field.encode_name), value))
         known[cls] = made = core().Plan(kind, tuple(fields), info.array_like)
         return made
 
     def _value(self, info: inspect.Type) -> tuple[int, int, int, Any] | None:
-        """Of the value of a field: how it is encoded, the least and the greatest, its plan."""
+        """How a value is encoded, the least and the most that it or its length may be, of what it is."""
         while isinstance(info, inspect.Metadata):
             info = info.type
         match info:
@@ -104,6 +104,12 @@ class _Planner:
             case inspect.StructType() if isinstance(info.cls, type):
                 inner = self.plan(info)
                 return None if inner is None else (core().AS_STRUCT, 0, 0, inner)
+            # Those that stand for others have other objects for what follows.
+            case inspect.BytesType() if self._kinds is None:
+                return core().AS_BYTES, *_lengths(info), None
+            case inspect.ListType() if self._kinds is None:
+                item = self._value(info.item_type)
+                return None if item is None else (core().AS_LIST, *_lengths(info), item)
         return None
 
 
@@ -311,6 +317,10 @@ def _bounds(info: inspect.IntType) -> tuple[int, int]:
     if info.lt is not None:
         most = info.lt - 1
     return least, most
+
+
+def _lengths(info: Any) -> tuple[int, int]:
+    return info.min_length or 0, _UINT64_MAX if info.max_length is None else info.max_length
 
 
 def _or_wrong_length(info: Any, name: str) -> str:

@@ -127,7 +127,8 @@ static int core_exec(PyObject *module)
     } numbers[] = {{"NOTED", NOTED},   {"FULL", FULL},           {"SHORT", SHORT},
                    {"PINNED", PINNED}, {"TOO_LARGE", TOO_LARGE}, {"FOREIGN", FOREIGN},
                    {"AS_TEXT", AS_TEXT}, {"AS_FLOAT", AS_FLOAT}, {"AS_BOOL", AS_BOOL},
-                   {"AS_INT", AS_INT}, {"AS_STRUCT", AS_STRUCT}};
+                   {"AS_INT", AS_INT}, {"AS_STRUCT", AS_STRUCT}, {"AS_BYTES", AS_BYTES},
+                   {"AS_LIST", AS_LIST}};
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         if (PyModule_AddIntConstant(module, numbers[i].name, numbers[i].number) < 0)
             return -1;

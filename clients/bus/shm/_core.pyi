@@ -27,7 +27,9 @@ AS_FLOAT: Final = 2
 AS_BOOL: Final = 3
 AS_INT: Final = 4
 AS_STRUCT: Final = 5
-"""How a Plan encodes the value of a field."""
+AS_BYTES: Final = 6
+AS_LIST: Final = 7
+"""How a Plan encodes a value."""
 
 def ring_bytes(capacity: int, index_length: int) -> int:
     """Bytes of a ring's segment; 0 where a size is no power of two or out of bounds."""
@@ -57,14 +59,15 @@ class Bell:
 class Plan:
     """How to check and encode the messages of one class in one pass; made by `bus.typecheck.plan`.
 
-    A field: where it stands, the bytes before its value, how that is encoded (AS_...), the least and the
-    greatest value (AS_INT), its plan (AS_STRUCT).
+    A field: where it stands, the bytes before its value, the value. A value: how it is encoded (AS_...), the
+    least and the most it may be (AS_INT) or its length may (AS_BYTES, AS_LIST), and of what it is: a Plan
+    (AS_STRUCT), the value of each item (AS_LIST).
     """
 
     def __init__(
         self,
         kind: type,
-        fields: tuple[tuple[MemberDescriptorType, Bytes, int, int, int, Plan | None], ...],
+        fields: tuple[tuple[MemberDescriptorType, Bytes, tuple[int, int, int, Any]], ...],
         is_array: bool,
     ) -> None: ...
     def encode(self, message: Any, /) -> Bytes | None:

@@ -201,7 +201,7 @@ PyObject *core_run_samples(PyObject *module, PyObject *const *args, Py_ssize_t c
 /* core_plan.c */
 
 /* How the value of a field is encoded. */
-enum { AS_TEXT = 1, AS_FLOAT, AS_BOOL, AS_INT, AS_STRUCT };
+enum { AS_TEXT = 1, AS_FLOAT, AS_BOOL, AS_INT, AS_STRUCT, AS_BYTES, AS_LIST };
 
 /* plan_encode() gave up: the message is to go the long way; or there was not room enough to tell. */
 enum { PLAN_NONE = -1, PLAN_SHORT = -2 };

@@ -1,8 +1,9 @@
 /* Plan: checks and encodes the messages of one class in one pass, with the bytes that msgspec's encoder gives.
  *
- * A plan is for classes of text, numbers, bool and such classes again. Whatever is not just as planned (another type, a
- * number out of its range, a lone surrogate, a field that was deleted) ends its work, and the caller goes the long way,
- * which knows what is wrong. Fields are read out of their slots, as msgspec's encoder does; no Python code runs. */
+ * A plan is for classes of text, bytes, numbers, bool, such classes again, and lists of all these. Whatever is not just
+ * as planned (another type, a number out of its range, a lone surrogate, a field that was deleted) ends its work, and the
+ * caller goes the long way, which knows what is wrong. Fields are read out of their slots, as msgspec's encoder does; no
+ * Python code runs. */
 #include "core.h"
 
 #include <endian.h>
@@ -11,14 +12,19 @@
 /* The head of a number, a text or an array has at most so many bytes; a number is all head. */
 enum { MOST_HEAD = 9 };
 
+struct plan_value {
+    int code;
+    int64_t least; /* AS_INT: its value; AS_LIST and AS_BYTES: its length */
+    uint64_t most;
+    Plan *plan;              /* AS_STRUCT */
+    struct plan_value *item; /* AS_LIST: of each */
+};
+
 struct plan_field {
     PyObject *slot; /* its member descriptor */
     descrgetfunc get;
     PyObject *key; /* bytes that come before the value: its encoded name in a map, nothing in an array */
-    int code;
-    int64_t least;
-    uint64_t most;
-    Plan *plan; /* AS_STRUCT: of the value */
+    struct plan_value value;
 };
 
 struct Plan {
@@ -79,6 +85,14 @@ static inline void put_negative(struct place *place, int64_t number)
         put_number(place, 0xd3, (uint64_t)number, 8);
 }
 
+static inline void put_double(struct place *place, PyObject *value)
+{
+    const double number = PyFloat_AsDouble(value);
+    uint64_t bits;
+    memcpy(&bits, &number, sizeof bits);
+    put_number(place, 0xcb, bits, 8);
+}
+
 static bool put_int(struct place *place, PyObject *value, int64_t least, uint64_t most)
 {
     int overflow;
@@ -119,21 +133,62 @@ static bool put_text(struct place *place, PyObject *text)
     return true;
 }
 
+static bool put_bytes(struct place *place, PyObject *bytes, const struct plan_value *plan)
+{
+    const Py_ssize_t size = PyBytes_Size(bytes);
+    if (size < plan->least || (uint64_t)size > plan->most || !has_room(place, MOST_HEAD + size))
+        return false;
+    if (size <= UINT8_MAX)
+        put_number(place, 0xc4, (uint64_t)size, 1);
+    else if (size <= UINT16_MAX)
+        put_number(place, 0xc5, (uint64_t)size, 2);
+    else if ((uint64_t)size <= UINT32_MAX)
+        put_number(place, 0xc6, (uint64_t)size, 4);
+    else
+        return false;
+    memcpy(place->at, PyBytes_AsString(bytes), (size_t)size);
+    place->at += size;
+    return true;
+}
+
+static bool put_value(const struct plan_value *plan, PyObject *value, struct place *place);
+
+/* Nothing changes the list meanwhile: no Python code runs. */
+static bool put_list(struct place *place, PyObject *list, const struct plan_value *plan)
+{
+    const Py_ssize_t count = PyList_Size(list), each = plan->item->code == AS_FLOAT ? MOST_HEAD : 1;
+    if (count < plan->least || (uint64_t)count > plan->most || (uint64_t)count > UINT32_MAX)
+        return false;
+    if (!has_room(place, MOST_HEAD + count * each)) /* before any work: it is for nothing */
+        return false;
+    if (count < 16)
+        *place->at++ = (unsigned char)(0x90 | count);
+    else if (count <= UINT16_MAX)
+        put_number(place, 0xdc, (uint64_t)count, 2);
+    else
+        put_number(place, 0xdd, (uint64_t)count, 4);
+    for (Py_ssize_t i = 0; i < count; i++) {
+        PyObject *item = PyList_GetItem(list, i);
+        if (each == MOST_HEAD && PyFloat_CheckExact(item))
+            put_double(place, item);
+        else if (!put_value(plan->item, item, place))
+            return false;
+    }
+    return true;
+}
+
 static bool put_struct(const Plan *self, PyObject *message, struct place *place);
 
-static bool put_value(const struct plan_field *field, PyObject *value, struct place *place)
+static bool put_value(const struct plan_value *plan, PyObject *value, struct place *place)
 {
     if (!has_room(place, MOST_HEAD))
         return false;
-    switch (field->code) {
+    switch (plan->code) {
     case AS_TEXT:
         return PyUnicode_CheckExact(value) && put_text(place, value);
     case AS_FLOAT:
         if (PyFloat_CheckExact(value)) {
-            const double number = PyFloat_AsDouble(value);
-            uint64_t bits;
-            memcpy(&bits, &number, sizeof bits);
-            put_number(place, 0xcb, bits, 8);
+            put_double(place, value);
             return true;
         }
         return PyLong_CheckExact(value) && put_int(place, value, INT64_MIN, UINT64_MAX);
@@ -143,9 +198,13 @@ static bool put_value(const struct plan_field *field, PyObject *value, struct pl
         *place->at++ = value == Py_True ? 0xc3 : 0xc2;
         return true;
     case AS_INT:
-        return PyLong_CheckExact(value) && put_int(place, value, field->least, field->most);
+        return PyLong_CheckExact(value) && put_int(place, value, plan->least, plan->most);
+    case AS_BYTES:
+        return PyBytes_CheckExact(value) && put_bytes(place, value, plan);
+    case AS_LIST:
+        return PyList_CheckExact(value) && put_list(place, value, plan);
     default:
-        return put_struct(field->plan, value, place);
+        return put_struct(plan->plan, value, place);
     }
 }
 
@@ -169,7 +228,7 @@ static bool put_struct(const Plan *self, PyObject *message, struct place *place)
         PyObject *value = field->get(field->slot, message, self->kind);
         if (value == NULL)
             return false;
-        const bool is_put = put_value(field, value, place);
+        const bool is_put = put_value(&field->value, value, place);
         Py_DECREF(value); /* the slot has it still */
         if (!is_put)
             return false;
@@ -188,36 +247,67 @@ Py_ssize_t plan_encode(const Plan *self, PyObject *message, void *at, Py_ssize_t
 
 /* Types */
 
+static void forget_value(struct plan_value *value)
+{
+    DROP(value->plan);
+    if (value->item != NULL)
+        forget_value(value->item);
+    PyMem_Free(value->item);
+}
+
 static void plan_dealloc(PyObject *object)
 {
     Plan *self = (Plan *)object;
     for (Py_ssize_t i = 0; i < self->count; i++) {
         Py_DECREF(self->fields[i].slot);
         Py_DECREF(self->fields[i].key);
-        DROP(self->fields[i].plan);
+        forget_value(&self->fields[i].value);
     }
     PyMem_Free(self->fields);
     Py_XDECREF(self->kind);
     core_free(self);
 }
 
-static bool read_field(const CoreState *state, PyObject *item, struct plan_field *field)
+/* Where it fails, `value` is to be forgotten all the same. */
+static bool read_value(const CoreState *state, PyObject *given, struct plan_value *value)
 {
     PyObject *inner;
-    if (!PyTuple_Check(item)) {
+    if (!PyTuple_Check(given)) {
+        PyErr_SetString(PyExc_TypeError, "a value must be a tuple");
+        return false;
+    }
+    if (!PyArg_ParseTuple(given, "iLO&O", &value->code, &value->least, core_as_u64, &value->most, &inner))
+        return false;
+    const bool is_struct = value->code == AS_STRUCT;
+    if (value->code < AS_TEXT || value->code > AS_LIST || (is_struct && Py_TYPE(inner) != state->plan)) {
+        PyErr_SetString(PyExc_ValueError, "no such value");
+        return false;
+    }
+    if (is_struct)
+        value->plan = (Plan *)Py_NewRef(inner);
+    if (value->code != AS_LIST)
+        return true;
+    if ((value->item = PyMem_Calloc(1, sizeof *value->item)) == NULL) {
+        PyErr_NoMemory();
+        return false;
+    }
+    return read_value(state, inner, value->item);
+}
+
+static bool read_field(const CoreState *state, PyObject *given, struct plan_field *field)
+{
+    PyObject *value;
+    if (!PyTuple_Check(given)) {
         PyErr_SetString(PyExc_TypeError, "a field must be a tuple");
         return false;
     }
-    if (!PyArg_ParseTuple(item, "O!SiLO&O", &PyMemberDescr_Type, &field->slot, &field->key, &field->code, &field->least,
-                          core_as_u64, &field->most, &inner))
+    if (!PyArg_ParseTuple(given, "O!SO", &PyMemberDescr_Type, &field->slot, &field->key, &value))
         return false;
-    const bool is_struct = field->code == AS_STRUCT;
-    if (field->code < AS_TEXT || field->code > AS_STRUCT || (is_struct && Py_TYPE(inner) != state->plan)) {
-        PyErr_SetString(PyExc_ValueError, "no such field");
+    if (!read_value(state, value, &field->value)) {
+        forget_value(&field->value);
         return false;
     }
     field->get = (descrgetfunc)PyType_GetSlot(&PyMemberDescr_Type, Py_tp_descr_get);
-    field->plan = is_struct ? (Plan *)Py_NewRef(inner) : NULL;
     Py_INCREF(field->slot);
     Py_INCREF(field->key);
     return true;
