@@ -4,7 +4,7 @@ import gc
 import os
 import sys
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
@@ -32,9 +32,24 @@ class Heard:
         self.then()
 
 
+@pytest.fixture(params=[0, 20])
+def crowd(request: pytest.FixtureRequest, listener: Listener) -> Iterator[list[Talker]]:
+    """The other rings that are read here; where there are many, a knock says for which it is."""
+    talkers = [Talker(4096, 64) for _ in range(request.param)]
+    reader = core.Reader(listener.readers, "nobody", 0, tells_cursor=False)
+    for source, end in enumerate(talkers):
+        slot = next(listener.slots)
+        reader.attach(source, segments.map_ring(end.ring), slot)
+        end.writer.add_gate(source, listener.bell, slot, is_lossless=False)
+    yield talkers
+    for end in talkers:
+        end.close()
+
+
 @pytest.fixture
-def heard(listener: Listener, talker: Talker) -> Heard:
+def heard(listener: Listener, talker: Talker, crowd: list[Talker]) -> Heard:
     listener.join(talker)
+    is_rung(listener.doorbell)
     listener.readers.sleep()
     return Heard(listener.reader)
 
@@ -42,7 +57,9 @@ def heard(listener: Listener, talker: Talker) -> Heard:
 def another(listener: Listener, talker: Talker, owner: object) -> Any:
     """One more reader of the same process."""
     reader = core.Reader(listener.readers, owner, 0, tells_cursor=False)
-    reader.attach(1, segments.map_ring(talker.ring), next(listener.slots))
+    slot = next(listener.slots)
+    reader.attach(1, segments.map_ring(talker.ring), slot)
+    talker.writer.add_gate(slot, listener.bell, slot, is_lossless=False)
     return reader
 
 
@@ -57,6 +74,99 @@ def test_a_message_is_called_back_with_and_the_process_sleeps(
         assert not is_rung(listener.doorbell)
     assert listener.reader.samples == 3
     assert listener.readers.deliver(True) is None  # rung for nothing
+
+
+def test_among_many_it_looks_only_at_what_it_was_rung_for(
+    talker: Talker, listener: Listener, heard: Heard, crowd: list[Talker]
+) -> None:
+    silent, quiet = Talker(), core.Reader(listener.readers, "quiet", 0, tells_cursor=False)
+    quiet.attach(1, segments.map_ring(silent.ring), next(listener.slots))  # nobody rings for it
+    unheard = Heard(quiet)
+    assert listener.readers.sleep() == []
+    for number in range(1, 4):
+        silent.write(b"x")
+        talker.write(b"x")
+        assert listener.readers.deliver(True) is None
+        assert len(heard.messages) == number
+        assert len(unheard.messages) == (0 if crowd else number)
+    if crowd:
+        assert listener.readers.wake() == ["quiet"]
+        assert quiet.messages(9, bytes) == [b"x"] * 3
+    silent.close()
+
+
+def test_knocks_for_two_rings_are_a_look_at_all(
+    talker: Talker, listener: Listener, heard: Heard, crowd: list[Talker]
+) -> None:
+    for number, end in enumerate(crowd, 1):
+        end.write(b"x")
+        talker.write(b"x", b"x")
+        assert (end.writer.rung, talker.writer.rung) == (1, number)
+        assert listener.readers.deliver(True) == ["nobody", listener]
+        assert listener.take() == [b"x", b"x"]
+        assert listener.readers.sleep() == []
+
+
+def test_where_others_have_the_doorbell_it_looks_at_all(
+    talker: Talker, listener: Listener, heard: Heard, crowd: list[Talker]
+) -> None:
+    silent, quiet = Talker(), core.Reader(listener.readers, "quiet", 0, tells_cursor=False)
+    quiet.attach(1, segments.map_ring(silent.ring), next(listener.slots))
+    unheard = Heard(quiet)
+    listener.readers.is_wary = True
+    assert listener.readers.sleep() == []
+    silent.write(b"x")
+    talker.write(b"x")
+    assert listener.readers.deliver(True) is None
+    assert (heard.messages, unheard.messages) == ([b"x"], [b"x"])
+    silent.close()
+
+
+def test_what_is_read_since_the_last_look_at_all_is_looked_at(
+    talker: Talker, listener: Listener, heard: Heard, crowd: list[Talker]
+) -> None:
+    other = Talker()
+    other.write(b"before")
+    reader = core.Reader(listener.readers, "new", 0, tells_cursor=False)
+    unheard = Heard(reader)
+    reader.attach(1, segments.map_ring(other.ring), next(listener.slots), since_ns=0)
+    talker.write(b"x")
+    assert listener.readers.deliver(True) is None
+    assert (heard.messages, unheard.messages) == ([b"x"], [b"before"])
+    other.close()
+
+
+def test_an_old_knock_is_no_reason_not_to_look(
+    talker: Talker, listener: Listener, heard: Heard, crowd: list[Talker]
+) -> None:
+    talker.write(b"x")
+    knock = os.eventfd_read(listener.doorbell.number)
+    assert listener.readers.wake() == [listener]
+    for end in crowd[:1]:
+        end.write(b"y")  # not rung: it is awake
+    os.eventfd_write(listener.doorbell.number, knock)  # as of a writer that was slow
+    talker.write(b"x")
+    assert listener.readers.deliver(True) == [*(["nobody"] * len(crowd[:1])), listener]
+
+
+def test_a_knock_for_a_match_that_was(
+    talker: Talker, listener: Listener, heard: Heard, crowd: list[Talker]
+) -> None:
+    listener.reader.detach(1)
+    talker.write(b"x")
+    assert talker.writer.rung == 1
+    assert listener.readers.deliver(True) is None
+    assert heard.messages == []
+
+
+def test_a_new_gate_rings_once_more_where_its_writer_has_rung_for_another(
+    talker: Talker, listener: Listener, heard: Heard, crowd: list[Talker]
+) -> None:
+    talker.write(b"x")
+    later = Heard(another(listener, talker, "later"))
+    assert talker.writer.rung == (2 if crowd else 1)
+    assert listener.readers.deliver(True) is None
+    assert (heard.messages, later.messages) == ([b"x"], [b"x"])
 
 
 def test_it_stays_awake_where_it_may_not_sleep(talker: Talker, listener: Listener, heard: Heard) -> None:
@@ -286,7 +396,9 @@ def test_a_callback_may_end_itself_and_others(talker: Talker, listener: Listener
     assert all(other.messages == [] for other in others)
 
 
-def test_a_callback_may_add_readers(talker: Talker, listener: Listener, heard: Heard) -> None:
+def test_a_callback_may_add_readers(
+    talker: Talker, listener: Listener, heard: Heard, crowd: list[Talker]
+) -> None:
     added: list[Heard] = []
 
     def add() -> None:
@@ -295,6 +407,7 @@ def test_a_callback_may_add_readers(talker: Talker, listener: Listener, heard: H
 
     heard.then = add
     talker.write(b"x")
+    assert listener.readers.deliver(True) == ([] if crowd else None)  # who looks at one only, stays awake
     assert listener.readers.deliver(True) is None
     talker.write(b"y")
     assert listener.readers.deliver(True) is None
@@ -302,13 +415,13 @@ def test_a_callback_may_add_readers(talker: Talker, listener: Listener, heard: H
 
 
 def test_closed_in_a_callback_the_doorbell_is_left_alone(
-    talker: Talker, listener: Listener, heard: Heard
+    talker: Talker, listener: Listener, heard: Heard, crowd: list[Talker]
 ) -> None:
     other = Heard(another(listener, talker, "other"))
     heard.then = listener.readers.close
     talker.write(b"x")
     assert listener.readers.deliver(True) is None
-    assert is_rung(listener.doorbell)  # not read, and not armed
+    assert crowd or is_rung(listener.doorbell)  # not read afterwards, and not armed
     talker.write(b"y")
     assert not is_rung(listener.doorbell)
     assert listener.readers.deliver(True) is None

@@ -53,9 +53,19 @@ typedef struct {
     const struct bell *arrival;
     const struct reader_slot *slots;
     uint64_t slot_count;
-    uint64_t rung; /* for which sleep it was rung, by any writer of this process */
+    struct knocks knocks; /* of all writers of this process */
+    size_t gates;         /* that these have for it */
     struct doorbell doorbell;
 } Bell;
+
+/* A bell as one writer rings it. */
+struct bell_pull {
+    Bell *bell;     /* borrowed from the gates */
+    uint64_t knock; /* for the slot of its gate, where it has one */
+};
+
+/* Where there are no more rings than this, to look at all of them costs less than to say and to find out which. */
+#define FEW_RINGS 16u
 
 /* To whom a gate of the ring belongs. */
 struct gate_owner {
@@ -76,7 +86,7 @@ typedef struct {
     char is_noted;
     char is_long;
     struct gate_owner *owners; /* beside ring.gates */
-    Bell **bells;              /* each bell of the gates once, borrowed */
+    struct bell_pull *bells;   /* each bell of the gates once */
     size_t room;               /* allocated, of all three arrays */
     size_t bell_count;
     uint32_t lent;             /* bytes asked for by the last lend */
@@ -110,10 +120,13 @@ typedef struct {
     uint64_t slot_count;
     int doorbell; /* -1: closed */
     struct watch *watches; /* one for each feed of all Readers that live; not owned */
+    struct feed **feeds;   /* the same by slot; NULL where there is none */
     size_t count, room;
     uint64_t round; /* looks so far */
     PyObject *told; /* a list: owners that deliver() has yet to give out; NULL: none */
     bool had_news;  /* at the last attempt to fall asleep */
+    bool is_anew;   /* since the last look at all, more than what a knock is for may be news */
+    const Reader *turn; /* which deliver() calls back for after a knock */
     char is_wary;   /* of other users, who may have the doorbell */
 } Readers;
 
@@ -187,8 +200,8 @@ Mapping *core_readers_segment(PyTypeObject *type, PyObject *args, PyObject *kwar
 
 /* core_knock.c */
 int doorbell_prepare(const struct doorbell *doorbell);
-void doorbell_ring(const struct doorbell *doorbell);
-void doorbell_hush(int number, bool is_wary);
+void doorbell_ring(const struct doorbell *doorbell, uint64_t knock);
+uint64_t doorbell_hush(int number, bool is_wary);
 
 /* The types */
 extern PyType_Spec mapping_spec, bell_spec, writer_spec, readers_spec, reader_spec, view_spec, loan_spec,
@@ -226,7 +239,7 @@ PyObject *writer_has_pins(PyObject *self, PyObject *key);
 PyObject *writer_is_lossless(PyObject *self, PyObject *key);
 PyObject *writer_make_lossy(PyObject *self, PyObject *key);
 void writer_drop_gates(Writer *self);
-void writer_ring(Writer *self);
+void writer_ring(Writer *self, bool is_for_any);
 
 /* core_carry.c */
 PyObject *writer_since(PyObject *self, PyObject *stamp_ns);

@@ -101,6 +101,6 @@ PyObject *writer_move(PyObject *object, PyObject *argument)
     HOLD(memory);
     self->memory = memory;
     DROP(before);
-    writer_ring(self);
+    writer_ring(self, true);
     Py_RETURN_NONE;
 }

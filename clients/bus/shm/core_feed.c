@@ -195,7 +195,7 @@ void feed_room(struct feed *self)
 {
     bell_fence(); /* PAIR(sleep): after the cursor. Counterpart: ring_wait_for_room(). */
     if (bell_is_due(&self->last->room, &self->ring.room_rung, self->ring.next))
-        doorbell_ring(&self->doorbell);
+        doorbell_ring(&self->doorbell, KNOCK_ANY);
 }
 
 /* Shows the cursor, where it has moved. */

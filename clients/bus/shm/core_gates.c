@@ -3,14 +3,17 @@
 
 #include <string.h>
 
-/* After anything became visible in the ring: rings each process that sleeps, once. */
-void writer_ring(Writer *self)
+/* After anything became visible in the ring: rings each process that sleeps, once, and once more where another ring of
+ * this process was rung for. `is_for_any`: more than what is published. */
+void writer_ring(Writer *self, bool is_for_any)
 {
     bell_fence(); /* PAIR(sleep): after what was published. Counterpart: bell_arm() of Readers.sleep. */
     for (size_t i = 0; i < self->bell_count; i++) {
-        Bell *bell = self->bells[i];
-        if (bell_is_due(bell->arrival, &bell->rung, 0)) {
-            doorbell_ring(&bell->doorbell);
+        Bell *bell = self->bells[i].bell;
+        const bool is_one = !is_for_any && bell->gates > FEW_RINGS;
+        const uint64_t knock = bell_knock(bell->arrival, &bell->knocks, self, is_one ? self->bells[i].knock : KNOCK_ANY);
+        if (knock != 0) {
+            doorbell_ring(&bell->doorbell, knock);
             self->rung++;
         }
     }
@@ -27,7 +30,7 @@ static bool make_room(Writer *self)
     struct gate_owner *owners = PyMem_Realloc(self->owners, room * sizeof *owners);
     if (owners != NULL)
         self->owners = owners;
-    Bell **bells = PyMem_Realloc(self->bells, room * sizeof *bells);
+    struct bell_pull *bells = PyMem_Realloc(self->bells, room * sizeof *bells);
     if (bells != NULL)
         self->bells = bells;
     if (gates == NULL || owners == NULL || bells == NULL)
@@ -42,10 +45,13 @@ static void list_bells(Writer *self)
     for (size_t i = 0; i < self->ring.gate_count; i++) {
         Bell *bell = self->owners[i].bell;
         size_t at = 0;
-        while (at < self->bell_count && self->bells[at] != bell)
+        while (at < self->bell_count && self->bells[at].bell != bell)
             at++;
         if (at == self->bell_count)
-            self->bells[self->bell_count++] = bell;
+            self->bells[self->bell_count++] =
+                (struct bell_pull){bell, knock_for((uint64_t)(self->ring.gates[i].slot - bell->slots))};
+        else
+            self->bells[at].knock = KNOCK_ANY;
     }
 }
 
@@ -68,6 +74,13 @@ static struct ring_gate *gate_of(Writer *self, PyObject *key, bool *is_error)
     return at < self->ring.gate_count ? &self->ring.gates[at] : NULL;
 }
 
+/* What was rung for does not stand for what this writer rings for from now on; nor for another one at its address. */
+static void forget_knock(const Writer *self, Bell *bell)
+{
+    if (bell->knocks.by == self)
+        bell->knocks.by = bell;
+}
+
 static void drop_gate(Writer *self, size_t at)
 {
     Bell *bell = self->owners[at].bell;
@@ -76,6 +89,8 @@ static void drop_gate(Writer *self, size_t at)
     self->ring.gates[at] = self->ring.gates[last];
     list_bells(self);
     ring_gates_changed(&self->ring);
+    forget_knock(self, bell);
+    bell->gates--;
     DROP(bell);
 }
 
@@ -118,10 +133,12 @@ PyObject *writer_add_gate(PyObject *object, PyObject *args, PyObject *kwargs)
         drop_gate(self, before);
     self->ring.gates[self->ring.gate_count] = gate;
     self->owners[self->ring.gate_count++] = (struct gate_owner){key, bell};
+    bell->gates++;
+    forget_knock(self, bell);
     list_bells(self);
     ring_gates_changed(&self->ring);
     ring_admit(&self->ring, gate.slot);
-    writer_ring(self); /* what was published since it looked, it was not rung for */
+    writer_ring(self, true); /* what was published since it looked, it was not rung for */
     Py_RETURN_NONE;
 }
 

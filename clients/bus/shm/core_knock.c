@@ -82,26 +82,25 @@ int doorbell_prepare(const struct doorbell *doorbell)
     return -1;
 }
 
-/* Nothing to do where it fails: full means that it is rung, and a descriptor that is none is its owner's loss. */
-void doorbell_ring(const struct doorbell *doorbell)
+/* `knock`: see doorbell.h; another user's hears 1. Nothing to do where it fails: full means that it is rung, and a
+ * descriptor that is none is its owner's loss. */
+void doorbell_ring(const struct doorbell *doorbell, uint64_t knock)
 {
     if (doorbell->is_foreign) {
         ring_foreign(doorbell->number);
         return;
     }
-    const uint64_t one = 1;
-    const ssize_t written = write(doorbell->number, &one, sizeof one);
+    const ssize_t written = write(doorbell->number, &knock, sizeof knock);
     (void)written;
 }
 
-/* One's own was rung, or not. `is_wary`: other users may have it. */
-void doorbell_hush(int number, bool is_wary)
+/* One's own was rung, or not. `is_wary`: other users may have it. Returns its count, 0 where it was not rung. */
+uint64_t doorbell_hush(int number, bool is_wary)
 {
-    uint64_t count;
+    uint64_t count = 0;
     struct iovec place = {&count, sizeof count};
     /* Linux before 5.8 does not know how. */
     if (is_wary && (preadv2(number, &place, 1, -1, RWF_NOWAIT) >= 0 || errno == EAGAIN))
-        return;
-    const ssize_t got = read(number, &count, sizeof count); /* empty: rung for nothing */
-    (void)got;
+        return count;
+    return read(number, &count, sizeof count) == sizeof count ? count : 0; /* empty: rung for nothing */
 }

@@ -44,12 +44,18 @@ static PyObject *readers_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
     self->slots = readers_slots(memory->memory);
     self->slot_count = slot_count;
     self->doorbell = doorbell.number;
+    self->feeds = PyMem_Calloc(slot_count, sizeof *self->feeds);
+    if (self->feeds == NULL) {
+        Py_DECREF((PyObject *)self);
+        return PyErr_NoMemory();
+    }
     return (PyObject *)self;
 }
 
 static void readers_dealloc(PyObject *object)
 {
     PyMem_Free(((Readers *)object)->watches);
+    PyMem_Free(((Readers *)object)->feeds);
     Py_XDECREF(((Readers *)object)->told);
     DROP(((Readers *)object)->memory);
     core_free(object);
@@ -69,6 +75,7 @@ bool readers_watch(Readers *self, Reader *reader, struct feed *feed)
     feed->watch = self->count++;
     self->watches[feed->watch].feed = feed;
     self->watches[feed->watch].reader = reader;
+    self->feeds[feed->ring.slot - self->slots] = feed;
     readers_watch_anew(self, feed);
     return true;
 }
@@ -78,10 +85,14 @@ void readers_watch_anew(Readers *self, const struct feed *feed)
 {
     self->watches[feed->watch].latest = &feed->last->latest;
     self->watches[feed->watch].known = LOOK;
+    self->is_anew = self->is_anew || self->watches[feed->watch].reader != self->turn;
 }
 
 void readers_forget(Readers *self, const struct feed *feed)
 {
+    struct feed **place = &self->feeds[feed->ring.slot - self->slots];
+    if (*place == feed)
+        *place = NULL;
     self->watches[feed->watch] = self->watches[--self->count];
     self->watches[feed->watch].feed->watch = feed->watch;
 }
@@ -145,6 +156,15 @@ static int tell(Readers *self, const Reader *reader)
     return PyList_Append(self->told, reader->owner);
 }
 
+/* An exception goes through: to be called again for the rest, if the event loop goes on. */
+static int interrupted(const Readers *self)
+{
+    const struct doorbell own = {self->doorbell, false};
+    if (own.number >= 0)
+        doorbell_ring(&own, KNOCK_ANY);
+    return -1;
+}
+
 /* Each reader with news has its turn once, and calls back for one message or leaves it to its owner. A callback may add
  * readers and remove them, look, or close it all. What is passed over for that, or comes after its reader's turn, the
  * look before the sleep finds. */
@@ -166,14 +186,53 @@ static int give_turns(Readers *self)
         if (status <= 0 && tell(self, reader) < 0)
             status = -1;
         DROP(reader);
-        if (status < 0) {
-            const struct doorbell own = {self->doorbell, false};
-            if (own.number >= 0)
-                doorbell_ring(&own); /* to be called again for the rest, if the event loop goes on */
-            return -1;
-        }
+        if (status < 0)
+            return interrupted(self);
     }
     return 0;
+}
+
+static inline bool is_asleep(const Readers *self)
+{
+    return atomic_load_explicit(&self->header->arrival.generation, memory_order_relaxed) & 1; /* own word */
+}
+
+/* The doorbell has this count, and all rings were looked at before the sleep. The feed that alone was rung for since, if
+ * it has news; then this process sleeps on meanwhile: who publishes from now on, rings again. */
+static struct feed *feed_rung_for(Readers *self, uint64_t count)
+{
+    const uint64_t slot = knock_slot(count);
+    if (slot >= self->slot_count || self->is_anew || self->feeds[slot] == NULL || !is_asleep(self))
+        return NULL;
+    bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring(). */
+    struct feed *feed = self->feeds[slot];
+    return has_news(&self->watches[feed->watch]) ? feed : NULL;
+}
+
+/* Its reader, which alone has news, has its turn. 1: nothing is left to do, and this process sleeps; 0: it is awake, and
+ * owners may have been told; -1: an error. */
+static int give_turn(Readers *self, const struct feed *feed)
+{
+    Reader *reader = self->watches[feed->watch].reader;
+    const Reader *before = self->turn;
+    HOLD(reader);
+    reader->round = ++self->round;
+    for (size_t i = 0; i < reader->count; i++)
+        feed_see(reader->feeds[i]);
+    self->turn = reader;
+    int status = reader_is_ready(reader) ? reader_deliver(reader) : 0;
+    self->turn = before;
+    if (status == 0 && tell(self, reader) < 0)
+        status = -1;
+    bool is_over = status == 1 && self->told == NULL && self->doorbell >= 0 && !self->is_anew && is_asleep(self);
+    for (size_t i = 0; is_over && i < reader->count; i++)
+        is_over = !has_news(&self->watches[reader->feeds[i]->watch]);
+    DROP(reader);
+    if (is_over)
+        self->had_news = false;
+    else if (self->doorbell >= 0) /* else, in the child of a fork, it is the parent's bell */
+        bell_disarm(&self->header->arrival);
+    return status < 0 ? interrupted(self) : is_over;
 }
 
 /* Whom give_turns() has left to be told, perhaps nobody. */
@@ -189,17 +248,26 @@ static PyObject *readers_deliver(PyObject *object, PyObject *may_sleep)
     Readers *self = (Readers *)object;
     if (self->doorbell < 0)
         Py_RETURN_NONE;
-    bell_disarm(&self->header->arrival);
-    if (give_turns(self) < 0)
+    const struct feed *feed = NULL;
+    if (self->count > FEW_RINGS && may_sleep == Py_True && !self->is_wary)
+        feed = feed_rung_for(self, doorbell_hush(self->doorbell, self->is_wary));
+    if (feed == NULL)
+        bell_disarm(&self->header->arrival);
+    const int status = feed != NULL ? give_turn(self, feed) : give_turns(self);
+    if (status < 0)
         return NULL;
+    if (status == 1)
+        Py_RETURN_NONE;
     if (self->doorbell < 0)
         Py_RETURN_NONE; /* now it may be another file's number, or, in the child of a fork, the parent's doorbell */
     doorbell_hush(self->doorbell, self->is_wary); /* whoever rang before, published before: the look finds it */
     if (self->told == NULL && may_sleep == Py_True) {
         bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring(). */
         self->had_news = any_news(self);
-        if (!self->had_news)
+        if (!self->had_news) {
+            self->is_anew = false;
             Py_RETURN_NONE;
+        }
         bell_disarm(&self->header->arrival);
     }
     return give_out(self);
@@ -266,6 +334,7 @@ static PyObject *readers_sleep(PyObject *object, PyObject *const *args, Py_ssize
         status = collect(self, owners);
     }
     self->had_news = PyList_Size(owners) != 0;
+    self->is_anew = self->is_anew && (status < 0 || self->had_news);
     if (status < 0 || self->had_news)
         bell_disarm(&self->header->arrival);
     if (status < 0)

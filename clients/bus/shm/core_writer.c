@@ -80,7 +80,7 @@ static inline PyObject *published(Writer *self, uint64_t size)
 {
     self->samples++;
     self->bytes += size;
-    writer_ring(self);
+    writer_ring(self, false);
     if (self->is_noted)
         Py_RETURN_TRUE;
     self->is_noted = 1;
@@ -305,7 +305,7 @@ static PyObject *writer_close(PyObject *object, PyObject *Py_UNUSED(none))
         self->is_guarded = 0;
         self->thread = 0;
         ring_close(&self->ring);
-        writer_ring(self);
+        writer_ring(self, true);
     }
     Py_RETURN_NONE;
 }

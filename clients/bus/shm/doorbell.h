@@ -21,6 +21,14 @@
 
 #include "layout.h"
 
+/* What is added to a doorbell's count: 1 to say that something has come, somewhere; or for which slot of the readers'
+ * segment. So who finds that there was one knock, and for which slot, need not look at the others. */
+#define KNOCK_ANY UINT64_C(1)
+#define KNOCK_SLOT (UINT64_C(1) << 24)
+#define KNOCK_ONE (UINT64_C(1) << 44)
+
+_Static_assert(READERS_MAX_SLOTS <= 1u << 20, "a slot's number has 20 bits in a knock");
+
 /* Between making a thing visible and looking for sleepers, and between falling asleep and looking again. One
  * fence serves any number of bells. A build with BROKEN_NO_FENCE exists to see the litmus tests fail. */
 static inline void bell_fence(void)
@@ -65,6 +73,45 @@ static inline bool bell_is_due(const struct bell *bell, uint64_t *rung, uint64_t
         return false;
     *rung = generation;
     return true;
+}
+
+/* How a process has rung another one. Start with zeroes. */
+struct knocks {
+    uint64_t rung;  /* for this sleep */
+    const void *by; /* so far by this ring alone; NULL: by several, or for anything */
+};
+
+static inline uint64_t knock_for(uint64_t slot) { return KNOCK_ONE | slot * KNOCK_SLOT; }
+
+/* The slot for which alone was knocked, by the count of the doorbell; UINT64_MAX: by none, by several or for anything. */
+static inline uint64_t knock_slot(uint64_t count)
+{
+    if (count / KNOCK_ONE != 1 || count % KNOCK_SLOT != 0)
+        return UINT64_MAX;
+    return count / KNOCK_SLOT % (KNOCK_ONE / KNOCK_SLOT);
+}
+
+/* Waker of an arrival bell, after bell_fence(): what to add to the doorbell now, `knock` at the first time in this
+ * sleep; 0: nothing. Where two rings of this process have something, the sleeper must look at all. */
+static inline uint64_t bell_knock(const struct bell *bell, struct knocks *knocks, const void *by, uint64_t knock)
+{
+    /* PAIR(sleep): the fence before it orders it after what was made visible. One load: with a second one, that would
+     * see a newer sleep, this could take for rung what the sleeper does not look at. */
+    const uint64_t generation = atomic_load_explicit(&bell->generation, memory_order_acquire);
+    if ((generation & 1) == 0)
+        return 0;
+    if (generation != knocks->rung) {
+        knocks->rung = generation;
+        knocks->by = knock == KNOCK_ANY ? NULL : by;
+        return knock;
+    }
+#ifdef BROKEN_ONE_KNOCK
+    return 0;
+#endif
+    if (knocks->by == NULL || knocks->by == by)
+        return 0;
+    knocks->by = NULL;
+    return KNOCK_ANY;
 }
 
 #endif
