@@ -4,6 +4,7 @@ import mmap
 import os
 from contextlib import suppress
 from fcntl import F_ADD_SEALS, fcntl
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -79,6 +80,7 @@ def reader(data: bytes) -> None:
     bell = core().Bell(segments.map_readers(segment), doorbell.number)
     there: list[HostileRing] = []
     held: list[Any] = []
+    taker.prepare(held.append, _hold, held.append, ())
     while script:
         act, source = script.byte() % 12, script.byte() % 4
         match act:
@@ -109,7 +111,13 @@ def reader(data: bytes) -> None:
             case 7:
                 held += taker.take(1 + script.byte() % 8, _decode)
             case 8:
-                readers.sleep() if source & 1 else readers.wake()
+                looks = (
+                    readers.wake,
+                    readers.sleep,
+                    partial(readers.deliver, True),
+                    partial(readers.look, 0),
+                )
+                looks[source]()
             case 9:
                 taker.finish(source)
             case 10:
