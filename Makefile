@@ -9,6 +9,8 @@ export BUS_NATIVE
 STAMP  := $(VENV)/.busd-$(BUS_NATIVE)
 TOOLS  := $(STAMP) $(VENV)/.tools
 BENCH_STAMP := $(VENV)/.bench
+ROS_VENV := .venv-ros
+ROS_STAMP := $(ROS_VENV)/.peers
 FUZZ_STAMP := $(VENV)/.fuzz
 SOAK_STAMP := $(VENV)/.soak
 RELEASE_STAMP := $(VENV)/.release
@@ -109,10 +111,10 @@ fmt: $(TOOLS) ## format the sources
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-bench-quick: $(BENCH_STAMP) ## latency, throughput, fan-out, cost, start ... beside rivals, about two minutes
+bench-quick: $(BENCH_STAMP) $(ROS_STAMP) ## latency, throughput, fan-out, cost, start ... beside rivals, about two minutes
 	$(BIN)/python -m benchmarks --quick
 
-bench: $(BENCH_STAMP) ## the same, longer: about 20 minutes
+bench: $(BENCH_STAMP) $(ROS_STAMP) ## the same, longer: about 25 minutes
 	$(BIN)/python -m benchmarks
 
 chaos: $(TOOLS) ## kill, stop, cut off and starve the processes of a bus, and see what holds (SECONDS=60 SEED=7)
@@ -135,6 +137,17 @@ bench-report: $(BENCH_STAMP) ## the report, its pictures and the README's table 
 	$(if $(RESULT),,$(error say of which: make bench-report RESULT=benchmarks/results/....json))
 	$(BIN)/python -m benchmarks.write $(RESULT)
 
+peers: $(ROS_STAMP) ## ROS 2's own rclpy into .venv-ros, to measure beside busd's: half a minute, 250 MB, x86_64
+
+# Its modules have the names of busd's facade, so it is kept apart. Where it can't be had, its rows say so.
+$(ROS_STAMP): benchmarks/peers.txt | $(TOOLS)
+	@echo "installing ROS 2's rclpy into $(ROS_VENV): half a minute, 250 MB"
+	@mkdir -p $(ROS_VENV)
+	@{ $(BIN)/python -m venv $(ROS_VENV) \
+			&& $(ROS_VENV)/bin/python -m pip install -qq --disable-pip-version-check --requirement $<; } \
+		|| echo "rclpy can't be installed (there are packages for x86_64 and Python 3.10 to 3.14 only): its rows say so"
+	@touch $@
+
 # What is measured beside busd. Where it can't be had, its rows say so, and the rest is measured.
 $(BENCH_STAMP): $(TOOLS) $(wildcard benchmarks/floors/*.c benchmarks/floors/Makefile)
 	@rm -f $@
@@ -155,7 +168,7 @@ $(RELEASE_STAMP): pyproject.toml | $(TOOLS)
 	@touch $@
 
 clean: ## remove what the other targets made
-	rm -rf $(VENV) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
+	rm -rf $(VENV) $(ROS_VENV) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test native arm lint sanitize fuzz api types fmt bench-quick bench chaos soak bench-compare bench-report wheels test-pythons clean
+.PHONY: help setup demo robot test native arm lint sanitize fuzz api types fmt bench-quick bench peers chaos soak bench-compare bench-report wheels test-pythons clean

@@ -18,7 +18,9 @@ from benchmarks.systems import (
     FLOORS,
     PIPE,
     PYZMQ_BLOCKING,
+    RCLPY,
     RIVALS,
+    ROS,
 )
 from benchmarks.versus import against, against_best
 from benchmarks.work import Work
@@ -54,7 +56,7 @@ def run(plan: Plan) -> Section:
             replace(work, take_by=system.takes_by, gives_turns=system.gives_turns),
             rounds=plan.rounds(is_essential=system.name in ESSENTIAL),
         )
-        for system in (BUS, BUS_BLOCKING, BUS_SOCKET, *FLOORS, *RIVALS, ECAL_SHIPPED)
+        for system in (BUS, BUS_BLOCKING, BUS_SOCKET, *FLOORS, *RIVALS, ECAL_SHIPPED, RCLPY)
     ]
     outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
     text = bytes_text(_SIZE)
@@ -69,6 +71,9 @@ def run(plan: Plan) -> Section:
     )
     comparisons += against_best(outcomes, socket, brokered, "cpu", what="CPU")
     comparisons += against(outcomes, ours, f"{text}, {FLOOR.name}", "cpu", what="CPU")
+    comparisons += against(
+        outcomes, f"{text}, {RCLPY.name}", f"{text}, {ROS.name}", "cpu", at_most=1.0, what="CPU"
+    )
     rows = [Row.of(outcomes[case.name]) for case in cases]
     title = f"CPU time and memory: String of {text} at {_RATE:,.0f}/s"
     return Section(NAME, title, _COLUMNS, rows, comparisons, _NOTES, "size in B")

@@ -1,4 +1,5 @@
-"""The facade of rclpy beside the asyncio API: latency, CPU time and throughput of the same work, in turns.
+"""The facade of rclpy beside the asyncio API, and beside ROS 2's own rclpy, in turns: latency, CPU time and
+throughput of the same work.
 
 Both are programs of their kind: a timer publishes and a callback takes, in `rclpy.spin` or on the event loop.
 Floods are also taken by an executor of two threads, beside the one that all programs have who name none.
@@ -13,7 +14,7 @@ from benchmarks.figures import ratios
 from benchmarks.harness import START_S, Failure, Group
 from benchmarks.plan import Plan
 from benchmarks.report import Column, Row, Section, compare
-from benchmarks.systems import BUS, RCLPY, RCLPY_THREADS, System
+from benchmarks.systems import BUS, RCLPY, RCLPY_THREADS, ROS, System
 from benchmarks.work import Work
 
 NAME = "facade"
@@ -21,19 +22,23 @@ _SIZE = 64
 _RATE = 2500.0
 _LIMIT_S = 60.0
 _RCLPY, _ASYNCIO, _THREADS = "rclpy", "asyncio", "two threads"
-_SYSTEMS = {_RCLPY: RCLPY, _ASYNCIO: BUS, _THREADS: RCLPY_THREADS}
-_BOTH = (_RCLPY, _ASYNCIO)
+_GENUINE = ROS.name
+_SYSTEMS = {_RCLPY: RCLPY, _ASYNCIO: BUS, _THREADS: RCLPY_THREADS, _GENUINE: ROS}
+_BOTH, _SAME = (_RCLPY, _ASYNCIO), (_RCLPY, _GENUINE)
 _PACED, _FLOOD, _LOSSY = f"{_RATE:,.0f}/s", "lossless", "default QoS"
 _GOALS = [
     # what, which of which, figure, at most, at least
     (_PACED, _BOTH, "p50", 1.5, None),
     (_PACED, _BOTH, "p99", None, None),
     (_PACED, _BOTH, "cpu", None, None),
+    (_PACED, _SAME, "p50", 1.0, None),
+    (_PACED, _SAME, "cpu", 1.0, None),
     (_FLOOD, _BOTH, "per_s", None, 1 / 3),
     (_FLOOD, (_THREADS, _RCLPY), "per_s", None, 1 / 4),
     (_LOSSY, _BOTH, "per_s", None, None),
     (_LOSSY, _BOTH, "published_per_s", None, None),
     (_LOSSY, (_THREADS, _RCLPY), "per_s", None, 1 / 4),
+    (_LOSSY, _SAME, "per_s", None, 1.0),
 ]
 _COLUMNS = [
     Column("p50", "µs: p50", "lower"),
@@ -51,6 +56,7 @@ _NOTES = [
     "inside the subscription's",
     f"{_FLOOD}: reliable + keep all, every run checked; {_LOSSY}: reliable, keep last 10, and the publisher "
     "does not wait, so what is not taken in time is replaced",
+    f"{_GENUINE}: the same program on ROS 2 Jazzy as shipped; rclpy: on busd, by `bus run`",
     "two threads: a MultiThreadedExecutor(2) takes, and the callback's group is mutually exclusive",
 ]
 
@@ -75,13 +81,13 @@ def run(plan: Plan) -> Section:
         (_LOSSY, lossy, measure_lossy),
     ):
         for name, system in _SYSTEMS.items():
-            if what == _PACED and name == _THREADS:
+            if (what, name) in ((_PACED, _THREADS), (_FLOOD, _GENUINE)):  # the latter is in throughput
                 continue
             series = f"{what}, {name}"
             measured = partial(measure, system, work)
             if what == _FLOOD:
                 measured = throughput.Lasting(partial(measure, system), work, throughput.least_s(plan))
-            rounds = plan.rounds(is_essential=what != _LOSSY)
+            rounds = plan.rounds(is_essential=what != _LOSSY and system is not ROS)
             cases.append(Case(series, measured, system.missing(), series, _SIZE, rounds))
     outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
     comparisons = []

@@ -26,11 +26,13 @@ from benchmarks.systems import (
     NATS,
     PYZMQ,
     PYZMQ_PROXY,
+    RCLPY,
     RIVALS,
+    ROS,
     System,
 )
 from benchmarks.throughput import Lasting, flood_s, least_s
-from benchmarks.versus import against_best
+from benchmarks.versus import against, against_best
 from benchmarks.work import Work
 
 NAME = "fanout"
@@ -69,6 +71,8 @@ def run(plan: Plan) -> Section:
     """Measure every system that fans out, and busd without waiting."""
     rivals = _QUICK_RIVALS if plan.quick else RIVALS
     systems = [BUS, BUS_SOCKET, *(system for system in rivals if system.fans_out)]
+    if not plan.quick:
+        systems.append(RCLPY)
     numbers = _QUICK_NUMBERS if plan.quick else _NUMBERS
     cases = [
         _case(plan, system, number)
@@ -106,6 +110,9 @@ def comparisons(outcomes: Mapping[str, Outcome], systems: list[System]) -> list[
                 found += against_best(
                     paced, ours, theirs, f"last_{key}", at_most=1.0, what=f"time to the last{what}, {key}"
                 )
+    facade, genuine = name_of(RCLPY, _SLOW_NUMBER), name_of(ROS, _SLOW_NUMBER)
+    for key, least, most in (("deliveries_per_s", 1.0, None), ("last_p50", None, 1.0)):
+        found += against(outcomes, facade, genuine, key, at_least=least, at_most=most)
     ours = name_of(BUS, 8)
     if ours in outcomes:
         values = [one["deliveries_per_s"] for one in outcomes[ours].repetitions]

@@ -35,6 +35,8 @@ from benchmarks.systems import (
     PYZMQ_PROXY,
     RCLPY,
     RIVALS,
+    ROS,
+    ROS_LARGE,
     TUNED,
     TWO_HOPS,
     ZENOH,
@@ -99,6 +101,8 @@ _NOTES = [
     "end; the blocking API is compared with those",
     f"{TUNED}: MALLOC_* in the environment of all processes, of busd's too, has glibc keep the memory of "
     "long messages; busd asks for that by itself, and where nobody does each message costs page faults",
+    "busd, rclpy, and rclpy, Fast DDS: one program, on busd's facade by `bus run`, and on ROS 2 Jazzy as "
+    "shipped; large segment: Fast DDS is told to use 64 MiB of shared memory",
     "eclipse-ecal, as shipped: its processes look for each other each second, not ten times as often",
     "loaned and viewed, and in place: copied once, into shared memory, and only looked at there; bytes: "
     "copied in and out, and nothing is decoded",
@@ -147,6 +151,8 @@ def _more(plan: Plan, work: Work) -> list[Case]:
     cases = []
     if work.size in _BY_FACADE:
         cases.append(case(RCLPY.name, RCLPY))
+    if work.size in _LARGE:
+        cases.append(case(ROS_LARGE.name, ROS_LARGE))
     if work.size == _AS_BYTES:
         cases.append(case(_COPIED, BUS_BYTES))
         cases.append(case(f"{BUS_SOCKET.name}, bytes", BUS_SOCKET_BYTES))
@@ -192,6 +198,9 @@ def _compare(outcomes: Mapping[str, Outcome], size: int) -> list[Comparison]:
         for ours, theirs in ((BUS, rivals), (BUS_SOCKET, brokered), (BUS_BLOCKING, plain)):
             same = [f"{rival}, {TUNED}" for rival in theirs]
             found += against_best(outcomes, f"{text}, {tuned(ours).name}", same, key, at_most=1.0)
+    for genuine in (ROS, ROS_LARGE):
+        theirs_name = f"{text}, {genuine.name}"
+        found += against(outcomes, f"{text}, {RCLPY.name}", theirs_name, "p50", at_most=1.0)
     for where in (_ON_ONE, _ON_TWO):
         placed = [f"{text}, {rival.name}, {where}" for rival in _PLACED if rival.kind == "direct"]
         found += against_best(outcomes, f"{text}, {BUS.name}, {where}", placed, "p50", at_most=1.0)

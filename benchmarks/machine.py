@@ -6,13 +6,15 @@ import re
 import shutil
 import subprocess
 import textwrap
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, distributions, version
 from pathlib import Path
 
 import msgspec
 
 ROOT = Path(__file__).resolve().parent.parent
 
+ROS_VENV = ROOT / ".venv-ros"
+"""Where `make peers` puts ROS 2's rclpy, whose modules are named as those of busd's facade."""
 _PACKAGES = (
     "busd",
     "msgspec",
@@ -82,7 +84,7 @@ def look_at_machine() -> Machine:
         memory_gib=round(pages / 2**30, 1),
         kernel=f"{platform.system()} {platform.release()}",
         python=f"{platform.python_implementation()} {platform.python_version()}",
-        packages={name: _version(name) for name in _PACKAGES},
+        packages={name: _version(name) for name in _PACKAGES} | {"rclpy": _ros_version()},
         commit=_commit(),
         load=os.getloadavg()[0],
         servers={name: _server_version(name) for name in _SERVERS},
@@ -111,6 +113,11 @@ def _version(package: str) -> str:
         return version(package)
     except PackageNotFoundError:
         return "from source" if package == "busd" else "missing"
+
+
+def _ros_version() -> str:
+    site = [str(path) for path in ROS_VENV.glob("lib/python*/site-packages")]
+    return next((one.version for one in distributions(name="ros-rclpy", path=site)), "missing")
 
 
 def path_of(program: str) -> str:

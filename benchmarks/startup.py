@@ -20,6 +20,7 @@ from time import monotonic_ns
 
 import msgspec
 
+from benchmarks import ros
 from benchmarks.adapters.talkers import TALKERS
 from benchmarks.cases import Case, Figures, interleave
 from benchmarks.figures import ratios
@@ -34,11 +35,13 @@ from benchmarks.systems import (
     NATS,
     PYZMQ,
     PYZMQ_PROXY,
+    RCLPY,
     REDIS,
     RIVALS,
+    ROS,
     System,
 )
-from benchmarks.versus import against_best
+from benchmarks.versus import against, against_best
 from benchmarks.work import AT_ONCE, Work
 
 NAME = "startup"
@@ -91,7 +94,8 @@ rclpy.spin(MinimalPublisher())
 _RUN = [sys.executable, "-m", "bus.cli", "run"]
 _PYTHON_SCRIPT, _RUN_SCRIPT = f"python: {_EMPTY}", f"bus run: {_EMPTY}"
 _RCLPY_FIRST = "first message, the lesson's talker by bus run"
-_COLUMNS = [Column("ms", "ms", "lower")]
+_INSTALLED, _ROS_INSTALLED = "installed, busd", f"installed, {ROS.name}"
+_COLUMNS = [Column("ms", "ms", "lower"), Column("mib", "MiB", "lower"), Column("packages", "packages")]
 _QUICK_RIVALS = (PYZMQ, PYZMQ_PROXY, NATS)
 _NOTES = [
     "first message: from the start of the talker's process to the message in the hands of another process, "
@@ -99,6 +103,7 @@ _NOTES = [
     "user would write, and imports nothing of the harness",
     "no busd yet: one process with both ends, which starts busd in the background",
     "libraries: what asyncio and the packages that busd is built on cost by themselves",
+    "installed: all packages that an installation brings, without compiled Python files",
     "the lesson's talker: as printed there, but with a period of 1 ms and not 500, and one message",
 ]
 
@@ -119,13 +124,15 @@ def run(plan: Plan) -> Section:
         cases.append(Case(f"bus run: {name}", measure))
     rivals = _QUICK_RIVALS if plan.quick else RIVALS
     systems = [BUS, BUS_SOCKET, *(system for system in rivals if system.fans_out)]
-    for system in systems if plan.quick else [*systems, ECAL_SHIPPED]:
+    for system in systems if plan.quick else [*systems, ECAL_SHIPPED, RCLPY]:
         measure = partial(measure_first_message, system)
         cases.append(Case(_first(system), measure, system.missing(), system.name))
     measure = partial(measure_first_message, PYZMQ, "zeromq_asyncio")
     cases.append(Case(_ZMQ_ASYNCIO, measure, PYZMQ.missing(), "pyzmq, zmq.asyncio"))
     cases.append(Case(_RCLPY_FIRST, measure_first_by_rclpy))
     cases.append(Case(_ALONE, measure_with_autostart))
+    cases.append(Case(_INSTALLED, ros.busd_installed, rounds=1))
+    cases.append(Case(_ROS_INSTALLED, ros.installed, ros.missing(), rounds=1))
     repetitions = plan.repetitions
     with _compiling():
         interleave(cases, 1)  # so that all is compiled
@@ -138,7 +145,10 @@ def run(plan: Plan) -> Section:
         (_first(BUS), _LIBRARIES),
         (_RCLPY_FIRST, _PASS),
         (_RCLPY_FIRST, _first(BUS)),
+        (_first(RCLPY), _first(ROS)),
     ]:
+        if name not in outcomes or floor not in outcomes:
+            continue
         values = ratios(outcomes[name].repetitions, outcomes[floor].repetitions, "ms")
         comparisons += compare(f"{name} / {floor}", values)
     for what, theirs, goal in (
@@ -149,6 +159,7 @@ def run(plan: Plan) -> Section:
     ):
         what = f"of those {what}"
         comparisons += against_best(outcomes, _first(BUS), theirs, "ms", at_most=goal, what=what)
+    comparisons += against(outcomes, _INSTALLED, _ROS_INSTALLED, "mib", at_most=1.0)
     rows = [Row.of(outcomes[case.name]) for case in cases]
     return Section(NAME, "Start: from nothing to something", _COLUMNS, rows, comparisons, _NOTES)
 
@@ -191,7 +202,7 @@ def measure_first_message(system: System, talker: str = "") -> Figures:
         listener = system.start_role(group, "subscriber", work)
         begin_ns = monotonic_ns()
         if talker or name in TALKERS:
-            group.start("talker", sys.executable, "-m", _TALKERS, name, ends=True)
+            group.start("talker", *system.runner, "-m", _TALKERS, name, ends=True)
         else:
             system.launch(group, "publisher", work)
         group.expect(listener, "complete", within_s=_LIMIT_S)

@@ -1,5 +1,6 @@
 """Which systems there are, as the parent starts them. What their processes do is in benchmarks.adapters."""
 
+import sys
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from types import MappingProxyType
@@ -7,6 +8,7 @@ from typing import Literal, NamedTuple
 
 import msgspec
 
+from benchmarks import ros
 from benchmarks.adapters.floor_c import PROGRAM, WAY
 from benchmarks.harness import START_S, Child, Failure, Group
 from benchmarks.machine import path_of
@@ -45,7 +47,8 @@ class System(NamedTuple):
     a flood it can't be lossless. `fans_out`: to many subscribers, not one to one only. `takes_by`: the
     `Work.take_by` by which it waits for events. `floods`: it can do more than paced messages. `largest`: no
     larger messages, in bytes. `gives_turns`: its publisher needs an event loop, that wants its turns.
-    `publisher`: the module of its publisher, where that is another than its subscriber's.
+    `publisher`: the module of its publisher, where that is another than its subscriber's. `runner`: what
+    runs its modules.
     """
 
     name: str
@@ -62,6 +65,7 @@ class System(NamedTuple):
     largest: int = 4 << 20
     gives_turns: bool = True
     publisher: str = ""
+    runner: tuple[str, ...] = (sys.executable,)
     guess: Speed = Speed()
 
     def start_servers(self, group: Group) -> list[Child]:
@@ -77,7 +81,8 @@ class System(NamedTuple):
     def launch(self, group: Group, role: str, work: msgspec.Struct, *, name: str = "") -> Child:
         """Start one and don't wait for it."""
         module = self.publisher or self.module if role == "publisher" else self.module
-        return group.start_python(name or role, "-m", module, role, msgspec.json.encode(work).decode())
+        arguments = (module, role, msgspec.json.encode(work).decode())
+        return group.start(name or role, *self.runner, "-m", *arguments)
 
     def start_fan(self, group: Group, work: msgspec.Struct, number: int) -> tuple[Child, list[Child]]:
         """Start so many subscribers side by side, and then the publisher, which comes first."""
@@ -113,6 +118,16 @@ def _serve_relay(group: Group, module: str) -> list[Child]:
     relay = group.start_python("relay", "-m", module, "relay", "{}")
     group.expect(relay, "ready", within_s=START_S)
     return [relay]
+
+
+def _serve_ros(group: Group, module: str) -> list[Child]:
+    group.environ.update(ros.environ(group.folder))
+    return []
+
+
+def _serve_ros_large(group: Group, module: str) -> list[Child]:
+    group.environ.update(ros.with_large_segment(group.folder))
+    return _serve_ros(group, module)
 
 
 def _needs(package: str, *, server: str = "") -> Callable[[], str]:
@@ -184,8 +199,15 @@ BUS_PLAIN, BUS_SOCKET_PLAIN = (
     system._replace(publisher=BUS_BLOCKING.module, gives_turns=False) for system in (BUS, BUS_SOCKET)
 )
 """With a publisher that is a plain program, as those of most rivals are: it sends, and then it sleeps."""
-RCLPY = BUS._replace(name="rclpy", module="benchmarks.adapters.rclpy_string", guess=Speed(700_000, 1e9))
-RCLPY_THREADS = RCLPY._replace(name="rclpy, threads", environ=MappingProxyType({"BENCH_THREADS": "2"}))
+RCLPY = BUS._replace(
+    name="busd, rclpy",
+    module="benchmarks.adapters.rclpy_string",
+    gives_turns=False,
+    runner=(sys.executable, "-m", "bus.cli", "run", "--force"),
+    guess=Speed(700_000, 1e9),
+)
+"""busd's facade, with the program that `ROS` runs."""
+RCLPY_THREADS = RCLPY._replace(name="busd, rclpy, threads", environ=MappingProxyType({"BENCH_THREADS": "2"}))
 
 FLOOR = System(
     "barest Python program",
@@ -293,9 +315,22 @@ CYCLONE = System(
     gives_turns=False,
     guess=Speed(45_000, 400e6),
 )
+ROS = System(
+    "rclpy, Fast DDS",
+    RCLPY.module,
+    _serve_ros,
+    ros.missing,
+    environ=MappingProxyType({"BENCH_DEEP": "1"}),
+    gives_turns=False,
+    runner=(str(ros.PYTHON),),
+    guess=Speed(6_000, 200e6),
+)
+"""ROS 2's own rclpy, as shipped."""
+ROS_LARGE = ROS._replace(name=f"{ROS.name}, large segment", serve=_serve_ros_large)
+"""The same, told to use shared memory that is large enough for long messages."""
 
 FLOORS = (FLOOR, TWO_HOPS, C_FLOOR, C_SOCKET)
-RIVALS = (PIPE, QUEUE, PYZMQ, PYZMQ_BLOCKING, PYZMQ_PROXY, NATS, REDIS, ICEORYX, ZENOH, ECAL, CYCLONE)
+RIVALS = (PIPE, QUEUE, PYZMQ, PYZMQ_BLOCKING, PYZMQ_PROXY, NATS, REDIS, ICEORYX, ZENOH, ECAL, CYCLONE, ROS)
 SYSTEMS = (BUS, BUS_BLOCKING, BUS_SOCKET, *FLOORS, *RIVALS)
 
 ESSENTIAL = frozenset(

@@ -29,6 +29,8 @@ from benchmarks.systems import (
     PYZMQ_PROXY,
     RCLPY,
     RIVALS,
+    ROS,
+    ROS_LARGE,
     TUNED,
     ZENOH,
     Speed,
@@ -58,6 +60,7 @@ _POLLING, _ICEORYX_POLLING = (f"{system.name}, busy polling" for system in (BUS,
 _BUSY_POLL_S = 0.002
 _TUNED_AT = 1 << 20
 _TUNED = (BUS, BUS_SOCKET, PIPE, PYZMQ, PYZMQ_PROXY, ICEORYX, ZENOH)
+_BY_FACADE = (_SMALL, 1 << 20)
 _POLLED = (_SMALL, 64 * _KiB, 1 << 20)
 _SEVERAL = {
     _SMALL: (BUS, BUS_SOCKET, PYZMQ, PYZMQ_PROXY, ICEORYX),
@@ -93,7 +96,7 @@ _NOTES = [
     "the C programs hand over bytes, and make no str of them",
     "best rival: the one with the best median of those that lost nothing; who polls is compared with who "
     "polls, who waits for events with who does",
-    f"{TUNED}: as for latency",
+    f"{TUNED}, and busd, rclpy, and rclpy, Fast DDS: as for latency",
 ]
 
 
@@ -178,9 +181,12 @@ def _cases(plan: Plan, size: int) -> list[Case]:
         ways.append((_POLLING, BUS, {"busy_poll_s": _BUSY_POLL_S}))
         ways.append((_ICEORYX_POLLING, ICEORYX, {"take_by": "polling"}))
     if size == _SMALL and not plan.quick:
-        ways.append((RCLPY.name, RCLPY, {}))
         ways.append((f"{BUS.name}, async for", BUS, {"take_by": "async for"}))
         ways.append((f"{BUS.name}, send", BUS, {"publish_by": "send"}))
+    if size in _BY_FACADE and not plan.quick:
+        ways.append((RCLPY.name, RCLPY, {}))
+    if size == _BY_FACADE[-1] and not plan.quick:
+        ways.append((ROS_LARGE.name, ROS_LARGE, {}))
     for series, system, way in ways:
         is_essential = system.name.removesuffix(f", {TUNED}") in several
         rounds = plan.rounds(is_essential=is_essential)
@@ -213,6 +219,9 @@ def _compare(outcomes: Mapping[str, Outcome], size: int) -> list[Comparison]:
         at_least=1.0,
         what="messages/s",
     )
+    for genuine in (ROS, ROS_LARGE):
+        facade, theirs_name = f"{text}, {RCLPY.name}", f"{text}, {genuine.name}"
+        found += against(outcomes, facade, theirs_name, "per_s", at_least=1.0, what="messages/s")
     alone = outcomes[f"{text}, {_CODEC_NAME}"].repetitions
     for name in (ours, socket):
         values = ratios(outcomes[name].repetitions, alone, "per_s")

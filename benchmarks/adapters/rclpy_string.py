@@ -1,10 +1,15 @@
-"""busd's facade of rclpy with std_msgs/String, as programs written for rclpy do it: with `rclpy.spin`, and
-messages that are made empty and then filled.
+"""A program of rclpy with std_msgs/String: `rclpy.spin`, and messages that are made empty and then filled.
 
-A paced publisher publishes in a timer's callback; one that floods publishes in a loop, without spinning. With
-$BENCH_THREADS, callbacks come in so many threads.
+It knows nothing of busd: `bus run` runs it on busd's facade, and the Python that has ROS 2 on that.
+
+A paced publisher keeps to the schedule of all others and sleeps in between, or (`publish_by` "timer") has a
+timer, whose callback publishes, as rclpy's programs do; one that floods publishes in a loop, without
+spinning. With $BENCH_THREADS, callbacks come in so many threads. With $BENCH_DEEP, a flood of small messages
+is no longer than the history is deep, and so loses nothing: "keep all" of Fast DDS ends at 5,000 messages,
+after which the publisher raises RCLError, and the subscriber waits seconds for what is sent again.
 """
 
+import asyncio
 import os
 import signal
 import sys
@@ -14,19 +19,20 @@ from time import monotonic_ns
 from typing import Any
 
 import msgspec
+import rclpy
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import HistoryPolicy, QoSProfile
+from std_msgs.msg import String
 
 from benchmarks.adapters.roles import LAST, Stamps, stamped
-from benchmarks.work import TOPIC, Work, text_of
+from benchmarks.work import TOPIC, Work, pace, text_of
 from benchmarks.worker import LIFE_S, options, tell
-from bus import rclpy
-from bus.rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
-from bus.rclpy.node import Node
-from bus.rclpy.qos import HistoryPolicy, QoSProfile
-from bus.rosidl import message_class
 
-String: Any = message_class("std_msgs/msg/String")
 _MATCH_S = 0.01
 _LARGE = 1 << 16
+TIMER = "timer"
+"""The way (`Work.publish_by`) to publish in a timer's callback."""
 
 
 class _Done(Exception):
@@ -59,6 +65,8 @@ class _Parent:
 def _qos(work: Work) -> QoSProfile:
     if work.publish_by == LAST:
         return QoSProfile(depth=10)
+    if not work.rate and work.size < _LARGE and os.environ.get("BENCH_DEEP"):
+        return QoSProfile(depth=work.total)
     if not work.rate or work.size >= _LARGE:
         return QoSProfile(history=HistoryPolicy.KEEP_ALL)
     return QoSProfile(depth=1000)
@@ -75,12 +83,15 @@ def _spin(node: Node) -> None:
 
 def publisher(parent: _Parent, node: Node, work: Work) -> None:
     pub = node.create_publisher(String, TOPIC, _qos(work))
-    while not pub.get_subscription_count():
+    while pub.get_subscription_count() < work.subscribers:
         rclpy.spin_once(node, timeout_sec=_MATCH_S)
-    tell("ready", route=pub.native.matches[0].route)  # of which rclpy has no notion
+    tell("ready", **_route_of(pub))
     if work.rate:
         parent.wait_for("go")
-        _publish_paced(node, pub, work)
+        if work.publish_by == TIMER:
+            _publish_by_timer(node, pub, work)
+        else:
+            asyncio.run(pace(lambda text: _publish(pub, text), work))
     elif work.publish_by == LAST:
         parent.wait_for("go")
         begin_ns = monotonic_ns()
@@ -97,22 +108,31 @@ def publisher(parent: _Parent, node: Node, work: Work) -> None:
     _spin(node)
 
 
+def _publish(pub: Any, text: str) -> None:
+    message = String()
+    message.data = text
+    pub.publish(message)
+
+
 def _flood(pub: Any, text: str, count: int) -> None:
     publish = pub.publish
     for _ in range(count):
         message = String()
         message.data = text
-        publish(message)
+        while True:
+            try:
+                publish(message)
+                break
+            except RuntimeError:  # ROS 2's, where for 100 ms there was no room
+                pass
 
 
-def _publish_paced(node: Node, pub: Any, work: Work) -> None:
+def _publish_by_timer(node: Node, pub: Any, work: Work) -> None:
     left = work.total
 
     def publish() -> None:
         nonlocal left
-        message = String()
-        message.data = stamped(work)
-        pub.publish(message)
+        _publish(pub, stamped(work))
         left -= 1
         if not left:
             timer.cancel()
@@ -142,7 +162,7 @@ def _take_paced(parent: _Parent, node: Node, work: Work) -> None:
     _spin(node)
     tell("complete")
     parent.wait_for("report")
-    tell("received", **msgspec.to_builtins(stamps.arrivals()))
+    tell("received", at_ns=stamps.last_ns, **msgspec.to_builtins(stamps.arrivals()))
 
 
 def _take_flood(node: Node, work: Work) -> None:
@@ -160,8 +180,7 @@ def _take_flood(node: Node, work: Work) -> None:
     tell("ready")
     _spin(node)
     end_ns = monotonic_ns()
-    dropped = sub.native.statistics().dropped  # rclpy does not count them
-    tell("received", end_ns=end_ns, count=count, dropped=dropped)
+    tell("received", end_ns=end_ns, count=count, dropped=_dropped_by(sub))
 
 
 def _take_to_the_last(node: Node, work: Work) -> None:
@@ -177,6 +196,18 @@ def _take_to_the_last(node: Node, work: Work) -> None:
     tell("ready")
     _spin(node)
     tell("received", end_ns=monotonic_ns(), count=count)
+
+
+# What busd's facade can be asked beyond rclpy.
+
+
+def _route_of(pub: Any) -> dict[str, str]:
+    return {"route": pub.native.matches[0].route} if hasattr(pub, "native") else {}
+
+
+def _dropped_by(sub: Any) -> dict[str, int]:
+    dropped: dict[str, int] = sub.native.statistics().dropped if hasattr(sub, "native") else {}
+    return dropped
 
 
 def _main() -> None:

@@ -112,7 +112,12 @@ class Stamps:
         """Say that all came, and on request when. Between the two the parent reads clocks."""
         parent.tell("complete")
         await parent.wait_for("report")
-        parent.tell("received", at_ns=self._arrived_ns[-1], **msgspec.to_builtins(self.arrivals()))
+        parent.tell("received", at_ns=self.last_ns, **msgspec.to_builtins(self.arrivals()))
+
+    @property
+    def last_ns(self) -> int:
+        """When the newest came."""
+        return self._arrived_ns[-1]
 
     def arrivals(self) -> Arrivals:
         """What the stamps say of the way."""

@@ -37,6 +37,21 @@ def bus_string() -> None:
     bus.run(talk())
 
 
+def rclpy_string() -> None:
+    """rclpy: busd's facade by `bus run`, or ROS 2's own."""
+    import rclpy
+    from std_msgs.msg import String
+
+    rclpy.init()
+    node = rclpy.create_node("bench_talker")
+    publisher = node.create_publisher(String, TOPIC, 10)
+    while not publisher.get_subscription_count():
+        rclpy.spin_once(node, timeout_sec=0.01)
+    publisher.publish(String(data=text()))
+    publisher.wait_for_all_acked()
+    rclpy.shutdown()
+
+
 def zeromq() -> None:
     """pyzmq, directly."""
     _talk_by_zmq(_subscriber_of_zmq())
@@ -210,6 +225,7 @@ TALKERS: dict[str, Callable[[], None]] = {
     talk.__name__: talk
     for talk in (
         bus_string,
+        rclpy_string,
         zeromq,
         zeromq_asyncio,
         zeromq_proxy,

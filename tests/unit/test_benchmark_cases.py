@@ -21,6 +21,7 @@ from benchmarks.systems import (
     PIPE,
     PYZMQ,
     PYZMQ_BLOCKING,
+    RCLPY,
     RIVALS,
     SYSTEMS,
     TUNED,
@@ -175,7 +176,7 @@ def test_plain_programs_give_no_turns_where_cpu_time_is_counted(measured: list[t
 
 
 def by_name(name: str) -> System:
-    return next(system for system in (*SYSTEMS, ECAL_SHIPPED) if system.name == name)
+    return next(system for system in (*SYSTEMS, ECAL_SHIPPED, RCLPY) if system.name == name)
 
 
 def test_long_messages_are_measured_as_they_come_and_with_malloc_set_alike(

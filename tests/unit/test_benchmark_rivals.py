@@ -8,7 +8,7 @@ import pytest
 from benchmarks import machine, paced, servers, systems, throughput
 from benchmarks.adapters import roles
 from benchmarks.harness import START_S, Child, Failure, Group
-from benchmarks.systems import NATS, PIPE, PYZMQ, PYZMQ_PROXY, QUEUE, REDIS, RIVALS, System
+from benchmarks.systems import NATS, PIPE, PYZMQ, PYZMQ_PROXY, QUEUE, REDIS, RIVALS, ROS, System
 from benchmarks.work import AT_ONCE, Work
 
 LARGEST = 4 << 20
@@ -158,7 +158,7 @@ def test_servers_leave_nothing_behind() -> None:
         assert not group.folder.exists()
 
 
-@pytest.mark.parametrize("system", [system for system in RIVALS if system not in (PIPE, QUEUE)], ids=_name)
+@pytest.mark.parametrize("system", [one for one in RIVALS if one not in (PIPE, QUEUE, ROS)], ids=_name)
 def test_a_rival_whose_package_is_not_there_is_missing(
     system: System, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,0 +1,107 @@
+"""ROS 2's own rclpy, which is in a virtual environment of its own (`make peers`): where, and how it is set.
+
+Also how much what was installed takes, of it and of busd.
+"""
+
+import re
+from collections.abc import Iterable, Mapping
+from importlib.metadata import Distribution, distributions, files
+from pathlib import Path
+from zlib import crc32
+
+from benchmarks.machine import ROOT, ROS_VENV
+
+PYTHON = ROS_VENV / "bin" / "python"
+PACKAGES = ("ros-jazzy-rclpy", "ros-jazzy-std-msgs", "ros-jazzy-sensor-msgs", "ros-jazzy-rmw-fastrtps-cpp")
+"""What its users install; the rest comes with it."""
+_DOMAINS = 100
+_LARGE_SEGMENT = """<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
+<transport_descriptors><transport_descriptor>
+<transport_id>shm</transport_id><type>SHM</type>
+<segment_size>67108864</segment_size><maxMessageSize>16777216</maxMessageSize>
+</transport_descriptor></transport_descriptors>
+<participant profile_name="bench" is_default_profile="true"><rtps>
+<userTransports><transport_id>shm</transport_id></userTransports>
+<useBuiltinTransports>false</useBuiltinTransports>
+</rtps></participant></profiles>
+"""
+"""Fast DDS moves what is long in pieces of 64 KiB through half a MiB, unless it is told so."""
+_NAME = re.compile(r"[A-Za-z0-9._-]+")
+
+
+def missing() -> str:
+    """Why it can't be measured here; empty where it can."""
+    return "" if version() else "it is not installed here: make peers, which needs x86_64"
+
+
+def version() -> str:
+    """Of the package rclpy; empty where there is none."""
+    found = _installed(_site()).get("ros-rclpy")
+    return found.version if found and PYTHON.exists() else ""
+
+
+def environ(folder: Path) -> dict[str, str]:
+    """A domain of its own for the run in `folder`, on this machine only, and no files elsewhere."""
+    return {
+        "ROS_DOMAIN_ID": str(1 + crc32(folder.name.encode()) % _DOMAINS),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_LOG_DIR": str(folder),
+        "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
+    }
+
+
+def with_large_segment(folder: Path) -> dict[str, str]:
+    """What has Fast DDS use shared memory that holds many messages of some MiB, each in one piece."""
+    profile = folder / "fastdds.xml"
+    profile.write_text(_LARGE_SEGMENT)
+    return {"FASTRTPS_DEFAULT_PROFILES_FILE": str(profile)}
+
+
+def installed() -> dict[str, float]:
+    """What an installation of PACKAGES takes."""
+    return _size_of(PACKAGES, _site())
+
+
+def busd_installed() -> dict[str, float]:
+    """What an installation of busd takes; of one that is a link to this tree, with what is linked."""
+    found = _size_of(["busd"])
+    linked = [path for name in ("clients/bus", "busd") for path in (ROOT / name).rglob("*") if path.is_file()]
+    if "busd" in _installed(None) and not any(one.match("bus/shm/*.pyi") for one in files("busd") or ()):
+        found["mib"] += sum(path.stat().st_size for path in linked if path.suffix != ".pyc") / (1 << 20)
+    return found
+
+
+def _size_of(names: Iterable[str], site: Iterable[str] | None = None) -> dict[str, float]:
+    """MiB of packages and all that they need, without compiled Python files, and their number.
+
+    In the folders `site`, or where this program finds its own.
+    """
+    have = _installed(site)
+    wanted, found = [_key(name) for name in names], set[str]()
+    while wanted:
+        key = wanted.pop()
+        if key in have and key not in found:
+            found.add(key)
+            wanted += [_key(one) for one in have[key].requires or () if "extra ==" not in one]
+    total = sum(_bytes_of(have[key]) for key in found)
+    return {"mib": total / (1 << 20), "packages": float(len(found))}
+
+
+def _site() -> list[str]:
+    return [str(path) for path in ROS_VENV.glob("lib/python*/site-packages")]
+
+
+def _installed(site: Iterable[str] | None) -> Mapping[str, Distribution]:
+    found = distributions() if site is None else distributions(path=list(site))
+    return {_key(one.name): one for one in found}
+
+
+def _key(requirement: str) -> str:
+    """The name that a requirement begins with, as packages are compared."""
+    match = _NAME.match(requirement.strip())
+    return re.sub(r"[-_.]+", "-", match.group()).lower() if match else ""
+
+
+def _bytes_of(package: Distribution) -> int:
+    paths = (Path(str(package.locate_file(one))) for one in package.files or () if one.suffix != ".pyc")
+    return sum(path.stat().st_size for path in paths if path.exists())
