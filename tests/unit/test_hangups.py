@@ -3,7 +3,11 @@
 import asyncio
 import os
 import socket
+import sys
 from collections.abc import Iterator
+from threading import Thread
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -80,3 +84,39 @@ async def test_one_that_is_forgotten_by_another_is_not_told(pairs: list[Pair]) -
     await asyncio.sleep(0.01)
     assert len(told) == 1
     watch.forget(numbers[told[0]])
+
+
+def nothing(*_: object) -> None:
+    pass
+
+
+def test_loops_of_several_threads_do_not_meet() -> None:
+    mine, other = socket.socketpair()
+    ends, errors = [os.dup(mine.fileno()) for _ in range(8)], list[Exception]()
+    interval = sys.getswitchinterval()
+
+    def come_and_go(number: int) -> None:
+        try:
+            for _ in range(6000):
+                loop: Any = SimpleNamespace(add_reader=nothing, remove_reader=nothing)
+                watch = HangUps.of(loop)
+                assert watch is not None
+                watch.watch(number, lambda: None)
+                watch.forget(number)
+        except Exception as error:
+            errors.append(error)
+
+    threads = [Thread(target=come_and_go, args=(end,)) for end in ends]
+    sys.setswitchinterval(1e-6)
+    try:
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(interval)
+        for one in (mine, other):
+            one.close()
+        for end in ends:
+            os.close(end)
+    assert errors == []

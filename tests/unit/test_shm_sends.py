@@ -7,6 +7,7 @@ import inspect
 import sys
 import weakref
 from collections.abc import Callable, Coroutine
+from contextlib import suppress
 from typing import Any
 
 import pytest
@@ -254,6 +255,47 @@ async def test_within_itself_it_does_not_run() -> None:
     sending = room.sends.send("a")
     await sending
     assert [str(error) for error in refused] == ["coroutine already executing"] * 3
+
+
+@pytest.mark.parametrize("begun_by", ["send", "throw"])
+async def test_within_its_wait_it_does_not_run(begun_by: str) -> None:
+    refused: list[str] = []
+
+    def use_it() -> None:
+        for use in (lambda: sending.send(None), lambda: sending.throw(KeyError), sending.close):
+            with pytest.raises(ValueError, match="coroutine already executing") as error:
+                use()
+            refused.append(str(error.value))
+
+    async def slow(message: Any) -> int:
+        use_it()
+        with suppress(ZeroDivisionError):
+            await asyncio.sleep(0)
+        use_it()
+        return 5
+
+    sending = core.Sends(slow, None, None).send("a")
+    assert sending.send(None) is None
+    assert len(refused) == 3
+    with pytest.raises(StopIteration) as end:
+        sending.send(None) if begun_by == "send" else sending.throw(ZeroDivisionError)
+    assert end.value.value == 5
+    assert len(refused) == 6
+
+
+async def test_one_that_goes_on_after_it_was_closed_can_be_closed_again() -> None:
+    async def slow(message: Any) -> None:
+        with suppress(GeneratorExit):
+            await asyncio.sleep(0)
+        await asyncio.sleep(0)
+
+    sending = core.Sends(slow, None, None).send("a")
+    sending.send(None)
+    with pytest.raises(RuntimeError, match="ignored GeneratorExit"):
+        sending.close()
+    sending.close()
+    with pytest.raises(RuntimeError, match="already awaited"):
+        sending.send(None)
 
 
 async def test_one_may_be_sent_while_another_is() -> None:

@@ -56,6 +56,7 @@ static bool ends(Sending *self, bool is_taken)
 
 static bool begin_slowly(Sending *self)
 {
+    self->state = IS_BUSY;
     self->coroutine = PyObject_CallFunctionObjArgs(self->sends->slow, self->message, NULL);
     if (self->coroutine == NULL)
         return ends(self, false);
@@ -65,13 +66,19 @@ static bool begin_slowly(Sending *self)
     return true;
 }
 
+/* The coroutine has run on for a while. Meanwhile it was busy: what it runs may have got hold of this very Sending. */
+static void rest(Sending *self, bool is_over)
+{
+    self->state = is_over ? IS_DONE : IS_RUNNING;
+    if (is_over)
+        Py_CLEAR(self->coroutine);
+}
+
 static PySendResult run_on(Sending *self, PyObject *value, PyObject **result)
 {
+    self->state = IS_BUSY;
     const PySendResult outcome = PyIter_Send(self->coroutine, value, result);
-    if (outcome != PYGEN_NEXT) {
-        self->state = IS_DONE;
-        Py_CLEAR(self->coroutine);
-    }
+    rest(self, outcome != PYGEN_NEXT);
     return outcome;
 }
 
@@ -179,15 +186,13 @@ static PyObject *sending_throw(PyObject *object, PyObject *args)
     }
     if (self->state != IS_RUNNING && !begin_slowly(self))
         return NULL;
+    self->state = IS_BUSY;
     PyObject *method = PyObject_GetAttrString(self->coroutine, "throw");
     if (method != NULL) {
         result = PyObject_CallObject(method, args);
         Py_DECREF(method);
     }
-    if (result == NULL) {
-        self->state = IS_DONE;
-        Py_CLEAR(self->coroutine);
-    }
+    rest(self, result == NULL);
     return result;
 }
 
@@ -200,9 +205,11 @@ static PyObject *sending_close(PyObject *object, PyObject *Py_UNUSED(none))
         return NULL;
     }
     if (self->state == IS_RUNNING) {
+        self->state = IS_BUSY;
         PyObject *method = PyObject_GetAttrString(self->coroutine, "close");
         result = method == NULL ? NULL : PyObject_CallObject(method, NULL);
         Py_XDECREF(method);
+        rest(self, false);
         if (result == NULL)
             return NULL;
         Py_DECREF(result);

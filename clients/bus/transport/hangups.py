@@ -11,30 +11,29 @@ import asyncio
 import select
 from collections.abc import Callable
 from typing import ClassVar
-from weakref import WeakSet
+from weakref import WeakValueDictionary
 
 
 class HangUps:
     """Shared by the streams of an event loop, got with `of`; closed with the last of them."""
 
-    _all: ClassVar["WeakSet[HangUps]"] = WeakSet()
+    _all: ClassVar["WeakValueDictionary[int, HangUps]"] = WeakValueDictionary()
+    """By the id of the loop, which they hold: to look one up is safe while other threads add theirs."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self.loop = loop
         self._epoll = select.epoll()
         self._actions: dict[int, Callable[[], None]] = {}
         loop.add_reader(self._epoll.fileno(), self._on_readable)
-        HangUps._all.add(self)
+        HangUps._all[id(loop)] = self
 
     @classmethod
     def of(cls, loop: asyncio.AbstractEventLoop) -> "HangUps | None":
         """That of `loop`; None where none is needed, or there is no epoll."""
         if isinstance(loop, asyncio.SelectorEventLoop) or not hasattr(select, "epoll"):
             return None
-        for one in cls._all:
-            if one.loop is loop and not one._epoll.closed:
-                return one
-        return cls(loop)
+        one = cls._all.get(id(loop))
+        return cls(loop) if one is None or one._epoll.closed else one
 
     def watch(self, number: int, action: Callable[[], None]) -> None:
         """Call `action` once, when the other side of descriptor `number` has gone."""
