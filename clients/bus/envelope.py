@@ -80,8 +80,6 @@ E = TypeVar("E", bound=Struct)
 class EnvelopeSupport(TypeSupport[E], Generic[E]):
     """The TypeSupport of an envelope: it decodes, and tells the bus the type. It encodes nothing."""
 
-    __slots__ = ()
-
     def __init__(self, cls: type[E], schema: Schema, decode: Callable[[Any], E]) -> None:
         self.cls = cls
         self.name = schema["root"]
@@ -89,8 +87,8 @@ class EnvelopeSupport(TypeSupport[E], Generic[E]):
         self.description = msgspec.msgpack.encode(schema)
         self.decode = decode
         self.encode = _encode
-        self._is_valid = _unsure
-        self._plan = None
+        self.is_valid = _unsure
+        self.plan = None
 
 
 class ServiceSupport:

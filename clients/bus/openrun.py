@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from bus.shm import core, has_core
 from bus.wire.layout import RECORD_HEAD, RECORD_HEAD_BYTES
-from bus.wire.runs import Buffer, data_head
+from bus.wire.runs import UNBOUNDED, Buffer, data_head
 
 __all__ = ["OpenRun", "PythonRun", "open_run"]
 
@@ -87,7 +87,7 @@ class PythonRun:
 
     def __init__(self) -> None:
         self.samples = self.size = self.budget = self.begins_below = 0
-        self.most = 1 << 62
+        self.most = UNBOUNDED
         self.thread = get_ident()
         self.is_guarded = False
         self._parts: list[Buffer] = []  # heads and payloads in turn

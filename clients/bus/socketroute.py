@@ -32,7 +32,7 @@ from bus.wire.layout import (
     RESUMED,
     RUN_BYTES,
 )
-from bus.wire.runs import Account, Buffer, Run, RunQueue, data_head
+from bus.wire.runs import UNBOUNDED, Account, Buffer, Run, RunQueue, data_head
 
 QUEUE_BYTES = 64 << 20
 
@@ -41,8 +41,6 @@ _SHORT_RETURN_S = 1.0
 
 _GATHER_NS = 100_000
 """A message that follows so soon on the one before is gathered with others."""
-
-_NO_MATTER = 1 << 62
 
 Sample: TypeAlias = tuple[int, int, bytes]
 """Number, stamp in ns, payload."""
@@ -78,7 +76,7 @@ class SocketRoute:
         self._is_resumed = False
         self.run = open_run()
         self.run.is_guarded = link.guard is not None
-        self.run.most = depth or _NO_MATTER
+        self.run.most = depth or UNBOUNDED
         self.add = self.run.add
         support = owner._support
         if not bytes_fields(support.cls):  # a long one shall not be encoded with the rest
@@ -236,7 +234,7 @@ class SocketRoute:
         self._most_queued = max(QUEUE_BYTES, answer.max_message_bytes + RUN_BYTES)
         self._window_samples = answer.window_samples
         self._window_bytes = answer.window_bytes
-        self.run.most = answer.depth or _NO_MATTER
+        self.run.most = answer.depth or UNBOUNDED
         self.run.begins_below = min(RUN_BYTES, self._max_bytes + 1)
         self.queue.set_depth(answer.depth)
         self.queue.endpoint = answer.id

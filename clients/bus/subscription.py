@@ -115,7 +115,6 @@ class Subscription(Endpoint[M]):
             if busy_poll:
                 self._rings.poll(busy_poll)
         self._dispatcher: Dispatcher[M] | None = None
-        self._receive_lone = _not_so_quick
         if callback is not None:
             self._dispatcher = Dispatcher(
                 callback,
@@ -412,10 +411,6 @@ class Subscription(Endpoint[M]):
             f"New publisher discovered on topic '{self.topic_name}', offering incompatible QoS. "
             f"No messages will be received from it. Last incompatible policy: {policy}"
         )
-
-
-def _not_so_quick(run: Run) -> bool:
-    return False
 
 
 def _decoder(support: TypeSupport[Any], *, raw: bool, views: bool) -> Callable[[Any], Any]:

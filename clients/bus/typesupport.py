@@ -7,6 +7,7 @@ import the ready-made classes of bus.msg, nor bus.interfacetypes, before `find_t
 import re
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import cached_property
 from typing import Any, Generic, TypeVar, cast
 
 import msgspec
@@ -51,7 +52,6 @@ _encoder = msgspec.msgpack.Encoder(enc_hook=_as_plain)
 ENCODE_ERRORS = (AttributeError, BufferError, OverflowError, RecursionError, TypeError, ValueError)
 """What encoders raise for contents that no check has seen; `TypeSupport.explain` says it better."""
 
-UNKNOWN: Any = object()
 _PATH = r"(?<=`)\$[^`]*(?=`)"
 _STEP = r"\[\.\.\.\]|\[(\d+)\]|\.([^.\[]+)"
 
@@ -64,9 +64,6 @@ class TypeSupport(Generic[M]):
     `encode` itself may raise (ValueError for text with lone surrogates); then `explain` has the path as well.
     """
 
-    __slots__ = ("_is_valid", "_plan", "_schema", "cls", "decode", "description", "encode", "hash", "name")
-
-    _schema: Schema
     cls: type[M]
     name: str
     """`std_msgs/msg/String`"""
@@ -86,26 +83,23 @@ class TypeSupport(Generic[M]):
             self.decode = msgspec.msgpack.Decoder(cls).decode
         except TypeError as error:
             raise MessageTypeError(f"{self.name}: {error}") from error
-        # Only who publishes needs them, and the first one only for messages that are not as planned.
-        self._is_valid: Callable[[M], bool] | None = None
-        self._plan: Any = UNKNOWN
 
-    @property
+    # Made when first used: only publishers need a plan, and a check only messages that are not as planned.
+
+    @cached_property
     def is_valid(self) -> Callable[[M], bool]:
         """True: the fields are surely right. False: ask `explain`."""
-        if self._is_valid is None:
-            self._is_valid = predicate(self.cls)
-        return self._is_valid
+        return predicate(self.cls)
 
-    @property
+    @cached_property
     def plan(self) -> Any:
         """By which the native core checks and encodes what is surely right (`_core.Plan`); or None."""
-        if self._plan is UNKNOWN:
-            self._plan = self._make_plan()
-        return self._plan
-
-    def _make_plan(self) -> Any:
         return plan(self.cls)
+
+    @cached_property
+    def schema(self) -> Schema:
+        """What `description` says."""
+        return cast(Schema, msgspec.msgpack.decode(self.description))
 
     @property
     def steps(self) -> tuple[type[M], Callable[[M], bool], Callable[[M], bytes], Any]:
@@ -119,15 +113,6 @@ class TypeSupport(Generic[M]):
 
     def __repr__(self) -> str:
         return f"TypeSupport({self.name})"
-
-    @property
-    def schema(self) -> Schema:
-        """What `description` says."""
-        try:
-            return self._schema
-        except AttributeError:
-            self._schema = schema = msgspec.msgpack.decode(self.description)
-            return cast(Schema, schema)
 
     def encode_checked(self, message: M) -> bytes:
         """Check and encode, for callers off the hot path. Raises MessageTypeError."""

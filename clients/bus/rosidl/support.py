@@ -5,7 +5,7 @@ Owns: name, hash and schema (the native ones), and errors that name the field. M
 
 import os
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, cached_property
 from operator import truth
 from typing import Any
 
@@ -16,7 +16,7 @@ from bus.interfacetypes import message_class as native_class
 from bus.rosidl.message import RosMessage
 from bus.rosidl.wire import codec
 from bus.typecheck import plan
-from bus.typesupport import ENCODE_ERRORS, UNKNOWN, TypeSupport, hash_and_description, wrong_class
+from bus.typesupport import ENCODE_ERRORS, TypeSupport, hash_and_description, wrong_class
 
 __all__ = ["RosTypeSupport", "support_of"]
 
@@ -27,8 +27,6 @@ class RosTypeSupport(TypeSupport[Any]):
     Setters have checked all that was assigned, so `is_valid` says True, and `encode` finds what has been put
     into lists meanwhile. Where setters check nothing, `is_valid` decodes what would be sent.
     """
-
-    __slots__ = ()
 
     def __init__(self, cls: type[RosMessage]) -> None:
         native = native_class(cls.__type_name__)
@@ -43,10 +41,10 @@ class RosTypeSupport(TypeSupport[Any]):
         self.hash, self.description = hash_and_description(native)
         self.encode, self.decode = codec(cls, native)
         # A message without a method of its own for that is always true, and this is a function of C.
-        self._is_valid = truth if os.environ.get("ROS_PYTHON_CHECK_FIELDS") != "0" else self._survives
-        self._plan = UNKNOWN
+        self.is_valid = truth if os.environ.get("ROS_PYTHON_CHECK_FIELDS") != "0" else self._survives
 
-    def _make_plan(self) -> Any:
+    @cached_property
+    def plan(self) -> Any:
         return plan(native_class(self.name), dict(_kinds(self.cls)))
 
     def _survives(self, message: Any) -> bool:

@@ -30,7 +30,7 @@ _unpack_record = RECORD_HEAD.unpack_from
 RUN_COST_BYTES = 256
 """What it costs to hold a run besides its body, about. Charged too: small runs are mostly that."""
 
-_UNBOUNDED = 1 << 62
+UNBOUNDED = 1 << 62
 _OVERHEAD_BYTES = DATA_HEAD_BYTES - LENGTH_BYTES
 
 
@@ -152,7 +152,7 @@ class RunQueue:
         self.account = account
         self.depth = depth
         # How many samples may be held: the depth, and room for replayed ones until the queue is empty again.
-        self.bound = depth or _UNBOUNDED
+        self.bound = depth or UNBOUNDED
         self.endpoint = endpoint
         self.runs: deque[Run] = deque()
         self.count = 0
@@ -163,7 +163,7 @@ class RunQueue:
         self.is_ready = False  # in the ready list of an Outbox
 
     def set_depth(self, depth: int) -> None:
-        self.bound += (depth or _UNBOUNDED) - (self.depth or _UNBOUNDED)
+        self.bound += (depth or UNBOUNDED) - (self.depth or UNBOUNDED)
         self.depth = depth
 
     def append(self, run: Run) -> bool:
@@ -327,4 +327,4 @@ class RunQueue:
             parent.used -= size
         self.offset = self.skipped = 0
         if not self.runs:
-            self.bound = self.depth or _UNBOUNDED
+            self.bound = self.depth or UNBOUNDED
