@@ -8,7 +8,7 @@ import asyncio
 from collections.abc import Callable, Sequence
 from threading import get_ident
 from time import monotonic_ns
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from bus.bulk import joined
 from bus.bursts import BurstWatch
@@ -33,6 +33,9 @@ from bus.waiters import Waiters
 from bus.wire import messages as m
 from bus.wire.runs import Buffer
 
+if TYPE_CHECKING:
+    from bus.shm._core import Sends
+
 NOTED = 2
 """The quick way took the sample, and the counters are to be reported (`_core.NOTED`)."""
 
@@ -42,11 +45,16 @@ _LOOK_S = 1.0
 class Outlet:
     """`owner` is the publisher that the link knows; without a `ring` all goes by socket.
 
-    `sends` (a `_core.Sends`) is to have the quick way, too.
+    `sends` is to have the quick way, too.
     """
 
     def __init__(
-        self, link: Link, owner: Endpoint, logger: Logger, ring: RingRoute | None, sends: Any = None
+        self,
+        link: Link,
+        owner: Endpoint,
+        logger: Logger,
+        ring: RingRoute | None,
+        sends: "Sends | None" = None,
     ) -> None:
         qos = owner.qos
         self._link = link

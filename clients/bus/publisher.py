@@ -90,10 +90,10 @@ class Publisher(Endpoint[M]):
         self._sends_in_turn = 0
         self._lost_liveliness = 0
         ring = None if by_socket else RingRoute.make(link, self, logger)
-        # The same `send`, but for who forgets the `await`; the native core's is quick where there is room.
-        send = done_anyway(self.send)
-        sends = core().Sends(self.send, self._send_on, send) if has_core() else None
-        self.__dict__["send"] = send if sends is None else sends.send
+        sends = None
+        if has_core():  # with it, `send` costs what `publish` costs where there is room
+            sends = core().Sends(self._send, self._send_on, self.send)
+            self.send = sends.send  # type: ignore[method-assign]
         self._outlet = Outlet(link, self, logger, ring, sends)
         self._long_fields = bytes_fields(support.cls)
         if ring is not None:  # by socket, text had to be copied once more to be joined with the rest
@@ -165,11 +165,16 @@ class Publisher(Endpoint[M]):
         self._refused += loan is None
         return loan
 
+    @done_anyway
     async def send(self, message: M) -> None:
         """Publish `message`, and wait for room first where the QoS is reliable + keep all.
 
         Cancellation: the message was not published. Raises what `publish` raises.
         """
+        await self._send(message)
+
+    async def _send(self, message: M) -> None:
+        """`send` without the native core's quick way."""
         # A loop of sends that never wait would keep out signals, timers, and the matches that it sends for.
         self._sends_in_turn += 1
         if self._sends_in_turn > _SENDS_PER_TURN:
