@@ -16,8 +16,10 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from itertools import count, repeat
 from pathlib import Path
 from statistics import median
 from types import CodeType, FrameType
@@ -61,7 +63,8 @@ class Steps(NamedTuple):
 def steps(role: Role, loop: str = "uvloop", **options: bool) -> Steps:
     """What a publisher or a subscriber with a plain callback does for a message of 64 characters.
 
-    `options`: as `_listen` and `_publish` take them.
+    `loop`: uvloop, asyncio, or none, that is the API for scripts; there a subscriber iterates. `options`: as
+    `_listen` and `_listen_without_loop` take them.
     """
     counted = _measure(role, [], {}, unit="steps", loop=loop, **options)
     bytecodes, calls = (_of_one(role, list(row)) for row in zip(*counted, strict=True))
@@ -246,6 +249,37 @@ async def _listen(unit: str, *, message_lost: bool = False) -> list[Any]:
         return counts
 
 
+def _listen_without_loop(unit: str, *, with_info: bool = False) -> list[Any]:
+    """`with_info`: by `receive`."""
+    meter = _meter(unit)
+    with bus.connect("listener", rosout=False, arguments=[]) as node:
+        subscription = node.create_subscription(String, "steps", 10)
+        messages = (subscription.receive() for _ in repeat(None)) if with_info else subscription
+        for heard, _ in enumerate(messages, 1):
+            if heard >= _WARM_UP:
+                meter.mark()
+            if heard == _WARM_UP + _MESSAGES and not meter.is_endless:
+                return meter.counts()
+    raise AssertionError("it never ends")
+
+
+def _publish_without_loop(unit: str) -> list[Any]:
+    """As `_publish`."""
+    meter, message = _meter(unit), String(data=_TEXT)
+    with bus.connect("talker", rosout=False, arguments=[]) as node:
+        publisher = node.create_publisher(String, "steps", 10)
+        publisher.wait_for_subscriptions(1)
+        for turn in count():
+            if turn >= _WARM_UP:
+                meter.mark()
+            if turn == _WARM_UP + _MESSAGES and not meter.is_endless:
+                return meter.counts()
+            if turn % 2 == 0:
+                publisher.publish(message)
+            time.sleep(_PAUSE_S)
+    raise AssertionError("it never ends")
+
+
 async def _publish(unit: str) -> list[Any]:
     """By turns a message and a pause, and a pause."""
     meter, message = _meter(unit), String(data=_TEXT)
@@ -267,7 +301,12 @@ async def _publish(unit: str) -> list[Any]:
 def _main() -> None:
     role, text = sys.argv[1:]
     options = json.loads(text)
-    if options.pop("loop") == "uvloop":
+    loop = options.pop("loop")
+    if loop == "none":
+        run = _publish_without_loop if role == "publisher" else _listen_without_loop
+        print(json.dumps(run(**options)))
+        return
+    if loop == "uvloop":
         import uvloop as loops
     else:
         loops = asyncio

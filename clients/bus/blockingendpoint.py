@@ -269,24 +269,37 @@ class BlockingSubscription(Generic[M]):
     def _found(self, timeout: float | None, *, with_info: bool) -> Iterator[Any]:
         """What comes next, and next: messages, or as in `Taken`. Ends where the time is over first.
 
-        Few steps lie between the wake-up and the message: after a sleep each of them is slow.
+        Where the loop has nothing to do, it waits without it, and few steps lie between the wake-up and the
+        message: after a sleep each of them is slow.
         """
         foreground, loop, guard, arrival = self._foreground, self._loop, self._guard, self._arrival
         native, inbox = self._native, self._inbox
-        look = None if with_info else inbox.quick_take()
+        look = sleep = None
+        if native.qos.deadline is None:  # else somebody must hear of each message
+            look, sleep = inbox.quick_take(with_info=with_info), inbox.quick_wait(with_info=with_info)
+        ahead, runs = inbox.waiting
+        found: Any
         while True:
+            deadline_ns = 0 if timeout is None else deadline_after(timeout)
+            if sleep is not None and not ahead and not runs and native._refusal is None:
+                found = loop.wait(sleep, deadline_ns)
+                if found is not None:
+                    yield found
+                    continue
             foreground.attend_rarely()
             with guard:
-                found: Any = (look is not None and inbox.take_messages(1)) or inbox.take()
-                deadline_ns = 0 if found else deadline_after(timeout)
+                found = (not with_info and inbox.take_messages(1)) or inbox.take()
                 while not found and native._refusal is None:
                     arrival.is_set = False
                     if found := loop.run(arrival, deadline_ns, look):
+                        found = found[0] if with_info else found
                         break
                     if arrival.is_set:
                         found = inbox.take()
                     elif loop.is_interrupted or (deadline_ns and monotonic_ns() >= deadline_ns):
                         break
+                if found:
+                    inbox.note()
             if loop.is_interrupted:
                 loop.check()
             if not found:

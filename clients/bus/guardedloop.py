@@ -80,6 +80,7 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         """Whoever runs it waits for events."""
         selector: Any = selectors.EpollSelector()
         self._epoll: select.epoll = selector._selector
+        self._epoll_number = self._epoll.fileno()
         self._keys: dict[int, selectors.SelectorKey] = selector._fd_to_key
         super().__init__(selector)
 
@@ -220,6 +221,22 @@ class GuardedLoop(asyncio.SelectorEventLoop):
             self._stopping = False
             self._thread_id = None
             asyncio._set_running_loop(None)
+
+    def wait(self, sleep: Callable[[int, int, float], Any], deadline_ns: int = 0) -> Any:
+        """Without the guard, in the thread that runs it: what `sleep` brings, in place of a run.
+
+        Where there is nothing to do, `sleep(epoll, deadline_ns, due_s)` sleeps until there is, by the
+        descriptor that has all events, until one of these times at the latest (0: none). None: then `run`
+        does it. An interrupt needs not wait: nothing is guarded here.
+        """
+        self.is_waiting = True  # first: who asks for something from now on wakes it
+        try:
+            if self._ready or self.deferred or self._stopping:
+                return None
+            scheduled = self._scheduled
+            return sleep(self._epoll_number, deadline_ns, scheduled[0]._when if scheduled else 0.0)
+        finally:
+            self.is_waiting = False
 
     def forget_stop(self) -> None:
         """A `stop` that came while nobody ran it shall not end the next run."""

@@ -109,6 +109,11 @@ class Inbox(Generic[M]):
         return "replaced" if self._queue.depth else "publisher_queue"
 
     @property
+    def waiting(self) -> tuple[deque[Taken[M]], deque[Run]]:
+        """What waits here comes before what waits in rings."""
+        return self.ahead, self._queue.runs
+
+    @property
     def has_more(self) -> bool:
         return bool(self.ahead or self._queue.runs or (self.reader is not None and self.reader.waiting()))
 
@@ -185,9 +190,7 @@ class Inbox(Generic[M]):
                     return None
                 if batch:
                     self.stamp_ns = batch[-1][1]
-                    if not self.reader.is_noted:
-                        self.reader.is_noted = True
-                        self.on_note()
+                    self.note()
                 ahead += batch
                 continue
             run = runs[0]
@@ -241,13 +244,27 @@ class Inbox(Generic[M]):
         messages: list[M] = found[0]
         return messages
 
-    def quick_take(self) -> Callable[[], list[M]] | None:
+    def quick_take(self, *, with_info: bool) -> Callable[[], list[Any]] | None:
         """What takes a message out of the rings in one native call, for who knows that no others wait."""
-        return None if self.reader is None else partial(self.reader.messages, 1, self._decode)
+        if self.reader is None:
+            return None
+        return partial(self.reader.take if with_info else self.reader.messages, 1, self._decode)
+
+    def quick_wait(self, *, with_info: bool) -> Callable[[int, int, float], Any] | None:
+        """What waits for the next message in one native call: see `Reader.wait`. Only while
+        nothing is `waiting`."""
+        return None if self.reader is None else partial(self.reader.wait, self._decode, with_info)
+
+    def note(self) -> None:
+        """A message was taken out of a ring: tell it where the reader was not told of that before."""
+        reader = self.reader
+        if reader is not None and not reader.is_noted:
+            reader.is_noted = True
+            self.on_note()
 
     def call_back(self, callback: Callable[[M], object], on_error: Callable[[Exception], object]) -> None:
         """Let the reader call back by itself for what comes in rings, while nothing else waits here."""
-        self.reader.prepare(callback, self._decode, on_error, (self.ahead, self._queue.runs))
+        self.reader.prepare(callback, self._decode, on_error, self.waiting)
 
     def put_back(self, messages: list[M]) -> None:
         """What `take_messages` gave and was not delivered is taken next."""

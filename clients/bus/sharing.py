@@ -167,6 +167,7 @@ class Sharing:
     def wait_for_room(self, writer: Any, look: Callable[[], None]) -> None:
         """Call `look` at each ring of the doorbell, until `stop_waiting`."""
         self._waiting[writer] = look
+        self.readers.has_writers = True
 
     def wake_waiting(self, writer: Any) -> None:
         """Wake a writer that has room without a notification: its ring grew, or a reader left."""
@@ -175,6 +176,7 @@ class Sharing:
 
     def stop_waiting(self, writer: Any) -> None:
         self._waiting.pop(writer, None)
+        self.readers.has_writers = bool(self._waiting)
 
     def look_soon(self) -> None:
         """Look once for all new rings: samples written before we attached sent no notification."""

@@ -128,6 +128,41 @@ class TestTopics:
                     assert come.wait(WAIT_S)
         assert heard == [f"{turn} {number}" for turn in range(10) for number in range(20)]
 
+    def test_two_subscriptions_of_one_node(self, route: str, node: bus.BlockingNode) -> None:
+        """While it waits for the one, what comes for the other waits for it."""
+        pings, pongs = (node.create_subscription(Int64, topic, 1000) for topic in ("ping", "pong"))
+
+        async def talk(other: bus.Node) -> None:
+            ping, pong = [await other.create_publisher(Int64, topic, 1000) for topic in ("ping", "pong")]
+            await asyncio.gather(ping.wait_for_subscriptions(), pong.wait_for_subscriptions())
+            for number in range(200):
+                (ping if number % 3 else pong).publish(Int64(data=number))
+                await asyncio.sleep(0.001)
+
+        async def begin(other: bus.Node) -> None:
+            tasks.append(asyncio.create_task(talk(other)))
+
+        heard, tasks = list[int](), list[asyncio.Task[None]]()
+        with asyncio_node("talker", begin):
+            for number in range(200):
+                heard.append((pings if number % 3 else pongs).receive(WAIT_S)[0].data)
+        assert heard == list(range(200))
+        assert pings.statistics().delivered + pongs.statistics().delivered == 200
+
+    @pytest.mark.parametrize("timeout", [0.0, 0.004, 0.031])
+    def test_the_time_of_a_wait_is_exact(self, route: str, node: bus.BlockingNode, timeout: float) -> None:
+        subscription = node.create_subscription(Int64, "numbers")
+        publisher = node.create_publisher(Int64, "numbers")
+        took = []
+        for number in range(20):
+            publisher.publish(Int64(data=number))
+            assert subscription.receive(WAIT_S)[0].data == number
+            begin = time.monotonic()
+            with pytest.raises(TimeoutError):
+                subscription.receive(timeout)
+            took.append(time.monotonic() - begin - timeout)
+        assert min(took) >= -1e-6 and min(took) < 0.01
+
     @pytest.mark.parametrize("is_from_thread", [False, True])
     def test_nothing_waits_for_the_next_call(
         self, route: str, node: bus.BlockingNode, is_from_thread: bool

@@ -67,3 +67,16 @@ def test_steps_of_a_subscriber_by_socket(route: str, loop: str, message_lost: bo
 def test_system_calls_by_socket(route: str, tmp_path: Path) -> None:
     assert system_calls("publisher", tmp_path) == 1  # it is sent
     assert system_calls("subscriber", tmp_path) == 2  # the wait, and it is read
+
+
+@by_shared_memory
+@pytest.mark.parametrize(("with_info", "most", "most_calls"), [(False, 66, 2), (True, 270, 12)])
+def test_a_script_that_listens_waits_in_one_native_call(
+    route: str, with_info: bool, most: int, most_calls: int, tmp_path: Path
+) -> None:
+    bytecodes, calls = steps("subscriber", "none", with_info=with_info)
+    assert 10 <= bytecodes <= most
+    assert calls <= most_calls
+    assert (
+        system_calls("subscriber", tmp_path, "none", with_info=with_info) == 2
+    )  # the wait, and the doorbell

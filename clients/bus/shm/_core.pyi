@@ -191,6 +191,8 @@ class Readers:
     """
 
     slot_count: int
+    has_writers: bool
+    """Writers wait for room by the same doorbell. May be set."""
     is_wary: bool
     def __init__(self, memory: Mapping, doorbell: int) -> None: ...
     def deliver(self, may_sleep: bool, /) -> list[Any] | None:
@@ -296,6 +298,24 @@ class Reader:
         """
     def messages(self, limit: int, decode: Callable[[Any], M]) -> list[M]:
         """As `take`, the messages alone."""
+    def wait(
+        self,
+        decode: Callable[[Any], M],
+        has_origin: bool,
+        epoll: int,
+        deadline_ns: int,
+        due_s: float,
+        /,
+    ) -> M | tuple[M, int, int, Any, int] | None:
+        """Sleep until a message comes: the oldest one, with `has_origin` as `take` gives it. Gives the GIL
+        away.
+
+        None: at `deadline_ns` and at `due_s` (0: never), and wherever else the event loop is to have a turn,
+        or Python to look: `epoll` has other events than the doorbell, another reader has news, `is_noted` is
+        not set, a sample was refused, nothing is attached, signals were handled, all was found without a
+        sleep for a while. What has to be done then is still there to be found. Raises what `decode` raises
+        that is no Exception, and what a signal's handler raises.
+        """
     def pop_rejected(self) -> list[tuple[int, Exception]]:
         """Size and error of the samples that `decode` refused since the last call."""
     def pop_left(self) -> list[tuple[Any, str, int]]:

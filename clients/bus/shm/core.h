@@ -1,9 +1,9 @@
 /* What the parts of the native core share: the Python binding of ring.h, limited API of Python 3.11.
  *
  * Each call from Python is one whole operation on mapped segments, under the GIL. Nothing here waits (but for the
- * bounded spin of Readers.sleep) and nothing here makes, passes or closes descriptors: bus.shm.segments does.
+ * bounded spin of Readers.sleep, and Reader.wait, which gives the GIL away) and nothing here makes, passes or closes descriptors: bus.shm.segments does.
  * Types: Mapping (core_mapping.c), Bell (core_bell.c), Writer (core_writer.c, core_gates.c, core_carry.c), Readers
- * (core_readers.c), Reader (core_reader.c, core_feed.c, core_take.c); View and Loan (core_view.c) are what memoryviews
+ * (core_readers.c), Reader (core_reader.c, core_feed.c, core_take.c, core_wait.c); View and Loan (core_view.c) are what memoryviews
  * of records hold. Plan (core_plan.c), OpenRun (core_run.c, of the other route) and Sends (core_send.c) have no segment.
  */
 #ifndef BUS_SHM_CORE_H
@@ -127,7 +127,11 @@ typedef struct {
     bool had_news;  /* at the last attempt to fall asleep */
     bool is_anew;   /* since the last look at all, more than what a knock is for may be news */
     const Reader *turn; /* which deliver() calls back for after a knock */
-    char is_wary;   /* of other users, who may have the doorbell */
+    uint64_t turned_ns; /* when Reader.wait saw last that the loop has nothing to do, or left it to it */
+    bool is_turn_due;   /* the next Reader.wait leaves it to the loop */
+    bool is_rung;       /* Reader.wait has seen the doorbell rung, and perhaps nobody has read it since */
+    char has_writers;   /* that wait for room, by the same doorbell */
+    char is_wary;       /* of other users, who may have the doorbell */
 } Readers;
 
 /* A ring in which a publisher goes on after the one before. */
@@ -251,6 +255,7 @@ PyObject *writer_move(PyObject *self, PyObject *memory);
 bool readers_watch(Readers *self, Reader *reader, struct feed *feed);
 void readers_watch_anew(Readers *self, const struct feed *feed);
 void readers_forget(Readers *self, const struct feed *feed);
+bool readers_have_news_besides(Readers *self, const Reader *reader);
 
 /* core_feed.c */
 struct feed *feed_new(PyObject *source, Mapping *memory, const struct ring_geometry *geometry, struct reader_slot *slot,
@@ -285,5 +290,10 @@ PyObject *reader_take(PyObject *self, PyObject *const *args, Py_ssize_t count, P
 PyObject *reader_messages(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObject *kwnames);
 bool reader_is_ready(const Reader *self);
 int reader_deliver(Reader *self);
+int reader_take_oldest(Reader *self, PyObject *decode, bool has_origin, PyObject **item);
+bool reader_has_more(const Reader *self);
+
+/* core_wait.c */
+PyObject *reader_wait(PyObject *self, PyObject *const *args, Py_ssize_t count);
 
 #endif

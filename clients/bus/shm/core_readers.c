@@ -117,6 +117,14 @@ static bool any_news(Readers *self)
     return false;
 }
 
+bool readers_have_news_besides(Readers *self, const Reader *reader)
+{
+    for (size_t i = 0; i < self->count; i++)
+        if (self->watches[i].reader != reader && has_news(&self->watches[i]))
+            return true;
+    return false;
+}
+
 /* Adds the owners of readers with news. Each is told once, so what can't be added is an error for all. */
 static int collect(Readers *self, PyObject *owners)
 {
@@ -381,6 +389,7 @@ static PyMethodDef methods[] = {
 
 static PyMemberDef members[] = {
     {"slot_count", T_ULONGLONG, offsetof(Readers, slot_count), READONLY, NULL},
+    {"has_writers", T_BOOL, offsetof(Readers, has_writers), 0, NULL},
     {"is_wary", T_BOOL, offsetof(Readers, is_wary), 0, NULL},
     {0},
 };

@@ -236,15 +236,19 @@ bool reader_is_ready(const Reader *self)
 }
 
 /* As take_one(), of the oldest of all. */
-static int take_oldest(Reader *self, PyObject *decode, PyObject **item)
+int reader_take_oldest(Reader *self, PyObject *decode, bool has_origin, PyObject **item)
 {
     *item = NULL;
-    if (poll_feeds(self) < 0)
-        return -1;
-    struct feed *feed = oldest_feed(self);
-    if (feed == NULL)
-        return PyErr_Occurred() ? -1 : 0;
-    return take_one(self, feed, decode, feed->lifespan_ns != 0 ? core_now_ns() : 0, false, item);
+    int status = poll_feeds(self);
+    struct feed *feed = status < 0 ? NULL : oldest_feed(self);
+    if (feed != NULL) {
+        const bool is_timed = has_origin || feed->lifespan_ns != 0;
+        status = take_one(self, feed, decode, is_timed ? core_now_ns() : 0, has_origin, item);
+    } else if (status == 0 && PyErr_Occurred()) {
+        status = -1;
+    }
+    show(self);
+    return status;
 }
 
 /* Whether the owner has to look after its counters: they were reported since, or count more losses. */
@@ -259,7 +263,7 @@ static bool note(Reader *self)
     return is_due;
 }
 
-static bool has_more(const Reader *self)
+bool reader_has_more(const Reader *self)
 {
     for (size_t i = 0; i < self->count; i++)
         if (feed_newest(self->feeds[i]) >= self->feeds[i]->ring.next)
@@ -295,15 +299,14 @@ int reader_deliver(Reader *self)
     PyObject *callback = Py_NewRef(self->prepared.callback), *decode = Py_NewRef(self->prepared.decode);
     PyObject *on_error = Py_NewRef(self->prepared.on_error), *message;
     self->is_busy = 1;
-    int status = take_oldest(self, decode, &message);
-    show(self);
+    int status = reader_take_oldest(self, decode, false, &message);
     if (status == 1) {
         const bool is_due = note(self);
         PyObject *answer = PyObject_CallFunctionObjArgs(callback, message, NULL);
         if (answer == NULL && handle(on_error) < 0)
             status = -1;
         else
-            status = !is_due && !has_more(self);
+            status = !is_due && !reader_has_more(self);
         Py_XDECREF(answer);
     }
     self->is_busy = 0;
