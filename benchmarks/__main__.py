@@ -19,6 +19,7 @@ BENCHMARKS = (
     "throughput",
     "bulk",
     "fanout",
+    "camera",
     "cost",
     "memory",
     "startup",

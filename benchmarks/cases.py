@@ -37,9 +37,9 @@ class Outcome:
     at: float = 0.0
 
     def spreads(self) -> dict[str, Spread]:
-        """Each figure over the repetitions."""
-        keys = self.repetitions[0] if self.repetitions else {}
-        return {key: Spread.of(one[key] for one in self.repetitions) for key in keys}
+        """Each figure over the repetitions that have it."""
+        keys = dict.fromkeys(key for one in self.repetitions for key in one)
+        return {key: Spread.of(one[key] for one in self.repetitions if key in one) for key in keys}
 
 
 def interleave(

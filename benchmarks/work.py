@@ -18,6 +18,8 @@ HEAD = 64
 """Characters at the beginning of a paced message, in which its stamps stand."""
 AT_ONCE = "at once"
 """The way (`Work.publish_by`) to send one stamped message once it reaches somebody, without any word."""
+IMAGE = "image"
+"""The way to publish what a camera does, by rclpy: sensor_msgs/Image, with the profile for sensor data."""
 _LOOP_NS = 2_000_000
 _FILLING = "The quick brown fox jumps over the lazy dog. "
 _BODY_AT = {kind: sys.getsizeof(kind()) - 1 for kind in (str, bytes)}

@@ -64,7 +64,7 @@ async def publisher(parent: Parent) -> None:
     async with bus.Node("bench_publisher") as node:
         pub = await node.create_publisher(Frame, TOPIC, _LOSSLESS)
         feeder = Feeder(pub, work)
-        await pub.wait_for_subscriptions()
+        await pub.wait_for_subscriptions(work.subscribers)
         parent.tell("ready", route=pub.matches[0].route)
         if work.rate:
             await parent.wait_for("go")
@@ -107,8 +107,7 @@ async def subscriber(parent: Parent) -> None:
         )
         parent.tell("ready")
         if work.rate:
-            await reached.wait()
-            await stamps.report(parent)
+            await stamps.report_when(reached.wait(), parent)
         else:
             for event, number in (("warm", work.count), ("received", 0)):
                 await reached.wait()

@@ -3,7 +3,8 @@
 It knows nothing of busd: `bus run` runs it on busd's facade, and the Python that has ROS 2 on that.
 
 A paced publisher keeps to the schedule of all others and sleeps in between, or (`publish_by` "timer") has a
-timer, whose callback publishes, as rclpy's programs do; one that floods publishes in a loop, without
+timer, whose callback publishes, as rclpy's programs do; a camera publishes images with the profile for sensor
+data, so that some may be lost; one that floods publishes in a loop, without
 spinning. With $BENCH_THREADS, callbacks come in so many threads. With $BENCH_DEEP, a flood of small messages
 is no longer than the history is deep, and so loses nothing: "keep all" of Fast DDS ends at 5,000 messages,
 after which the publisher raises RCLError, and the subscriber waits seconds for what is sent again.
@@ -13,6 +14,8 @@ import asyncio
 import os
 import signal
 import sys
+from array import array
+from collections.abc import Callable
 from queue import SimpleQueue
 from threading import Thread
 from time import monotonic_ns
@@ -22,17 +25,19 @@ import msgspec
 import rclpy
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import HistoryPolicy, QoSProfile
+from rclpy.qos import HistoryPolicy, QoSProfile, qos_profile_sensor_data
+from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
 from benchmarks.adapters.roles import LAST, Stamps, stamped
-from benchmarks.work import TOPIC, Work, pace, text_of
+from benchmarks.work import HEAD, IMAGE, TOPIC, Work, pace, text_of
 from benchmarks.worker import LIFE_S, options, tell
 
 _MATCH_S = 0.01
 _LARGE = 1 << 16
 TIMER = "timer"
 """The way (`Work.publish_by`) to publish in a timer's callback."""
+_LOOK_S = 0.1
 
 
 class _Done(Exception):
@@ -54,6 +59,10 @@ class _Parent:
         if came != word:
             raise ValueError(f"expected the word {word!r}, got {came!r}")
 
+    def has_words(self) -> bool:
+        """Whether it said something that nobody waited for yet."""
+        return not self._words.empty()
+
     def _listen(self) -> None:
         with os.fdopen(0, "rb", buffering=0) as words:
             for line in words:
@@ -62,7 +71,13 @@ class _Parent:
         rclpy.try_shutdown()
 
 
+def _kind_of(work: Work) -> Any:
+    return Image if work.publish_by == IMAGE else String
+
+
 def _qos(work: Work) -> QoSProfile:
+    if work.publish_by == IMAGE:
+        return qos_profile_sensor_data
     if work.publish_by == LAST:
         return QoSProfile(depth=10)
     if not work.rate and work.size < _LARGE and os.environ.get("BENCH_DEEP"):
@@ -82,13 +97,15 @@ def _spin(node: Node) -> None:
 
 
 def publisher(parent: _Parent, node: Node, work: Work) -> None:
-    pub = node.create_publisher(String, TOPIC, _qos(work))
+    pub = node.create_publisher(_kind_of(work), TOPIC, _qos(work))
     while pub.get_subscription_count() < work.subscribers:
         rclpy.spin_once(node, timeout_sec=_MATCH_S)
     tell("ready", **_route_of(pub))
     if work.rate:
         parent.wait_for("go")
-        if work.publish_by == TIMER:
+        if work.publish_by == IMAGE:
+            asyncio.run(pace(_camera(pub, work), msgspec.structs.replace(work, size=HEAD), bytes))
+        elif work.publish_by == TIMER:
             _publish_by_timer(node, pub, work)
         else:
             asyncio.run(pace(lambda text: _publish(pub, text), work))
@@ -112,6 +129,21 @@ def _publish(pub: Any, text: str) -> None:
     message = String()
     message.data = text
     pub.publish(message)
+
+
+def _camera(pub: Any, work: Work) -> Callable[[bytes], None]:
+    """What publishes an image that begins with a stamp, and is filled by one copy."""
+    body = array("B", text_of(work.size).encode())
+
+    def publish(head: bytes) -> None:
+        data = body[:]
+        data[: len(head)] = array("B", head)
+        message = Image()
+        message.encoding = "rgb8"
+        message.data = data
+        pub.publish(message)
+
+    return publish
 
 
 def _flood(pub: Any, text: str, count: int) -> None:
@@ -155,12 +187,24 @@ def _take_paced(parent: _Parent, node: Node, work: Work) -> None:
 
     def note(message: Any) -> None:
         if stamps.note(message.data):
+            tell("complete")
             raise _Done
 
-    node.create_subscription(String, TOPIC, note, _qos(work))
+    def note_image(message: Any) -> None:
+        if stamps.note(bytes(message.data[:HEAD])):
+            tell("complete")
+            raise _Done
+
+    def look() -> None:
+        if parent.has_words():
+            raise _Done
+
+    is_image = work.publish_by == IMAGE
+    node.create_subscription(_kind_of(work), TOPIC, note_image if is_image else note, _qos(work))
+    if is_image:
+        node.create_timer(_LOOK_S, look)  # it may be asked before all came
     tell("ready")
     _spin(node)
-    tell("complete")
     parent.wait_for("report")
     tell("received", at_ns=stamps.last_ns, **msgspec.to_builtins(stamps.arrivals()))
 

@@ -6,7 +6,7 @@ Must not know how a message is sent or how it comes.
 import asyncio
 import os
 import traceback
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from inspect import isawaitable, iscoroutinefunction
 from threading import Event, Thread
 from time import monotonic_ns
@@ -111,13 +111,26 @@ class Stamps:
     async def report(self, parent: Parent) -> None:
         """Say that all came, and on request when. Between the two the parent reads clocks."""
         parent.tell("complete")
+        await self.report_what_came(parent)
+
+    async def report_when(self, all_came: Awaitable[object], parent: Parent) -> None:
+        """As `report` once `all_came`, and on request before: some may have been lost."""
+        asked = asyncio.ensure_future(self.report_what_came(parent))
+        done = asyncio.ensure_future(all_came)
+        await asyncio.wait({asked, done}, return_when=asyncio.FIRST_COMPLETED)
+        if done.done():
+            parent.tell("complete")
+        await asked
+
+    async def report_what_came(self, parent: Parent) -> None:
+        """On request."""
         await parent.wait_for("report")
         parent.tell("received", at_ns=self.last_ns, **msgspec.to_builtins(self.arrivals()))
 
     @property
     def last_ns(self) -> int:
         """When the newest came."""
-        return self._arrived_ns[-1]
+        return self._arrived_ns[-1] if self._arrived_ns else 0
 
     def arrivals(self) -> Arrivals:
         """What the stamps say of the way."""
@@ -146,8 +159,7 @@ class Taker:
         """Wait until all have come, and report."""
         if not self._work.rate:
             await self._answer()
-        await self._done
-        await self._stamps.report(self._parent)
+        await self._stamps.report_when(self._done, self._parent)
         await asyncio.Event().wait()
 
     async def _answer(self) -> None:

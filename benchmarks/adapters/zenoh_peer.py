@@ -17,11 +17,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import zenoh
 from zenoh.shm import BlockOn, GarbageCollect, ShmProvider
 
 from benchmarks.adapters import roles
-from benchmarks.work import TOPIC, Work
+from benchmarks.work import HEAD, TOPIC, Work, text_of
 from benchmarks.worker import Parent, options, run
 
 _SHARED_SIZE = 3072
@@ -83,6 +84,17 @@ async def publisher(parent: Parent) -> None:
                 place[:] = text.encode()
                 put(place)
 
+        if work.publish_by == "loan":
+            body = text_of(work.size).encode()
+
+            def send(text: str) -> None:
+                place = allocate(len(body), policy)
+                place[:] = body
+                place[: len(text)] = text.encode()
+                put(place)
+
+            work = msgspec.structs.replace(work, size=HEAD)
+
         await roles.publish(parent, work, send)
 
 
@@ -93,6 +105,11 @@ async def subscriber(parent: Parent) -> None:
 
     def receive(sample: Any) -> None:
         take(sample.payload.to_string())
+
+    if work.publish_by == "loan":
+
+        def receive(sample: Any) -> None:
+            take(sample.payload.to_bytes())  # its Python has no view of what came
 
     path = _folder() / _SOCKETS.replace("*", str(os.getpid()))
     with _open(work, "listen/endpoints", [path]) as session:
