@@ -1,6 +1,7 @@
 """bus.openrun: what `publish` does, and what it leaves to others. For the rest see test_runs_native.py."""
 
 import gc
+import sys
 import threading
 import weakref
 from collections.abc import Callable
@@ -260,8 +261,22 @@ def test_numbers_that_the_wire_has_no_place_for_are_refused() -> None:
         run.end(1 << 32, 1, 0)
     with pytest.raises(OverflowError):
         run.end(1, -1, 0)
-    with pytest.raises(ValueError, match="no open run"):
+    with pytest.raises(ValueError, match="a run is open"):
         run.begin(b"", 1)
     with pytest.raises(TypeError):
         run.add(5)  # type: ignore[arg-type]
     assert run.samples == 1
+
+
+@pytest.mark.skipif(sys.version_info < (3, 12), reason="no buffer is got by Python code")
+def test_a_run_that_its_payload_begins_is_not_begun_again() -> None:
+    class Payload:
+        def __buffer__(self, flags: int) -> memoryview:
+            run.begin(b"first", 1)
+            return memoryview(b"second")
+
+    payload: Any = Payload()
+    run: OpenRun = core().OpenRun()
+    with pytest.raises(ValueError, match="a run is open"):
+        run.begin(payload, 2)
+    assert (run.samples, run.budget) == (1, 0)

@@ -142,8 +142,8 @@ static PyObject *run_begin(PyObject *object, PyObject *const *args, Py_ssize_t c
 {
     OpenRun *self = (OpenRun *)object;
     uint64_t stamp_ns;
-    if (count != 2 || self->samples != 0) {
-        PyErr_SetString(PyExc_ValueError, "a payload and a stamp are needed, and no open run");
+    if (count != 2) {
+        PyErr_SetString(PyExc_TypeError, "a payload and a stamp are needed");
         return NULL;
     }
     if (!core_as_u64(args[1], &stamp_ns))
@@ -152,7 +152,9 @@ static PyObject *run_begin(PyObject *object, PyObject *const *args, Py_ssize_t c
     if (PyObject_GetBuffer(args[0], &buffer, PyBUF_SIMPLE) < 0)
         return NULL;
     bool is_done = false;
-    if ((uint64_t)buffer.len > UINT32_MAX)
+    if (self->samples != 0) /* asked only now: from Python 3.12 on a buffer may be got by Python code */
+        PyErr_SetString(PyExc_ValueError, "a run is open");
+    else if ((uint64_t)buffer.len > UINT32_MAX)
         PyErr_SetString(PyExc_OverflowError, "payload is too long for a record");
     else
         is_done = append(self, buffer.buf, (uint64_t)buffer.len, stamp_ns);
