@@ -6,6 +6,7 @@ side keeps it from reading more: back-pressure passes through.
 
 import contextlib
 import random
+import select
 import selectors
 import socket
 import threading
@@ -41,6 +42,11 @@ class _Way:
             return False
         self.waiting.append((data, descriptors))
         return self.write()
+
+    def pass_on(self) -> None:
+        """Pass on all that has come, as far as the other side takes it."""
+        while not self.waiting and select.select([self.source], [], [], 0)[0] and self.read():
+            pass
 
     def write(self) -> bool:
         """As `read`."""
@@ -98,9 +104,14 @@ class Proxy:
         self._ours.send(b"x")
 
     def hang_up(self) -> None:
-        """Cut all connections now."""
+        """Cut all connections, once what was sent before has passed, as far as it is taken."""
         self._is_hanging_up = True
         self._ours.send(b"x")
+
+    @property
+    def is_alone(self) -> bool:
+        """Whether no connection goes through it."""
+        return not self._ways
 
     def spare(self) -> None:
         """Cut nothing more."""
@@ -159,6 +170,8 @@ class Proxy:
         if self._is_hanging_up:
             self._is_hanging_up = False
             for ways in tuple(self._ways):
+                for way in ways:
+                    way.pass_on()
                 self._end(ways)
         while self._orders:
             order = self._orders.popleft()

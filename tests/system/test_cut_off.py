@@ -1,6 +1,7 @@
 """A subscriber's process that stands still and loses its connection, and publishers that leave meanwhile."""
 
 import asyncio
+import os
 import re
 import signal
 from collections.abc import AsyncIterator, Iterator
@@ -93,7 +94,10 @@ async def until_told(node: bus.Node, expected: int, lost: int) -> None:
 async def test_what_a_publisher_that_has_left_had_published(
     route: str, listener: Program, proxy: Proxy, node: bus.Node, leaves: str
 ) -> None:
-    """It leaves before or after the process that stands still is cut off."""
+    """It leaves before or after the process that stands still is cut off.
+
+    Its ring has grown before: that was told, and lies unread in the socket.
+    """
     publisher = await node.create_publisher(String, "topic", 1000)
     await publisher.wait_for_subscriptions()
     await publish(publisher, 5)
@@ -102,6 +106,7 @@ async def test_what_a_publisher_that_has_left_had_published(
     await publish(publisher, 30)
     if leaves == "before":
         await publisher.close()
+    await node.graph()  # busd has heard all that, and has sent what it tells the listener
     proxy.hang_up()
     while len((await node.graph()).nodes) > 1:  # noqa: ASYNC110
         await asyncio.sleep(0.01)
@@ -116,6 +121,35 @@ async def test_what_a_publisher_that_has_left_had_published(
     lost = int(found[2] or 0)
     assert (0 < lost < expected - 5) if route == "socket" else not lost
     await until_told(node, expected, lost)
+
+
+@pytest.mark.skipif(not shm.is_available(), reason="without shared memory there are no rings")
+@pytest.mark.parametrize("leaves", [False, True])
+async def test_what_was_published_into_a_ring_of_which_it_was_not_told_in_time(
+    daemon: Daemon, listener: Program, proxy: Proxy, node: bus.Node, leaves: bool
+) -> None:
+    """Its ring grew a moment before the subscription was cut off: lost only where it has gone."""
+    publisher = await node.create_publisher(String, "topic", 1000)
+    await publisher.wait_for_subscriptions()
+    await publish(publisher, 5)
+    await listener.line("expected 5 delivered 5 ")
+    listener.process.send_signal(signal.SIGSTOP)
+    os.kill(daemon.pid, signal.SIGSTOP)
+    await publish(publisher, 30)
+    proxy.hang_up()
+    await until(lambda: proxy.is_alone)
+    os.kill(daemon.pid, signal.SIGCONT)
+    while len((await node.graph()).nodes) > 1:  # noqa: ASYNC110
+        await asyncio.sleep(0.01)
+    if leaves:
+        await publisher.close()
+    listener.process.send_signal(signal.SIGCONT)
+    await until(lambda: closed(listener, 35))
+    found = closed(listener, 35)
+    assert found is not None
+    lost = int(found[2] or 0)
+    assert (0 < lost < 30) if leaves else not lost
+    await until_told(node, 35, lost)
 
 
 @pytest.mark.skipif(not shm.is_available(), reason="without shared memory there are no rings")
