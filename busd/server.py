@@ -12,8 +12,7 @@ from typing import Any, TypeAlias
 
 from bus.errors import ConfigurationError, RemoteProtocolError
 from bus.ids import PeerId
-from bus.transport.stream import Stream
-from bus.wire.layout import DATA_HEAD_BYTES, GUESTS
+from bus.wire.layout import GUESTS
 from bus.wire.messages import (
     Done,
     GetGraph,
@@ -26,7 +25,7 @@ from bus.wire.messages import (
     encode_frame,
 )
 from bus.wire.runs import Account, Run
-from bus.wire.session import Carried, Session
+from bus.wire.session import Carried
 from busd.admission import Admission
 from busd.core.access import Access
 from busd.core.broker import Broker
@@ -38,6 +37,7 @@ from busd.core.work import LOOKS_PER_UNIT, UNLIMITED
 from busd.credentials import Credentials
 from busd.drain import Drain
 from busd.listener import Listener
+from busd.passing import pass_on
 from busd.peer import PeerConnection, greeting
 
 _log = logging.getLogger("busd")
@@ -178,7 +178,7 @@ class Server:
         meter.left = party.left - _READ
         try:
             session.reader.came(count)
-            if not self._pass_on(connection, session):
+            if not pass_on(self._broker, self._peers, connection):
                 self._handle(connection, session.items())
         finally:
             party.left = meter.left
@@ -301,42 +301,6 @@ class Server:
         self._flush(last)
         self._carry_out(self._broker.trim(now_ns))
         return True
-
-    def _pass_on(self, connection: PeerConnection, session: Session) -> bool:
-        """Send on the runs at the front that are each for one subscription, whose process takes them at once.
-
-        They leave from where they lie in the reader's buffer; at a moderate rate all do. Returns whether that
-        was all.
-        """
-        broker, reader, runs, now_ns = self._broker, session.reader, 0, monotonic_ns()
-        stream: Stream | None = None
-        meter = broker.meter
-        while (front := reader.front()) is not None and meter.left > 0 and not session.descriptors:
-            endpoint, source, first_seq, count, size = front
-            if source or (way := broker.passage(now_ns, connection.id, endpoint)) is None:
-                break
-            publisher, subscription = way
-            if (owner := self._peers.get(subscription.flush.peer)) is None:  # the core has yet to forget it
-                break
-            taker = owner.stream
-            if taker is not stream:
-                if stream is not None:
-                    stream.pass_on(reader.readdressed())
-                stream = taker
-                if not taker.is_idle:
-                    break
-            if not broker.passed_on(publisher, first_seq, count, size - DATA_HEAD_BYTES):
-                break
-            reader.readdress(front, subscription.id, publisher.id)
-            runs += 1
-            meter.left -= size >> 12  # what it costs to send it, as in Stream.flush
-            if reader.is_cut:
-                break
-        if runs:
-            if stream is not None and len(frames := reader.readdressed()):
-                stream.pass_on(frames)
-            broker.routing_times.add(runs, monotonic_ns() - now_ns)
-        return runs > 0 and reader.is_cut
 
     def _handle(self, connection: PeerConnection, items: Iterable[Any]) -> None:
         """Hand the broker what came, one after the other; what there is no time for now waits."""

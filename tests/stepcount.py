@@ -6,6 +6,8 @@ It is the median of what the process does from one message to the next, without 
 and without what the pause of a publisher costs by itself.
 
     assert steps("subscriber").bytecodes <= 40
+
+What some code of a test itself takes, StepCounter counts.
 """
 
 import asyncio
@@ -23,7 +25,7 @@ from itertools import count, repeat
 from pathlib import Path
 from statistics import median
 from types import CodeType, FrameType
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, Self, TypeAlias
 
 import pytest
 
@@ -39,7 +41,7 @@ _WARM_UP = 20
 _PAUSE_S = 0.005
 _TEXT = "x" * 64
 _MARK = "/of-no-use/but-to-be-seen-by-strace"
-_OTHERS = ("asyncio", "selectors", "__main__")
+_OTHERS = ("asyncio", "selectors", __name__)
 
 _COUNT_MALLOCS = r"""
 #define _GNU_SOURCE
@@ -58,6 +60,44 @@ class Steps(NamedTuple):
 
     bytecodes: float
     calls: float
+
+
+class StepCounter:
+    """Counts bytecodes and Python calls of all that the code in its block calls, but for the event loop's.
+
+    `also`: code that counts wherever it stands.
+    """
+
+    def __init__(self, also: CodeType | None = None) -> None:
+        self.bytecodes = self.calls = 0
+        self._also = also
+        self._before: Any = None
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def start(self) -> None:
+        self._before = sys.gettrace()
+        sys.settrace(self._enter)
+
+    def stop(self) -> None:
+        sys.settrace(self._before)
+
+    def _enter(self, frame: FrameType, event: str, argument: Any) -> Any:
+        is_others = frame.f_globals.get("__name__", "").partition(".")[0] in _OTHERS
+        if is_others and frame.f_code is not self._also:
+            return None
+        self.calls += 1
+        frame.f_trace_opcodes, frame.f_trace_lines = True, False
+        return self._step
+
+    def _step(self, frame: FrameType, event: str, argument: Any) -> Any:
+        self.bytecodes += event == "opcode"
+        return self._step
 
 
 def steps(role: Role, loop: str = "uvloop", **options: bool) -> Steps:
@@ -161,30 +201,19 @@ class _StepCount(_Meter):
     is_endless = False
 
     def __init__(self, code: CodeType | None) -> None:
-        self._code = code
-        self._bytecodes = self._calls = 0
+        self._counter = StepCounter(code)
         self._counts: list[tuple[int, int]] = []
 
     def mark(self) -> None:
-        self._counts.append((self._bytecodes, self._calls))
-        self._bytecodes = self._calls = 0
-        sys.settrace(self._enter)
+        counter = self._counter
+        if not self._counts:
+            counter.start()
+        self._counts.append((counter.bytecodes, counter.calls))
+        counter.bytecodes = counter.calls = 0
 
     def counts(self) -> list[Any]:
-        sys.settrace(None)
+        self._counter.stop()
         return self._counts[1:]
-
-    def _enter(self, frame: FrameType, event: str, argument: Any) -> Any:
-        is_others = frame.f_globals.get("__name__", "").partition(".")[0] in _OTHERS
-        if is_others and frame.f_code is not self._code:
-            return None
-        self._calls += 1
-        frame.f_trace_opcodes, frame.f_trace_lines = True, False
-        return self._step
-
-    def _step(self, frame: FrameType, event: str, argument: Any) -> Any:
-        self._bytecodes += event == "opcode"
-        return self._step
 
 
 class _AllocationCount(_Meter):

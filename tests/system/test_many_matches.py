@@ -1,7 +1,5 @@
 """Many matches in one process: each of them costs it the same, however many there are."""
 
-import sys
-from types import FrameType
 from typing import Any, TypeAlias
 
 import pytest
@@ -13,6 +11,7 @@ from bus.wire import messages as m
 from bus.wire.session import Carried
 from conftest import Daemon
 from semantics import until
+from stepcount import StepCounter
 
 MANY, FEW = 240, 40
 
@@ -21,27 +20,17 @@ Costs: TypeAlias = dict[tuple[type, str], list[int]]
 
 @pytest.fixture
 def costs(monkeypatch: pytest.MonkeyPatch) -> Costs:
-    """Lines of Python that each message from busd made this process run, by what it is and what it is for."""
+    """Bytecodes that each message from busd made this process run, by what it is and what it is for."""
     costs: Costs = {}
     handle = Link._handle
 
     def counted(link: Link, message: Any) -> None:
-        lines, before = 0, sys.gettrace()
-
-        def trace(frame: FrameType, event: str, argument: Any) -> Any:
-            nonlocal lines
-            lines += 1
-            return trace
-
-        sys.settrace(trace)
-        try:
+        with StepCounter() as steps:
             handle(link, message)
-        finally:
-            sys.settrace(before)
         message = message.message if isinstance(message, Carried) else message
         endpoint = link._declarations.concerned(message)
         if endpoint is not None:
-            costs.setdefault((type(message), endpoint._kind), []).append(lines)
+            costs.setdefault((type(message), endpoint._kind), []).append(steps.bytecodes)
 
     monkeypatch.setattr(Link, "_handle", counted)
     return costs
@@ -65,9 +54,9 @@ async def test_the_last_is_as_cheap_as_the_first(daemon: Daemon, costs: Costs, m
     if route == "shm" and many == "subscriptions":
         kinds.append(m.Attached)
     for kind in kinds:
-        lines = costs[kind, hub._kind]
-        assert len(lines) >= MANY - 1, kind
-        first, last = sum(lines[:FEW]), sum(lines[-FEW:])
+        bytecodes = costs[kind, hub._kind]
+        assert len(bytecodes) >= MANY - 1, kind
+        first, last = sum(bytecodes[:FEW]), sum(bytecodes[-FEW:])
         assert last <= 1.25 * first, (
-            f"{kind.__name__}: {first} lines for the first {FEW}, {last} for the last"
+            f"{kind.__name__}: {first} bytecodes for the first {FEW}, {last} for the last"
         )

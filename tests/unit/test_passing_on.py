@@ -1,14 +1,12 @@
-"""busd.server: runs that are passed on as they lie in the reader's buffer, and what that costs."""
+"""busd.passing: runs that are passed on as they lie in the reader's buffer, and what that costs."""
 
 import asyncio
 import os
 import socket
-import sys
 import time
 from collections.abc import Callable
 from itertools import count
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import pytest
@@ -26,6 +24,7 @@ from busd.peer import PeerConnection
 from busd.server import Server
 from conftest import WAIT_S
 from feeding import feed, frame_record
+from stepcount import StepCounter
 
 KIND = {"type_name": "test/msg/Text", "type_hash": "hash"}
 UID = os.getuid()
@@ -227,26 +226,14 @@ async def test_a_lone_message_costs_few_steps(server: Server) -> None:
         talker.sock.send(pair.frame(body))
         await listener.run()
     talker.sock.send(pair.frame(body))
-    steps = 0
-
-    def trace(frame: FrameType, event: str, _: object) -> Any:
-        nonlocal steps
-        frame.f_trace_opcodes = True
-        steps += event == "opcode"
-        return trace
-
     calls = list[str]()
     for peer in (talker, listener):
         stream = peer.connection.stream
         stream._sock = Counted(stream._sock, calls)  # type: ignore[assignment]
-    before = sys.gettrace()
-    sys.settrace(trace)
-    try:
+    with StepCounter() as steps:
         talker.connection.stream._on_readable()
-    finally:
-        sys.settrace(before)
     assert (await listener.run())[2] == 4
-    assert 100 < steps < 750
+    assert 100 < steps.bytecodes < 750
     assert calls == ["recvmsg_into", "send"]
     talker.sock.close()
     listener.sock.close()

@@ -175,33 +175,25 @@ class Stream:
         poll.register(self._sock, select.POLLRDHUP)
         return bool(poll.poll(0))
 
-    def send_now(self, frame: Buffer) -> bool:
-        """Send a frame past the outbox, if nothing waits to be sent; returns whether it was taken over."""
+    def send_now(self, frames: Buffer, *, is_lent: bool = False) -> bool:
+        """Send whole frames past the outbox, if nothing waits to be sent; returns whether it took them over.
+
+        `is_lent`: they lie in a buffer that is soon used again, so what the socket does not take is copied.
+        """
         outbox = self.outbox
         if self.is_blocked or self.is_closed or outbox.ready or outbox.control:
             return False
         try:
-            sent = self._sock.send(frame)
-        except OSError:
-            self._send([frame], len(frame))
-            return not (self._is_unheard or self.is_closed)
-        self.sent_bytes += sent
-        if sent != len(frame):
-            self._rest = [memoryview(frame)[sent:]]
-            self._wait_to_write()
-        return True
-
-    def pass_on(self, frames: memoryview) -> None:
-        """Send whole frames as they lie in somebody's buffer, only while the stream `is_idle`."""
-        try:
             sent = self._sock.send(frames)
         except OSError:
-            self._send([frames.tobytes()], len(frames))
-            return
+            self._send([bytes(frames) if is_lent else frames], len(frames))
+            return not (self._is_unheard or self.is_closed)
         self.sent_bytes += sent
         if sent != len(frames):
-            self._rest = [frames[sent:].tobytes()]
+            rest = memoryview(frames)[sent:]
+            self._rest = [rest.tobytes() if is_lent else rest]
             self._be_full(len(frames))
+        return True
 
     def finish(self) -> None:
         """End what has begun to be sent, send nothing after it, and go on reading."""
