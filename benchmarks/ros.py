@@ -5,7 +5,7 @@ Also how much what was installed takes, of it and of busd.
 
 import re
 from collections.abc import Iterable, Mapping
-from importlib.metadata import Distribution, distributions, files
+from importlib.metadata import Distribution, distributions, requires
 from pathlib import Path
 from zlib import crc32
 
@@ -63,11 +63,11 @@ def installed() -> dict[str, float]:
 
 
 def busd_installed() -> dict[str, float]:
-    """What an installation of busd takes; of one that is a link to this tree, with what is linked."""
-    found = _size_of(["busd"])
-    linked = [path for name in ("clients/bus", "busd") for path in (ROOT / name).rglob("*") if path.is_file()]
-    if "busd" in _installed(None) and not any(one.match("bus/shm/*.pyi") for one in files("busd") or ()):
-        found["mib"] += sum(path.stat().st_size for path in linked if path.suffix != ".pyc") / (1 << 20)
+    """What an installation of busd takes: its packages as they are in this tree, and all that they need."""
+    found = _size_of(one for one in requires("busd") or () if "extra ==" not in one)
+    ours = (path for name in ("clients/bus", "busd") for path in (ROOT / name).rglob("*") if path.is_file())
+    found["mib"] += sum(path.stat().st_size for path in ours if path.suffix != ".pyc") / (1 << 20)
+    found["packages"] += 1
     return found
 
 
