@@ -65,7 +65,7 @@ class Inbox(Generic[M]):
         self.stamp_ns = 0
         """Stamp of the sample that `take` had last out of a ring."""
         self.on_note: Callable[[], object] = _ignore
-        """Called when `take` has something out of a ring, unless the reader's `is_noted` says that it was."""
+        """Called when something is taken out of a ring, unless the reader's `is_noted` says that it was."""
         self._rejected = 0
         self._on_drop = on_drop
         self._on_reject = on_reject
@@ -264,7 +264,7 @@ class Inbox(Generic[M]):
 
     def call_back(self, callback: Callable[[M], object], on_error: Callable[[Exception], object]) -> None:
         """Let the reader call back by itself for what comes in rings, while nothing else waits here."""
-        self.reader.prepare(callback, self._decode, on_error, self.waiting)
+        self.reader.prepare(callback, self._decode, on_error, self.waiting, self.on_note)
 
     def put_back(self, messages: list[M]) -> None:
         """What `take_messages` gave and was not delivered is taken next."""

@@ -21,6 +21,7 @@ NUMBERS = st.integers(0, 3) | st.integers(0, RINGS - 1)
 RARE = st.sampled_from(
     (
         "take",
+        "report",
         "match again",
         "second gate",
         "go on in another ring",
@@ -66,7 +67,7 @@ class Process:
             self.all_readers.append(reader)
             if number < PREPARED:
                 reader.is_noted = True
-                reader.prepare(lambda _, at=number: self.hear(at), bytes, print, ())
+                reader.prepare(lambda _, at=number: self.hear(at), bytes, print, (), int)
             self.match(number)
         self.sleep()
 
@@ -99,6 +100,8 @@ class Process:
             self.written[number] += 1
         elif what == "take":
             self.take(number)
+        elif what == "report":  # the next message is noted
+            self.all_readers[number].is_noted = False
         elif what == "raise":
             raise KeyboardInterrupt
         elif what == "match again":

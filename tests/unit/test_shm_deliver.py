@@ -25,11 +25,17 @@ class Heard:
         self.queue: list[object] = []
         self.then: Callable[[], object] = int
         reader.is_noted = True
-        reader.prepare(self, decode, self.errors.append, (self.queue,))
+        self.on_note: Callable[[], object] = self.note
+        self.notes: list[int] = []
+        reader.prepare(self, decode, self.errors.append, (self.queue,), lambda: self.on_note())
 
     def __call__(self, message: Any) -> None:
         self.messages.append(message)
         self.then()
+
+    def note(self) -> None:
+        """How many messages had been called back with."""
+        self.notes.append(len(self.messages))
 
 
 @pytest.fixture(params=[0, 20])
@@ -258,17 +264,54 @@ def test_those_behind_an_owner_wait_for_it(talker: Talker, listener: Listener, h
     assert others.messages == [b"y"]
 
 
-def test_the_owner_is_told_of_the_first_since_its_report(
-    talker: Talker, listener: Listener, heard: Heard
+def test_the_first_since_a_report_is_noted_and_the_process_sleeps(
+    talker: Talker, listener: Listener, heard: Heard, crowd: list[Talker]
 ) -> None:
-    listener.reader.is_noted = False
-    talker.write(b"a")
-    assert listener.readers.deliver(True) == [listener]
-    assert listener.reader.is_noted
+    silent, quiet = Talker(), core.Reader(listener.readers, "quiet", 0, tells_cursor=False)
+    quiet.attach(1, segments.map_ring(silent.ring), next(listener.slots))
+    unheard = Heard(quiet)
     assert listener.readers.sleep() == []
-    talker.write(b"b")
-    assert listener.readers.deliver(True) is None
-    assert heard.messages == [b"a", b"b"]
+    silent.write(b"x")
+    for number in range(1, 4):
+        listener.reader.is_noted = number == 2
+        talker.write(b"x")
+        assert listener.readers.deliver(True) is None
+        assert listener.reader.is_noted
+        assert len(heard.messages) == number
+        assert heard.notes == [0, 2][: (number + 1) // 2]  # before the callback, which may close it
+        assert unheard.messages == ([] if crowd else [b"x"])  # nor are all looked at
+    silent.close()
+
+
+def test_what_a_note_raises_is_told_and_the_message_delivered(
+    talker: Talker, listener: Listener, heard: Heard, crowd: list[Talker]
+) -> None:
+    def fail() -> None:
+        heard.note()
+        raise ValueError("note")
+
+    listener.reader.is_noted = False
+    heard.on_note = fail
+    for number in (1, 2):
+        talker.write(b"x")
+        assert listener.readers.deliver(True) is None
+        assert [str(error) for error in heard.errors] == ["note"] * number
+        assert heard.notes == [*range(number)]
+        assert heard.messages == [b"x"] * number
+
+
+def test_a_note_may_take_the_callback_away(talker: Talker, listener: Listener, heard: Heard) -> None:
+    def forget() -> None:
+        listener.reader.forget_callback()
+        gc.collect()
+
+    listener.reader.is_noted = False
+    heard.on_note = forget
+    for _ in range(2):
+        talker.write(b"x")
+        listener.readers.deliver(True)
+    assert heard.messages == [b"x"]  # that one was under way
+    assert listener.take() == [b"x"]
 
 
 def test_the_owner_is_told_of_losses(talker: Talker, listener: Listener, heard: Heard) -> None:
@@ -316,7 +359,7 @@ def test_an_error_is_told_while_it_is_handled(talker: Talker, listener: Listener
         told.append((error, sys.exc_info()[1], error.__traceback__))
 
     heard.then = fail
-    listener.reader.prepare(heard, bytes, on_error, ())
+    listener.reader.prepare(heard, bytes, on_error, (), heard.note)
     talker.write(b"x")
     try:
         raise KeyError
@@ -330,7 +373,7 @@ def test_an_error_is_told_while_it_is_handled(talker: Talker, listener: Listener
 
 
 @pytest.mark.parametrize("error", [SystemExit, KeyboardInterrupt, GeneratorExit])
-@pytest.mark.parametrize("where", ["callback", "decode", "on_error"])
+@pytest.mark.parametrize("where", ["callback", "decode", "on_error", "on_note"])
 def test_what_is_no_exception_goes_through_and_loses_no_wake_up(
     talker: Talker, listener: Listener, heard: Heard, error: type[BaseException], where: str
 ) -> None:
@@ -345,10 +388,13 @@ def test_what_is_no_exception_goes_through_and_loses_no_wake_up(
     if where == "callback":
         heard.then = fail
     elif where == "decode":
-        listener.reader.prepare(heard, fail, fail, ())
+        listener.reader.prepare(heard, fail, fail, (), heard.note)
+    elif where == "on_note":
+        heard.on_note = fail
+        listener.reader.is_noted = False
     else:
         heard.then = fail_simply
-        listener.reader.prepare(heard, bytes, fail, ())
+        listener.reader.prepare(heard, bytes, fail, (), heard.note)
     talker.write(b"x")
     with pytest.raises(error):
         listener.readers.deliver(True)
@@ -358,6 +404,7 @@ def test_what_is_no_exception_goes_through_and_loses_no_wake_up(
     assert listener.readers.deliver(True) == [listener]
     assert other.messages == [b"x"]
     assert not is_rung(listener.doorbell)
+    assert listener.reader.is_noted is (where != "on_note")  # the next message is noted
 
 
 def test_a_callback_may_look_itself(talker: Talker, listener: Listener, heard: Heard) -> None:
@@ -483,10 +530,12 @@ def test_nothing_is_kept_of_what_was_called(talker: Talker, listener: Listener) 
         for heard.then in (int, raise_error):
             for payload in (b"x", b"bad"):
                 for may_sleep in (True, False):
+                    listener.reader.is_noted = False
                     talker.write(payload)
                     listener.readers.deliver(may_sleep)
                     listener.reader.pop_rejected()
                     heard.messages.clear()
+                    heard.notes.clear()
 
     round_trips()
     blocks, references = count()

@@ -238,7 +238,7 @@ class Reader:
     is_busy: bool
     """A call is under way or about to go on, so that it must not call back by itself. May be set."""
     is_noted: bool
-    """May be set to False: then the owner is told when a message is taken next by `Readers.deliver`."""
+    """May be set to False: the counters were reported, and change once more. Who notes that, sets it."""
     expected: int
     """By the numbers: samples + replaced + overrun + expired + undecodable + those that wait."""
 
@@ -285,8 +285,12 @@ class Reader:
         decode: Callable[[Any], M],
         on_error: Callable[[Exception], object],
         queues: tuple[Sized, ...],
+        on_note: Callable[[], object],
     ) -> None:
-        """Let `Readers.deliver` call back, while all `queues` are empty: what waits there comes first."""
+        """Let `Readers.deliver` call back, while all `queues` are empty: what waits there comes first.
+
+        Before a message for which `is_noted` is False it calls `on_note`, and sets it.
+        """
     def forget_callback(self) -> None:
         """Take that back, also while it is called."""
     def waiting(self) -> int:

@@ -166,7 +166,8 @@ struct feed {
 /* With what a Reader calls back by itself. */
 struct prepared {
     PyObject *callback, *decode, *on_error;
-    PyObject *queues; /* a tuple: what waits in these comes before what is in the rings */
+    PyObject *queues;  /* a tuple: what waits in these comes before what is in the rings */
+    PyObject *on_note; /* called where `is_noted` is not set, and then it is */
 };
 
 struct Reader {

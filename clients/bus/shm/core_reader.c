@@ -52,6 +52,7 @@ static void forget_callback(Reader *self)
     Py_XDECREF(prepared.decode);
     Py_XDECREF(prepared.on_error);
     Py_XDECREF(prepared.queues);
+    Py_XDECREF(prepared.on_note);
 }
 
 static int reader_clear(PyObject *object)
@@ -80,6 +81,7 @@ static int reader_traverse(PyObject *object, visitproc visit, void *arg)
     Py_VISIT(self->prepared.decode);
     Py_VISIT(self->prepared.on_error);
     Py_VISIT(self->prepared.queues);
+    Py_VISIT(self->prepared.on_note);
     for (size_t i = 0; i < self->count; i++)
         Py_VISIT(self->feeds[i]->source);
     return 0;
@@ -379,16 +381,17 @@ static PyObject *get_expected(PyObject *object, void *Py_UNUSED(closure))
 
 static PyObject *reader_prepare(PyObject *object, PyObject *args, PyObject *kwargs)
 {
-    static char *names[] = {"callback", "decode", "on_error", "queues", NULL};
+    static char *names[] = {"callback", "decode", "on_error", "queues", "on_note", NULL};
     Reader *self = (Reader *)object;
     struct prepared prepared;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOO!", names, &prepared.callback, &prepared.decode,
-                                     &prepared.on_error, &PyTuple_Type, &prepared.queues))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOO!O", names, &prepared.callback, &prepared.decode,
+                                     &prepared.on_error, &PyTuple_Type, &prepared.queues, &prepared.on_note))
         return NULL;
     Py_INCREF(prepared.callback);
     Py_INCREF(prepared.decode);
     Py_INCREF(prepared.on_error);
     Py_INCREF(prepared.queues);
+    Py_INCREF(prepared.on_note);
     forget_callback(self);
     self->prepared = prepared;
     Py_RETURN_NONE;

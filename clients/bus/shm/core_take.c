@@ -251,14 +251,13 @@ int reader_take_oldest(Reader *self, PyObject *decode, bool has_origin, PyObject
     return status;
 }
 
-/* Whether the owner has to look after its counters: they were reported since, or count more losses. */
-static bool note(Reader *self)
+/* Whether the owner has to look: the counters count more losses. */
+static bool has_lost(Reader *self)
 {
     uint64_t lost = self->overrun + self->replaced + self->expired + self->undecodable;
     for (size_t i = 0; i < self->count; i++)
         lost += self->feeds[i]->ring.overrun + self->feeds[i]->ring.replaced;
-    const bool is_due = !self->is_noted || lost != self->lost_told;
-    self->is_noted = 1;
+    const bool is_due = lost != self->lost_told;
     self->lost_told = lost;
     return is_due;
 }
@@ -293,19 +292,34 @@ static int handle(PyObject *on_error)
     return answer == NULL ? -1 : 0;
 }
 
+/* The counters have changed, perhaps for the first time since they were reported. */
+static int note(Reader *self, PyObject *on_note, PyObject *on_error)
+{
+    if (self->is_noted)
+        return 0;
+    PyObject *answer = PyObject_CallFunctionObjArgs(on_note, NULL);
+    if (answer == NULL)
+        return handle(on_error);
+    Py_DECREF(answer);
+    self->is_noted = 1;
+    return 0;
+}
+
 /* Where it is ready: calls back for the oldest message. 1: that was all; 0: the owner must look; -1: an error. */
 int reader_deliver(Reader *self)
 {
     PyObject *callback = Py_NewRef(self->prepared.callback), *decode = Py_NewRef(self->prepared.decode);
-    PyObject *on_error = Py_NewRef(self->prepared.on_error), *message;
+    PyObject *on_error = Py_NewRef(self->prepared.on_error), *on_note = Py_NewRef(self->prepared.on_note), *message;
     self->is_busy = 1;
     int status = reader_take_oldest(self, decode, false, &message);
     if (status == 1) {
-        const bool is_due = note(self);
-        PyObject *answer = PyObject_CallFunctionObjArgs(callback, message, NULL);
-        if (answer == NULL && handle(on_error) < 0)
-            status = -1;
-        else
+        const bool is_due = has_lost(self);
+        /* Before the callback: that may close the subscription, and then what it has had is told. */
+        status = note(self, on_note, on_error);
+        PyObject *answer = status < 0 ? NULL : PyObject_CallFunctionObjArgs(callback, message, NULL);
+        if (status == 0 && answer == NULL)
+            status = handle(on_error);
+        if (status == 0)
             status = !is_due && !reader_has_more(self);
         Py_XDECREF(answer);
     }
@@ -314,5 +328,6 @@ int reader_deliver(Reader *self)
     Py_DECREF(callback);
     Py_DECREF(decode);
     Py_DECREF(on_error);
+    Py_DECREF(on_note);
     return status;
 }
