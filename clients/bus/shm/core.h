@@ -1,10 +1,12 @@
 /* What the parts of the native core share: the Python binding of ring.h, limited API of Python 3.11.
  *
  * Each call from Python is one whole operation on mapped segments, under the GIL. Nothing here waits (but for the
- * bounded spin of Readers.sleep, and Reader.wait, which gives the GIL away) and nothing here makes, passes or closes descriptors: bus.shm.segments does.
+ * bounded spin of Readers.sleep, and Reader.wait, which gives the GIL away) and nothing here makes, passes or closes
+ * descriptors: bus.shm.segments does.
  * Types: Mapping (core_mapping.c), Bell (core_bell.c), Writer (core_writer.c, core_gates.c, core_carry.c), Readers
- * (core_readers.c), Reader (core_reader.c, core_feed.c, core_take.c, core_wait.c); View and Loan (core_view.c) are what memoryviews
- * of records hold. Plan (core_plan.c), OpenRun (core_run.c, of the other route) and Sends (core_send.c) have no segment.
+ * (core_readers.c), Reader (core_reader.c, core_feed.c, core_take.c, core_wait.c); View and Loan (core_view.c) are what
+ * memoryviews of records hold. Plan (core_plan.c), OpenRun (core_run.c, of the other route) and Sends (core_send.c) have
+ * no segment; what Writer and OpenRun know of a publisher's messages is in core_encoder.c.
  */
 #ifndef BUS_SHM_CORE_H
 #define BUS_SHM_CORE_H
@@ -75,6 +77,12 @@ struct gate_owner {
 
 typedef struct Plan Plan;
 
+/* How the messages of one publisher are checked and encoded. */
+struct encoder {
+    PyObject *kind, *is_valid, *encode; /* NULL: not prepared */
+    Plan *plan;                         /* NULL: all go the long way */
+};
+
 typedef struct {
     PyObject_HEAD
     struct ring_writer ring;
@@ -94,8 +102,7 @@ typedef struct {
     uint64_t longest;          /* that writer_publish() encodes; when one is longer, `is_long` ends its work */
     uint64_t samples, bytes, rung;
     uint64_t stamp_ns; /* of the newest record: stamps don't go back, so that a time finds a place among them */
-    PyObject *kind, *is_valid, *encode; /* of the messages to publish; NULL: not prepared */
-    Plan *plan;                         /* NULL: all go the long way */
+    struct encoder encoder;
 } Writer;
 
 typedef struct Reader Reader;
@@ -231,6 +238,16 @@ enum { PLAN_BYTES = 4096 };
  * lost, and no error is set. Where it gives up, an error may have been made and dropped, and with that anything may
  * have run; else no Python code has. */
 Py_ssize_t plan_encode(const Plan *self, PyObject *message, void *at, Py_ssize_t room);
+
+/* core_encoder.c */
+
+/* From the arguments (kind, is_valid, encode, plan or None) of a method of `owner`. False: an error is set. */
+bool encoder_prepare(struct encoder *self, PyObject *owner, PyObject *args);
+void encoder_drop(struct encoder *self);
+
+/* The long way: the message's encoding. NULL: it is not surely valid, or can't be encoded; the caller finds out why, unless
+ * an error is set. */
+PyObject *encoder_encode(const struct encoder *self, PyObject *message);
 
 /* core_view.c */
 PyObject *view_new(CoreState *state, Mapping *ring, Mapping *readers, struct reader_slot *slot, unsigned pin,

@@ -19,12 +19,11 @@ enum { SHORT_BYTES = 4096 };
 
 typedef struct {
     PyObject_HEAD
-    PyObject *kind, *is_valid, *encode; /* of the messages to publish; NULL: not prepared */
-    Plan *plan;                         /* NULL: all go the long way */
-    PyObject *may_begin;                /* asked with its size before a sample begins a run; NULL: always */
-    PyObject *begun;                    /* called with its stamp after that */
-    PyObject *frame;                    /* bytearray: a place for the head, then records; NULL: none is open */
-    uint64_t room;                      /* bytes of records that `frame` has place for */
+    struct encoder encoder;
+    PyObject *may_begin; /* asked with its size before a sample begins a run; NULL: always */
+    PyObject *begun;     /* called with its stamp after that */
+    PyObject *frame;     /* bytearray: a place for the head, then records; NULL: none is open */
+    uint64_t room;       /* bytes of records that `frame` has place for */
     uint64_t samples, size, budget, most;
     uint64_t begins_below; /* publish() begins a run with a payload shorter than that; 0: never */
     uint64_t before; /* size of the last run that had more than one sample: the next will be alike */
@@ -46,9 +45,9 @@ static int run_traverse(PyObject *object, visitproc visit, void *arg)
 {
     OpenRun *self = (OpenRun *)object;
     Py_VISIT(Py_TYPE(object));
-    Py_VISIT(self->kind);
-    Py_VISIT(self->is_valid);
-    Py_VISIT(self->encode);
+    Py_VISIT(self->encoder.kind);
+    Py_VISIT(self->encoder.is_valid);
+    Py_VISIT(self->encoder.encode);
     Py_VISIT(self->may_begin);
     Py_VISIT(self->begun);
     return 0;
@@ -57,9 +56,7 @@ static int run_traverse(PyObject *object, visitproc visit, void *arg)
 static int run_clear(PyObject *object)
 {
     OpenRun *self = (OpenRun *)object;
-    Py_CLEAR(self->kind);
-    Py_CLEAR(self->is_valid);
-    Py_CLEAR(self->encode);
+    encoder_drop(&self->encoder);
     Py_CLEAR(self->may_begin);
     Py_CLEAR(self->begun);
     return 0;
@@ -69,7 +66,6 @@ static void run_dealloc(PyObject *object)
 {
     PyObject_GC_UnTrack(object);
     run_clear(object);
-    DROP(((OpenRun *)object)->plan);
     Py_XDECREF(((OpenRun *)object)->frame);
     core_free(object);
 }
@@ -164,23 +160,7 @@ static PyObject *run_begin(PyObject *object, PyObject *const *args, Py_ssize_t c
 
 static PyObject *run_prepare(PyObject *object, PyObject *args)
 {
-    OpenRun *self = (OpenRun *)object;
-    PyObject *kind, *is_valid, *encode, *plan;
-    if (self->kind != NULL) {
-        PyErr_SetString(PyExc_ValueError, "run is prepared already");
-        return NULL;
-    }
-    if (!PyArg_ParseTuple(args, "OOOO", &kind, &is_valid, &encode, &plan))
-        return NULL;
-    if (plan != Py_None && Py_TYPE(plan) != core_state(object)->plan) {
-        PyErr_SetString(PyExc_TypeError, "plan must be a Plan or None");
-        return NULL;
-    }
-    self->kind = Py_NewRef(kind);
-    self->is_valid = Py_NewRef(is_valid);
-    self->encode = Py_NewRef(encode);
-    self->plan = plan == Py_None ? NULL : (Plan *)Py_NewRef(plan);
-    Py_RETURN_NONE;
+    return encoder_prepare(&((OpenRun *)object)->encoder, object, args) ? Py_NewRef(Py_None) : NULL;
 }
 
 static PyObject *run_begin_by(PyObject *object, PyObject *args)
@@ -196,20 +176,6 @@ static PyObject *run_begin_by(PyObject *object, PyObject *args)
     self->begun = Py_NewRef(begun);
     self->may_begin = may_begin == Py_None ? NULL : Py_NewRef(may_begin);
     Py_RETURN_NONE;
-}
-
-/* The message's encoding: bytes. NULL: the caller finds out why, unless an error is set. */
-static PyObject *check_and_encode(const OpenRun *self, PyObject *message)
-{
-    PyObject *answer = PyObject_CallFunctionObjArgs(self->is_valid, message, NULL);
-    const bool is_valid = answer == Py_True;
-    Py_XDECREF(answer);
-    PyObject *payload = is_valid ? PyObject_CallFunctionObjArgs(self->encode, message, NULL) : NULL;
-    if (payload == NULL && PyErr_Occurred() && PyErr_ExceptionMatches(PyExc_Exception))
-        PyErr_Clear();
-    if (payload != NULL && !PyBytes_Check(payload))
-        Py_CLEAR(payload);
-    return payload;
 }
 
 /* Adds an encoding to the open run, or begins one with it. 1: done; 0: the run stands against it; -1: an error is set.
@@ -245,17 +211,20 @@ static int take(OpenRun *self, const void *bytes, uint64_t size)
 static PyObject *run_publish(PyObject *object, PyObject *message)
 {
     OpenRun *self = (OpenRun *)object;
-    if ((PyObject *)Py_TYPE(message) != self->kind || !is_at_home(self))
+    const struct encoder *encoder = &self->encoder;
+    if ((PyObject *)Py_TYPE(message) != encoder->kind || !is_at_home(self))
         Py_RETURN_FALSE;
     int status;
     unsigned char bytes[PLAN_BYTES];
-    const Py_ssize_t size = self->plan == NULL ? PLAN_NONE : plan_encode(self->plan, message, bytes, sizeof bytes);
+    const Py_ssize_t size = encoder->plan == NULL ? PLAN_NONE : plan_encode(encoder->plan, message, bytes, sizeof bytes);
     if (size >= 0) {
         status = take(self, bytes, (uint64_t)size);
         if (status == 0)
             return PyBytes_FromStringAndSize((const char *)bytes, size);
     } else {
-        PyObject *payload = check_and_encode(self, message);
+        PyObject *payload = encoder_encode(encoder, message);
+        if (payload != NULL && !PyBytes_Check(payload))
+            Py_CLEAR(payload);
         if (payload == NULL)
             return PyErr_Occurred() ? NULL : PyBool_FromLong(0);
         status = take(self, PyBytes_AsString(payload), (uint64_t)PyBytes_Size(payload));

@@ -41,10 +41,7 @@ static void writer_dealloc(PyObject *object)
     PyMem_Free(self->ring.gates);
     PyMem_Free(self->owners);
     PyMem_Free(self->bells);
-    Py_XDECREF(self->kind);
-    Py_XDECREF(self->is_valid);
-    Py_XDECREF(self->encode);
-    DROP(self->plan);
+    encoder_drop(&self->encoder);
     DROP(self->memory);
     core_free(self);
 }
@@ -120,23 +117,7 @@ static PyObject *writer_write(PyObject *object, PyObject *payload)
 
 static PyObject *writer_prepare(PyObject *object, PyObject *args)
 {
-    Writer *self = (Writer *)object;
-    PyObject *kind, *is_valid, *encode, *plan = Py_None;
-    if (self->kind != NULL) {
-        PyErr_SetString(PyExc_ValueError, "writer is prepared already");
-        return NULL;
-    }
-    if (!PyArg_ParseTuple(args, "OOO|O", &kind, &is_valid, &encode, &plan))
-        return NULL;
-    if (plan != Py_None && Py_TYPE(plan) != core_state(object)->plan) {
-        PyErr_SetString(PyExc_TypeError, "plan must be a Plan or None");
-        return NULL;
-    }
-    self->kind = Py_NewRef(kind);
-    self->is_valid = Py_NewRef(is_valid);
-    self->encode = Py_NewRef(encode);
-    self->plan = plan == Py_None ? NULL : (Plan *)Py_NewRef(plan);
-    Py_RETURN_NONE;
+    return encoder_prepare(&((Writer *)object)->encoder, object, args) ? Py_NewRef(Py_None) : NULL;
 }
 
 /* All that a publish is where nothing stands against it. Whatever does is left to the caller, who finds it again: an
@@ -144,24 +125,18 @@ static PyObject *writer_prepare(PyObject *object, PyObject *args)
 static PyObject *writer_publish(PyObject *object, PyObject *message)
 {
     Writer *self = (Writer *)object;
-    if ((PyObject *)Py_TYPE(message) != self->kind || self->is_long)
+    const struct encoder *encoder = &self->encoder;
+    if ((PyObject *)Py_TYPE(message) != encoder->kind || self->is_long)
         Py_RETURN_FALSE;
-    if (self->plan != NULL) {
+    if (encoder->plan != NULL) {
         unsigned char bytes[PLAN_BYTES];
-        const Py_ssize_t size = plan_encode(self->plan, message, bytes, sizeof bytes);
+        const Py_ssize_t size = plan_encode(encoder->plan, message, bytes, sizeof bytes);
         if (size >= 0)
             return is_at_home(self) ? put(self, bytes, size) : turned_away(self);
     }
-    PyObject *answer = PyObject_CallFunctionObjArgs(self->is_valid, message, NULL);
-    const bool is_valid = answer == Py_True;
-    Py_XDECREF(answer);
-    PyObject *payload = is_valid ? PyObject_CallFunctionObjArgs(self->encode, message, NULL) : NULL;
-    if (payload == NULL) {
-        if (PyErr_Occurred() && !PyErr_ExceptionMatches(PyExc_Exception))
-            return NULL;
-        PyErr_Clear();
-        Py_RETURN_FALSE;
-    }
+    PyObject *payload = encoder_encode(encoder, message);
+    if (payload == NULL)
+        return PyErr_Occurred() ? NULL : PyBool_FromLong(0);
     /* Long ones come in a row, and are worth being copied once less than this way does. */
     self->is_long = PyBytes_Check(payload) && (uint64_t)PyBytes_Size(payload) > self->longest;
     PyObject *outcome = writer_write(object, payload);
