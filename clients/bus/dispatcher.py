@@ -139,6 +139,10 @@ class Dispatcher(Generic[M]):
                 calls, number = 0, min(2 * number, _MOST_IN_A_TURN)
         except Exception as error:
             self._on_error(error)
+        except BaseException:  # the event loop may go on; what it has left over shall then, too
+            is_scheduled = True
+            self._loop.call_soon(self._dispatch_on)
+            raise
         finally:
             state.is_busy = is_scheduled
 

@@ -264,6 +264,7 @@ class Link:
         if items.__class__ is tuple and self._deliver_lone(items, received_ns):
             return
         endpoints, touched = self._declarations.by_id, set[Endpoint]()
+        ending: BaseException | None = None
         self._is_receiving = True
         try:
             for item in items:
@@ -280,9 +281,19 @@ class Link:
                     raise
                 except Exception as error:
                     self._tell_loop(error)  # the rest of the read is for others
+                except BaseException as error:
+                    if self.failure is not None:
+                        raise
+                    ending = (
+                        error  # of this turn, perhaps of the loop: the rest is heard, and delivered later
+                    )
         finally:
             self._is_receiving = False
-            self._deliver(touched)
+            if ending is None:
+                self._deliver(touched)
+        if ending is not None:
+            self.loop.call_soon(self._deliver, touched)
+            raise ending
 
     def _deliver_lone(self, items: Any, received_ns: int) -> bool:
         """A read has brought nothing but one run, and there is nothing to do but to call back for it."""
@@ -302,11 +313,15 @@ class Link:
 
     def _deliver(self, endpoints: Collection[Endpoint]) -> None:
         """Something has come for these. First of all the callbacks: somebody waits for them."""
-        for endpoint in endpoints:
+        left = iter(endpoints)
+        for endpoint in left:
             try:
                 endpoint._wake()
             except Exception as error:
                 self._tell_loop(error)
+            except BaseException:  # of this turn, perhaps of the loop: the others' is the next
+                self.loop.call_soon(self._deliver, list(left))
+                raise
         if endpoints:
             self._reports.add_all(endpoints)
 

@@ -21,8 +21,6 @@ DEEP = bus.QoSProfile(5000)
 KINDS = ("plain", "plain", "info", "async", "deadline", "lost", "keep all", "taken", "late", "shallow")
 ROUNDS = 120
 
-by_shared_memory = pytest.mark.parametrize("route", [pytest.param("shm", id="memory")], indirect=True)
-
 
 class Ear:
     """A subscription of some kind, and what it heard."""
@@ -163,7 +161,6 @@ async def test_the_graph_hears_of_what_is_delivered_one_by_one(node: bus.Node, r
                 await asyncio.sleep(0.05)
 
 
-@by_shared_memory
 @pytest.mark.parametrize("is_plain", [True, False])
 async def test_a_cancelled_error_of_a_callback_does_not_end_delivery(
     node: bus.Node, route: str, is_plain: bool
@@ -192,6 +189,43 @@ async def test_a_cancelled_error_of_a_callback_does_not_end_delivery(
         loop.set_exception_handler(before)
     assert heard == [1, 2, 3]
     assert len(told) == 1
+
+
+@pytest.mark.parametrize("depth", [2, 100])
+async def test_what_came_with_the_message_of_a_cancelled_error_is_delivered(
+    node: bus.Node, route: str, depth: int
+) -> None:
+    """Also to others, and where the inbox had to be emptied while it was read."""
+    heard: dict[str, list[int]] = {"bad": [], "good": []}
+    told: list[dict[str, Any]] = []
+
+    def bad(message: UInt64) -> None:
+        heard["bad"].append(message.data)
+        if message.data % 3 == 1:
+            raise asyncio.CancelledError
+
+    loop = asyncio.get_running_loop()
+    before = loop.get_exception_handler()
+    loop.set_exception_handler(lambda _, context: told.append(context))
+    try:
+        publishers = []
+        for name, callback in (("bad", bad), ("good", lambda message: heard["good"].append(message.data))):
+            await node.create_subscription(UInt64, name, depth, callback)
+            publishers.append(await node.create_publisher(UInt64, name, 100))
+        for publisher in publishers:
+            await publisher.wait_for_subscriptions()
+        for number in range(20):
+            for publisher in publishers:
+                publisher.publish(UInt64(data=number))
+        await until(lambda: all(numbers and numbers[-1] == 19 for numbers in heard.values()))
+        for publisher in publishers:
+            publisher.publish(UInt64(data=20))
+        await until(lambda: all(numbers[-1] == 20 for numbers in heard.values()))
+    finally:
+        loop.set_exception_handler(before)
+    assert told
+    if depth == 100:
+        assert heard == {"bad": [*range(21)], "good": [*range(21)]}
 
 
 async def test_a_callback_may_close_publish_and_fork(node: bus.Node, route: str) -> None:
