@@ -100,6 +100,7 @@ class TestOneThatNeverReads:
         peer.barrier()
         for _ in range(20_000):
             created = other.ask(m.CreateNode(request=other.request(), name="x" * 200))
+            assert isinstance(created, m.Created), created
             other.send(m.DestroyNode(node=created.id))
             if "it does not read" in daemon.log.read_text():
                 break
