@@ -62,10 +62,11 @@ def payloads(run: OpenRun) -> list[str]:
 
 
 def test_without_the_core_nothing_is_done_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    steps = SUPPORT.steps  # while there is the core: the plan among them is kept for all tests
     monkeypatch.setenv("BUS_NATIVE", "no")
     run = open_run()
     assert isinstance(run, PythonRun)
-    run.prepare(*SUPPORT.steps)
+    run.prepare(*steps)
     run.begin_by(int, None)
     assert run.publish(String(data="a")) is False
     assert run.write(b"a") is False

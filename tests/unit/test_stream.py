@@ -117,9 +117,10 @@ async def test_nothing_is_asked_of_the_socket_beside_what_has_come(
     end.stream.close()
 
 
+@pytest.mark.parametrize("way", ["by the outbox", "past it", "lent"])
 @pytest.mark.parametrize(("size", "wanted"), [(1_000, 0), (100_000, 208 << 10), (1_000_000, 1 << 20)])
 async def test_who_sends_much_at_a_time_gets_more_room(
-    pair: tuple[socket.socket, socket.socket], size: int, wanted: int
+    pair: tuple[socket.socket, socket.socket], size: int, wanted: int, way: str
 ) -> None:
     """What a process that does not read makes the kernel hold is bounded either way, and all of it comes."""
     mine, other = pair
@@ -134,8 +135,14 @@ async def test_who_sends_much_at_a_time_gets_more_room(
         assert room() == before
         frame = m.encode_frame(m.Fault(text="x" * size))
         sent += frame
-        end.stream.outbox.put(frame)
-        end.stream.flush()
+        if way == "by the outbox":
+            end.stream.outbox.put(frame)
+            end.stream.flush()
+        else:
+            buffer = bytearray(frame)
+            assert end.stream.send_now(buffer, is_lent=way == "lent")
+            if way == "lent":
+                buffer[:] = bytes(len(buffer))  # it is used again
     assert room() == max(before, 2 * min(wanted, MOST_ROOM))
     came = b""
     other.setblocking(False)

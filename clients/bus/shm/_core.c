@@ -31,6 +31,25 @@ void core_free(void *object)
     DROP(type);
 }
 
+PyObject *core_with_origin(PyObject *message, PyObject *stamp_ns, uint64_t seq, PyObject *source, PyObject *received_ns)
+{
+    PyObject *item = PyTuple_New(5), *number = PyLong_FromUnsignedLongLong(seq);
+    if (item == NULL || number == NULL || message == NULL || stamp_ns == NULL || received_ns == NULL) {
+        Py_XDECREF(item);
+        Py_XDECREF(number);
+        Py_XDECREF(message);
+        Py_XDECREF(stamp_ns);
+        Py_XDECREF(received_ns);
+        return NULL;
+    }
+    PyTuple_SetItem(item, 0, message);
+    PyTuple_SetItem(item, 1, stamp_ns);
+    PyTuple_SetItem(item, 2, number);
+    PyTuple_SetItem(item, 3, Py_NewRef(source));
+    PyTuple_SetItem(item, 4, received_ns);
+    return item;
+}
+
 /* A converter for the "O&" of PyArg_ParseTuple: "K" would take a negative number for a huge one. */
 int core_as_u64(PyObject *value, void *number)
 {

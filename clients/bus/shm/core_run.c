@@ -332,26 +332,6 @@ struct origin {
     PyObject *source, *received_ns;
 };
 
-/* (message, stamp, number, source, time of receipt); takes over the message. */
-static PyObject *with_origin(PyObject *message, const struct origin *origin, uint64_t index, int64_t stamp_ns)
-{
-    PyObject *item = PyTuple_New(5), *stamp = PyLong_FromLongLong(stamp_ns);
-    PyObject *seq = PyLong_FromUnsignedLongLong(origin->first_seq + index);
-    if (item == NULL || stamp == NULL || seq == NULL) {
-        Py_XDECREF(item);
-        Py_XDECREF(stamp);
-        Py_XDECREF(seq);
-        Py_DECREF(message);
-        return NULL;
-    }
-    PyTuple_SetItem(item, 0, message);
-    PyTuple_SetItem(item, 1, stamp);
-    PyTuple_SetItem(item, 2, seq);
-    PyTuple_SetItem(item, 3, Py_NewRef(origin->source));
-    PyTuple_SetItem(item, 4, Py_NewRef(origin->received_ns));
-    return item;
-}
-
 static PyObject *decode_run(PyObject *const *args, const struct origin *origin)
 {
     uint64_t offset, number;
@@ -373,7 +353,8 @@ static PyObject *decode_run(PyObject *const *args, const struct origin *origin)
             item = PyObject_CallFunctionObjArgs(args[3], payload, NULL);
         Py_XDECREF(payload);
         if (item != NULL && origin != NULL)
-            item = with_origin(item, origin, i, stamp_ns);
+            item = core_with_origin(item, PyLong_FromLongLong(stamp_ns), origin->first_seq + i, origin->source,
+                                    Py_NewRef(origin->received_ns));
         is_sound = item != NULL && PyList_Append(list, item) == 0;
         Py_XDECREF(item);
         offset += RECORD_HEAD + size;

@@ -114,28 +114,6 @@ static int reject(Reader *self, uint64_t size)
     return status;
 }
 
-/* (message, stamp, seq, source, now); takes over the message. */
-static PyObject *with_origin(PyObject *message, const struct ring_record *record, PyObject *source, uint64_t now_ns)
-{
-    PyObject *item = PyTuple_New(5), *stamp_ns = PyLong_FromUnsignedLongLong(record->stamp_ns);
-    PyObject *seq = PyLong_FromUnsignedLongLong(record->seq), *now = PyLong_FromUnsignedLongLong(now_ns);
-    if (item == NULL || stamp_ns == NULL || seq == NULL || now == NULL) {
-        Py_XDECREF(item);
-        Py_DECREF(message);
-        Py_XDECREF(stamp_ns);
-        Py_XDECREF(seq);
-        Py_XDECREF(now);
-        return NULL;
-    }
-    Py_INCREF(source);
-    PyTuple_SetItem(item, 0, message);
-    PyTuple_SetItem(item, 1, stamp_ns);
-    PyTuple_SetItem(item, 2, seq);
-    PyTuple_SetItem(item, 3, source);
-    PyTuple_SetItem(item, 4, now);
-    return item;
-}
-
 /* Takes the head of the feed, and decodes it. 1: *item is a new reference; 0: it is lost, and counted; -1: an error. */
 static int take_one(Reader *self, struct feed *feed, PyObject *decode, uint64_t now_ns, bool has_origin, PyObject **item)
 {
@@ -159,7 +137,8 @@ static int take_one(Reader *self, struct feed *feed, PyObject *decode, uint64_t 
             self->samples++;
             self->bytes += record.size;
             if (has_origin)
-                *item = with_origin(*item, &record, source, now_ns);
+                *item = core_with_origin(*item, PyLong_FromUnsignedLongLong(record.stamp_ns), record.seq, source,
+                                         PyLong_FromUnsignedLongLong(now_ns));
             taken = *item == NULL ? -1 : 1;
         }
     }
