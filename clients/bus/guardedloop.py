@@ -118,6 +118,12 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         """Whether this thread holds the guard."""
         return bool(self.guard._is_owned())
 
+    @property
+    def owns(self) -> Callable[[], bool]:
+        """As `is_mine`, with no frame of Python's own."""
+        owns: Callable[[], bool] = self.guard._is_owned
+        return owns
+
     def is_busy(self, frame: FrameType | None) -> bool:
         """In a signal's handler, which interrupted `frame`: whether the main thread must not leave it now."""
         while frame is not None and frame.f_code not in _ABOUT_TO_TAKE:

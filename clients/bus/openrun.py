@@ -20,7 +20,7 @@ _pack_record = RECORD_HEAD.pack
 class OpenRun(Protocol):
     """The run that a publisher fills, until it is handed over.
 
-    Samples are taken on the `thread` only, unless `is_guarded`: then whoever calls holds a lock of its own.
+    Samples are taken on the `thread` only; where there is `is_mine`, on the one for which that is true.
     """
 
     samples: int
@@ -32,7 +32,7 @@ class OpenRun(Protocol):
     most: int
     """How many samples it may hold."""
     thread: int
-    is_guarded: bool
+    is_mine: Callable[[], bool] | None
 
     def add(self, payload: Buffer, stamp_ns: int = 0, /) -> bool:
         """Take a sample into the run that is open; False where it has no room or none is open.
@@ -89,14 +89,14 @@ class PythonRun:
         self.samples = self.size = self.budget = self.begins_below = 0
         self.most = UNBOUNDED
         self.thread = get_ident()
-        self.is_guarded = False
+        self.is_mine: Callable[[], bool] | None = None
         self._parts: list[Buffer] = []  # heads and payloads in turn
 
     def add(self, payload: Buffer, stamp_ns: int = 0, /) -> bool:
         size = len(payload) + RECORD_HEAD_BYTES
         if size > self.budget or self.samples >= self.most:
             return False
-        if get_ident() != self.thread and not self.is_guarded:
+        if not (get_ident() == self.thread if self.is_mine is None else self.is_mine()):
             return False
         self._append(payload, stamp_ns or monotonic_ns())
         self.budget -= size

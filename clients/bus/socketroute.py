@@ -75,7 +75,8 @@ class SocketRoute:
         self.replaced = 0
         self._is_resumed = False
         self.run = open_run()
-        self.run.is_guarded = link.guard is not None
+        if link.guard is not None:
+            self.run.is_mine = link.guard.owns
         self.run.most = depth or UNBOUNDED
         self.add = self.run.add
         support = owner._support

@@ -13,8 +13,11 @@ from pathlib import Path
 import pytest
 
 import bus
+from bus.link import Link
+from bus.msg.rcl_interfaces import Log
 from bus.msg.std_msgs import Int64, String
 from bus.srv.example_interfaces import AddTwoInts
+from bus.wire.runs import Buffer
 from conftest import WAIT_S, Daemon
 from programs import on_one_loop, running
 
@@ -135,7 +138,7 @@ class TestTopics:
         async def talk(other: bus.Node) -> None:
             ping, pong = [await other.create_publisher(Int64, topic, 1000) for topic in ("ping", "pong")]
             await asyncio.gather(ping.wait_for_subscriptions(), pong.wait_for_subscriptions())
-            for number in range(200):
+            for number in range(500):
                 (ping if number % 3 else pong).publish(Int64(data=number))
                 await asyncio.sleep(0.001)
 
@@ -144,9 +147,9 @@ class TestTopics:
 
         heard, tasks = list[int](), list[asyncio.Task[None]]()
         with asyncio_node("talker", begin):
-            for number in range(200):
+            for number in range(500):
                 heard.append((pings if number % 3 else pongs).receive(WAIT_S)[0].data)
-        assert heard == list(range(200))
+        assert heard == list(range(500))
         assert pings.statistics().delivered + pongs.statistics().delivered == 200
 
     @pytest.mark.parametrize("timeout", [0.0, 0.004, 0.031])
@@ -289,6 +292,36 @@ class TestWhereItIsUsed:
         assert refused == [
             "this node belongs to the thread that connected: in each thread make one with bus.connect"
         ]
+
+    def test_other_threads_may_log(
+        self, node: bus.BlockingNode, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """While its own thread logs, too, and is about to send that."""
+
+        def send_now(link: Link, frame: Buffer) -> bool:
+            time.sleep(1e-4)  # others may run meanwhile
+            return really_send(link, frame)
+
+        really_send = Link.send_now
+        monkeypatch.setattr(Link, "send_now", send_now)
+        logs = node.create_subscription(Log, "/rosout", 10_000)
+
+        def work(name: str) -> None:
+            for number in range(200):
+                node.get_logger().info(f"{name} {number}")
+
+        threads = [threading.Thread(target=work, args=(name,)) for name in "abc"]
+        for thread in threads:
+            thread.start()
+        work("d")
+        found: dict[str, list[int]] = {name: [] for name in "abcd"}
+        while sum(map(len, found.values())) < 800:
+            name, _, number = logs.receive(WAIT_S)[0].msg.partition(" ")
+            found[name].append(int(number))
+        for thread in threads:
+            thread.join(WAIT_S)
+        assert found == {name: list(range(200)) for name in "abcd"}
+        assert "lost busd" not in capsys.readouterr().err
 
     def test_after_a_fork(self, node: bus.BlockingNode) -> None:
         subscription = node.create_subscription(String, "talk")

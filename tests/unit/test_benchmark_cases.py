@@ -116,6 +116,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Work]]:
         return dict.fromkeys(keys, 2.0)
 
     monkeypatch.setattr(System, "missing", str)
+    monkeypatch.setattr(throughput, "no_c_program", str)
     for module in (paced, throughput):
         monkeypatch.setattr(module, "measure", measure)
     monkeypatch.setattr(facade, "measure_lossy", measure)

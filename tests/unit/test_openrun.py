@@ -120,7 +120,7 @@ class TestPublish:
             assert run.publish(message) is False
         assert (run.samples, route.stamps) == (0, [])
 
-    def test_only_its_thread_publishes_unless_it_is_guarded(self) -> None:
+    def test_only_its_thread_publishes_or_whose_it_is_now(self) -> None:
         route = Route(budget=1000)
         run = route.prepare()
         answers: list[Any] = []
@@ -129,11 +129,11 @@ class TestPublish:
             answers.append(run.publish(String(data="a")))
             answers.append(run.add(b"", 1))
 
-        for run.is_guarded in (False, True):
+        for run.is_mine in (None, lambda: True, lambda: False):
             thread = threading.Thread(target=publish)
             thread.start()
             thread.join()
-        assert answers == [False, False, True, True]
+        assert answers == [False, False, True, True, False, False]
 
     def test_an_interruption_goes_through(self) -> None:
         def encode(message: String) -> bytes:
