@@ -103,8 +103,8 @@ class StepCounter:
 def steps(role: Role, loop: str = "uvloop", **options: bool) -> Steps:
     """What a publisher or a subscriber with a plain callback does for a message of 64 characters.
 
-    `loop`: uvloop, asyncio, or none, that is the API for scripts; there a subscriber iterates. `options`: as
-    `_listen` and `_listen_without_loop` take them.
+    `loop`: uvloop, asyncio, rclpy (it spins), or none, that is the API for scripts; there a subscriber
+    iterates. `options`: as `_listen` and `_listen_without_loop` take them.
     """
     counted = _measure(role, [], {}, unit="steps", loop=loop, **options)
     bytecodes, calls = (_of_one(role, list(row)) for row in zip(*counted, strict=True))
@@ -292,6 +292,29 @@ def _listen_without_loop(unit: str, *, with_info: bool = False) -> list[Any]:
     raise AssertionError("it never ends")
 
 
+def _listen_in_executor(unit: str) -> list[Any]:
+    """Without the steps of `Executor.spin` itself, which has begun before."""
+    import bus.rclpy as rclpy  # has signals and threads of its own
+
+    heard = 0
+
+    def callback(message: Any) -> None:
+        nonlocal heard
+        heard += 1
+        if heard >= _WARM_UP:
+            meter.mark()
+        if heard == _WARM_UP + _MESSAGES and not meter.is_endless:
+            counts.extend(meter.counts())
+            rclpy.shutdown()
+
+    meter, counts = _meter(unit), list[Any]()
+    with rclpy.init(args=[]):
+        node = rclpy.create_node("listener", enable_rosout=False)
+        node.create_subscription(String, "steps", callback, 10)
+        rclpy.spin(node)
+    return counts
+
+
 def _publish_without_loop(unit: str) -> list[Any]:
     """As `_publish`."""
     meter, message = _meter(unit), String(data=_TEXT)
@@ -331,6 +354,9 @@ def _main() -> None:
     role, text = sys.argv[1:]
     options = json.loads(text)
     loop = options.pop("loop")
+    if loop == "rclpy":
+        print(json.dumps(_listen_in_executor(**options)))
+        return
     if loop == "none":
         run = _publish_without_loop if role == "publisher" else _listen_without_loop
         print(json.dumps(run(**options)))

@@ -5,7 +5,7 @@ waits there; it is taken after what came by socket. Does no I/O; its owner deliv
 """
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Sized
 from functools import partial
 from time import monotonic_ns
 from typing import Any, Generic, TypeAlias, TypeVar
@@ -262,9 +262,12 @@ class Inbox(Generic[M]):
             reader.is_noted = True
             self.on_note()
 
-    def call_back(self, callback: Callable[[M], object], on_error: Callable[[Exception], object]) -> None:
-        """Let the reader call back by itself for what comes in rings, while nothing else waits here."""
-        self.reader.prepare(callback, self._decode, on_error, self.waiting, self.on_note)
+    def call_back(
+        self, callback: Callable[[M], object], on_error: Callable[[Exception], object], *others: Sized
+    ) -> None:
+        """Let the reader call back by itself for what comes in rings, while nothing else waits here, nor in
+        `others`."""
+        self.reader.prepare(callback, self._decode, on_error, (*self.waiting, *others), self.on_note)
 
     def put_back(self, messages: list[M]) -> None:
         """What `take_messages` gave and was not delivered is taken next."""

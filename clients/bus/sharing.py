@@ -208,7 +208,7 @@ class Sharing:
 
     def _rung_among_threads(self) -> None:
         if not self._is_closed:
-            owners = self.readers.wake()
+            owners = self.readers.deliver(False)
             if owners:
                 self._on_news(owners)
             assert self._deferred is not None

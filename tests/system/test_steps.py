@@ -80,3 +80,10 @@ def test_a_script_that_listens_waits_in_one_native_call(
     assert (
         system_calls("subscriber", tmp_path, "none", with_info=with_info) == 2
     )  # the wait, and the doorbell
+
+
+@by_shared_memory
+def test_steps_of_an_executor(route: str) -> None:
+    bytecodes, calls = steps("subscriber", "rclpy")
+    assert 100 <= bytecodes <= 740
+    assert calls <= 17

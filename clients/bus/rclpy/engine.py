@@ -25,6 +25,7 @@ from bus.guardedloop import GuardedLoop
 
 T = TypeVar("T")
 
+_SHUT = (None,)
 _TURN_S = 1.0
 _TICK_S = 0.02
 """For so long, or twice, a thread may be away from the loop before the keeper runs it."""
@@ -140,8 +141,15 @@ class Engine:
 
     # --- for those who wait, under the guard
 
-    def wait(self, waiter: "Waiter", deadline_ns: int = 0, *, is_eager: bool = False) -> bool:
-        """See `Waiter.wait`."""
+    def wait(
+        self,
+        waiter: "Waiter",
+        deadline_ns: int = 0,
+        *,
+        is_eager: bool = False,
+        takes_at_once: bool = False,
+    ) -> bool:
+        """See `Waiter.wait`. `takes_at_once`: it takes whatever comes, before anything else is done."""
         if self.failure is not None:
             raise again(self.failure)
         loop = self.loop
@@ -157,10 +165,13 @@ class Engine:
                     return False
                 if self._runner is None and asyncio._get_running_loop() is None:
                     self._runner = waiter
+                    if takes_at_once and not self.held:
+                        waiter.shut.clear()
                     try:
                         loop.run(waiter, deadline_ns)
                     finally:
                         self._runner = None
+                        waiter.shut[:] = _SHUT
                         self._turns += 1
                 else:
                     self._block(waiter, deadline_ns, is_eager=is_eager)
@@ -250,10 +261,12 @@ async def _cancel_all(tasks: set[asyncio.Task[Any]]) -> None:
 class Waiter:
     """A thread's wait for something, or for the end of `context`. All under the guard, but for `release`."""
 
-    __slots__ = ("__weakref__", "_engine", "_lock", "is_set")
+    __slots__ = ("__weakref__", "_engine", "_lock", "is_set", "shut")
 
     def __init__(self, engine: Engine, context: Any = None) -> None:
         self.is_set = False
+        self.shut = [*_SHUT]
+        """Empty while its thread runs the loop, and takes at once what comes."""
         self._engine = engine
         self._lock = Lock()
         self._lock.acquire()

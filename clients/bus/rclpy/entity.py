@@ -35,6 +35,9 @@ class Entity:
         """The next call, of up to `most` messages where it is for messages; None where there is nothing."""
         raise NotImplementedError
 
+    def leave(self) -> None:
+        """The executor works no more for it."""
+
     def notify(self) -> None:
         """There may be something to take."""
         executor = self.node.own_executor

@@ -116,6 +116,8 @@ class Executor:
                 return
             node.own_executor = None
             self._nodes.remove(node)
+            for entity in node.entities():
+                entity.leave()
             for entity in (*node.entities(), *node.timers):
                 entity.is_queued = False
             for one in [one for one in self.ready if one.node is node]:
@@ -304,7 +306,8 @@ class Executor:
                 return None
             waiter.is_set = False
             is_timed = self._timer_ns < NEVER_NS and (not deadline_ns or self._timer_ns < deadline_ns)
-            engine.wait(waiter, self._timer_ns if is_timed else deadline_ns, is_eager=True)
+            end_ns = self._timer_ns if is_timed else deadline_ns
+            engine.wait(waiter, end_ns, is_eager=True, takes_at_once=not self.asks_always)
             if engine.loop.is_interrupted and engine.is_main():
                 return None  # KeyboardInterrupt comes where the guard ends
             is_over = deadline_ns > 0 and monotonic_ns() >= deadline_ns

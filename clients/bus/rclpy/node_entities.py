@@ -311,6 +311,7 @@ class EntityMaker:
         with self._engine.loop:
             is_ours = entity in self._entities
             entity.is_destroyed = True
+            entity.leave()
             self._entities = tuple(one for one in self._entities if one is not entity)
         if is_ours and native is not None:
             self._engine.run(native.close)

@@ -60,8 +60,9 @@ class Subscription(Entity, Generic[M]):
         self._batch = 1  # of messages to be taken at once
         self._takes_one = self.is_async or self._wants_info
         super().__init__(node, callback_group)
+        self._handed_to: Any = None  # the executor that may be handed a message as it comes
         with engine.loop:
-            native._on_arrival = self.notify
+            native._on_arrival = self._look
 
     @property
     def topic(self) -> str:
@@ -88,17 +89,28 @@ class Subscription(Entity, Generic[M]):
 
     # --- for the executor
 
+    def leave(self) -> None:
+        self._handed_to = None
+        if self._inbox.reader is not None:
+            self._inbox.reader.forget_callback()
+
     def take(self, most: int) -> Work | None:
         if self._takes_one:
             taken = self.native.take()
             if taken is None:
                 return None
             return self.callback, (taken[0], _info(taken[1])) if self._wants_info else taken[:1]
+        inbox = self._inbox
+        if inbox.ahead:
+            return self.callback, inbox.ahead.popleft()[:1]
+        if self._batch == 2 and not inbox.has_more:
+            self._batch = 1  # the one before was alone
+            return None
         number = min(self._batch, most)
         messages = self._take_messages(number)
         if not messages:
             self._batch = 1
-            single = self._inbox.take()
+            single = inbox.take()
             return None if single is None else (self.callback, single[:1])
         if number == 1:
             self._batch = 2
@@ -126,9 +138,33 @@ class Subscription(Entity, Generic[M]):
         if len(messages) == self._batch:
             self._batch = min(2 * self._batch, 64) if monotonic_ns() < end_ns else 1
 
+    def _look(self) -> None:
+        """Something has come. The next time, an executor that just waits for it may be handed it."""
+        executor = self.node.own_executor
+        if executor is not self._handed_to and not self._takes_one and self.native.qos.deadline is None:
+            self.leave()
+            if executor is not None and self._inbox.reader is not None and not self.is_destroyed:
+                self._handed_to = executor
+                self._inbox.call_back(self._hand, _raise, executor.ready, executor.waiter.shut)
+        self.notify()
+
+    def _hand(self, message: Any) -> None:
+        """The native reader took it, while the executor's thread runs the loop and has nothing else to do."""
+        self._batch = 2
+        self._inbox.ahead.append((message, 0, 0, None, 0))
+        if not self.is_queued:
+            executor = self._handed_to
+            self.is_queued = executor.waiter.is_set = True
+            executor.ready.append(self)
+
     def _put_back(self, messages: list[Any]) -> None:
+        self._batch = 1
         self._inbox.put_back(messages)
         self.notify()
+
+
+def _raise(error: Exception) -> None:
+    raise error
 
 
 def _info(info: Any) -> MessageInfo:

@@ -1,0 +1,171 @@
+"""Messages that an executor is handed as they come, while it just waits for them: nothing is different."""
+
+from typing import Any
+
+import pytest
+
+from bus.rclpy import subscription as subscriptions
+from neighbours import wait_until
+from rclpy_world import Int64, World, arguments, arrived, in_thread, is_waiting, world
+
+__all__ = ["arguments", "world"]
+
+pytestmark = pytest.mark.usefixtures("route")
+
+COUNT = 50
+
+
+@pytest.fixture
+def handed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The numbers of the messages that were handed over."""
+    numbers: list[int] = []
+    hand = subscriptions.Subscription._hand
+
+    def _hand(self: Any, message: Any) -> None:
+        numbers.append(message.data)
+        hand(self, message)
+
+    monkeypatch.setattr(subscriptions.Subscription, "_hand", _hand)
+    return numbers
+
+
+def publish_singly(publisher: Any, numbers: range, heard: list[int], executor: Any) -> None:
+    """Each one when the executor has nothing to do."""
+    for number in numbers:
+        wait_until(lambda: is_waiting(executor))
+        publisher.publish(Int64(data=number))
+        wait_until(lambda number=number: len(heard) > number)
+
+
+@pytest.mark.parametrize("route", ["shm"], indirect=True)
+def test_a_lone_message_is_handed_over(world: World, handed: list[int]) -> None:
+    heard: list[int] = []
+    node, other = world.node(), world.node("other")
+    subscription = node.create_subscription(Int64, "t", lambda message: heard.append(message.data), 10)
+    publisher = other.create_publisher(Int64, "t", 10)
+    with world.spinning(node) as executor:
+        publish_singly(publisher, range(COUNT), heard, executor)
+    assert heard == list(range(COUNT))
+    assert len(handed) > COUNT / 2
+    assert arrived(subscription) == COUNT
+
+
+def test_many_subscriptions_keep_their_order(world: World) -> None:
+    heard: list[int] = []
+    node, other = world.node(), world.node("other")
+    publishers = []
+    for topic in ("a", "b", "c"):
+        node.create_subscription(Int64, topic, lambda message: heard.append(message.data), 1000)
+        publishers.append(other.create_publisher(Int64, topic, 1000))
+    with world.spinning(node):
+        for number in range(300):
+            publishers[number % 3].publish(Int64(data=number))
+        wait_until(lambda: len(heard) == 300)
+    assert all(
+        heard_of == sorted(heard_of) for heard_of in ([n for n in heard if n % 3 == k] for k in range(3))
+    )
+    assert sorted(heard) == list(range(300))
+
+
+def test_what_comes_during_a_callback_counts_in_the_depth(world: World) -> None:
+    node, other = world.node(), world.node("other")
+    publisher = other.create_publisher(Int64, "t", 1)
+    heard: list[int] = []
+
+    def callback(message: Any) -> None:
+        heard.append(message.data)
+        if message.data % 10 == 0:
+            for number in range(1, 10):
+                publisher.publish(Int64(data=message.data + number))
+            wait_until(lambda: arrived(subscription) == message.data + 10)
+
+    subscription = node.create_subscription(Int64, "t", callback, 1)
+    with world.spinning(node) as executor:
+        for turn in range(5):
+            wait_until(lambda: is_waiting(executor))
+            publisher.publish(Int64(data=10 * turn))
+            wait_until(lambda turn=turn: heard[-1:] == [10 * turn + 9])
+    assert heard == [number for turn in range(5) for number in (10 * turn, 10 * turn + 9)]
+
+
+def test_another_executor_goes_on(world: World, handed: list[int]) -> None:
+    heard: list[int] = []
+    node, other = world.node(), world.node("other")
+    node.create_subscription(Int64, "t", lambda message: heard.append(message.data), 10)
+    publisher = other.create_publisher(Int64, "t", 10)
+    with world.spinning(node) as first:
+        publish_singly(publisher, range(10), heard, first)
+        with world.spinning(node) as second:
+            assert node.executor is second
+            for number in range(10, 20):
+                publisher.publish(Int64(data=number))
+                wait_until(lambda number=number: len(heard) > number)
+        number_handed = len(handed)
+        publisher.publish(Int64(data=20))  # nobody works for the node
+        first.add_node(node)
+        wait_until(lambda: len(heard) > 20)
+        publish_singly(publisher, range(21, 30), heard, first)
+    assert heard == list(range(30))
+    assert len(set(handed)) == len(handed) >= number_handed
+
+
+def test_an_exception_loses_no_other_message(world: World) -> None:
+    heard: list[int] = []
+    node, other = world.node(), world.node("other")
+
+    def callback(message: Any) -> None:
+        heard.append(message.data)
+        if message.data % 5 == 0:
+            publisher.publish(Int64(data=message.data + 1))
+            raise ValueError(message.data)
+        if message.data < 24:
+            publisher.publish(Int64(data=message.data + 1))
+
+    node.create_subscription(Int64, "t", callback, 10)
+    publisher = other.create_publisher(Int64, "t", 10)
+    executor = world.executor(node)
+    publisher.publish(Int64(data=0))
+    raised = []
+    while len(heard) < 25:
+        try:
+            executor.spin_once(timeout_sec=1)
+        except ValueError as error:
+            raised.append(error.args[0])
+    assert heard == list(range(25))
+    assert raised == [0, 5, 10, 15, 20]
+
+
+def test_an_interrupt_keeps_what_was_handed_over(
+    route: str, world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heard: list[int] = []
+    node, other = world.node(), world.node("other")
+    subscription = node.create_subscription(Int64, "t", lambda message: heard.append(message.data), 10)
+    publisher = other.create_publisher(Int64, "t", 10)
+    executor = world.executor(node)
+    publisher.publish(Int64(data=0))
+    world.spin_executor_until(lambda: heard, executor)
+    loop, hand = executor._engine.loop, type(subscription)._hand
+
+    def _hand(self: Any, message: Any) -> None:
+        hand(self, message)
+        loop.is_interrupted = True  # as a signal's handler does
+
+    monkeypatch.setattr(type(subscription), "_hand", _hand)
+    subscription.leave()
+    subscription._look()
+
+    def publish() -> None:
+        publish_singly(publisher, range(1, COUNT), heard, executor)
+
+    interrupts = 0
+    with in_thread(publish):
+        while len(heard) < COUNT:
+            before = len(heard)
+            try:
+                executor.spin_once(timeout_sec=1)
+            except KeyboardInterrupt:
+                interrupts += 1
+                assert len(heard) == before
+    assert heard == list(range(COUNT))
+    assert (interrupts > 0) == (route == "shm")
