@@ -80,7 +80,7 @@ def reader(data: bytes) -> None:
     bell = core().Bell(segments.map_readers(segment), doorbell.number)
     there: list[HostileRing] = []
     held: list[Any] = []
-    taker.prepare(held.append, _hold, held.append, ())
+    taker.prepare(held.append, _hold, held.append, (), int)
     while script:
         act, source = script.byte() % 12, script.byte() % 4
         match act:
