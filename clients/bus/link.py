@@ -284,9 +284,8 @@ class Link:
                 except BaseException as error:
                     if self.failure is not None:
                         raise
-                    ending = (
-                        error  # of this turn, perhaps of the loop: the rest is heard, and delivered later
-                    )
+                    # It ends this turn, perhaps the loop: the rest is heard, and delivered later.
+                    ending = error
         finally:
             self._is_receiving = False
             if ending is None:
