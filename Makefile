@@ -114,7 +114,7 @@ fmt: $(TOOLS) ## format the sources
 bench-quick: $(BENCH_STAMP) $(ROS_STAMP) ## latency, throughput, fan-out, cost, start ... beside rivals, about two minutes
 	$(BIN)/python -m benchmarks --quick
 
-bench: $(BENCH_STAMP) $(ROS_STAMP) ## the same, longer: about 40 minutes
+bench: $(BENCH_STAMP) $(ROS_STAMP) ## the same, longer: about an hour
 	$(BIN)/python -m benchmarks
 
 chaos: $(TOOLS) ## kill, stop, cut off and starve the processes of a bus, and see what holds (SECONDS=60 SEED=7)

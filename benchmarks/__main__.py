@@ -30,7 +30,7 @@ BENCHMARKS = (
     "fairness",
 )
 RESULTS = ROOT / "benchmarks" / "results"
-_QUICK_REPETITIONS, _REPETITIONS = 1, 3
+_QUICK_REPETITIONS, _REPETITIONS = 1, 5
 
 
 def main() -> int:
@@ -38,7 +38,8 @@ def main() -> int:
     options = _parser().parse_args()
     end_on_sigterm()
     plan = Plan(options.quick, options.repetitions or (_QUICK_REPETITIONS if options.quick else _REPETITIONS))
-    sections = []
+    sections: list[report.Section] = []
+    path: Path | None = None
     try:
         began, machine = report.began_now(), look_at_machine()
         print(machine.describe(), end="\n\n", flush=True)
@@ -52,15 +53,20 @@ def main() -> int:
             plan.tell("")
             print(f"{report.render(section)}* took {monotonic() - begin_s:.0f} s\n", flush=True)
             sections.append(section)
+            if not options.no_save:
+                result = report.Result(report.FORMAT, began, plan.quick, plan.repetitions, machine, sections)
+                path = options.output or RESULTS / report.file_name(result)
+                report.save(result, path)  # after each: a run takes long, and what is measured is not lost
     except KeyboardInterrupt:
-        print("interrupted; nothing saved", file=sys.stderr)
+        print(f"interrupted; {_saved(path) if path else 'nothing saved'}", file=sys.stderr)
         return 130
-    result = report.Result(report.FORMAT, began, plan.quick, plan.repetitions, machine, sections)
-    if not options.no_save:
-        path = options.output or RESULTS / report.file_name(result)
-        report.save(result, path)
-        print(f"saved as {path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path}")
+    if path:
+        print(_saved(path))
     return 1 if any(section.has_failures for section in sections) else 0
+
+
+def _saved(path: Path) -> str:
+    return f"saved as {path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path}"
 
 
 def _parser() -> argparse.ArgumentParser:

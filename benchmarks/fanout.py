@@ -228,7 +228,7 @@ def _case(plan: Plan, system: System, number: int) -> Case:
     name, measured = name_of(system, number), partial(measure, system, flood, paced)
     rounds = plan.rounds(is_essential=number == _SLOW_NUMBER and system in _FAST)
     if number == max(_GOAL_NUMBERS):
-        rounds = max(1, plan.repetitions - 1)  # each takes long
+        rounds = max(1, plan.repetitions - 2)  # each takes long
     return Case(name, measured, system.missing(), system.name, number, rounds)
 
 

@@ -176,7 +176,7 @@ def _case(plan: Plan, work: Work, series: str, system: System, *, rounds: int = 
     if work.size not in _COMPARED or not is_ours:
         rounds = plan.rounds(is_essential=False)
     elif not rounds and work.size == _TUNED_AT:
-        rounds = max(1, plan.repetitions - 1)  # each takes long
+        rounds = max(1, plan.repetitions - 2)  # each takes long
     return paced.case(series, system, replace(_as_used(work, system), **ways), rounds=rounds)
 
 

@@ -21,7 +21,7 @@ class Plan(NamedTuple):
 
     def rounds(self, *, is_essential: bool) -> int:
         """How often to measure what a comparison rests on, and what only stands beside it."""
-        return self.repetitions if is_essential else max(1, self.repetitions // 2)
+        return self.repetitions if is_essential else max(1, self.repetitions // 4)
 
     def tell(self, text: str) -> None:
         """Say on a terminal what is being done."""

@@ -178,10 +178,10 @@ BUS = System(
     no_shared_memory,
     route="shm",
     kind="ours",
-    guess=Speed(3_500_000, 10e9),
+    guess=Speed(6_000_000, 15e9),
 )
 BUS_SOCKET = BUS._replace(
-    name="busd, socket", missing=str, environ=_BY_SOCKET, route="socket", guess=Speed(1_500_000, 1.2e9)
+    name="busd, socket", missing=str, environ=_BY_SOCKET, route="socket", guess=Speed(4_000_000, 1.3e9)
 )
 BUS_BYTES = BUS._replace(module=_BYTES, guess=Speed(1_000_000, 15e9))
 BUS_SOCKET_BYTES = BUS_SOCKET._replace(module=_BYTES)
@@ -204,7 +204,7 @@ RCLPY = BUS._replace(
     module="benchmarks.adapters.rclpy_string",
     gives_turns=False,
     runner=(sys.executable, "-m", "bus.cli", "run", "--force"),
-    guess=Speed(700_000, 1e9),
+    guess=Speed(1_900_000, 1e9),
 )
 """busd's facade, with the program that `ROS` runs."""
 RCLPY_THREADS = RCLPY._replace(name="busd, rclpy, threads", environ=MappingProxyType({"BENCH_THREADS": "2"}))
@@ -246,14 +246,14 @@ PIPE = System(
     fans_out=False,
     takes_by="blocking",
     gives_turns=False,
-    guess=Speed(200_000, 2e9),
+    guess=Speed(310_000, 2e9),
 )
 PYZMQ = System(
     "pyzmq",
     "benchmarks.adapters.zeromq",
     missing=_needs("zmq"),
     gives_turns=False,
-    guess=Speed(900_000, 1e9),
+    guess=Speed(1_700_000, 1e9),
 )
 PYZMQ_BLOCKING = PYZMQ._replace(name="pyzmq, blocking", fans_out=False, takes_by="blocking", floods=False)
 PYZMQ_PROXY = PYZMQ._replace(
@@ -288,7 +288,7 @@ ICEORYX = System(
     missing=_needs("iceoryx2"),
     takes_by="event",
     gives_turns=False,
-    guess=Speed(240_000, 4e9),
+    guess=Speed(350_000, 8e9),
 )
 
 ZENOH = System(

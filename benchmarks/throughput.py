@@ -191,7 +191,7 @@ def _cases(plan: Plan, size: int) -> list[Case]:
         is_essential = system.name.removesuffix(f", {TUNED}") in several
         rounds = plan.rounds(is_essential=is_essential)
         if is_essential and size == _TUNED_AT:
-            rounds = max(1, plan.repetitions - 1)  # there are twice as many
+            rounds = max(1, plan.repetitions - 2)  # there are twice as many
         cases.append(case(series, system, work_of(plan, system.guess, size, **way), seconds, rounds))
     if size > _KiB:
         cases.append(copying_case(plan, size)._replace(rounds=few))
