@@ -23,7 +23,7 @@ NAME = "discovery"
 _PROCESSES = 20
 _FEW, _SOME, _MANY = 250, 500, 1000
 _LIMIT_S = 60.0
-_LIST = (sys.executable, "-m", "bus.cli", "topic", "list")
+_LIST = (sys.executable, "-m", "bus_cli", "topic", "list")
 _COLUMNS = [
     Column("matched_s", "s: all matched", "lower"),
     Column("declared_s", "all declared", "lower"),

@@ -5,7 +5,7 @@ from statistics import median
 
 import msgspec
 
-from bus.cli.bench.figures import PERCENTILES, percentile
+from bus_cli.bench.figures import PERCENTILES, percentile
 
 
 class Spread(msgspec.Struct, frozen=True):

@@ -25,7 +25,7 @@ from benchmarks.soaking.usage import QUANTITIES, usage_of
 from benchmarks.systems import no_shared_memory
 
 RESULTS = ROOT / "benchmarks" / "results"
-_LIST = (sys.executable, "-m", "bus.cli", "topic", "list")
+_LIST = (sys.executable, "-m", "bus_cli", "topic", "list")
 _INTERVALS, _LEAST_S, _MOST_S = 360, 0.25, 10.0
 """So many of a run are wished for, and how long one may be."""
 _QUERY_S = 5.0

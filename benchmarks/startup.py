@@ -61,7 +61,7 @@ _IMPORTS = {
     _LIBRARIES: "import asyncio, uvloop, msgspec, msgspec.msgpack, msgspec.json",
     "import bus": "import bus",
     "import of Node and String": "from bus import Node; from bus.msg.std_msgs import String",
-    "import bus.rclpy": "import bus.rclpy",
+    "import bus_ros.rclpy": "import bus_ros.rclpy",
 }
 _EMPTY, _IMPORTING, _MAKING = "an empty script", "one that imports rclpy", "one that makes a node"
 _SCRIPTS = {
@@ -91,7 +91,7 @@ class MinimalPublisher(Node):
 rclpy.init()
 rclpy.spin(MinimalPublisher())
 """
-_RUN = [sys.executable, "-m", "bus.cli", "run"]
+_RUN = [sys.executable, "-m", "bus_cli", "run"]
 _PYTHON_SCRIPT, _RUN_SCRIPT = f"python: {_EMPTY}", f"bus run: {_EMPTY}"
 _RCLPY_FIRST = "first message, the lesson's talker by bus run"
 _INSTALLED, _ROS_INSTALLED = "installed, busd", f"installed, {ROS.name}"
@@ -115,7 +115,7 @@ def run(plan: Plan) -> Section:
     ]
     script = Path(sys.executable).with_name("bus")
     missing = "" if script.exists() else "busd is not installed here"
-    listing = [[sys.executable, "-m", "bus.cli"], [str(script)]]
+    listing = [[sys.executable, "-m", "bus_cli"], [str(script)]]
     for name, command, reason in zip(_LISTINGS, listing, ("", missing), strict=True):
         cases.append(Case(name, partial(measure_program, [*command, "topic", "list"], on_bus=True), reason))
     cases.append(Case(_PYTHON_SCRIPT, partial(measure_program, [sys.executable], script="")))

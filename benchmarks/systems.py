@@ -203,7 +203,7 @@ RCLPY = BUS._replace(
     name="busd, rclpy",
     module="benchmarks.adapters.rclpy_string",
     gives_turns=False,
-    runner=(sys.executable, "-m", "bus.cli", "run", "--force"),
+    runner=(sys.executable, "-m", "bus_cli", "run", "--force"),
     guess=Speed(1_900_000, 1e9),
 )
 """busd's facade, with the program that `ROS` runs."""

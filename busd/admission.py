@@ -20,7 +20,7 @@ from bus.errors import RemoteProtocolError
 from bus.wire.greeting import Greeting
 from bus.wire.messages import Fault, Hello, encode_frame
 from busd.core.anteroom import Anteroom
-from busd.core.bucket import Bucket
+from busd.core.rate_limit import TokenBucket
 from busd.credentials import Credentials, peer_credentials
 
 __all__ = ["Admission", "AdmissionHost"]
@@ -106,7 +106,7 @@ class Admission:
         self._by_number: dict[int, _Newcomer] = {}
         # One of its own: cheaper for connections that come and go, and it tells of an end without reading.
         self._epoll = select.epoll()
-        self._cost = Bucket(_SHARE_US_PER_S, _BURST_US)
+        self._cost = TokenBucket(_SHARE_US_PER_S, _BURST_US)
         self._rest: asyncio.TimerHandle | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._timer_ns = 0

@@ -1,7 +1,7 @@
 """The daemon's configuration file: TOML in, one frozen Config out.
 
 Owns reading and the texts that say what is wrong where. Must not know what the values do: limits and topic
-rules belong to busd.core.limits, users and groups to busd.access.
+rules belong to busd.core.limits, users and groups to busd.config_access.
 """
 
 import tomllib
@@ -13,7 +13,7 @@ import msgspec
 from msgspec import structs
 
 from bus.errors import ConfigurationError
-from busd.access import AccessTable, SocketTable
+from busd.config_access import AccessTable, SocketTable
 from busd.core.access import AccessRule
 from busd.core.limits import Limits, TopicRule, checked
 from busd.logs import LOG_FORMATS, LOG_LEVELS
@@ -122,7 +122,7 @@ def _check_keys(
 
 
 def _hint(key: str, known: Mapping[str, str]) -> str:
-    from bus.spelling import nearest
+    from bus.base.suggest import nearest
 
     near = nearest(key.lower(), known)
     return f"; did you mean '{known[near]}'?" if near else f" (known: {', '.join(known.values())})"

@@ -21,10 +21,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from bus.address import is_default_folder, socket_path
 from bus.errors import ConfigurationError
-from bus.trust import prepare_folder
-from busd.access import SocketTable
+from bus.link.socket_owner import prepare_folder
+from bus.process.address import is_default_folder, socket_path
+from busd.config_access import SocketTable
 from busd.credentials import peer_credentials, process_name
 
 __all__ = ["BACKLOG", "AlreadyRunning", "Listener", "open_listener"]
@@ -111,7 +111,7 @@ def open_listener(
     table: SocketTable | None = None,
     environ: MutableMapping[str, str] = os.environ,
 ) -> Listener:
-    """Listen on the socket that a service manager passed, else at `path`, else at bus.address's choice.
+    """Listen on the socket that a service manager passed, else at `path`, else where `socket_path` says.
 
     Before all of these goes what the program left that this process ran before (`Listener.bequeath`). The
     variables that say so are removed from `environ`, so that no child takes them for its own.

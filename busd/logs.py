@@ -19,9 +19,9 @@ from errno import EBADF, EFBIG
 from pathlib import Path
 from typing import Any
 
+from bus.base.printable import printable
 from bus.errors import ConfigurationError
-from bus.logfile import MOST_BYTES, empty, is_log, open_log
-from bus.printable import printable
+from bus.process.logfile import MOST_BYTES, empty, is_log, open_log
 
 __all__ = ["LOG_FORMATS", "LOG_LEVELS", "set_up"]
 
@@ -47,8 +47,8 @@ _FIELDS = ("peer", "left_out")
 def set_up(level: str, form: str, path: Path | None = None) -> None:
     """Log to stderr from now on: from `level` on, one of LOG_LEVELS, in the LOG_FORMATS's `form`.
 
-    May be called again, for other ones. `path`: of the log file, if stderr is one (`bus.logfile`); at the
-    first call.
+    May be called again, for other ones. `path`: of the log file, if stderr is one
+    (`bus.process.logfile`); at the first call.
     """
     logging.addLevelName(logging.WARNING, "WARN")
     logging.addLevelName(logging.CRITICAL, "FATAL")

@@ -7,7 +7,7 @@ which they are and counts them. Must not know what else a read brings, nor whose
 from collections.abc import Mapping
 from time import monotonic_ns
 
-from bus.ids import PeerId
+from bus.base.ids import PeerId
 from bus.transport.stream import Stream
 from bus.wire.layout import DATA_HEAD_BYTES
 from busd.core.broker import Broker

@@ -14,10 +14,10 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, Protocol
 
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
+from bus.base.ids import PeerId
+from bus.base.version import RELEASE
 from bus.errors import RemoteProtocolError
-from bus.ids import PeerId
-from bus.release import RELEASE
 from bus.shm.descriptors import doorbell_fault, readers_fault, ring_fault
 from bus.transport.stream import Stream
 from bus.wire.layout import LEAVING, VERSION

@@ -16,7 +16,7 @@ import msgspec
 
 from bus.errors import ConfigurationError
 from busd.config import Config, load
-from busd.notify import READY, notify, reloading
+from busd.sd_notify import READY, notify, reloading
 
 __all__ = ["Reloader", "ends_with_terminal", "has_terminal"]
 

@@ -15,20 +15,20 @@ from pathlib import Path
 from time import monotonic_ns
 from typing import Any
 
-from bus.address import socket_path
+from bus.base.version import RELEASE
 from bus.errors import ConfigurationError
-from bus.logfile import log_path
-from bus.release import RELEASE
-from busd.access import find_doubts
+from bus.process.address import socket_path
+from bus.process.logfile import log_path
 from busd.config import Config, load
+from busd.config_access import find_doubts
 from busd.core.access import Access
 from busd.core.broker import Broker
 from busd.credentials import lives
-from busd.handover import CHECK, command_line, find_fault, hand_over
 from busd.listener import AlreadyRunning, Listener, open_listener
 from busd.logs import LOG_FORMATS, LOG_LEVELS, set_up
-from busd.notify import ALIVE, READY, STOPPING, notify, reloading, status, watchdog_s
 from busd.reload import Reloader, ends_with_terminal, has_terminal
+from busd.restart import CHECK, command_line, find_fault, hand_over
+from busd.sd_notify import ALIVE, READY, STOPPING, notify, reloading, status, watchdog_s
 from busd.server import Server
 
 EXIT_FAULT = 1

@@ -10,8 +10,8 @@ from functools import partial
 from time import monotonic_ns
 from typing import Any, TypeAlias
 
+from bus.base.ids import PeerId
 from bus.errors import ConfigurationError, RemoteProtocolError
-from bus.ids import PeerId
 from bus.wire.layout import GUESTS
 from bus.wire.messages import (
     Done,
@@ -35,10 +35,10 @@ from busd.core.timers import NEVER_NS
 from busd.core.turns import BUDGET, Party, Turns
 from busd.core.work import LOOKS_PER_UNIT, UNLIMITED
 from busd.credentials import Credentials
-from busd.drain import Drain
 from busd.listener import Listener
 from busd.passing import pass_on
 from busd.peer import PeerConnection, greeting
+from busd.shutdown import Drain
 
 _log = logging.getLogger("busd")
 
@@ -102,7 +102,7 @@ class Server:
         self._watch_idle()
 
     def stop(self, reason: str, *, restart: bool = False) -> None:
-        """Stop listening, and close the connections when what was sent has come; see busd.drain.
+        """Stop listening, and close the connections when what was sent has come; see busd.shutdown.
 
         On a `restart` who connects meanwhile waits for the next busd, which gets the listening socket. One
         that has begun can still be made an end.

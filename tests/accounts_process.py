@@ -6,8 +6,8 @@ from typing import Any
 
 import bus
 from bus.errors import RemoteProtocolError
-from bus.link import Link
-from bus.reach import Patience
+from bus.link.link import Link
+from bus.link.reach import Patience
 from bus.transport.stream import Stream
 from bus.wire import messages as m
 

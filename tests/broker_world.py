@@ -23,8 +23,8 @@ import msgspec
 import pytest
 
 from broker_endpoints import Answer, Publisher, Sample, Subscription, ring_name
+from bus.base.ids import PeerId
 from bus.errors import RemoteProtocolError
-from bus.ids import PeerId
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from bus.wire.layout import FRAME_HEAD_BYTES, GUESTS, SILENCE, VERSION

@@ -9,8 +9,8 @@ from pathlib import Path
 import msgspec
 
 from bus.msg import PACKAGES, Message
-from bus.schema import describe, type_name
-from bus.typehash import schema_hash
+from bus.types.hash import schema_hash
+from bus.types.schema import describe, type_name
 
 MODULE = Path(__file__).parents[1] / "clients" / "bus" / "msg" / "_described.py"
 HEAD = '''\

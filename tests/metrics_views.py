@@ -2,11 +2,11 @@
 
 from collections.abc import Iterable
 
-from bus.cli.metrics.view import View
+from bus.base.version import RELEASE
 from bus.graph import Graph, graph_of
 from bus.qos import QoSProfile
-from bus.release import RELEASE
 from bus.wire import messages as m
+from bus_cli.metrics.view import View
 
 PUBLISHER, SUBSCRIPTION = "publisher", "subscription"
 HELLO = m.Hello(version=1, program="busd", lease_s=10.0, release=RELEASE)

@@ -21,7 +21,7 @@ class Result(NamedTuple):
 
 def run_bus(*words: str, python: str = sys.executable, **variables: str) -> Result:
     done = subprocess.run(
-        [python, "-m", "bus.cli", *words],
+        [python, "-m", "bus_cli", *words],
         capture_output=True,
         text=True,
         timeout=WAIT_S,

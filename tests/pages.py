@@ -66,7 +66,7 @@ def shape(text: str) -> str:
     return pattern.replace(re.escape("\1"), r"/\S+").replace(re.escape("\2"), " +")
 
 
-PROGRAMS = {"busd": ("-m", "busd"), "bus": ("-m", "bus.cli"), "python": ()}
+PROGRAMS = {"busd": ("-m", "busd"), "bus": ("-m", "bus_cli"), "python": ()}
 
 
 class Program:

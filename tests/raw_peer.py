@@ -22,10 +22,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
 from bus.msg.std_msgs import String
 from bus.qos import QoSProfile
-from bus.typesupport import type_support
+from bus.types.support import type_support
 from bus.wire import messages as m
 from bus.wire.layout import (
     CONTROL,

@@ -3,7 +3,7 @@
 import fcntl
 import os
 
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
 from bus.wire import messages as m
 from raw_peer import RawPeer
 

@@ -18,14 +18,14 @@ from typing import Any, TypeAlias
 
 import pytest
 
-import bus.rclpy as rclpy
-from bus.rclpy import engine as engines
-from bus.rclpy.callback_groups import CallbackGroup
-from bus.rclpy.context import Context
-from bus.rclpy.executors import EventsExecutor, Executor, MultiThreadedExecutor, SingleThreadedExecutor
-from bus.rclpy.node import Node
-from bus.rclpy.signals import SignalHandlerOptions
-from bus.rosidl import message_class, service_class
+import bus_ros.rclpy as rclpy
+from bus_ros.rclpy import engine as engines
+from bus_ros.rclpy.callback_groups import CallbackGroup
+from bus_ros.rclpy.context import Context
+from bus_ros.rclpy.executors import EventsExecutor, Executor, MultiThreadedExecutor, SingleThreadedExecutor
+from bus_ros.rclpy.node import Node
+from bus_ros.rclpy.signals import SignalHandlerOptions
+from bus_ros.rosidl import message_class, service_class
 from conftest import WAIT_S, Daemon
 from neighbours import wait_until
 from semantics import accounted

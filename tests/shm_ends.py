@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
 from bus.shm import segments
 
 core = pytest.importorskip("bus.shm._core", reason="the native core was not built")

@@ -294,7 +294,7 @@ def _listen_without_loop(unit: str, *, with_info: bool = False) -> list[Any]:
 
 def _listen_in_executor(unit: str) -> list[Any]:
     """Without the steps of `Executor.spin` itself, which has begun before."""
-    import bus.rclpy as rclpy  # has signals and threads of its own
+    import bus_ros.rclpy as rclpy  # has signals and threads of its own
 
     heard = 0
 

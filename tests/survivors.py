@@ -22,10 +22,10 @@ from typing import Any, Literal, NoReturn
 import msgspec
 
 import bus
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
 from bus.runner import loop_factory
 from bus.shm import segments
-from bus.typesupport import type_support
+from bus.types.support import type_support
 from zygote import serve
 
 TOPIC = "/parcels"

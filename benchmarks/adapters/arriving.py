@@ -17,7 +17,7 @@ import bus
 from benchmarks.worker import LIFE_S, options, tell
 from bus.msg.std_msgs import String
 from bus.runner import loop_factory
-from bus.typesupport import type_support
+from bus.types.support import type_support
 
 
 class Programs(msgspec.Struct, frozen=True):

@@ -14,7 +14,7 @@ from benchmarks.worker import Parent, options, run
 from bus.msg.geometry_msgs import Quaternion, Twist, Vector3
 from bus.msg.sensor_msgs import Image, Imu
 from bus.msg.std_msgs import Header, String
-from bus.typesupport import type_support
+from bus.types.support import type_support
 
 _DEPTH = 1000
 

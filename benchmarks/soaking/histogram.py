@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple, Self
 
-from bus.cli.bench.figures import PERCENTILES
+from bus_cli.bench.figures import PERCENTILES
 
 _PARTS = 12
 _log2 = math.log2

@@ -15,7 +15,7 @@ from weakref import WeakValueDictionary
 
 import msgspec
 
-from bus.ids import EndpointId
+from bus.base.ids import EndpointId
 from bus.wire.bounds import MOST_REMEMBERED
 from bus.wire.messages import AbsentRecord, Dropped
 from busd.core.effects import Effect, Note, Send

@@ -20,27 +20,27 @@ from collections.abc import Callable
 from itertools import count
 from typing import Any
 
+from bus.base.ids import EndpointId, PeerId
 from bus.errors import AccessDenied, BusError, ConfigurationError, QuotaExceeded, RemoteProtocolError
-from bus.ids import EndpointId, PeerId
 from bus.wire import messages as m
 from bus.wire.layout import GUESTS, NAMESAKES, SILENCE
 from bus.wire.runs import Account, Run
 from busd.core.absent import Absentees
 from busd.core.access import Access, Subject
-from busd.core.asking import Questions
-from busd.core.bucket import Bucket
-from busd.core.declaring import Registrar
+from busd.core.access_guard import Guard
 from busd.core.effects import Disconnect, Effect, Flush, Later, Note, Reload, Restart, Send, Stop
 from busd.core.entities import GRAPH, Peer, Publisher, Subscription
 from busd.core.graph import Graph
-from busd.core.guard import Guard
-from busd.core.latency import RoutingTimes
+from busd.core.leases import Leases
 from busd.core.limits import Limits, TopicRule
-from busd.core.liveliness import Leases
 from busd.core.matching import release
+from busd.core.queries import Queries
 from busd.core.quotas import Quotas
-from busd.core.routes import Routes
-from busd.core.routing import Router
+from busd.core.rate_limit import TokenBucket
+from busd.core.registry import Registry
+from busd.core.router import Router
+from busd.core.routing_times import RoutingTimes
+from busd.core.shm_routes import Routes
 from busd.core.silence import Silences
 from busd.core.timers import NEVER_NS, Timers
 from busd.core.work import FRAME, LOOKS_PER_UNIT, QUEUES_PER_UNIT, Meter, Work
@@ -96,23 +96,23 @@ class Broker:
         self._leases = Leases(self.timers, emit, self.meter, lease_ns=lease_ns, silences=self._silences)
         self._guard = Guard(self.graph, access or Access(uid))
         self._absentees = Absentees(self.timers, emit)
-        self._registrar = Registrar(
+        self._registry = Registry(
             self.graph, quotas, rules, self._leases, self._router, self._guard, self._absentees
         )
-        routes = self._routes = Routes(self.graph, quotas, self._registrar, self._router)
-        questions = self._questions = Questions(
+        routes = self._routes = Routes(self.graph, quotas, self._registry, self._router)
+        questions = self._queries = Queries(
             self.graph, quotas, self._guard, self.routing_times, self.meter, self._absentees, pid=pid
         )
         self._handlers: dict[type[m.Message], Callable[..., Work | None]] = {
             m.Ping: self._on_ping,
             m.Pong: self._on_nothing,
             m.Share: routes.share,
-            m.DeclareType: self._registrar.declare_type,
-            m.CreateNode: self._registrar.create_node,
-            m.DestroyNode: self._registrar.destroy_node,
-            m.CreatePublisher: self._registrar.create_publisher,
-            m.CreateSubscription: self._registrar.create_subscription,
-            m.DestroyEndpoint: self._registrar.destroy_endpoint,
+            m.DeclareType: self._registry.declare_type,
+            m.CreateNode: self._registry.create_node,
+            m.DestroyNode: self._registry.destroy_node,
+            m.CreatePublisher: self._registry.create_publisher,
+            m.CreateSubscription: self._registry.create_subscription,
+            m.DestroyEndpoint: self._registry.destroy_endpoint,
             m.AssertLiveliness: self._on_assert,
             m.Ack: self._on_ack,
             m.Attach: routes.attach,
@@ -139,7 +139,7 @@ class Broker:
         """
         self.limits = limits
         self._quotas.reconfigure(limits)
-        self._registrar.rules = rules
+        self._registry.rules = rules
         self._leases.lease_ns = int(limits.lease_s * 1e9)
         self._router.reconfigure(
             now_ns,
@@ -172,9 +172,9 @@ class Broker:
             queued=Account(0, user.queued),
             history=Account(0, user.history),
             control=Account(0, user.control),
-            declarations=Bucket(1, 1),
-            signals=Bucket(1, 1),
-            questions=Bucket(1, 1),
+            declarations=TokenBucket(1, 1),
+            signals=TokenBucket(1, 1),
+            questions=TokenBucket(1, 1),
         )
         self._quotas.enter(peer)
         self._peers[peer.id] = peer
@@ -249,7 +249,7 @@ class Broker:
         return self._take_effects()
 
     def route(self, now_ns: int, peer_id: PeerId, run: Run) -> list[Effect]:
-        """Queue a run for the subscriptions that match; see `bus.wire.runs` and `busd.core.routing`."""
+        """Queue a run for the subscriptions that match; see `bus.wire.runs` and `busd.core.router`."""
         peer = self._peers.get(peer_id)
         if peer is None:
             return []
@@ -344,7 +344,7 @@ class Broker:
     def _take_effects(self) -> list[Effect]:
         change = self.graph.take_change()
         if change is not None:
-            self.meter.left -= self._questions.tell(change, self._out)
+            self.meter.left -= self._queries.tell(change, self._out)
         if self._withheld:
             self._withhold()
         out = self._out.copy()  # work that is not finished goes on with the list
@@ -413,7 +413,7 @@ class Broker:
         task = self.unfinished.pop(peer.id, None)
         self._withheld.pop(peer.id, None)
         peer.withheld = 0
-        self._questions.forget(peer)
+        self._queries.forget(peer)
         self._do(now_ns, _Task(peer, self._depart(peer, task)))
 
     def _depart(self, peer: Peer, task: "_Task | None") -> Work:
@@ -421,7 +421,7 @@ class Broker:
         if task is not None and task.message is None:
             yield from task.work
         for node in tuple(peer.nodes.values()):
-            yield from self._registrar.remove_node(node, self._out, is_lost=True)
+            yield from self._registry.remove_node(node, self._out, is_lost=True)
         yield from self.graph.forget_types(peer)
         self._quotas.leave(peer)
         peer.doorbell = peer.readers = None  # a timer may still know the peer
@@ -434,10 +434,10 @@ class Broker:
         """A sign of life, which `handle` has seen already."""
 
     def _on_assert(self, now_ns: int, peer: Peer, message: m.AssertLiveliness, out: list[Effect]) -> None:
-        self._leases.assert_publisher(now_ns, self._registrar.own_publisher(peer, message.publisher))
+        self._leases.assert_publisher(now_ns, self._registry.own_publisher(peer, message.publisher))
 
     def _on_ack(self, now_ns: int, peer: Peer, message: m.Ack, out: list[Effect]) -> None:
-        subscription = self._registrar.own_subscription(peer, message.subscription)
+        subscription = self._registry.own_subscription(peer, message.subscription)
         publisher = subscription.matches.get(EndpointId(message.source))
         if publisher is not None:
             self.meter.left -= len(publisher.acked) // LOOKS_PER_UNIT
@@ -453,7 +453,7 @@ class Broker:
             release(publisher, subscription, message.seq, out.append)
 
     def _on_report(self, now_ns: int, peer: Peer, message: m.Report, out: list[Effect]) -> None:
-        self._registrar.own_endpoint(peer, message.endpoint).report = message
+        self._registry.own_endpoint(peer, message.endpoint).report = message
 
     def _renew_access(self, now_ns: int, access: Access) -> None:
         """New access rules: a peer that has what they deny is cut off, and refused it if it comes back."""
@@ -466,7 +466,7 @@ class Broker:
             else:
                 self._routes.renew_sharing(now_ns, peer, access, self._out)
         self._out[:] = self._take_effects()  # what went with those, before what is seen of the rest changes
-        self._questions.renew(self._out)
+        self._queries.renew(self._out)
 
     def _on_stop(self, now_ns: int, peer: Peer, message: m.StopBroker, out: list[Effect]) -> None:
         self._check_operator(peer, "restart" if message.restart else "stop")

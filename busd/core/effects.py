@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple, TypeAlias
 
-from bus.ids import PeerId
+from bus.base.ids import PeerId
 from bus.wire.messages import Message
 from bus.wire.runs import RunQueue
 

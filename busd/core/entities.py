@@ -7,14 +7,14 @@ from weakref import WeakSet
 
 import msgspec
 
-from bus.ids import EndpointId, NodeId, PeerId
+from bus.base.ids import EndpointId, NodeId, PeerId
 from bus.qos import Durability, Liveliness, QoSProfile
 from bus.wire.layout import MAX_COUNT
 from bus.wire.messages import EndpointRecord, EndpointStatistics, NodeRecord, Report
 from bus.wire.runs import Account, RunQueue
 from busd.core.access import Subject
-from busd.core.bucket import Bucket
 from busd.core.effects import Flush
+from busd.core.rate_limit import TokenBucket
 
 MessageType = tuple[str, str]
 """A type's name and hash."""
@@ -41,8 +41,8 @@ class Holder:
     """Bytes kept for its publishers."""
     control: Account
     """Bytes of control frames that wait for it; the shell charges them."""
-    declarations: Bucket
-    signals: Bucket
+    declarations: TokenBucket
+    signals: TokenBucket
     """Control frames of all other kinds: acknowledgements, reports, attachments."""
     topics: Counter[str] = field(default_factory=Counter)
     """Endpoints by topic."""
@@ -65,9 +65,9 @@ class User(Holder):
     endpoints: int = 0
     unfinished: Account
     """Bytes of messages that have not come whole; the shell charges them."""
-    arrivals: Bucket
+    arrivals: TokenBucket
     """Processes that may come now, before they have to wait to be let in."""
-    mishaps: Bucket
+    mishaps: TokenBucket
     """Connections that came to nothing of which the log may still tell now."""
     untold: int = 0
     """And those of which it did not."""
@@ -88,7 +88,7 @@ class Peer(Holder):
     """Of silence after which it counts as hung: what it was told when it came."""
     version: str = ""
     """The release of busd that the process has."""
-    questions: Bucket
+    questions: TokenBucket
     """Those for the graph that are answered now, before it has to wait."""
     paused_ns: int = 0
     """Until when it is not listened to."""

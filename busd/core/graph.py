@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 from itertools import count
 
-from bus.ids import EndpointId, NodeId
+from bus.base.ids import EndpointId, NodeId
 from bus.wire.messages import EndpointRecord, GraphChanged, MatchRecord, NodeRecord
 from busd.core.entities import MessageType, Node, Peer, Publisher, Sharing, Subscription, Topic
 from busd.core.work import TELL, Work

@@ -1,7 +1,7 @@
 """How much each process and each user may have: every comparison with a limit, and what is said there.
 
 Owns the users and what all of a user's processes hold together. Must not know what is made where there is
-room. Reaching a limit raises QuotaExceeded; samples that are too many are dropped by `busd.core.routing`.
+room. Reaching a limit raises QuotaExceeded; samples that are too many are dropped by `busd.core.router`.
 """
 
 import logging
@@ -10,10 +10,10 @@ from collections.abc import Callable, Collection, Sized
 from bus.errors import QuotaExceeded
 from bus.wire import messages as m
 from bus.wire.runs import Account
-from busd.core.bucket import Bucket
 from busd.core.effects import Effect, Note, Pause
 from busd.core.entities import Holder, Peer, User
 from busd.core.limits import Limits
+from busd.core.rate_limit import TokenBucket
 
 __all__ = ["TELL_AGAIN_NS", "Quotas"]
 
@@ -69,10 +69,10 @@ class Quotas:
                 history=Account(0),
                 control=Account(0),
                 unfinished=Account(0),
-                declarations=Bucket(1, 1),
-                signals=Bucket(1, 1),
-                arrivals=Bucket(1, 1),
-                mishaps=Bucket(1, _MISHAPS),
+                declarations=TokenBucket(1, 1),
+                signals=TokenBucket(1, 1),
+                arrivals=TokenBucket(1, 1),
+                mishaps=TokenBucket(1, _MISHAPS),
             )
             self._resize(user, "user")
         return user

@@ -3,7 +3,7 @@
 Such a process is there as long as its connection is: it may be busy, or stopped, and wake up. So it keeps its
 nodes, endpoints and matches. Only what waits for it goes on without it: a lossless publisher no longer counts
 on its lossless subscriptions, until it is heard again. What they miss by that is counted where it is lost, as
-for anybody who is too slow. (The leases of publishers are in `busd.core.liveliness`.)
+for anybody who is too slow. (The leases of publishers are in `busd.core.leases`.)
 """
 
 import logging
@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from itertools import islice
 
-from bus.ids import PeerId
+from bus.base.ids import PeerId
 from busd.core.effects import Effect, Note
 from busd.core.entities import Peer, Publisher, Subscription
 from busd.core.matching import await_acks, give_credit, tell_of_silence

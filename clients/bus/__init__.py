@@ -20,8 +20,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from bus import qos as qos
+    from bus.base.version import RELEASE as __version__
     from bus.blocking import BlockingNode, connect
-    from bus.blockingendpoint import BlockingPublisher, BlockingSubscription
+    from bus.blocking_endpoint import BlockingPublisher, BlockingSubscription
     from bus.client import ServiceClient, ServiceClientStatistics
     from bus.clock import Rate
     from bus.endpoint import Match
@@ -61,7 +62,6 @@ if TYPE_CHECKING:
     from bus.node import Node, NodeStatistics
     from bus.publisher import Publisher, PublisherStatistics
     from bus.qos import Durability, History, Liveliness, QoS, QoSProfile, Reliability
-    from bus.release import RELEASE as __version__
     from bus.runner import run
     from bus.service import RequestId, ServiceServer, ServiceServerStatistics
     from bus.srv import Service
@@ -70,7 +70,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "bus.blocking": ("BlockingNode", "connect"),
-    "bus.blockingendpoint": ("BlockingPublisher", "BlockingSubscription"),
+    "bus.blocking_endpoint": ("BlockingPublisher", "BlockingSubscription"),
     "bus.client": ("ServiceClient", "ServiceClientStatistics"),
     "bus.clock": ("Rate",),
     "bus.endpoint": ("Match",),
@@ -190,7 +190,7 @@ def __getattr__(name: str) -> Any:
     if name == "qos":
         return import_module("bus.qos")
     if name == "__version__":
-        return import_module("bus.release").RELEASE
+        return import_module("bus.base.version").RELEASE
     if name in _HOME_OF:
         value = globals()[name] = getattr(_import(_HOME_OF[name]), name)
         return value

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import msgspec
 
-from bus.blockingendpoint import BlockingPublisher, BlockingSubscription
+from bus.blocking_endpoint import BlockingPublisher, BlockingSubscription
 from bus.errors import ConnectionClosed
-from bus.foreground import Foreground, Signal, deadline_after
 from bus.graph import Graph
 from bus.logger import Logger
 from bus.node import Node
+from bus.process.foreground import Foreground, Signal, deadline_after
 from bus.qos import QoS
 
 if TYPE_CHECKING:

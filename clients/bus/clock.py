@@ -1,6 +1,6 @@
 """A node's time: the machine's, or a simulation's; and rates, which sleep by it.
 
-Must not know where the simulation's time comes from (`bus.timesource`), or what timers do.
+Must not know where the simulation's time comes from (`bus.parameters.time_source`), or what timers do.
 """
 
 import asyncio

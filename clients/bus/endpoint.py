@@ -1,7 +1,7 @@
 """What publishers and subscriptions have in common: identity, declaration, matches, events, closing.
 
 Knows the link as what it sends through; the link knows endpoints by the methods with an underscore here
-that `bus.declarations` lists.
+that `bus.link.declarations` lists.
 """
 
 import asyncio
@@ -13,8 +13,9 @@ from typing import Any, Generic, TypeVar
 
 import msgspec
 
-from bus.awaited import done_anyway
-from bus.descriptor import Descriptor
+from bus.base.awaited import done_anyway
+from bus.base.descriptor import Descriptor
+from bus.diagnostics.provoked import is_worth_asking, warn
 from bus.errors import BusError, ConnectionClosed, again
 from bus.events import (
     DeadlineMissed,
@@ -24,12 +25,11 @@ from bus.events import (
     PublisherEvents,
     SubscriptionEvents,
 )
-from bus.link import Link
+from bus.link.link import Link
 from bus.logger import Logger
 from bus.names import service_of_topic
-from bus.provoked import is_worth_asking, warn
 from bus.qos import QoSProfile, in_words
-from bus.typesupport import TypeSupport
+from bus.types.support import TypeSupport
 from bus.wire import messages as m
 from bus.wire.layout import ACCESS
 from bus.wire.runs import Run
@@ -258,7 +258,7 @@ class Endpoint(Generic[M]):
 
     async def _explain(self, message: m.Incompatible) -> None:
         """Say where the two definitions of one type differ, instead of that they do."""
-        from bus.typediff import difference
+        from bus.types.diff import difference
 
         task = asyncio.current_task()
         try:

@@ -24,7 +24,7 @@ queue was full, no room to publish) is a return value or a counter. Timeouts are
 
 from typing import TypeVar
 
-from bus.printable import printable
+from bus.base.printable import printable
 
 __all__ = [
     "AccessDenied",

@@ -17,11 +17,11 @@ from enum import IntEnum
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NamedTuple, TextIO, TypeAlias, TypedDict, Unpack
 
+from bus.base.printable import printable
 from bus.errors import ConfigurationError
-from bus.printable import printable
 
 if TYPE_CHECKING:  # it would bring msgspec with it
-    from bus.arguments import Arguments
+    from bus.process.ros_args import Arguments
 
 __all__ = [
     "TOP_NAME",

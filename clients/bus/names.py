@@ -1,7 +1,7 @@
 """Names of nodes, namespaces and topics: what is allowed, and how a topic as typed becomes a full name.
 
 Owns the rules and texts of rcl/validate_topic_name.c, rcl/expand_topic_name.c and rmw/validate_*.c. Must not
-know about remapping (`bus.arguments`) or the graph.
+know about remapping (`bus.process.ros_args`) or the graph.
 
 A validator returns nothing and raises ConfigurationError, which carries the index of the first offending
 character and the text that rclpy would print, with a caret under that character.

@@ -14,20 +14,20 @@ from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar, overload
 import msgspec
 
 from bus import names, shm
-from bus.address import socket_name
-from bus.arguments import Arguments
-from bus.awaited import done_anyway, to_be_awaited
+from bus.base.awaited import done_anyway, to_be_awaited
+from bus.diagnostics.slow_callback import watched
 from bus.errors import BusError, CommandLineError, ConfigurationError, ConnectionClosed, ForkError
 from bus.events import PublisherEvents, SubscriptionEvents
-from bus.link import Link
+from bus.link.link import Link
 from bus.logger import Logger, configure, get_logger
-from bus.parameterhost import ParameterHost
+from bus.parameters.host import ParameterHost
+from bus.process.address import socket_name
+from bus.process.ros_args import Arguments
 from bus.publisher import Publisher
 from bus.qos import QoS, profile, rosout_default
 from bus.rosout import Rosout
-from bus.slowcallback import watched
 from bus.timer import Timer
-from bus.typesupport import type_support
+from bus.types.support import type_support
 from bus.wire import messages as m
 
 if TYPE_CHECKING:  # not every program needs them
@@ -147,11 +147,11 @@ class Node(ParameterHost):
         QuotaExceeded as busd's rules say. Cancellation: not open.
         """
         if asyncio._get_running_loop() is None:
-            from bus.mistakes import no_loop
+            from bus.process.mistakes import no_loop
 
             raise no_loop()
         self._link = await Link.acquire(self._path)
-        if self._link.sharing is None and not names.is_hidden_node(self.name):
+        if self._link.shm_context is None and not names.is_hidden_node(self.name):
             _say_why_slow()
         try:
             await self._link.declare_node(self)
@@ -419,7 +419,7 @@ class Node(ParameterHost):
             publisher = (await node.graph()).publishers_of("/chatter")[0]
             cls = await node.get_type(publisher.type_name, publisher.type_hash)
         """
-        from bus.schema import build
+        from bus.types.schema import build
 
         description = await self._opened().description(type_name, type_hash)
         try:
@@ -461,7 +461,7 @@ class Node(ParameterHost):
         if self._link.failure is not None:
             raise self._link.failure
         if self._link.guard is None and self._link.loop is not asyncio._get_running_loop():
-            from bus.mistakes import other_loop
+            from bus.process.mistakes import other_loop
 
             raise other_loop(f"node {self.full_name}", self._link.loop)
         return self._link

@@ -1,7 +1,7 @@
 """Publishers: typed messages in, samples out by the routes of the matches.
 
 A message is checked, encoded and stamped in `publish`. It is written to the publisher's ring, for the matches
-by shared memory, and goes to the broker while there are others (`bus.ringroute`, `bus.socketroute`).
+by shared memory, and goes to the broker while there are others (`bus.delivery`).
 """
 
 import asyncio
@@ -11,22 +11,29 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from bus.awaited import done_anyway
-from bus.bulk import bytes_fields, check_field, encode_around, long_field, text_fields, with_field
-from bus.descriptor import Descriptor
+from bus.base.awaited import done_anyway
+from bus.base.descriptor import Descriptor
+from bus.delivery.sender import NOTED, Sender
+from bus.delivery.shm_sender import ShmSender
+from bus.diagnostics.provoked import warn
 from bus.endpoint import Endpoint
 from bus.errors import BusError, ConnectionClosed, PayloadTooLarge, again
 from bus.events import LivelinessLost, PublisherEvents
-from bus.link import Link
+from bus.link.link import Link
 from bus.loan import Loan
 from bus.logger import Logger
-from bus.outlet import NOTED, Outlet
-from bus.provoked import warn
 from bus.qos import History, QoSProfile
-from bus.ringroute import RingRoute
 from bus.shm import core, has_core
 from bus.transport.memory import LARGE_BYTES, keep_freed_memory
-from bus.typesupport import ENCODE_ERRORS, TypeSupport, wrong_class
+from bus.types.large_fields import (
+    bytes_fields,
+    check_field,
+    encode_around,
+    long_field,
+    text_fields,
+    with_field,
+)
+from bus.types.support import ENCODE_ERRORS, TypeSupport, wrong_class
 from bus.wire import messages as m
 from bus.wire.layout import MAX_MESSAGE_BYTES
 from bus.wire.runs import Buffer
@@ -89,12 +96,12 @@ class Publisher(Endpoint[M]):
         self._refused = 0
         self._sends_in_turn = 0
         self._lost_liveliness = 0
-        ring = None if by_socket else RingRoute.make(link, self, logger)
+        ring = None if by_socket else ShmSender.make(link, self, logger)
         sends = None
         if has_core():  # with it, `send` costs what `publish` costs where there is room
             sends = core().Sends(self._send, self._send_on, self.send)
             self.send = sends.send  # type: ignore[method-assign]
-        self._outlet = Outlet(link, self, logger, ring, sends)
+        self._sender = Sender(link, self, logger, ring, sends)
         self._long_fields = bytes_fields(support.cls)
         if ring is not None:  # by socket, text had to be copied once more to be joined with the rest
             self._long_fields += text_fields(support.cls)
@@ -110,23 +117,23 @@ class Publisher(Endpoint[M]):
         PayloadTooLarge above the topic's limit, SharedMemoryError where the machine has no memory for it,
         LocalProtocolError while a loan is open, ConnectionClosed after `close`.
         """
-        status = self._outlet.publish(message)
+        status = self._sender.publish(message)
         return True if status is True else self._publish_on(message, status)
 
     def _publish_on(self, message: M, status: int | bytes) -> bool:
-        """After `Outlet.publish` gave this status, and not True: step by step, where it did nothing."""
+        """After `Sender.publish` gave this status, and not True: step by step, where it did nothing."""
         if isinstance(status, bytes):
             return self._put(status)
         if status == NOTED:
             self._link.report(self)
-            self._outlet.watch_turn(self._least_depth)
+            self._sender.watch_turn(self._least_depth)
             return True
         if message.__class__ is not self.type:
             raise wrong_class(self.type, message)
         if self._long_fields:
             if found := long_field(message, self._long_fields):
                 return self._publish_around(message, *found)
-            self._outlet.expect_short()
+            self._sender.expect_short()
         if not self._support.is_valid(message):
             error = self._support.explain(message)
             if error is not None:
@@ -135,7 +142,7 @@ class Publisher(Endpoint[M]):
             payload = self._encode(message)
         except ENCODE_ERRORS as error:
             raise self._support.explain(message) or error from None
-        return self._outlet.write(payload) or self._put(payload)
+        return self._sender.write(payload) or self._put(payload)
 
     def publish_encoded(self, payload: Buffer) -> bool:
         """Publish a message that is encoded already; as `publish`, but nothing checks its type here.
@@ -145,7 +152,7 @@ class Publisher(Endpoint[M]):
         """
         if isinstance(payload, str):
             raise TypeError(f"an encoded message on '{self.topic_name}' must be bytes, not text")
-        return self._outlet.write(payload) or self._put(payload)
+        return self._sender.write(payload) or self._put(payload)
 
     def loan(self, message: M, field: str, size: int) -> Loan | None:
         """A place for `size` bytes that are to be the field `field` of `message`, to be filled by the caller.
@@ -161,7 +168,7 @@ class Publisher(Endpoint[M]):
         check_field(self.type, field)
         before, after = self._encode_around(message, field, b"", size)
         self._check_size(len(before) + size + len(after))
-        loan = self._outlet.lend(before, size, after)
+        loan = self._sender.lend(before, size, after)
         self._refused += loan is None
         return loan
 
@@ -182,7 +189,7 @@ class Publisher(Endpoint[M]):
             await asyncio.sleep(0)
         while not self.publish(message):
             self._refused -= 1  # it is not given up
-            await self._outlet.wait_for_room()
+            await self._sender.wait_for_room()
 
     def _send_on(self, message: M, status: int | bytes) -> bool:
         """As `_publish_on`, for `send`; False: it is to wait for room."""
@@ -195,7 +202,7 @@ class Publisher(Endpoint[M]):
 
         Raises ConnectionClosed where the publisher is closed meanwhile. Cancellation leaves nothing behind.
         """
-        await self._outlet.wait_for_room()
+        await self._sender.wait_for_room()
 
     async def flush(self) -> None:
         """Wait until everything published has left this process: by shared memory, or through busd's socket.
@@ -204,7 +211,7 @@ class Publisher(Endpoint[M]):
 
         Raises ConnectionClosed where the connection is closed first. Cancellation: nothing is lost.
         """
-        await self._outlet.flush()
+        await self._sender.flush()
 
     async def wait_for_subscriptions(self, number: int = 1) -> None:
         """Wait until at least `number` subscriptions are matched, and are there to be woken.
@@ -229,12 +236,12 @@ class Publisher(Endpoint[M]):
 
     def statistics(self) -> PublisherStatistics:
         """Its counters until now; they stay when it is closed."""
-        published, size = self._outlet.published
+        published, size = self._sender.published
         return PublisherStatistics(
             published=published,
             bytes=size,
-            queued=self._outlet.queued,
-            replaced=self._outlet.replaced,
+            queued=self._sender.queued,
+            replaced=self._sender.replaced,
             refused=self._refused,
             subscriptions=len(self._matches),
         )
@@ -243,10 +250,10 @@ class Publisher(Endpoint[M]):
 
     @property
     def _shared(self) -> tuple[Descriptor, ...]:
-        return self._outlet.shared
+        return self._sender.shared
 
     def _hand_over(self) -> None:
-        self._outlet.hand_over()
+        self._sender.hand_over()
 
     def _declaration(self, request: int, node: int) -> m.Message:
         return m.CreatePublisher(
@@ -257,41 +264,41 @@ class Publisher(Endpoint[M]):
             type_hash=self._support.hash,
             qos=self.qos,
             gid=self.gid,
-            next_seq=self._outlet.first_seq_to_send(),
+            next_seq=self._sender.first_seq_to_send(),
             descriptors=len(self._shared),
         )
 
     def _declared(self, answer: m.Created) -> None:
         super()._declared(answer)
         self._max_bytes = answer.max_message_bytes
-        self._outlet.declared(answer)
+        self._sender.declared(answer)
 
     def _disconnected(self) -> None:
         self._id = 0  # before the matches go: who reads our ring reads on
         super()._disconnected()
-        self._outlet.disconnected()
+        self._sender.disconnected()
 
     def _handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
         match message:
             case m.Credit(seq=seq):
-                self._outlet.credit(seq)
+                self._sender.credit(seq)
             case m.LivelinessLost():
                 self._lost_liveliness += 1
                 self._tell(self._events.liveliness_lost, LivelinessLost(self._lost_liveliness, 1))
             case m.Silence(subscription=other) if other in self._matches:
                 self._hear_of_silence(message)
             case m.Matched():
-                self._outlet.matched(message)
+                self._sender.matched(message)
                 super()._handle(message)
             case m.Attached(subscription=other) if other in self._matches:
                 try:
-                    self._outlet.attach(self._matches[other].gid, message, descriptors)
+                    self._sender.attach(self._matches[other].gid, message, descriptors)
                 except (OSError, ValueError) as error:
                     refusal = m.RefuseRoute(endpoint=self._id, other=other, text=str(error)[:1000])
                     self._link.send_about(self, refusal)
                 self._release_match_waiters()
             case m.Rerouted(other=other) if other in self._matches:
-                self._outlet.rerouted(self._matches[other].gid, self._matches[other].qos, message)
+                self._sender.rerouted(self._matches[other].gid, self._matches[other].qos, message)
                 super()._handle(message)
                 self._release_match_waiters()
             case _:
@@ -299,30 +306,30 @@ class Publisher(Endpoint[M]):
 
     def _totals(self) -> m.Report:
         """This publisher's counters, for the graph."""
-        outlet = self._outlet
-        outlet.told()
-        samples, size = outlet.published
+        sender = self._sender
+        sender.told()
+        samples, size = sender.published
         return m.Report(
             endpoint=self._id,
             samples=samples,
             bytes=size,
-            queued=outlet.queued,
-            dropped={"replaced": outlet.replaced} if outlet.replaced else {},
+            queued=sender.queued,
+            dropped={"replaced": sender.replaced} if sender.replaced else {},
         )
 
     def _end(self, reason: Any) -> None:
         super()._end(reason)
-        self._outlet.end(reason)
+        self._sender.end(reason)
 
     def _abandon(self, reason: BusError) -> None:
         super()._abandon(reason)
-        self._outlet.abandon(reason)
+        self._sender.abandon(reason)
 
     # --- inside
 
     def _hear_of_silence(self, silence: m.Silence) -> None:
         match = self._matches[silence.subscription]
-        self._outlet.set_waiting(match.gid, is_on=silence.is_over)
+        self._sender.set_waiting(match.gid, is_on=silence.is_over)
         time = f"{silence.silent_s:.1f} s"
         if silence.is_over:
             text = f"'{self.topic_name}' waits for {match.node} again, which was silent for {time}"
@@ -360,7 +367,7 @@ class Publisher(Endpoint[M]):
         self._check_size(size)
         if size >= LARGE_BYTES:
             keep_freed_memory()
-        is_taken = self._outlet.put(*parts)
+        is_taken = self._sender.put(*parts)
         self._refused += not is_taken
         return is_taken
 
@@ -371,19 +378,19 @@ class Publisher(Endpoint[M]):
             raise PayloadTooLarge(self.topic_name, size_bytes=size, limit_bytes=self._max_bytes)
 
     def _ready_matches(self) -> int:
-        return len(self._matches) - self._outlet.expected
+        return len(self._matches) - self._sender.expected
 
     def _counts(self) -> str:
-        return f"subscriptions={len(self._matches)} published={self._outlet.published[0]}"
+        return f"subscriptions={len(self._matches)} published={self._sender.published[0]}"
 
     def _unmatch(self, other: int, *, is_lost: bool = False) -> None:
         gone = self._matches.get(other)
         super()._unmatch(other)
         if gone is not None and self._id:
-            self._outlet.unmatched(other, gone.gid, is_lost=is_lost)
+            self._sender.unmatched(other, gone.gid, is_lost=is_lost)
 
     def _check_deadline(self) -> None:
-        self._last_ns = max(self._last_ns, self._outlet.last_ns)
+        self._last_ns = max(self._last_ns, self._sender.last_ns)
         super()._check_deadline()
 
     async def _drain(self) -> None:
@@ -391,7 +398,7 @@ class Publisher(Endpoint[M]):
         with contextlib.suppress(TimeoutError, ConnectionClosed):
             async with asyncio.timeout(_DRAIN_S if self._id else 0):
                 await self.flush()
-        lost = self._outlet.drop_queued()
+        lost = self._sender.drop_queued()
         if lost:
             self._logger.warning(f"{lost} messages on '{self.topic_name}' could not be handed over")
 

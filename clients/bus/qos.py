@@ -313,7 +313,7 @@ def _choice(kind: type[_Choice], field: str, value: str) -> _Choice:
 
 
 def _unknown(what: str, value: str, allowed: Mapping[str, object] | list[str]) -> str:
-    from bus.spelling import did_you_mean
+    from bus.base.suggest import did_you_mean
 
     hint = did_you_mean(value.lower(), allowed, 0.4)
     return f"unknown {what} '{value}'{hint} (allowed: {', '.join(allowed)})"

@@ -9,7 +9,7 @@ from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
 from bus.errors import BrokerUnavailable, CommandLineError
-from bus.termination import Terminated, say_nothing_of_signals
+from bus.process.termination import Terminated, say_nothing_of_signals
 
 T = TypeVar("T")
 
@@ -80,11 +80,11 @@ def run(main: Coroutine[Any, Any, T]) -> T:
 def _check(main: Any) -> None:
     """Say what is wrong with a call that can't work, without warnings of a coroutine that nobody awaits."""
     if not asyncio.iscoroutine(main):
-        from bus.mistakes import no_coroutine
+        from bus.process.mistakes import no_coroutine
 
         raise no_coroutine(main)
     if asyncio._get_running_loop() is not None:
-        from bus.mistakes import nested_run
+        from bus.process.mistakes import nested_run
 
         main.close()
         raise nested_run()

@@ -13,18 +13,18 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from bus.awaited import done_anyway
-from bus.callbacks import ignore, is_async, takes_info
-from bus.envelope import Request, ServiceSupport, keeping_all, service_support
+from bus.base.awaited import done_anyway
+from bus.base.callbacks import ignore, is_async, takes_info
+from bus.diagnostics.provoked import warn
 from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
 from bus.events import IncompatibleQoS, IncompatibleType, PublisherEvents, SubscriptionEvents
-from bus.link import Link
+from bus.link.link import Link
 from bus.logger import Logger
 from bus.names import reply_topic, request_topic
-from bus.provoked import warn
 from bus.publisher import Publisher
 from bus.qos import QoSProfile, in_words
 from bus.subscription import Subscription
+from bus.types.service import Request, ServiceSupport, keeping_all, service_support
 
 __all__ = ["RequestId", "ServiceServer", "ServiceServerStatistics"]
 

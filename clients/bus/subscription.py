@@ -12,22 +12,22 @@ from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 
-from bus.accounts import Accounts
-from bus.accounts import SubscriptionStatistics as SubscriptionStatistics
-from bus.bulk import view_type
-from bus.descriptor import Descriptor
-from bus.dispatcher import Dispatcher
+from bus.base.descriptor import Descriptor
+from bus.delivery.counters import DropCounters
+from bus.delivery.counters import SubscriptionStatistics as SubscriptionStatistics
+from bus.delivery.dispatcher import Dispatcher
+from bus.delivery.receiver import Receiver, Taken
+from bus.delivery.sequence import PublisherProxy
+from bus.delivery.shm_receiver import ShmReceiver
 from bus.endpoint import Endpoint
 from bus.errors import BusError, ConnectionClosed, again
 from bus.events import LivelinessChanged, MessageLost, SubscriptionEvents
-from bus.inbox import Inbox, Taken
-from bus.link import Link
+from bus.link.link import Link
 from bus.logger import Logger
+from bus.process.waiters import Waiters
 from bus.qos import History, QoSProfile
-from bus.ringinput import RingInput
-from bus.sources import Source
-from bus.typesupport import TypeSupport
-from bus.waiters import Waiters
+from bus.types.large_fields import view_type
+from bus.types.support import TypeSupport
 from bus.wire import messages as m
 from bus.wire.layout import MAX_COUNT
 from bus.wire.runs import Run
@@ -87,7 +87,7 @@ class Subscription(Endpoint[M]):
     ) -> None:
         super().__init__(link, node, topic, support, qos, events, logger, on_error)
         keeps_all = qos.history is History.KEEP_ALL
-        self._inbox: Inbox[M] = Inbox(
+        self._receiver: Receiver[M] = Receiver(
             _decoder(support, raw=raw, views=views),
             0 if keeps_all else qos.depth,
             is_lossless=qos.is_lossless,
@@ -95,8 +95,8 @@ class Subscription(Endpoint[M]):
             on_reject=self._reject,
             on_taken=self._acknowledge,
         )
-        self._ahead = self._inbox.ahead
-        self._accounts = Accounts(self._inbox)
+        self._ahead = self._receiver.ahead
+        self._counters = DropCounters(self._receiver)
         self._lost_told = 0
         self._not_alive: set[int] = set()  # of the matches
         self._left_broker = link.broker
@@ -107,18 +107,18 @@ class Subscription(Endpoint[M]):
         """Called on the event loop when something has come that may be taken; in place of a callback."""
         self._on_end: Callable[[BusError], object] | None = None
         """Called once it can't be used any more, whatever the cause."""
-        self._rings: RingInput | None = None
-        if link.sharing is not None:
-            self._rings = RingInput(link, link.sharing, self, self._miss)
-            self._inbox.reader = self._rings.reader
-            self._inbox.on_note = partial(link.report, self)
+        self._rings: ShmReceiver | None = None
+        if link.shm_context is not None:
+            self._rings = ShmReceiver(link, link.shm_context, self, self._miss)
+            self._receiver.reader = self._rings.reader
+            self._receiver.on_note = partial(link.report, self)
             if busy_poll:
                 self._rings.poll(busy_poll)
         self._dispatcher: Dispatcher[M] | None = None
         if callback is not None:
             self._dispatcher = Dispatcher(
                 callback,
-                self._inbox,
+                self._receiver,
                 make_info=self._info,
                 receive=self.receive,
                 on_error=on_error,
@@ -130,7 +130,7 @@ class Subscription(Endpoint[M]):
 
     def take(self) -> tuple[M, MessageInfo] | None:
         """The oldest waiting message and its info; None where none waits. Never blocks."""
-        taken = self._inbox.take()
+        taken = self._receiver.take()
         return None if taken is None else (taken[0], self._info(taken))
 
     async def receive(self) -> tuple[M, MessageInfo]:
@@ -139,7 +139,7 @@ class Subscription(Endpoint[M]):
         Waits without an end: use `asyncio.timeout`. Cancellation: no message is lost. Raises ConnectionClosed
         once the subscription is closed.
         """
-        while (taken := self._inbox.take()) is None:
+        while (taken := self._receiver.take()) is None:
             await self._wait()
         return taken[0], self._info(taken)
 
@@ -149,7 +149,7 @@ class Subscription(Endpoint[M]):
     async def __anext__(self) -> M:
         if self._ahead:
             return self._ahead.popleft()[0]
-        while (taken := self._inbox.take()) is None:
+        while (taken := self._receiver.take()) is None:
             if type(self._refusal) is ConnectionClosed:
                 raise StopAsyncIteration
             await self._wait()
@@ -169,16 +169,16 @@ class Subscription(Endpoint[M]):
 
     def statistics(self) -> SubscriptionStatistics:
         """Its counters until now; they stay when it is closed."""
-        return self._accounts.statistics(len(self._matches))
+        return self._counters.statistics(len(self._matches))
 
     # --- for the link
 
     def _receive_run(self, run: Run) -> None:
         """A run has come; it is not delivered before `_wake`, but for a callback that would lose it."""
-        if self._inbox.put(run):
+        if self._receiver.put(run):
             if self._dispatcher is not None and not self._dispatcher.is_async:
                 self._dispatcher.dispatch()
-            self._inbox.trim()
+            self._receiver.trim()
 
     def _wake(self) -> None:
         """All that has come is in the queue or in a ring: deliver it."""
@@ -193,7 +193,7 @@ class Subscription(Endpoint[M]):
         if self.qos.deadline is not None:
             self._last_ns = monotonic_ns()
         if self._rings is not None and self._events.message_lost is not None:
-            self._inbox.count_replaced()
+            self._receiver.count_replaced()
             self._tell_lost()
 
     def _declaration(self, request: int, node: int) -> m.Message:
@@ -205,12 +205,12 @@ class Subscription(Endpoint[M]):
             type_hash=self._support.hash,
             qos=self.qos,
             gid=self.gid,
-            last_seqs=self._inbox.sources.last_seqs,
+            last_seqs=self._receiver.sources.last_seqs,
         )
 
     def _declared(self, answer: m.Created) -> None:
         super()._declared(answer)
-        self._inbox.set_depth(answer.depth)
+        self._receiver.set_depth(answer.depth)
         self._ack_bytes = answer.window_bytes // 8
         self._ack_samples = answer.window_samples // 8
         if self._total_matches:  # a new broker has its counters yet to learn
@@ -223,12 +223,12 @@ class Subscription(Endpoint[M]):
         if self._rings is not None:
             self._rings.disconnected()
         super()._disconnected()
-        self._accounts.disconnected(self._link.broker)
+        self._counters.disconnected(self._link.broker)
         self._id = 0
         self._left_broker = self._link.broker
 
     def _handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
-        sources, rings = self._inbox.sources, self._rings
+        sources, rings = self._receiver.sources, self._rings
         match message:
             case m.Matched(other=other):
                 known_seq = sources.last_seqs.pop(message.gid, None)
@@ -269,7 +269,7 @@ class Subscription(Endpoint[M]):
                 if rings is not None:
                     for gid, (_, last_seq) in missed.items():
                         sources.hear(gid, rings.conclude(gid, last_seq) if last_seq else None)
-                self._accounts.tell(message)
+                self._counters.tell(message)
                 if missed:
                     self._link.report(self)
                 self._tell_lost()
@@ -278,19 +278,19 @@ class Subscription(Endpoint[M]):
 
     def _totals(self) -> m.Report:
         """This subscription's counters, for the graph."""
-        inbox = self._inbox
-        queued = inbox.queued  # looks at the rings
+        receiver = self._receiver
+        queued = receiver.queued  # looks at the rings
         if self._rings is not None:
             self._rings.reader.is_noted = False
             self._rings.sweep()
         return m.Report(
             endpoint=self._id,
-            samples=inbox.delivered,
-            bytes=inbox.bytes,
+            samples=receiver.delivered,
+            bytes=receiver.bytes,
             queued=min(queued, MAX_COUNT),  # a ring may lie
-            dropped=self._accounts.dropped_here,
-            expected=self._accounts.expected_here,
-            repeated=inbox.sources.known,
+            dropped=self._counters.dropped_here,
+            expected=self._counters.expected_here,
+            repeated=receiver.sources.known,
         )
 
     def _end(self, reason: Any) -> None:
@@ -307,17 +307,17 @@ class Subscription(Endpoint[M]):
 
     def _abandon(self, reason: BusError) -> None:
         super()._abandon(reason)
-        self._inbox.reader = None  # what it tells the publishers is the parent's word
+        self._receiver.reader = None  # what it tells the publishers is the parent's word
 
     # --- inside
 
     def _miss(self, count: int) -> None:
         """A publisher had gone on in another ring, which is gone with it."""
-        self._inbox.sources.lose(count)
+        self._receiver.sources.lose(count)
         self._link.report(self)
         self._tell_lost()
 
-    def _leave_ring(self, source: Source, rings: RingInput) -> None:
+    def _leave_ring(self, source: PublisherProxy, rings: ShmReceiver) -> None:
         try:
             self._drain_rings()
         finally:  # whatever is missing, the publisher sends
@@ -328,12 +328,12 @@ class Subscription(Endpoint[M]):
 
     def _drain_rings(self) -> None:
         """What waits in the rings is brought in order with what comes by socket."""
-        self._inbox.drain_rings()
+        self._receiver.drain_rings()
         self._link.loop.call_soon(self._wake)  # a publisher that has refused to share did not ring
 
     def _counts(self) -> str:
-        dropped = sum(self._accounts.dropped.values())
-        return f"publishers={len(self._matches)} delivered={self._inbox.delivered} dropped={dropped}"
+        dropped = sum(self._counters.dropped.values())
+        return f"publishers={len(self._matches)} delivered={self._receiver.delivered} dropped={dropped}"
 
     async def _wait(self) -> None:
         if self._refusal is not None:
@@ -347,23 +347,23 @@ class Subscription(Endpoint[M]):
             stamp_ns + offset_ns,
             received_ns + offset_ns,
             seq,
-            self._inbox.delivered,
-            source.gid if isinstance(source, Source) else b"",
+            self._receiver.delivered,
+            source.gid if isinstance(source, PublisherProxy) else b"",
         )
 
     def _check_deadline(self) -> None:
         # `_wake` does not hear of what the program takes before the doorbell was heard.
-        self._last_ns = max(self._last_ns, min(self._inbox.stamp_ns, monotonic_ns()))  # a stamp may lie
+        self._last_ns = max(self._last_ns, min(self._receiver.stamp_ns, monotonic_ns()))  # a stamp may lie
         super()._check_deadline()
 
     def _unmatch(self, other: int, *, is_lost: bool = False) -> None:
         super()._unmatch(other)
         self._not_alive.discard(other)
-        source = self._inbox.sources.get(other)
+        source = self._receiver.sources.get(other)
         if source is not None:
             self._tell_liveliness(*((-1, 0) if source.is_alive else (0, -1)))
 
-    def _acknowledge(self, source: Source) -> None:
+    def _acknowledge(self, source: PublisherProxy) -> None:
         """Samples of a lossless publisher were taken: tell it now if they are many, else a little later."""
         samples = source.taken_seq - source.acked_seq
         if source.unacked_bytes >= self._ack_bytes or samples >= self._ack_samples:
@@ -373,14 +373,14 @@ class Subscription(Endpoint[M]):
 
     def _acknowledge_all(self) -> None:
         self._ack_timer = None
-        for source in self._inbox.sources.values():
+        for source in self._receiver.sources.values():
             if source.taken_seq > source.acked_seq:
                 self._send_ack(source)
 
-    def _send_ack(self, source: Source) -> None:
+    def _send_ack(self, source: PublisherProxy) -> None:
         source.acked_seq, source.unacked_bytes = source.taken_seq, 0
         # A publisher that has gone, or that an earlier broker knew, needs none.
-        if source.number in self._matches and self._inbox.sources.get(source.number) is source:
+        if source.number in self._matches and self._receiver.sources.get(source.number) is source:
             ack = m.Ack(subscription=self._id, source=source.number, seq=source.taken_seq)
             self._link.send_about(self, ack)
 
@@ -391,7 +391,7 @@ class Subscription(Endpoint[M]):
     def _tell_lost(self) -> None:
         callback = self._events.message_lost
         if callback is not None:
-            reasons = self._accounts.dropped
+            reasons = self._counters.dropped
             total = sum(reasons.values())
             if total > self._lost_told:
                 change, self._lost_told = total - self._lost_told, total

@@ -29,10 +29,10 @@ from typing import Final, Self
 import msgspec
 import pytest
 
-from bus.autostart import BUSD
 from bus.blocking import BlockingNode, connect
 from bus.errors import BrokerUnavailable, BusError
 from bus.graph import Graph, GraphEndpoint, GraphNode
+from bus.link.autostart import BUSD
 from bus.names import service_of_topic
 
 __all__ = ["Domain", "bus_domain", "bus_node"]

@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
-from bus.callbacks import callback_name, is_async
+from bus.base.callbacks import callback_name, is_async
 from bus.clock import Clock
 from bus.errors import ConfigurationError
 

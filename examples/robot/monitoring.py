@@ -8,9 +8,9 @@ from collections import deque
 from shutil import get_terminal_size
 
 import bus
-from bus.address import socket_path
 from bus.logger import Severity
 from bus.msg.rcl_interfaces import Log
+from bus.process.address import socket_path
 from common import HEALTH_TOPIC, TOPICS, Health, TopicHealth
 from meter import Meter, lost_on
 

@@ -25,7 +25,7 @@ import msgspec
 import bus
 from bus.logger import TOP_NAME
 from bus.runner import loop_factory
-from bus.typesupport import type_support
+from bus.types.support import type_support
 from chaos import cgroup
 from chaos.proxy import Proxy
 from chaos.roles import Ear, EarLook, Heard, Look, Parcel, Role, Talker, checksum

@@ -11,8 +11,8 @@ import time
 from collections import Counter
 from collections.abc import Callable
 
-from bus.cli.query import Query
 from bus.errors import BusError
+from bus_cli.query import Query
 from chaos import deeds, judge
 from chaos.footprint import Footprint
 from chaos.leaver import Leaver

@@ -11,19 +11,19 @@ from typing import Any
 
 import msgspec
 
-from bus.connection import Connection
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
 from bus.errors import BusError, RemoteProtocolError
 from bus.events import PublisherEvents, SubscriptionEvents
 from bus.graph import graph_of
-from bus.link import Link
+from bus.link.connection import Connection
+from bus.link.link import Link
 from bus.logger import get_logger
 from bus.msg.std_msgs import String
 from bus.publisher import Publisher
 from bus.qos import QoSProfile
 from bus.shm import segments
 from bus.subscription import Subscription
-from bus.typesupport import type_support
+from bus.types.support import type_support
 from bus.wire import messages as m
 from bus.wire.layout import (
     CONTROL,
@@ -112,7 +112,7 @@ class _Client:
         self.link = Link(Path("/nowhere"))
         self.session = Session(Role.CLIENT)
         self.connection = Connection(
-            self.link.sharing,
+            self.link.shm_context,
             on_received=self.link._received,
             on_lost=lambda reason: None,
             on_wrote=lambda: None,
@@ -260,8 +260,8 @@ class _Client:
 
     def descriptor(self, kind: int) -> Descriptor:
         """A ring, mostly with something wrong in it; or what is none."""
-        sharing = self.link.sharing
-        if sharing is None or kind == 0:
+        shm_context = self.link.shm_context
+        if shm_context is None or kind == 0:
             return Descriptor(os.open("/dev/null", os.O_RDONLY))
         if kind < 3:
             return segments.make_doorbell()

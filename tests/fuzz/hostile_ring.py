@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
 from bus.msg.std_msgs import String
 from bus.shm import core, segments
 from bus.shm.descriptors import SEALS

@@ -10,21 +10,22 @@ from typing import Any, ClassVar
 
 import msgspec
 
-from bus import idl, names
-from bus.arguments import Arguments, Parameter
-from bus.cli.documents import load as load_document
-from bus.cli.documents import split
-from bus.cli.fields import FieldPath
-from bus.cli.filter import compile_filter
-from bus.cli.output import CommandError
-from bus.cli.populate import Prototype
-from bus.cli.render import View, to_yaml
+from bus import names
 from bus.errors import ConfigurationError
 from bus.msg.geometry_msgs import PoseStamped
 from bus.msg.std_msgs import Float64MultiArray, String
-from bus.parameterfile import overrides, parse_file, parse_typed, parse_value
-from bus.schema import build, describe
-from bus.typesupport import type_support
+from bus.parameters.file import overrides, parse_file, parse_typed, parse_value
+from bus.process.ros_args import Arguments, Parameter
+from bus.types import idl
+from bus.types.schema import build, describe
+from bus.types.support import type_support
+from bus_cli.documents import load as load_document
+from bus_cli.documents import split
+from bus_cli.fields import FieldPath
+from bus_cli.filter import compile_filter
+from bus_cli.output import CommandError
+from bus_cli.populate import Prototype
+from bus_cli.render import View, to_yaml
 from busd import config
 from busd.core.access import ACTIONS, Access, Subject
 from busd.core.broker import Broker

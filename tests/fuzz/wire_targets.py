@@ -7,9 +7,9 @@ from unittest.mock import patch
 
 import msgspec
 
+from bus.delivery.receiver import Receiver
+from bus.delivery.sequence import PublisherProxy
 from bus.errors import RemoteProtocolError
-from bus.inbox import Inbox
-from bus.sources import Source
 from bus.wire import framing
 from bus.wire import messages as m
 from bus.wire.framing import FrameReader
@@ -193,7 +193,7 @@ def _check_frame(queue: RunQueue) -> None:
     assert (run.endpoint, run.count, run.first_seq) == (3, expected, first_seq)
 
 
-def inbox(data: bytes) -> None:
+def receiver(data: bytes) -> None:
     """What a subscription is sent is delivered, or dropped for one reason, or waits; whatever it is sent."""
     script = Script(data)
     depth = script.byte() % 8
@@ -203,7 +203,7 @@ def inbox(data: bytes) -> None:
         assert count > 0
         dropped[reason] = dropped.get(reason, 0) + count
 
-    box: Inbox[Any] = Inbox(
+    box: Receiver[Any] = Receiver(
         msgspec.msgpack.Decoder(str | int | None).decode,
         depth,
         is_lossless=bool(script.byte() & 1),
@@ -212,7 +212,7 @@ def inbox(data: bytes) -> None:
         on_taken=lambda source: None,
     )
     for number in (1, 2):
-        box.sources[number] = Source(number, bytes([number]), 0, 0, needs_ack=True)
+        box.sources[number] = PublisherProxy(number, bytes([number]), 0, 0, needs_ack=True)
     put, seq = 0, 1
     while script:
         match script.byte() % 6:

@@ -22,9 +22,10 @@ from hypothesis import strategies as st
 
 from accounts_cuts import Cuts, pick
 from accounts_world import World
-from bus import link, shm
+from bus import shm
+from bus.link import link
 from bus.qos import QoSProfile
-from busd.core import absent, routing
+from busd.core import absent, router
 from conftest import TEST_S
 
 Step: TypeAlias = tuple[Any, ...]
@@ -243,7 +244,7 @@ def test_against_the_model(
 ) -> None:
     monkeypatch.delenv("BUS_ROUTE", raising=False)
     monkeypatch.setattr(link, "_RETRY_S", (0.0, 0.001))
-    monkeypatch.setattr(routing, "DROP_REPORT_NS", 0)
+    monkeypatch.setattr(router, "DROP_REPORT_NS", 0)
     monkeypatch.setattr(absent, "RETURN_NS", 0)
 
     @settings(

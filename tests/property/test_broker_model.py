@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from broker_endpoints import Publisher, Subscription
 from broker_model import Model, ModelPublisher, ModelSubscription
 from broker_world import NUMBER, SECOND, TEXT, Process, World
-from bus.ids import EndpointId
+from bus.base.ids import EndpointId
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from bus.wire.runs import Run

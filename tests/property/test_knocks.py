@@ -41,7 +41,7 @@ ACTIONS = st.lists(
 
 
 class Process:
-    """Reads rings of two processes, and does on a doorbell what `bus.sharing` does."""
+    """Reads rings of two processes, and does on a doorbell what `bus.link.shm_context` does."""
 
     def __init__(self) -> None:
         self.core = shm.core()

@@ -20,8 +20,8 @@ from bus.msg.geometry_msgs import Point, PoseStamped, Vector3
 from bus.msg.nav_msgs import OccupancyGrid
 from bus.msg.sensor_msgs import Image, JointState, LaserScan
 from bus.msg.std_msgs import Float64, Header, String, UInt64
-from bus.schema import build, describe, type_name
-from bus.typesupport import find_type, type_support
+from bus.types.schema import build, describe, type_name
+from bus.types.support import find_type, type_support
 from shm_ends import Talker, core, talker
 
 __all__ = ["talker"]

@@ -1,4 +1,4 @@
-"""bus.ringroute against a plain look at all its matches: what a publisher's ring must hold."""
+"""bus.delivery.shm_sender against a plain look at all its matches: what a publisher's ring must hold."""
 
 import asyncio
 import os
@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bus import shm
+from bus.delivery.shm_sender import FOR_EVER, ShmSender
+from bus.link.shm_context import ShmContext
 from bus.msg.std_msgs import Int32
 from bus.qos import QoSProfile
-from bus.ringroute import FOR_EVER, RingRoute
-from bus.sharing import Sharing
-from bus.typesupport import type_support
+from bus.types.support import type_support
 from bus.wire import messages as m
 
 pytestmark = pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
@@ -38,15 +38,15 @@ ACTIONS = st.lists(
 class World:
     def __init__(self, qos: QoSProfile) -> None:
         self.loop = asyncio.get_running_loop()
-        self.sharing = Sharing(lambda owners: None)
+        self.shm_context = ShmContext(lambda owners: None)
         link: Any = SimpleNamespace(guard=None, loop=self.loop, report=lambda _: None, is_quiet=lambda: True)
         support = type_support(Int32)
         owner: Any = SimpleNamespace(qos=qos, _support=support, topic_name="/t", _id=0)
-        self.route = RingRoute(link, self.sharing, owner)
+        self.route = ShmSender(link, self.shm_context, owner)
 
     def close(self) -> None:
         self.route.close()
-        self.sharing.close()
+        self.shm_context.close()
 
     def expect(self, gid: int, profile: int) -> None:
         writer = self.route.writer
@@ -68,7 +68,7 @@ class World:
         attached = m.Attached(
             publisher=1, subscription=gid + 2, slot=slot, process=1, pid=os.getpid(), descriptors=2
         )
-        self.route.attach(bytes([gid]), attached, (self.sharing.segment, self.sharing.doorbell))
+        self.route.attach(bytes([gid]), attached, (self.shm_context.segment, self.shm_context.doorbell))
 
     def unmatched(self, gid: int, is_lost: bool) -> None:
         self.route.unmatched(bytes([gid]), is_lost=is_lost)

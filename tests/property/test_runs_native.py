@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from bus.inbox import Inbox
-from bus.openrun import OpenRun, PythonRun
+from bus.delivery.open_run import OpenRun, PythonRun
+from bus.delivery.receiver import Receiver
+from bus.delivery.sequence import PublisherProxy
 from bus.shm import core, has_core
-from bus.sources import Source
 from bus.wire.layout import MAX_COUNT
 from bus.wire.runs import Run
 from feeding import frame_record
@@ -90,11 +90,11 @@ def decode(payload: Any) -> bytes:
 
 
 class Box:
-    """An inbox with one lossless publisher, and all that it has told."""
+    """An receiver with one lossless publisher, and all that it has told."""
 
     def __init__(self, *, is_native: bool, depth: int) -> None:
         self.told: list[Any] = []
-        self.inbox: Inbox[bytes] = Inbox(
+        self.receiver: Receiver[bytes] = Receiver(
             decode,
             depth,
             is_lossless=True,
@@ -102,17 +102,17 @@ class Box:
             on_reject=lambda size, error: self.told.append((size, str(error))),
             on_taken=lambda source: None,
         )
-        self.inbox._core = core() if is_native else None
-        self.inbox.sources[1] = Source(1, b"1" * 16, 0, 0, needs_ack=True)
+        self.receiver._core = core() if is_native else None
+        self.receiver.sources[1] = PublisherProxy(1, b"1" * 16, 0, 0, needs_ack=True)
 
     def put(self, first_seq: int, count: int, body: Any) -> None:
         run = Run(1, 1, first_seq, count, body)
-        if self.inbox.put(run):
-            self.inbox.trim()
+        if self.receiver.put(run):
+            self.receiver.trim()
 
     def arrive(self, first_seq: int, count: int, body: Any, *, is_alone: bool) -> list[bytes]:
         """Put and taken, or the quick way where that can be gone."""
-        if is_alone and (got := self.inbox.take_lone(Run(1, 1, first_seq, count, body))):
+        if is_alone and (got := self.receiver.take_lone(Run(1, 1, first_seq, count, body))):
             return got
         self.put(first_seq, count, body)
         return self.take(1, by_messages=True)
@@ -121,9 +121,9 @@ class Box:
         """As the dispatcher takes all."""
         got: list[bytes] = []
         while True:
-            if by_messages and (messages := self.inbox.take_messages(limit)):
+            if by_messages and (messages := self.receiver.take_messages(limit)):
                 got += messages
-            elif taken := self.inbox.take(limit):
+            elif taken := self.receiver.take(limit):
                 got.append(taken[0])
                 if not by_messages:
                     self.told.append((taken[1], taken[2], taken[4]))
@@ -132,12 +132,18 @@ class Box:
 
     @property
     def counts(self) -> Any:
-        inbox = self.inbox
-        source = inbox.sources[1]
+        receiver = self.receiver
+        source = receiver.sources[1]
         return (
-            (inbox.delivered, inbox.bytes, inbox.queued, inbox.dropped, inbox._queue.held_bytes),
+            (
+                receiver.delivered,
+                receiver.bytes,
+                receiver.queued,
+                receiver.dropped,
+                receiver._queue.held_bytes,
+            ),
             (source.last_seq, source.taken_seq, source.unacked_bytes),
-            (inbox.sources.received, inbox.sources.missing),
+            (receiver.sources.received, receiver.sources.missing),
             self.told,
         )
 
@@ -188,7 +194,7 @@ def test_a_run_that_comes_alone_is_as_any(
     """Also after gaps and repetitions, and when it is broken."""
     boxes = Box(is_native=True, depth=depth), Box(is_native=False, depth=depth)
     for box in boxes:
-        source = box.inbox.sources[1]
+        source = box.receiver.sources[1]
         source.lifespan_ns, source.is_new = lifespan_ns, not is_met
     next_seq = 1
     for gap, (count, body) in runs:

@@ -287,7 +287,7 @@ class TestOtherRules:
 
 def test_the_command_line_says_what_is_denied(guests: Start) -> None:
     busd = guests(rule(f"users = [{GUEST}]", "/chat", "observe"))
-    source = "from bus.cli.entry import main; main()"
+    source = "from bus_cli.entry import main; main()"
     arguments = ("topic", "pub", "--once", "-w", "0", "/chat", "std_msgs/msg/String", "{data: hi}")
     process: subprocess.Popen[str] = program(GUEST, source, *arguments, BUSD_SOCKET=str(busd.path))
     said = output_of(process)

@@ -14,8 +14,9 @@ from typing import Self, TypeAlias
 import pytest
 
 import bus
-from bus import sharing, shm
-from bus.descriptor import Descriptor
+from bus import shm
+from bus.base.descriptor import Descriptor
+from bus.link import shm_context
 from bus.msg.std_msgs import String, UInt8MultiArray
 from bus.shm import core, segments
 from bus.wire import messages as m
@@ -172,8 +173,8 @@ async def test_nobody_can_write_to_what_he_reads(join: Join) -> None:
     own = await join(OWNER, "own")
     with acting_as(OWNER):
         publisher = await own.create_publisher(String, "/chat", 10)
-    assert own._link is not None and own._link.sharing is not None
-    segment = own._link.sharing.segment
+    assert own._link is not None and own._link.shm_context is not None
+    segment = own._link.shm_context.segment
     ours, theirs = socket.socketpair()
     with ours, theirs:
         process = program(GUEST, BREAK_IN, stdin=theirs.fileno())
@@ -235,8 +236,8 @@ async def test_what_another_user_writes_is_copied_before_it_is_decoded(join: Joi
     assert publisher.matches[0].route == "shm"
     publisher.publish(UInt8MultiArray(data=bytes(100_000)))
     message, _ = await subscription.receive()
-    assert own._link is not None and own._link.sharing is not None
-    readers = own._link.sharing.readers
+    assert own._link is not None and own._link.shm_context is not None
+    readers = own._link.shm_context.readers
     assert all(readers.is_free(slot) for slot in range(readers.slot_count)) == (uid == GUEST)
     assert len(message.data) == 100_000
 
@@ -245,11 +246,11 @@ async def test_a_segment_that_is_passed_off_as_ones_own_fools_nobody(
     guests: Guests, join: Join, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A hostile reader names the readers' segment of the very process that it reads from."""
-    monkeypatch.setattr(sharing, "_WATCH_S", 3600.0)  # which would find what nobody was rung for
+    monkeypatch.setattr(shm_context, "_WATCH_S", 3600.0)  # which would find what nobody was rung for
     own = await join(OWNER, "own")
     publisher = await own.create_publisher(String, "/chat", 10)
-    assert own._link is not None and own._link.sharing is not None
-    with Hostile(guests, segment=own._link.sharing.segment) as guest:
+    assert own._link is not None and own._link.shm_context is not None
+    with Hostile(guests, segment=own._link.shm_context.segment) as guest:
         await asyncio.to_thread(guest.subscribe, "/chat")
         await publisher.wait_for_subscriptions(1)
         heard = await own.create_subscription(String, "/chat", 10)

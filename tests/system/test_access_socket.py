@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from bus.autostart import open_socket
-from bus.cli.query import Query
 from bus.errors import BrokerUnavailable, ConfigurationError
-from bus.reach import Patience
-from busd.access import SocketTable
+from bus.link.autostart import open_socket
+from bus.link.reach import Patience
+from bus_cli.query import Query
+from busd.config_access import SocketTable
 from busd.listener import open_listener
 from raw_peer import RawPeer
 from users import GUEST, OWNER, STRANGER, TEAM, Guests, acting_as, command, needs_users, rule

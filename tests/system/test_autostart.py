@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import bus
-import bus.autostart
+import bus.link.autostart
 from bus.msg.std_msgs import Int32
 from conftest import WAIT_S
 from neighbours import wait_until
@@ -24,10 +24,10 @@ IDLE_S = 2
 MEETING = """
 import asyncio, sys
 import bus
-import bus.autostart
+import bus.link.autostart
 from bus.msg.std_msgs import String
 
-bus.autostart.start.__defaults__ = (("--idle-exit", sys.argv[3]),)
+bus.link.autostart.start.__defaults__ = (("--idle-exit", sys.argv[3]),)
 
 async def main():
     mine, number = sys.argv[1], int(sys.argv[2])
@@ -65,7 +65,7 @@ def daemons(path: Path) -> set[int]:
 def path(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Where nobody listens yet; what is started there is stopped."""
     monkeypatch.delenv("BUSD_AUTOSTART")
-    monkeypatch.setattr(bus.autostart.start, "__defaults__", (("--idle-exit", str(IDLE_S)),))
+    monkeypatch.setattr(bus.link.autostart.start, "__defaults__", (("--idle-exit", str(IDLE_S)),))
     yield socket_path
     for pid in daemons(socket_path):
         with suppress(ProcessLookupError):  # it was about to end

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import bus
-from bus.callbacks import is_async
+from bus.base.callbacks import is_async
 from bus.msg.std_msgs import String
 from bus.srv.std_srvs import Empty
 from semantics import node, until

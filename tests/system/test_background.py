@@ -1,4 +1,4 @@
-"""bus.autostart: what a busd that was started in the background leaves in the process that started it."""
+"""bus.link.autostart: what a busd started in the background leaves in the process that started it."""
 
 import asyncio
 import os
@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from bus import autostart, reach
 from bus.errors import BrokerUnavailable
-from bus.reach import Patience
+from bus.link import autostart, reach
+from bus.link.reach import Patience
 from bus.wire.messages import Hello
 from conftest import WAIT_S, Daemon
 from raw_peer import HELLO, RawPeer

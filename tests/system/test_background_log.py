@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from bus import autostart
 from bus.errors import BrokerUnavailable
-from bus.logfile import MARK, MOST_BYTES, open_log
+from bus.link import autostart
+from bus.process.logfile import MARK, MOST_BYTES, open_log
 from conftest import WAIT_S
 from neighbours import wait_until
 from raw_peer import RawPeer

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import bus
-from bus.link import Link
+from bus.link.link import Link
 from bus.msg.rcl_interfaces import Log
 from bus.msg.std_msgs import Int64, String
 from bus.srv.example_interfaces import AddTwoInts

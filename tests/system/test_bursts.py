@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import bus
-from bus.bursts import MANY
+from bus.diagnostics.bursts import MANY
 from bus.msg.std_msgs import String
 from conftest import WAIT_S, Daemon
 from semantics import node

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bus.cli.doctor import daemon as module
+from bus_cli.doctor import daemon as module
 from conftest import Daemon
 from system.test_cli_tool import LISTENER, bus, script
 

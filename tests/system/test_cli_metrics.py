@@ -157,7 +157,7 @@ def test_nothing_that_others_can_reach(socket_path: Path) -> None:
 
 
 def test_without_prometheus_client(socket_path: Path) -> None:
-    code = "import sys; sys.modules['prometheus_client'] = None; import bus.cli.main as it; it.main()"
+    code = "import sys; sys.modules['prometheus_client'] = None; import bus_cli.main as it; it.main()"
     done = subprocess.run(
         [sys.executable, "-c", code, "metrics", "--once"], capture_output=True, text=True, timeout=WAIT_S
     )

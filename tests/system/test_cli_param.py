@@ -6,17 +6,17 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from bus.parameterfile import read_file
+from bus.parameters.file import read_file
 from system.test_cli_tool import TALKER, Result, Running, bus, script
 
 # A node with parameters, whose name is the first argument. It serves them itself, so that this doesn't need
 # the facade's engine.
 ROBOT = """
 import asyncio, sys, bus
-from bus.rclpy.parameter import Parameter
-from bus.rclpy.parameter_service import ParameterService
-from bus.rclpy.parameters import NodeParameters
-from bus.rosidl import message_class
+from bus_ros.rclpy.parameter import Parameter
+from bus_ros.rclpy.parameter_service import ParameterService
+from bus_ros.rclpy.parameters import NodeParameters
+from bus_ros.rosidl import message_class
 
 Descriptor = message_class("rcl_interfaces/msg/ParameterDescriptor")
 IntegerRange = message_class("rcl_interfaces/msg/IntegerRange")
@@ -61,7 +61,7 @@ bus.run(main())
 # A node that has such a service, but can't answer.
 BROKEN = """
 import asyncio, bus
-from bus.rosidl import service_class
+from bus_ros.rosidl import service_class
 def fail(request):
     raise ValueError("no list today")
 async def main():

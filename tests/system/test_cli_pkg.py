@@ -151,7 +151,7 @@ def test_a_signal_reaches_a_child(here: Path) -> None:
         here / "p", {"it": '#!/bin/sh\ntrap "echo bye; exit 4" TERM\necho up\nwhile :; do sleep 0.05; done\n'}
     )
     with subprocess.Popen(
-        [sys.executable, "-m", "bus.cli", "run", "arm", "it"],
+        [sys.executable, "-m", "bus_cli", "run", "arm", "it"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

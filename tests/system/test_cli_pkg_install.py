@@ -177,7 +177,7 @@ def test_a_package_on_the_bus(here: Path, environment: Path, daemon: object, num
     (site / "arm_listener.py").write_text(LISTENER)
     python = str(environment / "bin" / "python")
     with subprocess.Popen(
-        [python, "-m", "bus.cli", "run", "my_arm", "talker"],
+        [python, "-m", "bus_cli", "run", "my_arm", "talker"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import pytest
 
-from bus.cli.run import Call, read
+from bus_cli.run import Call, read
 
 WAIT_S = 60.0 * float(os.environ.get("BUSD_TESTS_TIMEOUT_FACTOR", "1"))
 PYTHON = (sys.executable,)
-BUS = (sys.executable, "-m", "bus.cli")
+BUS = (sys.executable, "-m", "bus_cli")
 
 LOOK = """
 import atexit, sys
@@ -201,7 +201,7 @@ def test_a_safe_path(
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path[1:]))
     (here / "near.py").write_text("")
     (here / "show.py").write_text("import near")
-    command = (sys.executable, *([option] if option else []), "-m", "bus.cli")
+    command = (sys.executable, *([option] if option else []), "-m", "bus_cli")
     assert run(*command, "run", "show.py").code == (1 if variable else 0)
 
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 import msgspec
 import pytest
 
-from bus.cli.completion import topics
-from bus.cli.main import make_parser
-from bus.cli.service.definitions import services
+from bus_cli.completion import topics
+from bus_cli.main import make_parser
+from bus_cli.service.definitions import services
 from system.test_cli_tool import Result, bus, script, start
 
 SERVER = """

@@ -16,7 +16,7 @@ from typing import IO, Any, NamedTuple, Self
 import pytest
 
 WAIT_S = 20.0 * float(os.environ.get("BUSD_TESTS_TIMEOUT_FACTOR", "1"))
-BUS = (sys.executable, "-m", "bus.cli")
+BUS = (sys.executable, "-m", "bus_cli")
 
 TALKER = """
 import asyncio, sys, bus
@@ -189,7 +189,7 @@ def test_signals_end_every_verb_that_stays(daemon: object, verb: str, number: si
 
 
 def test_a_reader_that_has_seen_enough_is_no_error(daemon: object) -> None:
-    shell = f"{sys.executable} -m bus.cli topic echo /topic; echo $? >&2"
+    shell = f"{sys.executable} -m bus_cli topic echo /topic; echo $? >&2"
     with script(TALKER, "0.05"):
         done = subprocess.run(
             ["bash", "-c", f"({shell}) | head -1"], capture_output=True, text=True, timeout=WAIT_S
@@ -207,7 +207,7 @@ def test_output_to_a_closed_pipe(daemon: object) -> None:
 
 
 def test_without_a_place_for_output(daemon: object) -> None:
-    shell = f"{sys.executable} -m bus.cli topic list"
+    shell = f"{sys.executable} -m bus_cli topic list"
     for closed, said in ((">&-", ""), ("2>&-", "/rosout\n"), ("<&- >&- 2>&-", "")):
         with script(TALKER, "0.05"):
             done = subprocess.run(
@@ -228,7 +228,7 @@ def test_what_asks_one_thing_imports_no_event_loop(daemon: object) -> None:
             "node info /minimal_publisher",
             "daemon status",
         ):
-            command = (sys.executable, "-X", "importtime", "-m", "bus.cli", *words.split())
+            command = (sys.executable, "-X", "importtime", "-m", "bus_cli", *words.split())
             done = subprocess.run(command, capture_output=True, text=True, timeout=WAIT_S)
             assert done.returncode == 0, done.stdout
             imported = {

@@ -12,9 +12,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from bus.cli.daemon.units import OURS, Units, systemd_version
-from bus.cli.main import run
 from bus.wire import messages as m
+from bus_cli.daemon.units import OURS, Units, systemd_version
+from bus_cli.main import run
 from busd.core.limits import Limits
 from conftest import WAIT_S
 from neighbours import answers, wait_until

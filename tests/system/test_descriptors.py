@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
 from bus.wire import messages as m
 from bus.wire.session import MAX_BATCHES
 from conftest import Daemon

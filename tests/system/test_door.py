@@ -11,11 +11,11 @@ from collections.abc import Iterator
 import pytest
 
 import bus
-from bus import autostart
-from bus.cli import query
-from bus.cli.query import Query
 from bus.errors import BrokerUnavailable
+from bus.link import autostart
 from bus.wire import messages as m
+from bus_cli import query
+from bus_cli.query import Query
 from busd.core.anteroom import PLACES
 from conftest import WAIT_S, Daemon
 from neighbours import resident_bytes, with_limits
@@ -128,7 +128,9 @@ class TestFullBacklog:
         assert len(tries) > 5
 
     async def test_neither_waits_for_ever(self, daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(bus.reach.Patience.__init__, "__defaults__", (0.05, bus.reach.monotonic))
+        monkeypatch.setattr(
+            bus.link.reach.Patience.__init__, "__defaults__", (0.05, bus.link.reach.monotonic)
+        )
         reason = f"busd at {daemon.path} takes no connection: too many wait to be accepted; tried for 0.05 s"
         with full_backlog(daemon):
             with pytest.raises(BrokerUnavailable, match=reason):
@@ -139,7 +141,7 @@ class TestFullBacklog:
 
 def count_tries(monkeypatch: pytest.MonkeyPatch, module: object) -> list[None]:
     """One for each try to connect, from now on."""
-    tries, attempt = list[None](), bus.reach.try_to_connect
+    tries, attempt = list[None](), bus.link.reach.try_to_connect
 
     def counted(path: object) -> object:
         tries.append(None)

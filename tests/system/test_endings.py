@@ -16,7 +16,7 @@ from programs import on_one_loop, running
 pytestmark = pytest.mark.usefixtures("daemon")
 
 BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
-RUN = ("-m", "bus.cli", "run")
+RUN = ("-m", "bus_cli", "run")
 WAYS = pytest.mark.parametrize("way", [(), RUN], ids=["python", "bus run"])
 
 NATIVE = """\
@@ -179,7 +179,7 @@ def test_one_ctrl_c_ends_a_loop_of_the_shell(tmp_path: Path, kind: str, way: Seq
 
 def test_one_ctrl_c_ends_a_loop_of_bus(tmp_path: Path) -> None:
     status, text = after_ctrl_c(
-        f"echo up; {sys.executable} -m bus.cli topic echo /nothing std_msgs/msg/String"
+        f"echo up; {sys.executable} -m bus_cli topic echo /nothing std_msgs/msg/String"
     )
     assert status == -signal.SIGINT, text
     assert "Traceback" not in text and "went on" not in text

@@ -53,18 +53,39 @@ _UNUSED = {
     "pathlib",
     "urllib.parse",
     "yaml",
-    *("bus.graph", "bus.idl", "bus.interfaces", "bus.interfacetypes", "bus.logfile", "bus.mistakes"),
-    *("bus.client", "bus.service", "bus.envelope", "bus.parameters", "bus.parameterset", "bus.timesource"),
-    *("bus.schema", "bus.typediff", "bus.typehash", "bus.spelling", "bus.blocking", "bus.foreground"),
+    *(
+        "bus.graph",
+        "bus.types.idl",
+        "bus.types.definitions",
+        "bus.types.classes",
+        "bus.process.logfile",
+        "bus.process.mistakes",
+    ),
+    *(
+        "bus.client",
+        "bus.service",
+        "bus.types.service",
+        "bus.parameters.values",
+        "bus.parameters.store",
+        "bus.parameters.time_source",
+    ),
+    *(
+        "bus.types.schema",
+        "bus.types.diff",
+        "bus.types.hash",
+        "bus.base.suggest",
+        "bus.blocking",
+        "bus.process.foreground",
+    ),
 }
 """What neither end needs, and what takes a while to import."""
 
 _RECEIVING = {
-    "bus.accounts",
-    "bus.dispatcher",
-    "bus.inbox",
-    "bus.ringinput",
-    "bus.sources",
+    "bus.delivery.counters",
+    "bus.delivery.dispatcher",
+    "bus.delivery.receiver",
+    "bus.delivery.shm_receiver",
+    "bus.delivery.sequence",
     "bus.subscription",
 }
 

@@ -12,7 +12,7 @@ import pytest
 
 import bus
 from benchmarks.adapters.holding import usage_of
-from bus import ringroute, ringsize
+from bus.delivery import ring_size, shm_sender
 from bus.msg.rcl_interfaces import Log
 from bus.msg.std_msgs import Int32, String
 from bus.shm import segments
@@ -47,16 +47,16 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 @pytest.fixture
 def none_early(monkeypatch: pytest.MonkeyPatch) -> None:
     """As if this process had many publishers already."""
-    monkeypatch.setattr(ringroute, "EARLY", 0)
+    monkeypatch.setattr(shm_sender, "EARLY", 0)
 
 
 @pytest.fixture
 def later(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     """Makes all that was published seem to be long ago."""
-    clock = ringsize.monotonic_ns
+    clock = ring_size.monotonic_ns
 
     def pass_by() -> None:
-        monkeypatch.setattr(ringsize, "monotonic_ns", lambda: clock() + 10**12)
+        monkeypatch.setattr(ring_size, "monotonic_ns", lambda: clock() + 10**12)
 
     return pass_by
 
@@ -107,7 +107,7 @@ class TestMatch:
     async def test_of_many_only_some(
         self, node: bus.Node, made: list[int], monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(ringroute, "EARLY", ringroute.RingRoute._early + 2)
+        monkeypatch.setattr(shm_sender, "EARLY", shm_sender.ShmSender._early + 2)
         publishers = [await node.create_publisher(Int32, f"t{index}") for index in range(5)]
         for index in range(5):
             await node.create_subscription(Int32, f"t{index}")
@@ -171,7 +171,7 @@ class TestSize:
     ) -> None:
         publisher = await node.create_publisher(Int32, "t", 10)
         with monkeypatch.context() as context:
-            context.setattr(ringroute, "LAP_S", 0.001)
+            context.setattr(shm_sender, "LAP_S", 0.001)
             later()
             for message in numbers(0, 2 * LAP):
                 publisher.publish(message)

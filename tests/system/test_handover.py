@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from bus.release import RELEASE
+from bus.base.version import RELEASE
 from bus.wire import messages as m
 from conftest import WAIT_S, Daemon
 from neighbours import wait_until, with_limits

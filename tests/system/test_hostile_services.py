@@ -10,12 +10,13 @@ import msgspec
 import pytest
 
 import bus
-from bus.envelope import GID_BYTES, service_support
 from bus.events import PublisherEvents
 from bus.publisher import Publisher
-from bus.rclpy.node import Node
-from bus.rosidl import message_class, service_class
 from bus.srv.example_interfaces import AddTwoInts
+from bus.types.service import GID_BYTES, service_support
+from bus_ros.rclpy.node import Node
+from bus_ros.rclpy.parameter import Parameter
+from bus_ros.rosidl import message_class, service_class
 from conftest import Daemon
 from programs import on_one_loop, running
 from rclpy_world import AddTwoInts as FacadeAddTwoInts
@@ -181,7 +182,7 @@ class TestFacade:
 
     def test_clocks(self, world: World, node: Node) -> None:
         """They were exceptions out of the program's `spin`."""
-        node.set_parameters([bus.rclpy.Parameter("use_sim_time", value=True)])
+        node.set_parameters([Parameter("use_sim_time", value=True)])
         message = message_class("rosgraph_msgs/msg/Clock")
         publisher = world.node("liar").create_publisher(message, "/clock", 10)
         for sec, nanosec in (*CLOCKS, (7, 0)):

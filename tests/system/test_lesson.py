@@ -21,7 +21,7 @@ from programs import EXAMPLES, Program, assert_nothing_is_left, on_one_loop, run
 from semantics import until
 
 LESSON = Path(__file__).parents[1] / "lesson"
-RUN = ("-m", "bus.cli", "run")
+RUN = ("-m", "bus_cli", "run")
 FROM_INSIDE = (
     "-c",
     "import bus.rclpy_compat, runpy, sys; del sys.argv[0]; runpy.run_path(sys.argv[0], run_name='__main__')",

@@ -12,11 +12,11 @@ import msgspec
 import pytest
 
 import bus
-import bus.link
+import bus.link.link
 import bus.node
-from bus import declarations
-from bus.connection import Connection
-from bus.declarations import Declarations
+from bus.link import declarations
+from bus.link.connection import Connection
+from bus.link.declarations import Declarations
 from bus.msg.std_msgs import Int32
 from bus.wire import messages as m
 from bus.wire.layout import VERSION
@@ -33,7 +33,7 @@ SILENT_S = 1e6
 
 @pytest.fixture
 async def broker(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[FakeBroker]:
-    monkeypatch.setattr(bus.link, "_RETRY_S", (0.0, 0.01))
+    monkeypatch.setattr(bus.link.link, "_RETRY_S", (0.0, 0.01))
     monkeypatch.setenv("BUS_ROUTE", "socket")  # what goes by rings, no broker sees
     async with asyncio.timeout(WAIT_S), FakeBroker(socket_path) as broker:
         yield broker

@@ -7,8 +7,8 @@ import msgspec
 import pytest
 
 import bus
-from bus.bulk import LONG_TEXT
 from bus.msg.std_msgs import String
+from bus.types.large_fields import LONG_TEXT
 from semantics import KEEP_ALL, node
 
 __all__ = ["node"]

@@ -5,7 +5,7 @@ from typing import Any, TypeAlias
 import pytest
 
 import bus
-from bus.link import Link
+from bus.link.link import Link
 from bus.msg.std_msgs import Int32
 from bus.wire import messages as m
 from bus.wire.session import Carried

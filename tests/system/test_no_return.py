@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 import bus
-from bus import ringroute, shm
+from bus import shm
+from bus.delivery import shm_sender
 from conftest import Daemon
 from nursery import Nursery
 from survivors import TOPIC, Ear, Parcel
@@ -17,7 +18,7 @@ from survivors import TOPIC, Ear, Parcel
 async def test_a_lossless_publisher_goes_on(
     daemon: Daemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ringroute, "RETURN_S", 0.1)
+    monkeypatch.setattr(shm_sender, "RETURN_S", 0.1)
     parcel = Parcel(talker=1, number=1, is_certain=False, checksum=0, body=bytes(10_000))
     with Nursery(tmp_path, random.Random(1)) as nursery:
         listener = nursery.listener(Ear(gaps="any")).ready()

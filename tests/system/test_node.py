@@ -11,7 +11,7 @@ import pytest
 
 import bus
 from bus import events
-from bus.callbacks import is_async, takes_info
+from bus.base.callbacks import is_async, takes_info
 from bus.logger import enable_console, set_default_level
 from bus.srv.std_srvs import SetBool
 from semantics import node, until

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 import bus
-from bus.interfacetypes import message_class, service_class
 from bus.qos import parameter_events
+from bus.types.classes import message_class, service_class
 from conftest import WAIT_S, Daemon
 from neighbours import with_limits
 from programs import on_one_loop
@@ -180,10 +180,10 @@ bus.run(main())
 def test_a_node_without_parameters_imports_nothing_for_them(daemon: object) -> None:
     with Running((sys.executable, "-c", PLAIN)) as running:
         imported = set(running.line().split())
-    assert "bus.parameterhost" in imported
+    assert "bus.parameters.host" in imported
     assert not imported & {
-        *("bus.interfacetypes", "bus.parameterfile", "bus.parameters", "bus.parameterserver"),
-        *("bus.parameterset", "bus.service", "bus.timesource"),
+        *("bus.types.classes", "bus.parameters.file", "bus.parameters.values", "bus.parameters.server"),
+        *("bus.parameters.store", "bus.service", "bus.parameters.time_source"),
     }
 
 

@@ -195,7 +195,7 @@ async def test_a_cancelled_error_of_a_callback_does_not_end_delivery(
 async def test_what_came_with_the_message_of_a_cancelled_error_is_delivered(
     node: bus.Node, route: str, depth: int
 ) -> None:
-    """Also to others, and where the inbox had to be emptied while it was read."""
+    """Also to others, and where the receiver had to be emptied while it was read."""
     heard: dict[str, list[int]] = {"bad": [], "good": []}
     told: list[dict[str, Any]] = []
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-import bus.rclpy as rclpy
-from bus.rclpy.context import Context
-from bus.rclpy.exceptions import NotInitializedException
-from bus.rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
-from bus.rclpy.node import Node
-from bus.rclpy.signals import SignalHandlerOptions
+import bus_ros.rclpy as rclpy
+from bus_ros.rclpy.context import Context
+from bus_ros.rclpy.exceptions import NotInitializedException
+from bus_ros.rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
+from bus_ros.rclpy.node import Node
+from bus_ros.rclpy.signals import SignalHandlerOptions
 from conftest import WAIT_S, Daemon
 from rclpy_world import String, World, arguments, in_thread, is_waiting, wait_until, world
 
@@ -182,9 +182,9 @@ def test_a_program_that_ends_beside_its_daemon_threads(daemon: Daemon, beside: s
     """Nothing is said of them."""
     program = f"""
 import threading, time
-import bus.rclpy as rclpy
-from bus.rclpy.executors import MultiThreadedExecutor
-from bus.rosidl import message_class, service_class
+import bus_ros.rclpy as rclpy
+from bus_ros.rclpy.executors import MultiThreadedExecutor
+from bus_ros.rosidl import message_class, service_class
 String = message_class("std_msgs/msg/String")
 rclpy.init(args=[])
 node, executor = rclpy.create_node("ends"), MultiThreadedExecutor(2)

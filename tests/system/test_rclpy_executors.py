@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
-import bus.rclpy as rclpy
-from bus.rclpy.callback_groups import ReentrantCallbackGroup
-from bus.rclpy.executors import MultiThreadedExecutor, await_or_execute
-from bus.rclpy.node import Node
-from bus.rclpy.task import Future
+import bus_ros.rclpy as rclpy
+from bus_ros.rclpy.callback_groups import ReentrantCallbackGroup
+from bus_ros.rclpy.executors import MultiThreadedExecutor, await_or_execute
+from bus_ros.rclpy.node import Node
+from bus_ros.rclpy.task import Future
 from conftest import WAIT_S
 from rclpy_world import (
     Int64,

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from bus.rclpy import subscription as subscriptions
+from bus_ros.rclpy import subscription as subscriptions
 from neighbours import wait_until
 from rclpy_world import Int64, World, arguments, arrived, in_thread, is_waiting, world
 

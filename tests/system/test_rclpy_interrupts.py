@@ -50,7 +50,7 @@ async def test_it_comes_once(tmp_path: Path, what: str) -> None:
     """Not as the end of the context, and not again where things are tidied up."""
     script = tmp_path / "program.py"
     script.write_text(PROGRAM.format(what=textwrap.indent(what, "    ")))
-    async with running(tmp_path, "-m", "bus.cli", "run", script) as one:
+    async with running(tmp_path, "-m", "bus_cli", "run", script) as one:
         assert await one.end() == 0, one.lines
     assert one.lines == ["caught", "False"]
 
@@ -73,6 +73,6 @@ async def test_one_that_waits_at_the_end(tmp_path: Path) -> None:
             engine().loop.guard.release()
         """)
     )
-    async with running(tmp_path, "-m", "bus.cli", "run", script) as one:
+    async with running(tmp_path, "-m", "bus_cli", "run", script) as one:
         assert await one.end() == 0, one.lines
     assert one.lines == ["None"]

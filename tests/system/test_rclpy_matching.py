@@ -5,18 +5,18 @@ from typing import Any
 
 import pytest
 
-from bus.rclpy.callback_groups import ReentrantCallbackGroup
-from bus.rclpy.duration import Duration
-from bus.rclpy.event_handler import (
+from bus_ros.rclpy.callback_groups import ReentrantCallbackGroup
+from bus_ros.rclpy.duration import Duration
+from bus_ros.rclpy.event_handler import (
     PublisherEventCallbacks,
     QoSLivelinessChangedInfo,
     QoSPublisherMatchedInfo,
     QoSSubscriptionMatchedInfo,
     SubscriptionEventCallbacks,
 )
-from bus.rclpy.executors import MultiThreadedExecutor
-from bus.rclpy.node import Node
-from bus.rclpy.qos import (
+from bus_ros.rclpy.executors import MultiThreadedExecutor
+from bus_ros.rclpy.node import Node
+from bus_ros.rclpy.qos import (
     LivelinessPolicy,
     QoSPolicyKind,
     QoSProfile,

@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-import bus.rclpy as rclpy
-from bus.rclpy import exceptions
-from bus.rclpy.node import Node
+import bus_ros.rclpy as rclpy
+from bus_ros.rclpy import exceptions
+from bus_ros.rclpy.node import Node
 from rclpy_world import AddTwoInts, String, World, add, arguments, world
 
 __all__ = ["arguments", "world"]

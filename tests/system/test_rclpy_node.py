@@ -4,10 +4,10 @@ from typing import Any
 
 import pytest
 
-import bus.rclpy as rclpy
-from bus.rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from bus.rclpy.context import Context
-from bus.rclpy.exceptions import (
+import bus_ros.rclpy as rclpy
+from bus_ros.rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from bus_ros.rclpy.context import Context
+from bus_ros.rclpy.exceptions import (
     InvalidHandle,
     InvalidNamespaceException,
     InvalidNodeNameException,
@@ -17,10 +17,10 @@ from bus.rclpy.exceptions import (
     RCLInvalidROSArgsError,
     UnknownROSArgsError,
 )
-from bus.rclpy.node import Node
-from bus.rclpy.qos import QoSProfile, ReliabilityPolicy
-from bus.rclpy.topic_endpoint_info import EndpointTypeEnum
-from bus.rosidl import message_class
+from bus_ros.rclpy.node import Node
+from bus_ros.rclpy.qos import QoSProfile, ReliabilityPolicy
+from bus_ros.rclpy.topic_endpoint_info import EndpointTypeEnum
+from bus_ros.rosidl import message_class
 from conftest import Daemon
 from rclpy_world import AddTwoInts, Int64, String, World, arguments, wait_until, world
 

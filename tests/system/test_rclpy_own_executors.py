@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-import bus.rclpy as rclpy
-from bus.rclpy.callback_groups import ReentrantCallbackGroup
-from bus.rclpy.executors import (
+import bus_ros.rclpy as rclpy
+from bus_ros.rclpy.callback_groups import ReentrantCallbackGroup
+from bus_ros.rclpy.executors import (
     ConditionReachedException,
     Executor,
     ExternalShutdownException,
@@ -18,8 +18,8 @@ from bus.rclpy.executors import (
     SingleThreadedExecutor,
     TimeoutException,
 )
-from bus.rclpy.node import Node
-from bus.rclpy.task import Future
+from bus_ros.rclpy.node import Node
+from bus_ros.rclpy.task import Future
 from conftest import WAIT_S
 from rclpy_world import Int64, World, arguments, in_thread, is_waiting, trigger, wait_until, world
 

@@ -5,17 +5,17 @@ from typing import Any
 
 import pytest
 
-import bus.rclpy as rclpy
-from bus.rclpy.exceptions import (
+import bus_ros.rclpy as rclpy
+from bus_ros.rclpy.exceptions import (
     InvalidParameterTypeException,
     ParameterAlreadyDeclaredException,
     ParameterNotDeclaredException,
 )
-from bus.rclpy.node import Node
-from bus.rclpy.parameter import Parameter
-from bus.rclpy.parameter_client import AsyncParameterClient
-from bus.rclpy.qos import qos_profile_parameter_events
-from bus.rosidl import message_class
+from bus_ros.rclpy.node import Node
+from bus_ros.rclpy.parameter import Parameter
+from bus_ros.rclpy.parameter_client import AsyncParameterClient
+from bus_ros.rclpy.qos import qos_profile_parameter_events
+from bus_ros.rosidl import message_class
 from conftest import WAIT_S
 from rclpy_world import World, arguments, wait_until, world
 

@@ -98,7 +98,7 @@ until(lambda: node.count_publishers('t'))
 print(publisher.get_subscription_count(), flush=True)
 rclpy.spin(node)
 """
-    async with running(tmp_path, "-m", "bus.cli", "run", script(tmp_path, text)) as program:
+    async with running(tmp_path, "-m", "bus_cli", "run", script(tmp_path, text)) as program:
         await program.line("^0$")
         for name, other in (("reader", "publisher"), ("writer", "subscription")):
             told = rf"New {other} discovered on topic '/t', .*incompatible QoS.*RELIABILITY"
@@ -174,7 +174,7 @@ for number in range(500):
 """
     async with bus.Node("listener", arguments=()) as node:
         subscription = await node.create_subscription(String, "t", 1000)
-        async with running(tmp_path, "-m", "bus.cli", "run", script(tmp_path, text)) as program:
+        async with running(tmp_path, "-m", "bus_cli", "run", script(tmp_path, text)) as program:
             assert await program.end() == code, program.lines
         heard = [(await subscription.receive())[0].data for _ in range(500)]
         async with bus.Node("look", arguments=()) as other:
@@ -210,7 +210,7 @@ publisher.publish(String(data='parent'))
 """
     async with bus.Node("listener", arguments=()) as node:
         subscription = await node.create_subscription(String, "t", 10)
-        async with running(tmp_path, "-m", "bus.cli", "run", script(tmp_path, text)) as program:
+        async with running(tmp_path, "-m", "bus_cli", "run", script(tmp_path, text)) as program:
             assert await program.end() == 0, program.lines
         assert [(await subscription.receive())[0].data for _ in range(2)] == ["child", "parent"]
     assert program.lines == ["3"]
@@ -251,7 +251,7 @@ while rclpy.ok():
 """
     async with bus.Node("listener", arguments=()) as node:
         subscription = await node.create_subscription(String, "t", 10)
-        async with running(tmp_path, "-m", "bus.cli", "run", script(tmp_path, text)) as program:
+        async with running(tmp_path, "-m", "bus_cli", "run", script(tmp_path, text)) as program:
             await program.line("matched")
             for _ in range(2):
                 daemon.kill()

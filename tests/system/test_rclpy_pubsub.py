@@ -5,18 +5,18 @@ from typing import Any
 
 import pytest
 
-import bus.rclpy as rclpy
-from bus.rclpy import publisher as publishers
-from bus.rclpy.duration import Duration
-from bus.rclpy.node import Node
-from bus.rclpy.qos import (
+import bus_ros.rclpy as rclpy
+from bus_ros.rclpy import publisher as publishers
+from bus_ros.rclpy.duration import Duration
+from bus_ros.rclpy.node import Node
+from bus_ros.rclpy.qos import (
     DurabilityPolicy,
     HistoryPolicy,
     QoSProfile,
 )
-from bus.rclpy.serialization import deserialize_message, serialize_message
-from bus.rclpy.subscription import MessageInfo
-from bus.rosidl import message_class
+from bus_ros.rclpy.serialization import deserialize_message, serialize_message
+from bus_ros.rclpy.subscription import MessageInfo
+from bus_ros.rosidl import message_class
 from rclpy_world import Int64, String, World, arguments, arrived, in_thread, wait_until, world
 
 __all__ = ["arguments", "world"]

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from bus.rclpy.callback_groups import ReentrantCallbackGroup
-from bus.rclpy.executors import MultiThreadedExecutor
-from bus.rclpy.node import Node
+from bus_ros.rclpy.callback_groups import ReentrantCallbackGroup
+from bus_ros.rclpy.executors import MultiThreadedExecutor
+from bus_ros.rclpy.node import Node
 from rclpy_world import Int64, Kind, World, arguments, arrived, every_kind, trigger, wait_until, world
 
 __all__ = ["arguments", "world"]

@@ -5,16 +5,16 @@ from typing import Any
 
 import pytest
 
-import bus.rclpy as rclpy
+import bus_ros.rclpy as rclpy
 from bus.errors import ServiceError
-from bus.rclpy.callback_groups import ReentrantCallbackGroup
-from bus.rclpy.client import Client
-from bus.rclpy.exceptions import InvalidHandle
-from bus.rclpy.executors import MultiThreadedExecutor
-from bus.rclpy.node import Node
-from bus.rclpy.service import Service
-from bus.rclpy.task import Future
-from bus.rosidl import service_class
+from bus_ros.rclpy.callback_groups import ReentrantCallbackGroup
+from bus_ros.rclpy.client import Client
+from bus_ros.rclpy.exceptions import InvalidHandle
+from bus_ros.rclpy.executors import MultiThreadedExecutor
+from bus_ros.rclpy.node import Node
+from bus_ros.rclpy.service import Service
+from bus_ros.rclpy.task import Future
+from bus_ros.rosidl import service_class
 from conftest import WAIT_S
 from neighbours import with_limits
 from rclpy_world import AddTwoInts, String, World, add, arguments, in_thread, wait_until, world

@@ -95,7 +95,7 @@ WAITS = {
 def program(folder: Path, text: str) -> tuple[str | Path, ...]:
     script = folder / "program.py"
     script.write_text(text)
-    return "-m", "bus.cli", "run", script
+    return "-m", "bus_cli", "run", script
 
 
 def caught(what: str) -> str:

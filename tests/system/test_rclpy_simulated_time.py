@@ -5,13 +5,13 @@ from typing import Any
 
 import pytest
 
-import bus.rclpy as rclpy
-from bus.rclpy.clock import ClockType
-from bus.rclpy.duration import Duration
-from bus.rclpy.node import Node
-from bus.rclpy.parameter import Parameter
-from bus.rclpy.time import Time
-from bus.rosidl import message_class
+import bus_ros.rclpy as rclpy
+from bus_ros.rclpy.clock import ClockType
+from bus_ros.rclpy.duration import Duration
+from bus_ros.rclpy.node import Node
+from bus_ros.rclpy.parameter import Parameter
+from bus_ros.rclpy.time import Time
+from bus_ros.rosidl import message_class
 from rclpy_world import World, arguments, in_thread, is_waiting, wait_until, world
 
 __all__ = ["arguments", "world"]

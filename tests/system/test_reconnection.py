@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 import bus
-import bus.connection
-import bus.link
+import bus.link.connection
+import bus.link.link
+from bus.link.reach import Patience
 from bus.msg.std_msgs import Int32
-from bus.reach import Patience
 from bus.wire import messages as m
 from bus.wire.layout import VERSION
 from bus.wire.runs import Run
@@ -25,7 +25,7 @@ from semantics import until
 
 @pytest.fixture
 async def broker(socket_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[FakeBroker]:
-    monkeypatch.setattr(bus.link, "_RETRY_S", (0.0, 0.01))
+    monkeypatch.setattr(bus.link.link, "_RETRY_S", (0.0, 0.01))
     monkeypatch.setenv("BUS_ROUTE", "socket")  # what goes by rings, no broker sees
     async with asyncio.timeout(WAIT_S), FakeBroker(socket_path) as broker:
         yield broker
@@ -45,7 +45,7 @@ class TestOpening:
     async def test_something_else_listens(
         self, broker: FakeBroker, answer: bytes, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(bus.link, "Patience", lambda: Patience(0.1))
+        monkeypatch.setattr(bus.link.link, "Patience", lambda: Patience(0.1))
 
         async def answer_all() -> None:
             while True:
@@ -79,7 +79,7 @@ class TestOpening:
     async def test_one_that_does_not_answer(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(bus.connection, "ANSWER_S", 0.1)
+        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.1)
         with pytest.raises(bus.BrokerUnavailable, match="does not answer"):
             await bus.Node("node", arguments=[]).open()
 
@@ -125,7 +125,7 @@ class TestOpening:
     async def test_one_that_never_has_a_place(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(bus.link, "Patience", lambda: Patience(0.05))
+        monkeypatch.setattr(bus.link.link, "Patience", lambda: Patience(0.05))
 
         async def turn_all_away() -> None:
             while True:
@@ -146,7 +146,7 @@ class TestWaiting:
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         node, client = await opened(broker)
-        monkeypatch.setattr(bus.connection, "ANSWER_S", 0.5)
+        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.5)
         asking = asyncio.ensure_future(node.graph())
         request = await client.expect(m.GetGraph)
         answer = m.encode_frame(
@@ -155,7 +155,7 @@ class TestWaiting:
         for at in range(0, len(answer) - 1, 4):  # a sign of life may be a part of the answer
             client.write(answer[at : min(at + 4, len(answer) - 1)])
             await asyncio.sleep(0.1)
-        assert len(answer) // 4 * 0.1 > 2 * bus.connection.ANSWER_S
+        assert len(answer) // 4 * 0.1 > 2 * bus.link.connection.ANSWER_S
         client.write(answer[-1:])
         assert (await asking).nodes == ()
         await node.close()
@@ -165,7 +165,7 @@ class TestWaiting:
     ) -> None:
         """What it said before does not count: the time runs from the question."""
         node, client = await opened(broker)
-        monkeypatch.setattr(bus.connection, "ANSWER_S", 0.2)
+        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.2)
         began_s = time.monotonic()
         with pytest.raises(TimeoutError, match=r"has said nothing for 0\.2 s"):
             await node.graph()
@@ -180,7 +180,7 @@ class TestWaiting:
     ) -> None:
         """This process was held up, not the broker."""
         node, client = await opened(broker)
-        monkeypatch.setattr(bus.connection, "ANSWER_S", 0.1)
+        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.1)
         asking = asyncio.ensure_future(node.graph())
         request = await client.expect(m.GetGraph)
         client.send(m.Graph(request=request.request, revision=0, nodes=(), endpoints=(), matches=()))
@@ -227,15 +227,15 @@ class TestCreating:
         make = node.create_publisher if kind is m.CreatePublisher else node.create_subscription
         creating = asyncio.ensure_future(make(Int32, "t"))
         request = await client.expect(kind)
-        resolve = bus.connection.Connection.resolve
+        resolve = bus.link.connection.Connection.resolve
 
-        def resolve_and_cancel(connection: bus.connection.Connection, message: Any) -> bool:
+        def resolve_and_cancel(connection: bus.link.connection.Connection, message: Any) -> bool:
             result = resolve(connection, message)
             if isinstance(message, m.Created) and message.request == request.request:
                 creating.cancel()
             return result
 
-        monkeypatch.setattr(bus.connection.Connection, "resolve", resolve_and_cancel)
+        monkeypatch.setattr(bus.link.connection.Connection, "resolve", resolve_and_cancel)
         client.send(m.Created(request=request.request, id=7))
         with pytest.raises(asyncio.CancelledError):
             await creating
@@ -362,13 +362,13 @@ class TestComingBack:
     ) -> None:
         """All are asked for at once; the log says how far it is; it takes longer than one answer may."""
         caplog.set_level(logging.INFO, "bus")
-        monkeypatch.setattr(bus.link, "_TELL_S", 0.1)
+        monkeypatch.setattr(bus.link.link, "_TELL_S", 0.1)
         node, client = await opened(broker)
         for id in range(2, 12):
             creating = asyncio.ensure_future(node.create_subscription(Int32, "t"))
             await client.create(m.CreateSubscription, id)
             await creating
-        monkeypatch.setattr(bus.connection, "ANSWER_S", 0.5)
+        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.5)
         await client.close()
         client = await broker.accept()
         await client.create(m.CreateNode, 21)

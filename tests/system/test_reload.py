@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from bus.cli.main import run
 from bus.wire import messages as m
+from bus_cli.main import run
 from conftest import WAIT_S, Daemon
 from neighbours import wait_until
 from nursery import until_at_least, until_equal

@@ -9,8 +9,8 @@ import msgspec
 import pytest
 
 import bus
+from bus.delivery.shm_sender import ShmSender
 from bus.msg.std_msgs import Int32
-from bus.ringroute import RingRoute
 from bus.shm import segments
 from semantics import KEEP_ALL, accounted, node, until
 
@@ -39,7 +39,7 @@ async def test_sends_lose_nothing_that_is_read_in_the_same_loop(node: bus.Node) 
     )
     publisher = await node.create_publisher(Int32, "t", 1000)
     await publisher.wait_for_subscriptions()
-    ring = publisher._outlet._ring
+    ring = publisher._sender._ring
     assert ring is not None and ring.is_read_here
     for number in range(20_000):
         await publisher.send(Int32(data=number))
@@ -189,7 +189,7 @@ class TestReading:
         self, node: bus.Node, monkeypatch: pytest.MonkeyPatch, turns: int
     ) -> None:
         """It left before it heard how its reader is woken; then the broker's word is the bell."""
-        monkeypatch.setattr(RingRoute, "attach", lambda *_: None)
+        monkeypatch.setattr(ShmSender, "attach", lambda *_: None)
         subscription = await node.create_subscription(Int32, "t", 5)
         publisher = await node.create_publisher(Int32, "t", 5)
         await subscription.wait_for_publishers()
@@ -234,9 +234,9 @@ class TestBusyPolling:
         """It ends by itself; then the doorbell rings again."""
         publisher = await node.create_publisher(Int32, "t", 10)
         subscription = await node.create_subscription(Int32, "t", 10, busy_poll=0.002)
-        sharing = node._opened().sharing
-        assert sharing is not None
+        shm_context = node._opened().shm_context
+        assert shm_context is not None
         for number in range(3):
             publisher.publish(Int32(data=number))
             assert (await subscription.receive())[0].data == number
-            await until(lambda: not sharing._is_polling)
+            await until(lambda: not shm_context._is_polling)

@@ -5,10 +5,10 @@ from typing import Any
 import pytest
 
 import bus
-from bus.bulk import LONG_BYTES
 from bus.errors import MessageTypeError
-from bus.interfacetypes import message_class as native_class
-from bus.rosidl import message_class
+from bus.types.classes import message_class as native_class
+from bus.types.large_fields import LONG_BYTES
+from bus_ros.rosidl import message_class
 from semantics import node
 
 __all__ = ["node"]

@@ -15,10 +15,10 @@ import pytest
 
 import bus
 from bus import shm
+from bus.delivery.socket_sender import SocketSender
+from bus.link.shm_context import ShmContext
 from bus.msg.std_msgs import Int32, String
-from bus.sharing import Sharing
 from bus.shm import segments
-from bus.socketroute import SocketRoute
 from conftest import WAIT_S, Daemon
 from semantics import KEEP_ALL, node, send_all, until
 
@@ -276,16 +276,16 @@ async def test_what_was_taken_is_sent_once_when_there_is_memory(
     """Else it would be published a second time, and the ring's readers had it already."""
     publisher = await node.create_publisher(Int32, "t", 10)
     near = await node.create_subscription(Int32, "t", 10)
-    hand_over, failures = SocketRoute.hand_over, [MemoryError()]
+    hand_over, failures = SocketSender.hand_over, [MemoryError()]
 
-    def fail(route: SocketRoute) -> None:
+    def fail(route: SocketSender) -> None:
         if route.open_samples and failures:
             raise failures.pop()
         hand_over(route)
 
     async with open_node("far", BUS_ROUTE="socket") as far:
         distant = await far.create_subscription(Int32, "t", 10)
-        monkeypatch.setattr(SocketRoute, "hand_over", fail)
+        monkeypatch.setattr(SocketSender, "hand_over", fail)
         for number in range(3):
             assert publisher.publish(Int32(data=number))
         assert await take(near, 3) == await take(distant, 3) == [0, 1, 2]
@@ -303,7 +303,7 @@ class TestRerouted:
     def broken(self, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
         """What can't be used: the ring there, the readers' segment here; or no slot is left."""
         if request.param == "slot":
-            monkeypatch.setattr(Sharing, "allot_slot", lambda self: None)
+            monkeypatch.setattr(ShmContext, "allot_slot", lambda self: None)
         else:
             monkeypatch.setattr(segments, f"map_{request.param}", refuse)
         return str(request.param)

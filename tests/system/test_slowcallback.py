@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 import bus
+from bus.diagnostics.slow_callback import SLOW_S, watched
 from bus.msg.std_msgs import String
-from bus.slowcallback import SLOW_S, watched
 from bus.srv.std_srvs import Empty
 from conftest import WAIT_S
 from semantics import node, until

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 import bus
-from bus.cli.query import Query
 from bus.msg.std_msgs import String
+from bus_cli.query import Query
 from conftest import WAIT_S, Daemon
 from neighbours import wait_until, with_limits
 from programs import running
@@ -24,7 +24,7 @@ LONG = "x" * 20_000
 LISTENER = """
 import asyncio, time
 import bus
-from bus.cli.query import Query
+from bus_cli.query import Query
 from bus.msg.std_msgs import String
 
 async def main():

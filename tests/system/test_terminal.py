@@ -13,7 +13,7 @@ from contextlib import ExitStack
 import pytest
 import yaml
 
-from bus.printable import printable
+from bus.base.printable import printable
 from conftest import WAIT_S
 from neighbours import wait_until
 from system.test_cli_tool import BUS, Running, bus, script
@@ -57,8 +57,8 @@ bus.run(main())
 """
 """It ends with the first call."""
 PARAMETERS = f"""
-import bus.rclpy as rclpy
-from bus.rosidl import message_class
+import bus_ros.rclpy as rclpy
+from bus_ros.rosidl import message_class
 HOSTILE = {HOSTILE!r}
 Descriptor = message_class("rcl_interfaces/msg/ParameterDescriptor")
 rclpy.init()

@@ -24,7 +24,7 @@ def test_a_node_of_this_process(bus_domain):
     left[0].create_subscription(String, "commands")
 
 def test_a_program(bus_domain):
-    command = [sys.executable, "-m", "bus.cli", "topic", "pub", "/talk", "std_msgs/msg/String", "data: hi"]
+    command = [sys.executable, "-m", "bus_cli", "topic", "pub", "/talk", "std_msgs/msg/String", "data: hi"]
     left.append(subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
     with bus.connect("ear") as ear:
         ear.wait_for_message(String, "talk", timeout=60)

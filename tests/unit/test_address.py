@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from bus.address import MAX_PATH_BYTES, domain_id, socket_path
 from bus.errors import ConfigurationError
+from bus.process.address import MAX_PATH_BYTES, domain_id, socket_path
 
 RUNTIME = {"XDG_RUNTIME_DIR": "/run/user/7"}
 

@@ -1,9 +1,9 @@
-"""bus.allowance: a queue holds what it is bounded by, where there is memory, and else its newest."""
+"""bus.delivery.allowance: a queue holds what it is bounded by, where there is memory, and else its newest."""
 
 import pytest
 
-from bus import allowance
-from bus.inbox import INBOX_BYTES, Inbox
+from bus.delivery import allowance
+from bus.delivery.receiver import INBOX_BYTES, Receiver
 from bus.wire.layout import RECORD_HEAD
 from bus.wire.runs import Account, Run, RunQueue
 
@@ -92,7 +92,7 @@ def test_what_is_lossless_gives_up_nothing_before_its_bound(left: list[int]) -> 
 def test_of_a_subscription(left: list[int], spare: int, held: int) -> None:
     """What it gives up it counts."""
     left[0] = spare
-    inbox: Inbox[bytes] = Inbox(
+    receiver: Receiver[bytes] = Receiver(
         bytes,
         0,
         is_lossless=False,
@@ -102,7 +102,7 @@ def test_of_a_subscription(left: list[int], spare: int, held: int) -> None:
     )
     body = RECORD_HEAD.pack(MiB, 1) + bytes(MiB)
     for seq in range(1, 301):
-        if inbox.put(Run(0, 0, seq, 1, body)):
-            inbox.trim()
-    assert inbox.queued == held
-    assert inbox.dropped == {"memory_limit": 300 - held}
+        if receiver.put(Run(0, 0, seq, 1, body)):
+            receiver.trim()
+    assert receiver.queued == held
+    assert receiver.dropped == {"memory_limit": 300 - held}

@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.arguments import (
+from bus.errors import ConfigurationError
+from bus.process.ros_args import (
     Arguments,
     LogLevel,
     Parameter,
@@ -13,7 +14,6 @@ from bus.arguments import (
     RemapRule,
     remove_ros_args,
 )
-from bus.errors import ConfigurationError
 
 
 def parse(*arguments: str) -> Arguments:

@@ -31,9 +31,9 @@ def _or_skip(system: System) -> System:
 def test_starts_are_measured(tmp_path: Path) -> None:
     assert startup.measure_first_by_rclpy()["ms"] > 0
     assert startup.measure_with_autostart()["ms"] > 0
-    assert startup.measure_program([sys.executable, "-m", "bus.cli", "topic", "list"], on_bus=True)["ms"] > 0
+    assert startup.measure_program([sys.executable, "-m", "bus_cli", "topic", "list"], on_bus=True)["ms"] > 0
     script = "import sys; sys.exit('rclpy' not in dir())"
-    run = [sys.executable, "-m", "bus.cli", "run"]
+    run = [sys.executable, "-m", "bus_cli", "run"]
     assert startup.measure_program(run, script=f"import rclpy; {script}")["ms"] > 0
     with pytest.raises(Failure, match="exited with 1"):
         startup.measure_program(run, script=script)

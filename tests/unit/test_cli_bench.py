@@ -10,17 +10,17 @@ from typing import Any
 import msgspec
 import pytest
 
-from bus.cli.bench import session
-from bus.cli.bench.figures import Run, ages, bytes_text, percentile, tables
-from bus.cli.bench.measure import judge
-from bus.cli.bench.options import add_bench_arguments, read_plan, read_sizes
-from bus.cli.bench.payload import BYTES, HEAD, Payload, Stamps, read_stamps
-from bus.cli.bench.progress import Bar
-from bus.cli.bench.session import Session, worker_environ
-from bus.cli.bench.task import Go, Sent, Settled, Task
-from bus.cli.output import CommandError
 from bus.qos import QoSProfile
-from bus.typesupport import type_support
+from bus.types.support import type_support
+from bus_cli.bench import session
+from bus_cli.bench.figures import Run, ages, bytes_text, percentile, tables
+from bus_cli.bench.measure import judge
+from bus_cli.bench.options import add_bench_arguments, read_plan, read_sizes
+from bus_cli.bench.payload import BYTES, HEAD, Payload, Stamps, read_stamps
+from bus_cli.bench.progress import Bar
+from bus_cli.bench.session import Session, worker_environ
+from bus_cli.bench.task import Go, Sent, Settled, Task
+from bus_cli.output import CommandError
 from programs import on_one_loop
 
 STRING = "std_msgs/msg/String"
@@ -335,10 +335,10 @@ async def test_what_a_worker_cannot_do_is_told(tmp_path: Path) -> None:
 async def test_a_worker_that_dies_is_told_with_its_last_words(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(session, "_MODULE", "bus.cli.bench.no_such_worker")
+    monkeypatch.setattr(session, "_MODULE", "bus_cli.bench.no_such_worker")
     text = await fail_to_start(tmp_path / "none.sock")
     assert " ended with status 1: " in text
-    assert "No module named bus.cli.bench.no_such_worker" in text
+    assert "No module named bus_cli.bench.no_such_worker" in text
 
 
 def test_without_rich_there_is_no_bar(

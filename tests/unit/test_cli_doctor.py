@@ -14,11 +14,11 @@ import msgspec
 import pytest
 
 from bus import shm
-from bus.cli import doctor
-from bus.cli.doctor import examine, machine, place, procfs, versions
-from bus.cli.doctor.finding import Finding
-from bus.logfile import open_log
+from bus.process.logfile import open_log
 from bus.shm.headroom import Room
+from bus_cli import doctor
+from bus_cli.doctor import examine, machine, place, procfs, versions
+from bus_cli.doctor.finding import Finding
 
 
 @pytest.fixture

@@ -5,12 +5,12 @@ from typing import Any
 import msgspec
 import pytest
 
-from bus.cli.fields import FieldPath
-from bus.cli.output import CommandError
 from bus.msg.geometry_msgs import Point, Pose, PoseArray, PoseStamped
 from bus.msg.sensor_msgs import JointState
 from bus.msg.std_msgs import ByteMultiArray, String, UInt8MultiArray
-from bus.typesupport import type_support
+from bus.types.support import type_support
+from bus_cli.fields import FieldPath
+from bus_cli.output import CommandError
 
 
 class Part(msgspec.Struct):

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.cli.filter import compile_filter
-from bus.cli.output import CommandError
 from bus.msg.geometry_msgs import PoseStamped
 from bus.msg.sensor_msgs import JointState
 from bus.msg.std_msgs import Int32, String
+from bus_cli.filter import compile_filter
+from bus_cli.output import CommandError
 
 
 class Own(msgspec.Struct):

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 import bus
-from bus.cli import main as cli
-from bus.cli import suggestions
-from bus.cli.main import COMMANDS, make_parser, run
-from bus.cli.output import CommandError
-from bus.cli.query import full_topic_name, full_type_name
-from bus.termination import Terminated
+from bus.process.termination import Terminated
+from bus_cli import main as cli
+from bus_cli import suggestions
+from bus_cli.main import COMMANDS, make_parser, run
+from bus_cli.output import CommandError
+from bus_cli.query import full_topic_name, full_type_name
 
 VERBS = [(command, verb) for command, (_, verbs) in COMMANDS.items() for verb in verbs or ("",)]
 
@@ -38,7 +38,7 @@ def stop(*words: str) -> int:
 
 @pytest.mark.parametrize(("command", "verb"), VERBS)
 def test_every_verb_has_its_module(command: str, verb: str) -> None:
-    module = import_module(".".join(filter(None, ("bus.cli", command, verb))))
+    module = import_module(".".join(filter(None, ("bus_cli", command, verb))))
     module.add_arguments(ArgumentParser())
     assert callable(module.main)
 
@@ -162,10 +162,10 @@ def test_a_domain_out_of_range(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
 
 
 def test_only_the_chosen_verb_is_imported() -> None:
-    for name in [name for name in sys.modules if name.startswith("bus.cli.topic.")]:
+    for name in [name for name in sys.modules if name.startswith("bus_cli.topic.")]:
         del sys.modules[name]
     make_parser(["topic", "list"])
-    assert [name for name in sys.modules if name.startswith("bus.cli.topic.")] == ["bus.cli.topic.list"]
+    assert [name for name in sys.modules if name.startswith("bus_cli.topic.")] == ["bus_cli.topic.list"]
 
 
 def test_global_options_may_stand_anywhere() -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from bus import cli
-from bus.cli.output import complain, dropped_text, print_json, say, size_text, table
+import bus_cli
+from bus_cli.output import complain, dropped_text, print_json, say, size_text, table
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def writes(path: Path) -> list[str]:
 
 def test_verbs_write_by_these_alone() -> None:
     """The one exception is the sequence of its own that `echo -c` clears the screen with."""
-    folder = Path(cli.__file__).parent
+    folder = Path(bus_cli.__file__).parent
     found = {str(path.relative_to(folder)): writes(path) for path in folder.rglob("*.py")}
     assert {name: what for name, what in found.items() if what} == {
         "output.py": ["print()", "sys.stdout.write", "sys.stdout.write"],

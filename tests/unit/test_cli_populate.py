@@ -8,10 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.cli.documents import load, split
-from bus.cli.output import CommandError
-from bus.cli.populate import Prototype
-from bus.cli.render import View, to_yaml
 from bus.msg.builtin_interfaces import Time
 from bus.msg.geometry_msgs import Point, PoseArray, PoseStamped, PoseWithCovariance, Twist
 from bus.msg.sensor_msgs import JointState
@@ -27,8 +23,12 @@ from bus.msg.std_msgs import (
     String,
     UInt8MultiArray,
 )
-from bus.schema import build, describe
-from bus.typesupport import type_support
+from bus.types.schema import build, describe
+from bus.types.support import type_support
+from bus_cli.documents import load, split
+from bus_cli.output import CommandError
+from bus_cli.populate import Prototype
+from bus_cli.render import View, to_yaml
 
 
 class Wheel(msgspec.Struct):

@@ -4,10 +4,10 @@ from argparse import ArgumentParser, Namespace
 
 import pytest
 
-from bus.cli.qosargs import add_qos_arguments, choose_profile, given_profile
 from bus.errors import ConfigurationError
 from bus.graph import Graph, GraphEndpoint, GraphNode
 from bus.qos import Durability, History, Liveliness, QoSProfile, Reliability, sensor_data
+from bus_cli.qosargs import add_qos_arguments, choose_profile, given_profile
 
 NODE = GraphNode(id=1, name="talker", namespace="/", pid=1)
 

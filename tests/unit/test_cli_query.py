@@ -1,4 +1,4 @@
-"""bus.cli.query: what is made of a broker that goes, refuses or says nothing."""
+"""bus_cli.query: what is made of a broker that goes, refuses or says nothing."""
 
 import socket
 from collections.abc import Iterator
@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from bus.cli import query as module
-from bus.cli.query import Query
 from bus.errors import BrokerUnavailable, BusError, RemoteProtocolError
 from bus.wire import messages as m
 from bus.wire.layout import VERSION
+from bus_cli import query as module
+from bus_cli.query import Query
 
 HELLO = m.Hello(version=VERSION, pid=1, program="busd", release="0.1.0")
 OLD_HELLO = m.Hello(version=VERSION, pid=1, program="busd")

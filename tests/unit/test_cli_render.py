@@ -9,13 +9,13 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.cli.render import View, to_csv, to_text, to_yaml
+from bus.base.printable import printable
 from bus.msg.geometry_msgs import Point, Point32, Polygon, PoseWithCovariance, Twist
 from bus.msg.sensor_msgs import Image, JointState
 from bus.msg.std_msgs import Byte, ByteMultiArray, Empty, Header, String, UInt8MultiArray
-from bus.printable import printable
-from bus.schema import build, describe
-from bus.typesupport import type_support
+from bus.types.schema import build, describe
+from bus.types.support import type_support
+from bus_cli.render import View, to_csv, to_text, to_yaml
 
 
 class Part(msgspec.Struct):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.cli.stats import Bandwidth, Delays, Flow, Intervals, spread
+from bus_cli.stats import Bandwidth, Delays, Flow, Intervals, spread
 
 S = 1_000_000_000
 

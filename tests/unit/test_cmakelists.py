@@ -5,7 +5,7 @@ from textwrap import dedent
 
 import pytest
 
-from bus.cmakelists import Installed, read
+from bus_ros.cmakelists import Installed, read
 
 NAME = "arm"
 

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from bus.errors import ConfigurationError
 from bus.qos import History, QoSProfile
-from busd.access import AccessTable, SocketTable
 from busd.config import Config, load
+from busd.config_access import AccessTable, SocketTable
 from busd.core import limits as limits_module
 from busd.core.limits import Limits, TopicCaps, TopicRule, rules_for
 from busd.logs import LOG_LEVELS

@@ -1,11 +1,11 @@
-"""bus.descriptor: closed once, by whoever comes first."""
+"""bus.base.descriptor: closed once, by whoever comes first."""
 
 import os
 from pathlib import Path
 
 import pytest
 
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
 
 
 def opened() -> Descriptor:

@@ -1,4 +1,4 @@
-"""bus.dispatcher: a run that comes alone is given to the callback at once, where nothing is against it."""
+"""bus.delivery.dispatcher: a run that comes alone is given to the callback at once, if nothing forbids it."""
 
 import asyncio
 from collections.abc import Callable
@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from bus.dispatcher import Dispatcher
-from bus.inbox import Inbox
+from bus.delivery.dispatcher import Dispatcher
+from bus.delivery.receiver import Receiver
+from bus.delivery.sequence import PublisherProxy
 from bus.shm import has_core
-from bus.sources import Source
 from bus.wire.runs import Run
 from feeding import frame_record
 
@@ -17,13 +17,13 @@ pytestmark = pytest.mark.skipif(not has_core(), reason="the native core was not 
 
 
 class World:
-    """An inbox and its dispatcher, as the link uses them."""
+    """An receiver and its dispatcher, as the link uses them."""
 
     def __init__(self, callback: Callable[..., Any] | None = None) -> None:
         self.heard: list[int] = []
         self.errors: list[BaseException] = []
         self.act: Callable[[int], object] = int
-        self.inbox: Inbox[int] = Inbox(
+        self.receiver: Receiver[int] = Receiver(
             lambda payload: int(bytes(payload)),
             10,
             is_lossless=False,
@@ -31,12 +31,12 @@ class World:
             on_reject=lambda size, error: self.errors.append(error),
             on_taken=lambda source: None,
         )
-        source = self.inbox.sources[1] = Source(1, b"1" * 16, 0, 0, needs_ack=False)
+        source = self.receiver.sources[1] = PublisherProxy(1, b"1" * 16, 0, 0, needs_ack=False)
         source.is_new = False
         self.seq = 0
         self.dispatcher: Dispatcher[int] = Dispatcher(
             callback or self.call,
-            self.inbox,
+            self.receiver,
             make_info=lambda taken: "info",
             receive=self.receive,
             on_error=self.errors.append,
@@ -61,7 +61,7 @@ class World:
         run = self.run(*numbers)
         if self.dispatcher.is_plain and self.dispatcher.deliver(run):
             return True
-        self.inbox.put(run)
+        self.receiver.put(run)
         self.dispatcher.dispatch()
         return False
 
@@ -69,7 +69,7 @@ class World:
 async def test_one_that_is_alone_is_called_back_for_at_once() -> None:
     world = World()
     assert world.arrive(1) and not world.arrive(2, 3) and world.arrive(4)
-    assert (world.heard, world.inbox.delivered, world.inbox.queued) == ([1, 2, 3, 4], 4, 0)
+    assert (world.heard, world.receiver.delivered, world.receiver.queued) == ([1, 2, 3, 4], 4, 0)
 
 
 async def test_what_an_exception_leaves_waits_and_is_not_overtaken() -> None:
@@ -81,7 +81,7 @@ async def test_what_an_exception_leaves_waits_and_is_not_overtaken() -> None:
     world.act = fail
     assert world.arrive(1)
     assert [str(error) for error in world.errors] == ["1"]
-    world.inbox.put(world.run(2, 3))
+    world.receiver.put(world.run(2, 3))
     world.act = int
     assert not world.arrive(4)
     assert (world.heard, world.errors[1:]) == ([1, 2, 3, 4], [])
@@ -123,7 +123,7 @@ async def test_one_that_ends_itself_hears_no_more() -> None:
 
     def end(number: int) -> None:
         world.dispatcher.end()
-        world.inbox.put(world.run(2))
+        world.receiver.put(world.run(2))
 
     world.act = end
     assert world.arrive(1)
@@ -136,9 +136,9 @@ async def test_one_that_does_not_decode_is_counted_and_told_of_once() -> None:
     body = frame_record(b"x", 1)
     run = Run(1, 1, 1, 1, body)
     assert not world.dispatcher.deliver(run)
-    world.inbox.put(run)
+    world.receiver.put(run)
     world.dispatcher.dispatch()
-    assert (world.heard, len(world.errors), world.inbox.dropped) == ([], 1, {"undecodable": 1})
+    assert (world.heard, len(world.errors), world.receiver.dropped) == ([], 1, {"undecodable": 1})
 
 
 async def test_a_callback_that_wants_info_or_is_async_is_not_plain() -> None:

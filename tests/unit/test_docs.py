@@ -10,12 +10,12 @@ import msgspec
 import pytest
 
 from bus import events, qos
-from bus.cli.main import COMMANDS, make_parser
 from bus.msg import PACKAGES
 from bus.msg.std_msgs import String
-from bus.typesupport import type_support
+from bus.types.support import type_support
 from bus.wire import layout, messages, records, session
 from bus.wire.runs import Account, Run, RunQueue
+from bus_cli.main import COMMANDS, make_parser
 from feeding import frame_record
 
 ROOT = Path(__file__).parents[2]
@@ -77,7 +77,7 @@ def section(text: str, title: str) -> str:
 def drop_reasons() -> set[str]:
     """What the sources call the reasons of drops."""
     call = re.compile(r'\b_?(?:drop|shed)\((?:[^()"]*,\s*)?"([a-z_]+)"')
-    sources = [*(ROOT / "busd").rglob("*.py"), *(ROOT / "clients" / "bus").rglob("*.py")]
+    sources = [*(ROOT / "busd").rglob("*.py"), *(ROOT / "clients").rglob("*.py")]
     return {reason for source in sources for reason in call.findall(source.read_text())}
 
 

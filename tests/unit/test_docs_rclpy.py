@@ -14,11 +14,12 @@ from typing import Any
 
 import pytest
 
-import bus.rclpy
+import bus
+import bus_ros.rclpy
 from bus.msg.std_msgs import String
-from bus.rclpy.entity import Entity
-from bus.rclpy.node import Node
-from bus.servicehost import SERVICE_QOS
+from bus.service_host import SERVICE_QOS
+from bus_ros.rclpy.entity import Entity
+from bus_ros.rclpy.node import Node
 
 DOCS = Path(__file__).parents[2] / "docs"
 TEXT = (DOCS / "rclpy.md").read_text()
@@ -111,8 +112,8 @@ def find(path: str) -> Any:
 
 def modules() -> Iterator[str]:
     yield "rclpy"
-    for found in pkgutil.walk_packages(bus.rclpy.__path__, "bus.rclpy."):
-        if found.name != "bus.rclpy.impl":  # a package with nothing in it
+    for found in pkgutil.walk_packages(bus_ros.rclpy.__path__, "bus_ros.rclpy."):
+        if found.name != "bus_ros.rclpy.impl":  # a package with nothing in it
             yield found.name.removeprefix("bus.")
 
 
@@ -152,7 +153,7 @@ CLASSES = _classes()
 
 
 def test_every_module_is_listed() -> None:
-    ours = {f"rclpy.{name}" for name in names_in(section("Inside")) if name != "bus.rclpy"}
+    ours = {f"rclpy.{name}" for name in names_in(section("Inside")) if name != "bus_ros.rclpy"}
     assert {*MODULES, *ours} == set(modules())
 
 
@@ -175,7 +176,7 @@ def test_every_class_is_listed() -> None:
         one
         for one in values
         if isinstance(one, type)
-        and one.__module__.startswith("bus.rclpy")
+        and one.__module__.startswith("bus_ros.rclpy")
         and not issubclass(one, (BaseException, Enum, tuple, dict))
     }
     assert there == {find(name) for name in {*CLASSES, *ROWLESS}}
@@ -189,13 +190,13 @@ def test_what_the_tables_leave_out_is_there() -> None:
 
 
 def test_attributes_of_the_package() -> None:
-    assert bus.rclpy.Node is find("rclpy.node.Node")
-    assert bus.rclpy.Parameter is find("rclpy.parameter.Parameter")
-    assert bus.rclpy.Context is find("rclpy.context.Context")
+    assert bus_ros.rclpy.Node is find("rclpy.node.Node")
+    assert bus_ros.rclpy.Parameter is find("rclpy.parameter.Parameter")
+    assert bus_ros.rclpy.Context is find("rclpy.context.Context")
     for module in MODULES:
         _, _, name = module.partition(".")
         if name and "." not in name and not name.startswith("_"):
-            assert getattr(bus.rclpy, name) is load(module)
+            assert getattr(bus_ros.rclpy, name) is load(module)
 
 
 def test_what_may_stand_in_a_with() -> None:

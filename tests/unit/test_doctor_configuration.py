@@ -1,13 +1,13 @@
-"""bus.cli.doctor.configuration: the file of a daemon that runs, looked at by busd itself."""
+"""bus_cli.doctor.configuration: the file of a daemon that runs, looked at by busd itself."""
 
 from pathlib import Path
 
 import pytest
 
-from bus.cli import configuration
-from bus.cli.doctor import procfs
-from bus.cli.doctor.configuration import examine, file_of
-from bus.cli.doctor.finding import Finding
+from bus_cli import configuration
+from bus_cli.doctor import procfs
+from bus_cli.doctor.configuration import examine, file_of
+from bus_cli.doctor.finding import Finding
 
 HOME = Path("/home/x")
 

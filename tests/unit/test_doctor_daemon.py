@@ -1,4 +1,4 @@
-"""bus.cli.doctor.daemon: what is said of a daemon that answers, of one that doesn't, and of others."""
+"""bus_cli.doctor.daemon: what is said of a daemon that answers, of one that doesn't, and of others."""
 
 import os
 import socket
@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from bus.cli.doctor import daemon as module
-from bus.cli.doctor import procfs
-from bus.cli.doctor.daemon import Seen, examine, others
-from bus.cli.doctor.finding import Finding
-from bus.cli.query import NotRunning
+from bus.base.version import RELEASE
 from bus.errors import BrokerUnavailable, RemoteProtocolError
-from bus.release import RELEASE
 from bus.wire import messages as m
+from bus_cli.doctor import daemon as module
+from bus_cli.doctor import procfs
+from bus_cli.doctor.daemon import Seen, examine, others
+from bus_cli.doctor.finding import Finding
+from bus_cli.query import NotRunning
 from metrics_views import PUBLISHER, endpoint, graph
 
 PATH = Path("/run/busd/0.sock")
@@ -134,7 +134,7 @@ def test_one_that_says_what_is_wrong(tmp_path: Path) -> None:
         (["/venv/bin/python", "/venv/bin/busd"], True),
         (["busd"], True),
         (["python", "-X", "dev", "-m", "busd"], True),
-        (["python", "-m", "bus.cli", "daemon"], False),
+        (["python", "-m", "bus_cli", "daemon"], False),
         (["grep", "-m", "1", "x"], False),
         ([], False),
     ],

@@ -1,13 +1,13 @@
-"""bus.cli.doctor.processes: programs that stand still, of another release, or near a limit."""
+"""bus_cli.doctor.processes: programs that stand still, of another release, or near a limit."""
 
 import pytest
 
-from bus.cli.doctor import procfs
-from bus.cli.doctor.daemon import Seen
-from bus.cli.doctor.finding import Finding
-from bus.cli.doctor.processes import examine
-from bus.release import RELEASE
+from bus.base.version import RELEASE
 from bus.wire import messages as m
+from bus_cli.doctor import procfs
+from bus_cli.doctor.daemon import Seen
+from bus_cli.doctor.finding import Finding
+from bus_cli.doctor.processes import examine
 from metrics_views import HELLO, PUBLISHER, endpoint, graph
 
 LIMITS = {

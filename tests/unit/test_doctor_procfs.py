@@ -1,4 +1,4 @@
-"""bus.cli.doctor.procfs: what the kernel says, read from real processes."""
+"""bus_cli.doctor.procfs: what the kernel says, read from real processes."""
 
 import os
 import signal
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from bus.cli.doctor import procfs
+from bus_cli.doctor import procfs
 
 NOBODY = 2**22 + 1
 """Above the largest pid there is."""

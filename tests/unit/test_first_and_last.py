@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from accounts_world import TOPIC, Numbered, World
+from bus.delivery.ring_size import FIRST_CAPACITY
 from bus.qos import QoSProfile
-from bus.ringsize import FIRST_CAPACITY
 from bus.shm import segments
 from semantics import KEEP_ALL
 from two_processes import LISTENER, TALKER, WINDOW, Play, nodes, restart_busd, two

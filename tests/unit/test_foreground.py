@@ -9,8 +9,8 @@ from collections.abc import Iterator
 import pytest
 
 from bus.errors import ConfigurationError, LocalProtocolError
-from bus.foreground import Condition, Foreground, Signal, deadline_after
-from bus.termination import Terminated
+from bus.process.foreground import Condition, Foreground, Signal, deadline_after
+from bus.process.termination import Terminated
 from conftest import WAIT_S
 
 SECOND_NS = 10**9
@@ -93,7 +93,7 @@ def test_a_signal_ends_a_wait(
 ) -> None:
     """In the midst of what the loop does it waits for the end of that."""
     went_on: list[bool] = []
-    monkeypatch.setattr("bus.foreground.say_nothing_of_signals", lambda: None)
+    monkeypatch.setattr("bus.process.foreground.say_nothing_of_signals", lambda: None)
 
     def interrupt() -> None:
         signal.raise_signal(number)

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from bus.guardedloop import GuardedLoop
+from bus.process.shared_loop import GuardedLoop
 from conftest import WAIT_S
 from neighbours import wait_until
 

@@ -7,7 +7,7 @@ from types import FrameType
 
 import pytest
 
-from bus.guardedloop import GuardedLoop
+from bus.process.shared_loop import GuardedLoop
 from conftest import WAIT_S
 
 

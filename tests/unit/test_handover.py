@@ -1,12 +1,12 @@
-"""busd.handover: what the next busd is started with, and whether it could start."""
+"""busd.restart: what the next busd is started with, and whether it could start."""
 
 import sys
 from pathlib import Path
 
 import pytest
 
-from busd import handover
-from busd.handover import CHECK, command_line, find_fault
+from busd import restart
+from busd.restart import CHECK, command_line, find_fault
 
 
 def program(source: str) -> list[str]:
@@ -35,7 +35,7 @@ async def test_no_such_program(tmp_path: Path) -> None:
 
 
 async def test_one_that_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(handover, "_CHECK_S", 0.1)
+    monkeypatch.setattr(restart, "_CHECK_S", 0.1)
     fault = await find_fault(program("import signal; signal.pause()"))
     assert fault == "the new busd does not come up within 0.1 s"
 

@@ -5,12 +5,12 @@ from typing import Any
 import msgspec
 import pytest
 
+from bus.delivery.receiver import Receiver
+from bus.delivery.sequence import PublisherProxy
 from bus.errors import RemoteProtocolError
 from bus.graph import graph_of
-from bus.inbox import Inbox
 from bus.qos import QoSProfile
 from bus.shm import is_available
-from bus.sources import Source
 from bus.wire import messages as m
 from bus.wire.layout import MAX_COUNT
 
@@ -63,13 +63,13 @@ def test_a_stamp_beyond_all_time_is_brought_into_the_queue() -> None:
     from shm_ends import Listener, Talker
 
     talker, listener = Talker(), Listener()
-    listener.join(talker, Source(1, b"", 0, 0, needs_ack=False))
-    inbox: Inbox[bytes] = Inbox(
+    listener.join(talker, PublisherProxy(1, b"", 0, 0, needs_ack=False))
+    receiver: Receiver[bytes] = Receiver(
         bytes, 0, is_lossless=False, on_drop=print, on_reject=print, on_taken=lambda source: None
     )
-    inbox.reader = listener.reader
+    receiver.reader = listener.reader
     assert talker.writer.write_parts([b"late"], stamp_ns=(1 << 64) - 1) is True
-    inbox.drain_rings()
-    assert [taken[0] for taken in (inbox.take(), inbox.take()) if taken is not None] == [b"late"]
+    receiver.drain_rings()
+    assert [taken[0] for taken in (receiver.take(), receiver.take()) if taken is not None] == [b"late"]
     talker.close()
     listener.close()

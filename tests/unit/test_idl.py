@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bus.errors import ConfigurationError
-from bus.idl import (
+from bus.types.idl import (
     INTEGERS,
     PRIMITIVES,
     Constant,
@@ -178,7 +178,7 @@ def test_services_and_actions_have_parts() -> None:
 )
 def test_errors_name_the_line_and_what_is_wrong(line: str, what: str | None) -> None:
     if what is None:
-        assert field(line).type.base == "demo/msg/INT32"  # it may be a message: bus.interfaces looks
+        assert field(line).type.base == "demo/msg/INT32"  # it may be a message: bus.types.definitions looks
         return
     with pytest.raises(ConfigurationError) as caught:
         parse_message(f"# a comment\n{line}\n", "demo/msg/Wheel")

@@ -1,13 +1,13 @@
-"""bus.inbox: what waits, what is given out and counted, and what a lossless publisher is told of."""
+"""bus.delivery.receiver: what waits, what is given out and counted, what a lossless publisher is told."""
 
 from typing import Any
 
 import pytest
 
-from bus import allowance
-from bus import inbox as inbox_module
-from bus.inbox import Inbox
-from bus.sources import Source
+from bus.delivery import allowance
+from bus.delivery import receiver as inbox_module
+from bus.delivery.receiver import Receiver
+from bus.delivery.sequence import PublisherProxy
 from bus.wire.runs import Run
 from feeding import frame_record
 
@@ -17,13 +17,13 @@ SECOND_NS = 1_000_000_000
 
 
 class Box:
-    """An inbox of numbers as text, and what it has told."""
+    """An receiver of numbers as text, and what it has told."""
 
     def __init__(self, depth: int = 10, *, is_lossless: bool = False) -> None:
         self.dropped: list[tuple[str, int]] = []
         self.rejected: list[int] = []
         self.taken: list[tuple[int, int]] = []
-        self.inbox: Inbox[int] = Inbox(
+        self.receiver: Receiver[int] = Receiver(
             lambda payload: int(bytes(payload)),
             depth,
             is_lossless=is_lossless,
@@ -32,28 +32,28 @@ class Box:
             on_taken=lambda source: self.taken.append((source.number, source.taken_seq)),
         )
         for number in (FIRST, SECOND):
-            source = Source(number, bytes([number]) * 16, 0, 0, needs_ack=is_lossless)
-            self.inbox.sources[number] = source
+            source = PublisherProxy(number, bytes([number]) * 16, 0, 0, needs_ack=is_lossless)
+            self.receiver.sources[number] = source
 
-    def source(self, number: int = FIRST) -> Source:
-        return self.inbox.sources[number]
+    def source(self, number: int = FIRST) -> PublisherProxy:
+        return self.receiver.sources[number]
 
     def put(self, first_seq: int, *payloads: str, source: int = FIRST, stamp_ns: int = 5) -> None:
         """As the link does it with what one read brought."""
         body = b"".join(frame_record(payload.encode(), stamp_ns) for payload in payloads)
-        if self.inbox.put(Run(1, source, first_seq, len(payloads), body)):
-            self.inbox.trim()
+        if self.receiver.put(Run(1, source, first_seq, len(payloads), body)):
+            self.receiver.trim()
 
     def take(self, limit: int = 1) -> list[int]:
         """All that waits."""
         found = []
-        while taken := self.inbox.take(limit):
+        while taken := self.receiver.take(limit):
             found.append(taken[0])
         return found
 
     @property
     def counts(self) -> tuple[int, int, int, dict[str, int]]:
-        return self.inbox.delivered, self.inbox.bytes, self.inbox.queued, self.inbox.dropped
+        return self.receiver.delivered, self.receiver.bytes, self.receiver.queued, self.receiver.dropped
 
 
 def numbers(first: int, stop: int) -> list[str]:
@@ -68,7 +68,7 @@ def test_each_is_given_out_with_its_number_stamp_and_publisher(depth: int, limit
     box.put(1, "21", source=SECOND, stamp_ns=8)
     box.put(4, "14", stamp_ns=9)
     got = []
-    while taken := box.inbox.take(limit):
+    while taken := box.receiver.take(limit):
         message, stamp_ns, seq, source, _ = taken
         got.append((message, stamp_ns, seq, source.number))
     assert got == [(11, 7, 1, 7), (12, 7, 2, 7), (13, 7, 3, 7), (21, 8, 1, 8), (14, 9, 4, 7)]
@@ -88,9 +88,9 @@ class TestDepth:
         """So a run is taken one by one, as long as something may come in between."""
         box = Box(3)
         box.put(1, *numbers(1, 4))
-        first = box.inbox.take()
+        first = box.receiver.take()
         assert first is not None and first[0] == 1
-        assert (box.inbox.delivered, box.inbox.queued) == (1, 2)
+        assert (box.receiver.delivered, box.receiver.queued) == (1, 2)
         box.put(4, *numbers(4, 6))
         assert box.take() == [3, 4, 5]
         assert box.dropped == [("replaced", 1)]
@@ -99,7 +99,7 @@ class TestDepth:
         box = Box(0)
         box.put(1, *numbers(1, 100))
         box.put(100, *numbers(100, 200))
-        assert box.inbox.queued == 199
+        assert box.receiver.queued == 199
         assert box.take() == [*range(1, 200)]
 
     def test_what_is_beyond_the_memory_goes_but_the_newest_stays(
@@ -120,12 +120,12 @@ class TestAcknowledging:
         box = Box(0, is_lossless=True)
         box.put(1, "1", "2", "3")
         assert box.taken == []
-        box.inbox.take()
+        box.receiver.take()
         assert box.taken == [(FIRST, 3)], "keep all decodes a run at once: none of it is ever replaced"
         assert box.source().unacked_bytes == 3
         box.put(4, "44")
-        box.inbox.take()
-        assert box.inbox.delivered == 2
+        box.receiver.take()
+        assert box.receiver.delivered == 2
         assert (box.taken[-1], box.source().unacked_bytes) == ((FIRST, 3), 3)
         box.take()
         assert (box.taken[-1], box.source().unacked_bytes) == ((FIRST, 4), 5)
@@ -161,10 +161,10 @@ def test_history_is_old_and_nothing_is_missing_behind_it() -> None:
     box = Box()
     box.source().last_seq = 9
     body = b"".join(frame_record(b"%d" % number, 5) for number in (7, 8))
-    box.inbox.put(Run(1, FIRST, 7, 2, body, is_replay=True))
+    box.receiver.put(Run(1, FIRST, 7, 2, body, is_replay=True))
     box.put(9, "9", "10", "11")
     assert box.take() == [7, 8, 10, 11]
-    assert (box.inbox.sources.missing, box.inbox.sources.known) == (0, 1)
+    assert (box.receiver.sources.missing, box.receiver.sources.known) == (0, 1)
 
 
 class TestWhatIsWrong:
@@ -181,7 +181,7 @@ class TestWhatIsWrong:
     def test_a_run_that_is_shorter_than_it_says(self, depth: int, cut: int) -> None:
         box = Box(depth)
         body = b"".join(frame_record(b"%d" % number, 5) for number in (1, 2, 3))
-        box.inbox.put(Run(1, FIRST, 1, 3, body[:-cut]))
+        box.receiver.put(Run(1, FIRST, 1, 3, body[:-cut]))
         box.put(4, "4")
         whole = 3 - (cut + 12) // 13
         assert box.take(3) == [*range(1, whole + 1), 4]
@@ -190,10 +190,10 @@ class TestWhatIsWrong:
 
 def test_what_was_taken_in_advance_comes_first_and_counts_as_waiting() -> None:
     box = Box()
-    box.inbox.put_back([1, 2])
+    box.receiver.put_back([1, 2])
     box.put(1, "3")
-    assert box.inbox.queued == 3
-    assert box.inbox.take_messages(10) == []
+    assert box.receiver.queued == 3
+    assert box.receiver.take_messages(10) == []
     assert box.take() == [1, 2, 3]
 
 
@@ -202,7 +202,7 @@ class _Rings:
 
     overrun = expired = replaced = undecodable = samples = bytes = 0
 
-    def __init__(self, source: Source, *waiting: tuple[int, bytes]) -> None:
+    def __init__(self, source: PublisherProxy, *waiting: tuple[int, bytes]) -> None:
         self.depth = 0
         self._source = source
         self._waiting = list(waiting)
@@ -213,7 +213,7 @@ class _Rings:
     def messages(self, limit: int, decode: Any) -> list[Any]:
         return [message for message, *_ in self.take(limit, decode)]
 
-    def take(self, limit: int, decode: Any) -> list[tuple[Any, int, int, Source, int]]:
+    def take(self, limit: int, decode: Any) -> list[tuple[Any, int, int, PublisherProxy, int]]:
         batch, self._waiting = self._waiting[:limit], self._waiting[limit:]
         self.samples += len(batch)
         self.bytes += sum(len(payload) for _, payload in batch)
@@ -223,20 +223,20 @@ class _Rings:
 class TestRings:
     def test_what_waits_there_is_brought_before_what_comes_by_socket(self) -> None:
         box = Box()
-        box.inbox.reader = _Rings(box.source(), (1, b"1"), (2, b"22"))
-        assert (box.inbox.queued, box.inbox.has_more) == (2, True)
-        box.inbox.drain_rings()
+        box.receiver.reader = _Rings(box.source(), (1, b"1"), (2, b"22"))
+        assert (box.receiver.queued, box.receiver.has_more) == (2, True)
+        box.receiver.drain_rings()
         box.source().last_seq = 2  # as whoever leaves the ring knows
         box.put(3, "333")
         assert box.counts == (0, 0, 3, {})
-        got = [(taken[0], taken[2]) for _ in range(3) if (taken := box.inbox.take())]
+        got = [(taken[0], taken[2]) for _ in range(3) if (taken := box.receiver.take())]
         assert got == [(1, 1), (22, 2), (333, 3)]
         assert box.counts == (3, 6, 0, {})
 
     def test_they_are_within_the_depth_too(self) -> None:
         box = Box()
-        rings = box.inbox.reader = _Rings(box.source())
-        box.inbox.set_depth(3)
+        rings = box.receiver.reader = _Rings(box.source())
+        box.receiver.set_depth(3)
         assert rings.depth == 3
         box.put(1, *numbers(1, 6))
         assert box.take() == [3, 4, 5]
@@ -244,7 +244,7 @@ class TestRings:
     def test_what_a_ring_gave_up_unread_is_the_publishers_loss_where_all_is_kept(self) -> None:
         for depth, reason in ((0, "publisher_queue"), (5, "replaced")):
             box = Box(depth)
-            rings = box.inbox.reader = _Rings(box.source())
+            rings = box.receiver.reader = _Rings(box.source())
             rings.overrun, rings.replaced, rings.expired = 2, 3, 4
             together = {"replaced": 3} | {reason: 2 + 3 * (reason == "replaced")}
-            assert box.inbox.dropped == together | {"expired": 4}
+            assert box.receiver.dropped == together | {"expired": 4}

@@ -8,22 +8,23 @@ from typing import Any
 
 import pytest
 
-from bus import interfaces, interfacetypes, rosidl
 from bus.errors import ConfigurationError
-from bus.idl import Message
-from bus.interfaces import definition_path, find_definition, find_message, full_name, names, packages
-from bus.interfacetypes import find_class, message_class, service_class
 from bus.msg import PACKAGES
 from bus.msg.std_msgs import String
-from bus.schema import describe
-from bus.typesupport import find_type, type_hash, type_support
+from bus.types import classes, definitions
+from bus.types.classes import find_class, message_class, service_class
+from bus.types.definitions import definition_path, find_definition, find_message, full_name, names, packages
+from bus.types.idl import Message
+from bus.types.schema import describe
+from bus.types.support import find_type, type_hash, type_support
+from bus_ros import rosidl
 
 HAND_WRITTEN = [
     f"{package}/msg/{name}" for package in PACKAGES for name in import_module(f"bus.msg.{package}").__all__
 ]
 SHIPPED = [
     f"{path.parent.parent.name}/{path.parent.name}/{path.stem}"
-    for path in sorted((Path(interfaces.__file__).parent / "share").glob("*/*/*"))
+    for path in sorted((Path(definitions.__file__).parent / "share").glob("*/*/*"))
 ]
 HASHES_OF_ROS = {
     "unique_identifier_msgs/msg/UUID": "1b8e8aca958cbea28fe6ef60bf6c19b683c97a9ef60bb34752067d0f2f7ab437",
@@ -54,7 +55,7 @@ def nowhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "argv", [str(tmp_path / "program.py")])
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
-    monkeypatch.setattr(interfacetypes, "_classes", {})
+    monkeypatch.setattr(classes, "_classes", {})
     service_class.cache_clear()
 
 
@@ -83,8 +84,8 @@ def make(own: Path, text: str, name: str = "demo/msg/Wheel") -> Any:
 def test_a_hand_written_class_is_what_its_definition_says(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     hand_written = find_class(name)
     assert hand_written is not None and message_class(name) is hand_written
-    monkeypatch.setattr(interfacetypes, "_ready_made", lambda name: None)
-    monkeypatch.setattr(interfacetypes, "_classes", {})
+    monkeypatch.setattr(classes, "_ready_made", lambda name: None)
+    monkeypatch.setattr(classes, "_classes", {})
     made = message_class(name)
     assert made is not hand_written
     assert describe(made) == describe(hand_written)
@@ -120,7 +121,7 @@ def test_ready_made_services_are_what_their_definitions_say() -> None:
     for name in (name for package in services for name in names("srv", package)):
         for part in find_definition(name)[1:]:
             assert isinstance(part, Message)
-            assert type_hash(message_class(part.name)) == type_hash(interfacetypes._make(part))
+            assert type_hash(message_class(part.name)) == type_hash(classes._make(part))
 
 
 def test_services() -> None:

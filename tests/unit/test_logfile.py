@@ -1,4 +1,4 @@
-"""bus.logfile: what is a log of busd's, and that nothing else is touched, whatever lies there."""
+"""bus.process.logfile: what is a log of busd's, and that nothing else is touched, whatever lies there."""
 
 import errno
 import fcntl
@@ -14,9 +14,18 @@ from pathlib import Path
 
 import pytest
 
-from bus import logfile
 from bus.errors import ConfigurationError
-from bus.logfile import MARK, MOST_BYTES, empty, find_fault, is_log, log_path, open_in_memory, open_log
+from bus.process import logfile
+from bus.process.logfile import (
+    MARK,
+    MOST_BYTES,
+    empty,
+    find_fault,
+    is_log,
+    log_path,
+    open_in_memory,
+    open_log,
+)
 
 STRANGER = 12345
 as_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a file to another user")

@@ -14,8 +14,8 @@ from bus.msg.geometry_msgs import Quaternion, Twist, Vector3
 from bus.msg.rcl_interfaces import Log
 from bus.msg.sensor_msgs import Image, Imu, JoyFeedback, NavSatFix, NavSatStatus, PointField, Range
 from bus.msg.std_msgs import Byte, ByteMultiArray, Header, String, UInt8MultiArray
-from bus.schema import Node, Schema, build, describe, type_name
-from bus.typesupport import find_type, type_hash, type_support
+from bus.types.schema import Node, Schema, build, describe, type_name
+from bus.types.support import find_type, type_hash, type_support
 
 NAMES = {
     "builtin_interfaces": "Duration Time",

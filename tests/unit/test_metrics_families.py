@@ -1,4 +1,4 @@
-"""bus.cli.metrics.families: names, labels and bounds; and that docs/operation.md has all of them."""
+"""bus_cli.metrics.families: names, labels and bounds; and that docs/operation.md has all of them."""
 
 import os
 import re
@@ -15,10 +15,10 @@ from prometheus_client.openmetrics.parser import text_string_to_metric_families 
 from prometheus_client.parser import text_string_to_metric_families
 from prometheus_client.registry import CollectorRegistry
 
-from bus.cli.metrics.families import BusCollector
-from bus.cli.metrics.view import View
 from bus.graph import Graph
 from bus.wire import messages as m
+from bus_cli.metrics.families import BusCollector
+from bus_cli.metrics.view import View
 from metrics_views import PUBLISHER, SUBSCRIPTION, endpoint, graph, view
 
 DOCS = Path(__file__).parents[2] / "docs" / "operation.md"

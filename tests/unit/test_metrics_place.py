@@ -1,4 +1,4 @@
-"""bus.cli.metrics.place: which places may be named, and the socket that is made there."""
+"""bus_cli.metrics.place: which places may be named, and the socket that is made there."""
 
 import re
 import socket
@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from bus.cli.metrics.place import Listening, Place, parse_place
-from bus.cli.output import CommandError
+from bus_cli.metrics.place import Listening, Place, parse_place
+from bus_cli.output import CommandError
 
 
 @pytest.mark.parametrize(

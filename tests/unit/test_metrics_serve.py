@@ -1,4 +1,4 @@
-"""bus.cli.metrics.serve: what is answered, and that nobody can hold it up."""
+"""bus_cli.metrics.serve: what is answered, and that nobody can hold it up."""
 
 import asyncio
 import socket
@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.cli.metrics import serve as module
-from bus.cli.metrics.place import Listening, Place
-from bus.cli.metrics.serve import MOST_CONNECTIONS, respond, serve
+from bus_cli.metrics import serve as module
+from bus_cli.metrics.place import Listening, Place
+from bus_cli.metrics.serve import MOST_CONNECTIONS, respond, serve
 
 HOSTS = frozenset({"localhost", "127.0.0.1"})
 GET = "GET /metrics HTTP/1.1\r\nHost: localhost:9464\r\n\r\n"

@@ -1,12 +1,12 @@
-"""bus.cli.metrics.sums: what grows, what stays when endpoints go, and what finds no place."""
+"""bus_cli.metrics.sums: what grows, what stays when endpoints go, and what finds no place."""
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.cli.metrics import sums as module
-from bus.cli.metrics.sums import Labels, Sums, Totals
 from bus.wire.messages import EndpointRecord
+from bus_cli.metrics import sums as module
+from bus_cli.metrics.sums import Labels, Sums, Totals
 from metrics_views import PUBLISHER, SUBSCRIPTION, endpoint, graph
 
 

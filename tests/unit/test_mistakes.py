@@ -10,14 +10,14 @@ import msgspec
 import pytest
 
 import bus
-from bus import mistakes
 from bus.errors import BusError, LocalProtocolError, PayloadTooLarge
 from bus.msg.std_msgs import String
+from bus.process import mistakes
+from bus.process.waiters import Waiters
 from bus.qos import profile
 from bus.srv.std_srvs import SetBool
 from bus.timer import Timer
-from bus.typesupport import type_support
-from bus.waiters import Waiters
+from bus.types.support import type_support
 
 
 @dataclasses.dataclass

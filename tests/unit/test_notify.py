@@ -1,4 +1,4 @@
-"""busd under a service manager: busd.notify, and the socket that busd.listener is passed."""
+"""busd under a service manager: busd.sd_notify, and the socket that busd.listener is passed."""
 
 import os
 import socket
@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from bus.errors import ConfigurationError
-from busd import notify as notify_module
+from busd import sd_notify as notify_module
 from busd.listener import open_listener
-from busd.notify import READY, STOPPING, notify, status
+from busd.sd_notify import READY, STOPPING, notify, status
 
 
 @pytest.fixture

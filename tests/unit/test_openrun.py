@@ -1,4 +1,4 @@
-"""bus.openrun: what `publish` does, and what it leaves to others. For the rest see test_runs_native.py."""
+"""bus.delivery.open_run: what `publish` does, and what it leaves to others. See test_runs_native.py, too."""
 
 import gc
 import sys
@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
+from bus.delivery.open_run import OpenRun, PythonRun, open_run
 from bus.msg.std_msgs import String
-from bus.openrun import OpenRun, PythonRun, open_run
 from bus.shm import core, has_core
-from bus.typesupport import type_support
+from bus.types.support import type_support
 from bus.wire.layout import DATA_HEAD_BYTES, RECORD_HEAD_BYTES
 from bus.wire.runs import Run
 

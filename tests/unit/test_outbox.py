@@ -4,7 +4,7 @@ import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
 from bus.wire.layout import DATA_HEAD, DATA_HEAD_BYTES
 from bus.wire.outbox import TAKE_BYTES, Outbox
 from bus.wire.runs import Account, Buffer, Run, RunQueue

@@ -13,7 +13,7 @@ from unittest.mock import patch
 import pytest
 
 import bus
-from bus.release import RELEASE
+from bus.base.version import RELEASE
 
 ROOT = Path(__file__).parents[2]
 
@@ -36,14 +36,14 @@ LINK = re.compile(r"\]\((?!https?:)")
 
 
 def test_the_version_has_one_source() -> None:
-    assert PROJECT["tool"]["setuptools"]["dynamic"]["version"] == {"attr": "bus.release.RELEASE"}
+    assert PROJECT["tool"]["setuptools"]["dynamic"]["version"] == {"attr": "bus.base.version.RELEASE"}
     assert bus.__version__ == RELEASE
     assert re.fullmatch(r"\d+\.\d+\.\d+", RELEASE)
 
 
 def test_the_licence_is_what_bus_pkg_create_writes() -> None:
     """Both are the text as it was published."""
-    given = ROOT / "clients" / "bus" / "cli" / "pkg" / "licenses" / "Apache-2.0.txt"
+    given = ROOT / "clients" / "bus_cli" / "pkg" / "licenses" / "Apache-2.0.txt"
     assert PROJECT["project"]["license"] == "Apache-2.0"
     assert (ROOT / "LICENSE").read_text() == given.read_text()
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from bus.rclpy.exceptions import (
+from bus_ros.rclpy.exceptions import (
     InvalidParameterException,
     InvalidParameterTypeException,
     ParameterAlreadyDeclaredException,
@@ -12,9 +12,9 @@ from bus.rclpy.exceptions import (
     ParameterNotDeclaredException,
     ParameterUninitializedException,
 )
-from bus.rclpy.parameter import Parameter
-from bus.rclpy.parameters import NodeParameters
-from bus.rosidl import message_class
+from bus_ros.rclpy.parameter import Parameter
+from bus_ros.rclpy.parameters import NodeParameters
+from bus_ros.rosidl import message_class
 
 Type = Parameter.Type
 

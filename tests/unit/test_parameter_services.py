@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from bus.rclpy.parameter import Parameter, parameter_value_to_python
-from bus.rclpy.parameter_client import AsyncParameterClient
-from bus.rclpy.parameter_service import ParameterService
-from bus.rclpy.parameters import NodeParameters
-from bus.rosidl import message_class
+from bus_ros.rclpy.parameter import Parameter, parameter_value_to_python
+from bus_ros.rclpy.parameter_client import AsyncParameterClient
+from bus_ros.rclpy.parameter_service import ParameterService
+from bus_ros.rclpy.parameters import NodeParameters
+from bus_ros.rosidl import message_class
 
 Type = Parameter.Type
 

@@ -7,14 +7,14 @@ from typing import Any
 
 import pytest
 
-from bus.rclpy import parameter as parameter_module
-from bus.rclpy.parameter import (
+from bus_ros.rclpy import parameter as parameter_module
+from bus_ros.rclpy.parameter import (
     Parameter,
     get_parameter_value,
     parameter_dict_from_yaml_file,
     parameter_value_to_python,
 )
-from bus.rosidl import message_class
+from bus_ros.rosidl import message_class
 
 Type = Parameter.Type
 

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.arguments import Arguments
 from bus.errors import ConfigurationError
-from bus.parameterfile import (
+from bus.parameters.file import (
     Section,
     load,
     overrides,
@@ -20,6 +19,7 @@ from bus.parameterfile import (
     parse_value,
     read_file,
 )
+from bus.process.ros_args import Arguments
 
 VALUES: dict[str, Any] = {
     "true": True,

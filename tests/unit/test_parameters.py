@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.parametermessages import event_message
-from bus.parameters import Change
-from bus.rclpy.exceptions import (
+from bus.parameters.messages import event_message
+from bus.parameters.values import Change
+from bus_ros.rclpy.exceptions import (
     InvalidParameterValueException,
     ParameterImmutableException,
     ParameterNotDeclaredException,
 )
-from bus.rclpy.parameter import Parameter, parameter_message
-from bus.rclpy.parameters import NodeParameters
-from bus.rosidl import message_class
+from bus_ros.rclpy.parameter import Parameter, parameter_message
+from bus_ros.rclpy.parameters import NodeParameters
+from bus_ros.rosidl import message_class
 
 Type = Parameter.Type
 

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bus.errors import CommandLineError, ConfigurationError, ParameterError
-from bus.parameters import Change, Outcome, ParameterType
-from bus.parameterset import Description, Parameter, ParameterSet
+from bus.parameters.store import Description, Parameter, ParameterSet
+from bus.parameters.values import Change, Outcome, ParameterType
 
 
 def parameters(**overrides: Any) -> ParameterSet:

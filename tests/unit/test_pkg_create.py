@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from bus.cli.main import run
-from bus.cli.pkg import templates
+from bus_cli.main import run
+from bus_cli.pkg import templates
 
 PYTHON = ("--build-type", "ament_python", "--maintainer-name", "Ann", "--maintainer-email", "ann@here.org")
 

@@ -1,4 +1,4 @@
-"""bus.printable: which characters a terminal never gets from others."""
+"""bus.base.printable: which characters a terminal never gets from others."""
 
 import json
 import sys
@@ -6,8 +6,8 @@ import unicodedata
 
 import pytest
 
+from bus.base.printable import printable, printable_json
 from bus.errors import BusError, ConfigurationError, ServiceError, SharedMemoryError
-from bus.printable import printable, printable_json
 
 HOSTILE = "".join(
     letter

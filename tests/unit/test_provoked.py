@@ -1,11 +1,11 @@
-"""bus.provoked: what others can make of a program's log."""
+"""bus.diagnostics.provoked: what others can make of a program's log."""
 
 import logging
 from collections.abc import Iterator
 
 import pytest
 
-from bus import provoked
+from bus.diagnostics import provoked
 from bus.logger import LogEntry, get_logger
 from semantics import until
 

@@ -10,13 +10,13 @@ from typing import Any
 
 import pytest
 
-from bus.rclpy import clock as clocks
-from bus.rclpy.clock import Clock, ClockEvent, ClockType, JumpThreshold, ROSClock, TimeJump
-from bus.rclpy.duration import Duration
-from bus.rclpy.exceptions import NotInitializedException
-from bus.rclpy.time import Time
-from bus.rclpy.time_source import TimeSource
-from bus.rosidl import message_class
+from bus_ros.rclpy import clock as clocks
+from bus_ros.rclpy.clock import Clock, ClockEvent, ClockType, JumpThreshold, ROSClock, TimeJump
+from bus_ros.rclpy.duration import Duration
+from bus_ros.rclpy.exceptions import NotInitializedException
+from bus_ros.rclpy.time import Time
+from bus_ros.rclpy.time_source import TimeSource
+from bus_ros.rosidl import message_class
 
 LONG = Duration(seconds=3600)
 WAIT_S = 60.0
@@ -277,7 +277,7 @@ class Node:
 
 @pytest.fixture(autouse=True)
 def nodes_are_ours(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "bus.rclpy.node", SimpleNamespace(Node=Node))
+    monkeypatch.setitem(sys.modules, "bus_ros.rclpy.node", SimpleNamespace(Node=Node))
 
 
 def clock_message(seconds: int) -> Any:

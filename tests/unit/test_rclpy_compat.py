@@ -128,7 +128,7 @@ def test_a_real_rclpy_is_left_alone_unless_forced(tmp_path: Path) -> None:
             print(error)
     """
     assert run(code, tmp_path) == ["True rclpy.node", "No module named 'rclpy.qos'"]
-    forced = "import rclpy.qos, sys; print(rclpy is sys.modules['bus.rclpy'])"
+    forced = "import rclpy.qos, sys; print(rclpy is sys.modules['bus_ros.rclpy'])"
     assert run(forced, tmp_path, BUS_RCLPY_FORCE="1") == ["True"]
 
 
@@ -136,17 +136,17 @@ def test_rclpy_has_the_same_modules_under_both_names(tmp_path: Path) -> None:
     code = """
         import sys
         import rclpy
-        import bus.rclpy.qos
-        print(rclpy is bus.rclpy, rclpy.qos is bus.rclpy.qos, rclpy.__name__, rclpy.__spec__.name)
+        import bus_ros.rclpy.qos
+        print(rclpy is bus_ros.rclpy, rclpy.qos is bus_ros.rclpy.qos, rclpy.__name__, rclpy.__spec__.name)
         import rclpy.time
         from rclpy import duration, exceptions
         from rclpy.impl import rcutils_logger
         import rclpy.impl.rcutils_logger as same
         for name in ("time", "impl.rcutils_logger"):
-            assert sys.modules["rclpy." + name] is sys.modules["bus.rclpy." + name]
-        print(rclpy.time is bus.rclpy.time, same is rcutils_logger, hasattr(rclpy, "nothing"))
+            assert sys.modules["rclpy." + name] is sys.modules["bus_ros.rclpy." + name]
+        print(rclpy.time is bus_ros.rclpy.time, same is rcutils_logger, hasattr(rclpy, "nothing"))
     """
-    assert run(code, tmp_path) == ["True True bus.rclpy bus.rclpy", "True True False"]
+    assert run(code, tmp_path) == ["True True bus_ros.rclpy bus_ros.rclpy", "True True False"]
 
 
 def test_the_c_extension_is_there_without_an_import(tmp_path: Path) -> None:
@@ -246,7 +246,7 @@ def test_installing_twice_does_nothing_more(tmp_path: Path) -> None:
 def test_it_imports_little(tmp_path: Path) -> None:
     code = """
         import sys
-        large = {"asyncio", "msgspec", "numpy", "importlib.abc", "bus.interfaces", "bus.rclpy"}
+        large = {"asyncio", "msgspec", "numpy", "importlib.abc", "bus.types.definitions", "bus_ros.rclpy"}
         print(large & {*sys.modules})
     """
     assert run(code, tmp_path) == ["set()"]

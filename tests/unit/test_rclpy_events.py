@@ -9,9 +9,9 @@ import pytest
 from bus import events as native
 from bus import qos as native_qos
 from bus.graph import GraphEndpoint, GraphNode
-from bus.rclpy import endpoint_info, event_handler, qos_event, qos_overriding_options
-from bus.rclpy.duration import Duration
-from bus.rclpy.event_handler import (
+from bus_ros.rclpy import endpoint_info, event_handler, qos_event, qos_overriding_options
+from bus_ros.rclpy.duration import Duration
+from bus_ros.rclpy.event_handler import (
     IncompatibleTypeInfo,
     PublisherEventCallbacks,
     QoSLivelinessChangedInfo,
@@ -27,15 +27,15 @@ from bus.rclpy.event_handler import (
     publisher_events,
     subscription_events,
 )
-from bus.rclpy.exceptions import ParameterAlreadyDeclaredException
-from bus.rclpy.qos import HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
-from bus.rclpy.qos_overriding_options import (
+from bus_ros.rclpy.exceptions import ParameterAlreadyDeclaredException
+from bus_ros.rclpy.qos import HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
+from bus_ros.rclpy.qos_overriding_options import (
     InvalidQosOverridesError,
     QoSOverridingOptions,
     declare_qos_parameters,
 )
-from bus.rclpy.topic_endpoint_info import EndpointTypeEnum, TopicEndpointInfo
-from bus.rosidl import message_class
+from bus_ros.rclpy.topic_endpoint_info import EndpointTypeEnum, TopicEndpointInfo
+from bus_ros.rosidl import message_class
 
 MATCHED = native.MatchedChange(2, 1, 5, 1, "/other")
 QOS = native.IncompatibleQoS(3, 1, "RELIABILITY", "ERROR: ...;", "/other")

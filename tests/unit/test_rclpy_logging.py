@@ -10,14 +10,14 @@ from typing import Any
 import pytest
 
 from bus.logger import LogEntry
-from bus.rclpy import _rclpy_pybind11, logging
-from bus.rclpy.clock import ROSClock
-from bus.rclpy.clock_type import ClockType
-from bus.rclpy.impl import rcutils_logger
-from bus.rclpy.impl.implementation_singleton import rclpy_implementation
-from bus.rclpy.impl.rcutils_logger import Once, RcutilsLogger, SkipFirst, Throttle
-from bus.rclpy.logging import LoggingSeverity
-from bus.rclpy.time import Time
+from bus_ros.rclpy import _rclpy_pybind11, logging
+from bus_ros.rclpy.clock import ROSClock
+from bus_ros.rclpy.clock_type import ClockType
+from bus_ros.rclpy.impl import rcutils_logger
+from bus_ros.rclpy.impl.implementation_singleton import rclpy_implementation
+from bus_ros.rclpy.impl.rcutils_logger import Once, RcutilsLogger, SkipFirst, Throttle
+from bus_ros.rclpy.logging import LoggingSeverity
+from bus_ros.rclpy.time import Time
 
 _numbers = itertools.count()
 

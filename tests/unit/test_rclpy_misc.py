@@ -9,13 +9,17 @@ from typing import Any
 
 import pytest
 
-from bus.rclpy import action, constants, lifecycle, signals, utilities
-from bus.rclpy.action import client as action_client
-from bus.rclpy.action import server as action_server
-from bus.rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
-from bus.rclpy.context import Context
-from bus.rclpy.lifecycle import node as lifecycle_node
-from bus.rosidl import message_class
+from bus_ros.rclpy import action, constants, lifecycle, signals, utilities
+from bus_ros.rclpy.action import client as action_client
+from bus_ros.rclpy.action import server as action_server
+from bus_ros.rclpy.callback_groups import (
+    CallbackGroup,
+    MutuallyExclusiveCallbackGroup,
+    ReentrantCallbackGroup,
+)
+from bus_ros.rclpy.context import Context
+from bus_ros.rclpy.lifecycle import node as lifecycle_node
+from bus_ros.rosidl import message_class
 
 
 class Entity:
@@ -99,7 +103,9 @@ def test_calls_go_to_the_context(monkeypatch: pytest.MonkeyPatch) -> None:
             try_shutdown=lambda: calls.append(f"{name} try_shutdown"),
         )
 
-    module: Any = sys.modules.get("bus.rclpy.context") or __import__("bus.rclpy.context").rclpy.context
+    module: Any = (
+        sys.modules.get("bus_ros.rclpy.context") or __import__("bus_ros.rclpy.context").rclpy.context
+    )
     monkeypatch.setattr(module, "get_default_context", lambda *, shutting_down=False: context("default"))
     other = context("other")
     assert utilities.ok() and utilities.ok(context=other)

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from bus.msg.std_msgs import String
-from bus.rclpy import exceptions
-from bus.rclpy.exceptions import (
+from bus_ros.rclpy import exceptions
+from bus_ros.rclpy.exceptions import (
     InvalidNamespaceException,
     InvalidNodeNameException,
     InvalidParameterException,
@@ -16,15 +16,19 @@ from bus.rclpy.exceptions import (
     InvalidTopicNameException,
     NameValidationException,
 )
-from bus.rclpy.expand_topic_name import expand_topic_name
-from bus.rclpy.type_hash import TypeHash
-from bus.rclpy.type_support import check_for_type_support, check_is_valid_msg_type, check_is_valid_srv_type
-from bus.rclpy.validate_full_topic_name import validate_full_topic_name
-from bus.rclpy.validate_namespace import validate_namespace
-from bus.rclpy.validate_node_name import validate_node_name
-from bus.rclpy.validate_parameter_name import validate_parameter_name
-from bus.rclpy.validate_topic_name import validate_topic_name
-from bus.rosidl import message_class, service_class
+from bus_ros.rclpy.expand_topic_name import expand_topic_name
+from bus_ros.rclpy.type_hash import TypeHash
+from bus_ros.rclpy.type_support import (
+    check_for_type_support,
+    check_is_valid_msg_type,
+    check_is_valid_srv_type,
+)
+from bus_ros.rclpy.validate_full_topic_name import validate_full_topic_name
+from bus_ros.rclpy.validate_namespace import validate_namespace
+from bus_ros.rclpy.validate_node_name import validate_node_name
+from bus_ros.rclpy.validate_parameter_name import validate_parameter_name
+from bus_ros.rclpy.validate_topic_name import validate_topic_name
+from bus_ros.rosidl import message_class, service_class
 
 
 def test_names_that_are_right() -> None:

@@ -3,9 +3,9 @@
 import pytest
 
 from bus import qos as native
-from bus.rclpy import qos
-from bus.rclpy.duration import Duration, Infinite
-from bus.rclpy.qos import (
+from bus_ros.rclpy import qos
+from bus_ros.rclpy.duration import Duration, Infinite
+from bus_ros.rclpy.qos import (
     DurabilityPolicy,
     HistoryPolicy,
     InvalidQoSProfileException,

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from bus.rclpy.task import Future, Task
+from bus_ros.rclpy.task import Future, Task
 
 
 class Executor:

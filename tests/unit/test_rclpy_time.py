@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from bus.rclpy import time as time_module
-from bus.rclpy.clock_type import ClockType
-from bus.rclpy.duration import Duration, Infinite
-from bus.rclpy.time import Time
-from bus.rosidl import message_class
+from bus_ros.rclpy import time as time_module
+from bus_ros.rclpy.clock_type import ClockType
+from bus_ros.rclpy.duration import Duration, Infinite
+from bus_ros.rclpy.time import Time
+from bus_ros.rosidl import message_class
 
 ROS = ClockType.ROS_TIME
 STEADY = ClockType.STEADY_TIME

@@ -1,4 +1,4 @@
-"""bus.reach: trying to connect, and for how long."""
+"""bus.link.reach: trying to connect, and for how long."""
 
 import socket
 from collections.abc import Iterator
@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from bus.errors import BrokerUnavailable
-from bus.reach import NotNow, Patience, try_to_connect
+from bus.link.reach import NotNow, Patience, try_to_connect
 
 
 class TestPatience:

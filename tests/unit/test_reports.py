@@ -1,10 +1,10 @@
-"""bus.reports: who is told of when, some at a time, with a loop whose time the test makes pass."""
+"""bus.link.reports: who is told of when, some at a time, with a loop whose time the test makes pass."""
 
 from typing import Any
 
 import pytest
 
-from bus.reports import Reports
+from bus.link.reports import Reports
 from bus.wire import messages as m
 from bus.wire.framing import FrameReader
 from bus.wire.layout import MAX_CONTROL_BYTES

@@ -1,4 +1,4 @@
-"""bus.ringroute: for whom a ring keeps messages, when it grows, and that nobody waits for who has gone.
+"""bus.delivery.shm_sender: for whom a ring keeps messages, when it grows, who is waited for no more.
 
 A busd, a talker's and a listener's process in one event loop (`tests/two_processes.py`).
 """
@@ -13,7 +13,7 @@ import pytest
 
 from accounts_cuts import Cuts
 from accounts_world import TOPIC, Numbered, World
-from bus import ringinput
+from bus.delivery import shm_receiver
 from bus.qos import QoSProfile
 from bus.shm import segments
 from semantics import KEEP_ALL
@@ -193,7 +193,7 @@ def test_one_that_can_not_read_it_gets_as_much_history_as_any_other(
         )
         for number in range(20):
             publisher.publish(Numbered(1, number))
-        monkeypatch.setattr(ringinput.segments, "map_ring", refuse)
+        monkeypatch.setattr(shm_receiver.segments, "map_ring", refuse)
         qos = QoSProfile(requested, durability="transient_local")
         late = await listener.create_subscription(Numbered, TOPIC, qos)
         await world.settle()

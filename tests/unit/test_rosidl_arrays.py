@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from bus.rosidl import message_class
+from bus_ros.rosidl import message_class
 
 
 def cls(name: str) -> Any:
@@ -65,7 +65,7 @@ def test_numpy_of_another_byte_order(dtype: str) -> None:
 def test_numpy_is_not_imported_before_an_array_needs_it() -> None:
     code = (
         "import sys\n"
-        "from bus.rosidl import message_class\n"
+        "from bus_ros.rosidl import message_class\n"
         "message_class('std_msgs/msg/Float64MultiArray')(data=[1.0])\n"
         "message_class('sensor_msgs/msg/CameraInfo')\n"
         "assert 'numpy' not in sys.modules\n"

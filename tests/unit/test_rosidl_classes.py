@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from bus.errors import ConfigurationError
-from bus.rosidl import RosMessage, action_class, definition, message_class, service_class
-from bus.rosidl.classes import module_of
+from bus_ros.rosidl import RosMessage, action_class, definition, message_class, service_class
+from bus_ros.rosidl.classes import module_of
 
 DEFINITION = """
 int32 LIMIT=3
@@ -340,8 +340,8 @@ def run(code: str, **environment: str) -> str:
 
 def test_the_checks_can_be_left_out() -> None:
     code = (
-        "from bus.rosidl import message_class\n"
-        "from bus.typesupport import type_support\n"
+        "from bus_ros.rosidl import message_class\n"
+        "from bus.types.support import type_support\n"
         "String, Joints = map(message_class, ('std_msgs/msg/String', 'sensor_msgs/msg/JointState'))\n"
         "print(String(data=5, x=6).data, Joints(position=[1, 2]).position.typecode)\n"
         "support = type_support(String)\n"

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from bus.rosidl import ament_index, message_class, runtime
+from bus_ros.rosidl import ament_index, message_class, runtime
 
 
 def cls(name: str) -> Any:

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bus.bulk import bytes_fields
 from bus.errors import MessageTypeError
-from bus.idl import INTEGERS, Type
-from bus.interfaces import find_message, names
-from bus.interfacetypes import message_class as native_class
-from bus.rclpy.serialization import deserialize_message, serialize_message
-from bus.rosidl import RosMessage, message_class
-from bus.typesupport import type_hash, type_support, wrong_class
+from bus.types.classes import message_class as native_class
+from bus.types.definitions import find_message, names
+from bus.types.idl import INTEGERS, Type
+from bus.types.large_fields import bytes_fields
+from bus.types.support import type_hash, type_support, wrong_class
+from bus_ros.rclpy.serialization import deserialize_message, serialize_message
+from bus_ros.rosidl import RosMessage, message_class
 
 SHIPPED = ("builtin_interfaces", "geometry_msgs", "nav_msgs", "sensor_msgs", "std_msgs", "visualization_msgs")
 MESSAGES = [name for package in SHIPPED for name in names("msg", package)]

@@ -15,7 +15,7 @@ from msgspec import UNSET, Meta, Struct, UnsetType, field
 from bus.errors import ConfigurationError, MessageTypeError
 from bus.msg import Message, byte, float32, uint8
 from bus.msg.geometry_msgs import Point, Pose
-from bus.schema import Node, Schema, build, describe, type_name
+from bus.types.schema import Node, Schema, build, describe, type_name
 
 T = TypeVar("T")
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bus.errors import ConfigurationError
-from bus.schema import MAX_DEPTH, MAX_ELEMENTS, Node, Schema, build, describe, type_name
+from bus.types.schema import MAX_DEPTH, MAX_ELEMENTS, Node, Schema, build, describe, type_name
 
 
 def one_field(type_: object, **others: object) -> Schema:

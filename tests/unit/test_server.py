@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bus.ids import PeerId
+from bus.base.ids import PeerId
 from bus.wire.runs import Run
 from busd import server as server_module
 from busd.core.broker import Broker

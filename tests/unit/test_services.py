@@ -8,18 +8,18 @@ import pytest
 
 import bus
 from bus import names
-from bus.cli.output import CommandError
-from bus.cli.service.definitions import full_service_type
-from bus.envelope import GID_BYTES, Reply, Request, ServiceSupport, message_of, service_support
 from bus.graph import Graph, GraphEndpoint, GraphNode
-from bus.interfaces import find_definition
-from bus.interfacetypes import message_class
 from bus.msg import Message, int64, string
 from bus.msg.geometry_msgs import Point
-from bus.schema import build
 from bus.srv import PACKAGES, example_interfaces, std_srvs
 from bus.srv.example_interfaces import AddTwoInts
-from bus.typesupport import type_support
+from bus.types.classes import message_class
+from bus.types.definitions import find_definition
+from bus.types.schema import build
+from bus.types.service import GID_BYTES, Reply, Request, ServiceSupport, message_of, service_support
+from bus.types.support import type_support
+from bus_cli.output import CommandError
+from bus_cli.service.definitions import full_service_type
 
 GID = bytes(range(GID_BYTES))
 OTHER = bytes(GID_BYTES)

@@ -5,7 +5,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
 from bus.errors import RemoteProtocolError
 from bus.wire import messages as m
 from bus.wire.layout import (

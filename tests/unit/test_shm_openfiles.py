@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
 from bus.shm import openfiles, segments
 from bus.shm.openfiles import OWN, RESERVE
 

@@ -21,7 +21,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bus import shm
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
 from bus.shm import descriptors, segments
 from conftest import WAIT_S
 from shm_ends import Listener, Talker, core
@@ -155,7 +155,7 @@ def test_out_of_descriptors_and_out_of_memory_are_errors() -> None:
 
 LISTENER = """
 import select, socket, sys
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
 from bus.shm import core, segments
 ring, doorbell, line = (int(word) for word in sys.argv[1:])
 segment, memory = segments.make_readers(1)

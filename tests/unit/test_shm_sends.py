@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from bus.callbacks import is_async
+from bus.base.callbacks import is_async
 from shm_ends import core
 
 PER_TURN = 100

@@ -1,4 +1,4 @@
-"""bus.socketroute: runs, the window of a publisher that keeps all, what is kept for the next busd.
+"""bus.delivery.socket_sender: runs, the window of a publisher that keeps all, what is kept for the next busd.
 
 A busd, a talker's and a listener's process in one event loop (`tests/two_processes.py`).
 """
@@ -9,7 +9,7 @@ import pytest
 
 import bus
 from accounts_world import TOPIC, Numbered, World
-from bus import allowance, socketroute
+from bus.delivery import allowance, socket_sender
 from bus.qos import QoSProfile
 from jumping_loop import JumpingLoop
 from semantics import KEEP_ALL
@@ -98,8 +98,8 @@ def test_a_message_above_the_limit_is_refused_and_the_next_one_goes(two: Play) -
 def test_the_history_that_is_kept_for_the_next_busd_is_bounded(
     two: Play, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(socketroute, "STEP_BYTES", 10_000)
-    monkeypatch.setattr(socketroute, "QUEUE_BYTES", 10_000)
+    monkeypatch.setattr(socket_sender, "STEP_BYTES", 10_000)
+    monkeypatch.setattr(socket_sender, "QUEUE_BYTES", 10_000)
     monkeypatch.setattr(allowance, "STEP_BYTES", 10_000)
     qos = QoSProfile(1000, durability="transient_local")
 

@@ -1,9 +1,9 @@
-"""bus.sources: what the numbers of samples tell a subscription, by whatever way they come."""
+"""bus.delivery.sequence: what the numbers of samples tell a subscription, by whatever way they come."""
 
 import pytest
 
+from bus.delivery.sequence import PublisherProxy, SequenceTracker
 from bus.qos import QoSProfile
-from bus.sources import Source, Sources
 from bus.wire.bounds import MOST_REMEMBERED
 from bus.wire.layout import RECORD_HEAD
 from bus.wire.messages import Matched
@@ -17,8 +17,8 @@ class Heard:
 
     def __init__(self) -> None:
         self.lost: list[tuple[str, int]] = []
-        self.sources = Sources(lambda reason, count: self.lost.append((reason, count)))
-        self.source = self.sources[7] = Source(7, GID, 0, 0, needs_ack=False)
+        self.sources = SequenceTracker(lambda reason, count: self.lost.append((reason, count)))
+        self.source = self.sources[7] = PublisherProxy(7, GID, 0, 0, needs_ack=False)
 
     def get(self, first_seq: int, count: int = 1, *, number: int = 7, is_replay: bool = False) -> list[int]:
         """A run comes; returns the numbers of what is left of it."""
@@ -139,7 +139,7 @@ class TestLastSeqs:
     def test_the_last_number_of_each_those_that_are_there_at_the_end(self) -> None:
         heard = Heard()
         heard.get(1, 3)
-        heard.sources[8] = Source(8, b"other", 5, 0, needs_ack=False)
+        heard.sources[8] = PublisherProxy(8, b"other", 5, 0, needs_ack=False)
         heard.sources.forget(8)
         heard.sources.disconnected(0, "replaced")
         assert [*heard.sources.last_seqs.items()] == [(b"other", 5), (GID, 3)]
@@ -149,7 +149,7 @@ class TestLastSeqs:
         heard = Heard()
         gids = [number.to_bytes(16, "big") for number in range(100, 100 + MOST_REMEMBERED + 200)]
         for number, gid in enumerate(gids, 100):
-            heard.sources[number] = Source(number, gid, number, 0, needs_ack=False)
+            heard.sources[number] = PublisherProxy(number, gid, number, 0, needs_ack=False)
             heard.sources.forget(number)
         heard.sources.disconnected(0, "replaced")
         known = heard.sources.last_seqs

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
 from bus.errors import RemoteProtocolError
 from bus.transport.stream import Stream
 from bus.wire import messages as m

@@ -11,7 +11,7 @@ from conftest import WAIT_S
 PRELUDE = """
 import asyncio, errno, json, os, resource, socket, sys
 import uvloop
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
 from bus.transport.stream import Stream
 from bus.wire import messages as m
 from bus.wire.outbox import Outbox

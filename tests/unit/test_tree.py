@@ -20,7 +20,7 @@ MAX_LINES = 600
 
 def test_every_folder_with_sources_is_packaged() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
-    roots = [(ROOT / "busd", ROOT), (ROOT / "clients" / "bus", ROOT / "clients")]
+    roots = [(ROOT / "busd", ROOT), *((path, ROOT / "clients") for path in (ROOT / "clients").iterdir())]
     folders = {
         ".".join(path.parent.relative_to(base).parts) for root, base in roots for path in root.rglob("*.py")
     }

@@ -15,9 +15,9 @@ from bus.msg.geometry_msgs import Point, Pose, PoseArray, Twist, Vector3
 from bus.msg.nav_msgs import OccupancyGrid
 from bus.msg.sensor_msgs import Image, Imu, JointState, LaserScan, PointCloud2, PointField
 from bus.msg.std_msgs import Bool, Byte, Float32, Int8, String, UInt8, UInt64
-from bus.schema import build, describe
-from bus.typecheck import predicate
-from bus.typesupport import type_support
+from bus.types.check import predicate
+from bus.types.schema import build, describe
+from bus.types.support import type_support
 
 
 class Number(enum.IntEnum):

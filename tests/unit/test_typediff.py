@@ -6,12 +6,12 @@ import msgspec
 import pytest
 from msgspec import Meta, Struct
 
-from bus.envelope import service_support
 from bus.msg import Message, float32, float64, int32, uint8
 from bus.msg.geometry_msgs import Point, Vector3
-from bus.schema import describe
 from bus.srv import make_service
-from bus.typediff import difference
+from bus.types.diff import difference
+from bus.types.schema import describe
+from bus.types.service import service_support
 
 
 def described(**fields: Any) -> bytes:

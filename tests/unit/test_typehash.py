@@ -7,9 +7,9 @@ from msgspec import Meta, Struct
 
 from bus.msg import Message, byte_array, float64, uint8, uint8_array
 from bus.msg.geometry_msgs import Point
-from bus.schema import describe
-from bus.typehash import schema_hash
-from bus.typesupport import find_type, type_hash
+from bus.types.hash import schema_hash
+from bus.types.schema import describe
+from bus.types.support import find_type, type_hash
 
 # As public ROS 2 programs, logs and rmw_zenoh key expressions have them.
 KNOWN = """

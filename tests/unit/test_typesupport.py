@@ -16,8 +16,8 @@ from bus.msg._described import DESCRIBED
 from bus.msg.geometry_msgs import Point, Pose, PoseArray, Twist, Vector3
 from bus.msg.sensor_msgs import Imu, JointState
 from bus.msg.std_msgs import Float32, Header, String
-from bus.schema import build, describe
-from bus.typesupport import find_type, type_hash, type_name, type_support, wrong_class
+from bus.types.schema import build, describe
+from bus.types.support import find_type, type_hash, type_name, type_support, wrong_class
 
 
 class Wheel(Struct, rename="camel"):
@@ -292,6 +292,6 @@ def test_a_type_is_found_by_either_name() -> None:
 
 
 def test_importing_it_imports_no_large_packages() -> None:
-    script = "import sys, bus.typesupport; print(*sys.modules)"
+    script = "import sys, bus.types.support; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True).stdout
     assert {"bus.msg.geometry_msgs", "bus.msg.nav_msgs", "bus.msg.sensor_msgs"}.isdisjoint(loaded.split())

@@ -234,8 +234,8 @@ class TestTheGraph:
             publisher = await talker.create_publisher(Numbered, TOPIC, 10)
             publisher.publish(Numbered())
             before = (await subscription.receive())[1].source_timestamp
-            clock = bus.link.time_ns
-            monkeypatch.setattr(bus.link, "time_ns", lambda: clock() + hour_ns)
+            clock = bus.link.link.time_ns
+            monkeypatch.setattr(bus.link.link, "time_ns", lambda: clock() + hour_ns)
             for _ in range(2):
                 publisher.publish(Numbered())
                 after = (await subscription.receive())[1].source_timestamp

@@ -57,7 +57,7 @@ class Bell:
     def __init__(self, memory: Mapping, doorbell: int, *, foreign: bool = False) -> None: ...
 
 class Plan:
-    """How to check and encode the messages of one class in one pass; made by `bus.typecheck.plan`.
+    """How to check and encode the messages of one class in one pass; made by `bus.types.check.plan`.
 
     A field: where it stands, the bytes before its value, the value. A value: how it is encoded (AS_...), the
     least and the most it may be (AS_INT) or its length may (AS_BYTES, AS_LIST), and of what it is: a Plan
@@ -326,7 +326,7 @@ class Reader:
         """Sources whose ring was left by itself, the reason ("": it was finished), and the next number."""
 
 class OpenRun:
-    """`bus.openrun.OpenRun`, which says what it does."""
+    """`bus.delivery.open_run.OpenRun`, which says what it does."""
 
     samples: int
     size: int

@@ -205,7 +205,7 @@ int core_arguments(const char *const *names, PyObject *const *args, Py_ssize_t c
 int core_as_u64(PyObject *value, void *number);
 void *core_allocate(PyTypeObject *type);
 void core_free(void *object);
-/* (message, stamp, number, source, time of receipt), as bus.inbox.Taken; takes over all but the source. Where one of them
+/* (message, stamp, number, source, time of receipt), as bus.delivery.receiver.Taken; takes over all but the source. Where one of them
  * is NULL, so is the answer. */
 PyObject *core_with_origin(PyObject *message, PyObject *stamp_ns, uint64_t seq, PyObject *source, PyObject *received_ns);
 /* What a Bell and Readers are made of, from the arguments (memory, doorbell, foreign): a checked segment, borrowed; NULL

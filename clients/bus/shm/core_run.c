@@ -1,6 +1,6 @@
 /* Runs of the socket route: OpenRun, the frame that a publisher fills, and what takes the body of one apart.
  *
- * Has nothing to do with segments. bus.openrun does the same in Python, byte for byte, where there is no core.
+ * Has nothing to do with segments. bus.delivery.open_run does the same in Python, byte for byte, where there is no core.
  */
 #include "core.h"
 

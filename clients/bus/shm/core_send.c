@@ -365,7 +365,7 @@ static PyMemberDef sends_members[] = {
     {0},
 };
 
-/* A callback that is this method is an async one (bus.awaited). */
+/* A callback that is this method is an async one (bus.base.awaited). */
 static PyObject *get_mark(PyObject *Py_UNUSED(object), void *Py_UNUSED(closure)) { Py_RETURN_TRUE; }
 
 static PyGetSetDef sends_properties[] = {

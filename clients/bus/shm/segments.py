@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
 from bus.shm import core
 from bus.shm.descriptors import SEALS, readers_fault, ring_fault
 from bus.shm.headroom import claim

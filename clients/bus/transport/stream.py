@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import Any
 
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
 from bus.errors import RemoteProtocolError
 from bus.transport.hangups import HangUps
 from bus.transport.memory import keep_freed_memory

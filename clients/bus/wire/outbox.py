@@ -7,7 +7,7 @@ because the kernel binds descriptors to what one call sends. Pure: gives out buf
 
 from collections import deque
 
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
 from bus.wire.runs import Account, Buffer, RunQueue
 
 TAKE_BYTES = 256 << 10

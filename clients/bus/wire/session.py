@@ -16,7 +16,7 @@ from enum import Enum, auto
 from itertools import chain
 from typing import Any, NamedTuple
 
-from bus.descriptor import Descriptor
+from bus.base.descriptor import Descriptor
 from bus.errors import RemoteProtocolError
 from bus.wire.framing import FrameReader
 from bus.wire.layout import (

@@ -4,7 +4,7 @@ import pytest
 
 from absence import Story, begun, kept, missed
 from broker_world import SECOND, UID
-from bus.ids import EndpointId
+from bus.base.ids import EndpointId
 from bus.wire import messages as m
 from bus.wire.codec import encode_frame
 from bus.wire.layout import FRAME_HEAD_BYTES, MAX_COUNT

@@ -7,7 +7,7 @@ import pytest
 from absence import DEEP, Story, kept
 from broker_endpoints import Publisher, Subscription
 from broker_world import TEXT
-from bus.ids import EndpointId
+from bus.base.ids import EndpointId
 from bus.wire import messages as m
 
 MANY = 150

@@ -1,4 +1,4 @@
-"""busd.core.routes: which matches go by shared memory, what both ends are told, and refusals."""
+"""busd.core.shm_routes: which matches go by shared memory, what both ends are told, and refusals."""
 
 import pytest
 

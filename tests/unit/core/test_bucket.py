@@ -1,15 +1,15 @@
-"""busd.core.bucket: so many at once, so many a second, whatever comes when."""
+"""busd.core.rate_limit: so many at once, so many a second, whatever comes when."""
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from busd.core.bucket import Bucket
+from busd.core.rate_limit import TokenBucket
 
 SECOND = 1_000_000_000
 STEPS = st.lists(st.tuples(st.integers(0, 3 * SECOND), st.integers(1, 12)), max_size=60)
 
 
-def try_to_take(bucket: Bucket, now_ns: int, tokens: int) -> bool:
+def try_to_take(bucket: TokenBucket, now_ns: int, tokens: int) -> bool:
     if not bucket.has(now_ns, tokens):
         return False
     bucket.take(now_ns, tokens)
@@ -17,7 +17,7 @@ def try_to_take(bucket: Bucket, now_ns: int, tokens: int) -> bool:
 
 
 def test_the_burst_then_the_rate() -> None:
-    bucket = Bucket(10, 5)
+    bucket = TokenBucket(10, 5)
     assert [try_to_take(bucket, 0, 1) for _ in range(6)] == [True] * 5 + [False]
     assert not try_to_take(bucket, SECOND // 10 - 1, 1)
     assert try_to_take(bucket, SECOND // 10, 1)
@@ -25,7 +25,7 @@ def test_the_burst_then_the_rate() -> None:
 
 
 def test_a_rest_fills_it_and_no_more() -> None:
-    bucket = Bucket(10, 5)
+    bucket = TokenBucket(10, 5)
     bucket.take(0, 5)
     assert not bucket.is_full(SECOND // 2 - 1)
     assert bucket.is_full(SECOND // 2)
@@ -33,14 +33,14 @@ def test_a_rest_fills_it_and_no_more() -> None:
 
 
 def test_what_is_more_than_it_holds_needs_it_full() -> None:
-    bucket = Bucket(10, 5)
+    bucket = TokenBucket(10, 5)
     assert try_to_take(bucket, 0, 1000)
     assert not bucket.has(SECOND, 1000)
     assert bucket.has(100 * SECOND, 1000)
 
 
 def test_how_long_until_nothing_is_owed() -> None:
-    bucket = Bucket(10, 5)
+    bucket = TokenBucket(10, 5)
     bucket.take(0, 5)
     assert bucket.owed_ns(0) == 0
     bucket.take(0, 3)
@@ -51,7 +51,7 @@ def test_how_long_until_nothing_is_owed() -> None:
 
 def test_what_is_owed_is_bounded() -> None:
     """Who took what was not there gets on again after a second more than the bucket takes to fill."""
-    bucket = Bucket(10, 5)
+    bucket = TokenBucket(10, 5)
     for _ in range(1000):
         bucket.take(0, 100)
     assert not bucket.has(SECOND, 1)
@@ -60,7 +60,7 @@ def test_what_is_owed_is_bounded() -> None:
 
 
 def test_another_rate() -> None:
-    bucket = Bucket(10, 5)
+    bucket = TokenBucket(10, 5)
     bucket.take(0, 5)
     bucket.resize(10, 8)
     assert [try_to_take(bucket, 0, 1) for _ in range(4)] == [True] * 3 + [False]
@@ -72,7 +72,7 @@ def test_another_rate() -> None:
 def test_against_a_count_of_tokens(rate: int, burst: int, steps: list[tuple[int, int]]) -> None:
     """The model counts whole nanoseconds' worth of tokens in a bucket; here is only when it is full."""
     step_ns = SECOND // rate
-    bucket, level_ns, now_ns = Bucket(rate, burst), burst * step_ns, 0
+    bucket, level_ns, now_ns = TokenBucket(rate, burst), burst * step_ns, 0
     for pause_ns, tokens in steps:
         now_ns += pause_ns
         level_ns = min(level_ns + pause_ns, burst * step_ns)
@@ -86,7 +86,7 @@ def test_against_a_count_of_tokens(rate: int, burst: int, steps: list[tuple[int,
 
 @given(rate=st.integers(1, 50), burst=st.integers(1, 20), steps=STEPS)
 def test_never_more_than_rate_and_burst_say(rate: int, burst: int, steps: list[tuple[int, int]]) -> None:
-    bucket, now_ns, taken = Bucket(rate, burst), 0, 0
+    bucket, now_ns, taken = TokenBucket(rate, burst), 0, 0
     for pause_ns, tokens in steps:
         now_ns += pause_ns
         if tokens <= burst and try_to_take(bucket, now_ns, tokens):

@@ -1,4 +1,4 @@
-"""busd.core.routing: samples for one subscription alone, and subscriptions that know more than came here."""
+"""busd.core.router: samples for one subscription alone, and subscriptions that know more than came here."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""busd.core.declaring: what may be made, under which rules and limits."""
+"""busd.core.registry: what may be made, under which rules and limits."""
 
 import msgspec
 import pytest

@@ -1,10 +1,10 @@
-"""busd.core.latency: the histogram of how long runs stay."""
+"""busd.core.routing_times: the histogram of how long runs stay."""
 
 import pytest
 
 from broker_world import Process, World
 from bus.wire import messages as m
-from busd.core.latency import BOUNDS_US, RoutingTimes
+from busd.core.routing_times import BOUNDS_US, RoutingTimes
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""busd.core.liveliness: publishers whose lease ends, and who is told."""
+"""busd.core.leases: publishers whose lease ends, and who is told."""
 
 from broker_endpoints import Publisher, Subscription
 from broker_world import Process, World

@@ -4,7 +4,7 @@ import pytest
 
 from broker_line import Line
 from broker_world import World
-from bus.ids import EndpointId
+from bus.base.ids import EndpointId
 from bus.qos import QoSProfile
 from bus.wire.layout import MAX_RUN_SAMPLES
 from busd.core.limits import TopicRule

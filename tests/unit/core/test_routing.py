@@ -1,4 +1,4 @@
-"""busd.core.routing: samples to queues, and every sample that is lost counted with its reason."""
+"""busd.core.router: samples to queues, and every sample that is lost counted with its reason."""
 
 import pytest
 

@@ -1,0 +1,95 @@
+"""Holds the rules of access against what peers ask for, and tells of what is denied.
+
+Owns who was told of a denial already. Must not know how the rules are matched (busd.core.access), nor what an
+observer sees (busd.core.graph_view).
+"""
+
+import logging
+from hashlib import blake2b
+
+from bus.errors import AccessDenied
+from bus.wire.layout import ACCESS
+from bus.wire.messages import Incompatible
+from busd.core.access import Access, Action, Verdict
+from busd.core.effects import Effect, Note, Send
+from busd.core.entities import Node, Peer, Publisher, Subscription
+from busd.core.graph import Graph
+
+_MOST_TOLD = 1024
+"""Denials of one user that are told: nobody shall silence the log for others."""
+
+
+class Guard:
+    """`access` are the rules in force; `renew` brings others."""
+
+    def __init__(self, graph: Graph, access: Access) -> None:
+        self.access = access
+        self._graph = graph
+        self._told: dict[int, set[tuple[Action, str]]] = {}
+
+    def renew(self, access: Access) -> None:
+        """Other rules hold from now on; what they deny is told anew."""
+        self.access = access
+        self._told.clear()
+
+    def admit(self, node: Node, action: Action, topic: str, out: list[Effect]) -> Verdict:
+        """Raises AccessDenied where the user of `node` may not do that.
+
+        The log and the other end, who may be waiting for that user, learn of it the first time.
+        """
+        who = node.peer.subject
+        verdict = self.access.decide(who, action, topic)
+        if not verdict.is_allowed:
+            text = self.access.why_not(who, action, topic)
+            told = self._told.setdefault(who.uid, set())
+            if (action, topic) not in told and len(told) < _MOST_TOLD:
+                told.add((action, topic))
+                more = f"; no more denials of user {who.uid} are logged" if len(told) == _MOST_TOLD else ""
+                self._tell(node, action, topic, text, more, out)
+            raise AccessDenied(text)
+        return verdict
+
+    def gid(self, peer: Peer, gid: bytes) -> bytes:
+        """What the endpoint that calls itself `gid` is called for others.
+
+        By gids everybody knows his publishers again. A guest can read them, so what he claims is made his
+        own: it can't be another user's, and is the same at each busd.
+        """
+        if self.access.is_free(peer.uid):
+            return gid
+        return blake2b(gid, digest_size=len(gid), salt=peer.uid.to_bytes(16, "little")).digest()
+
+    def may_observe(self, peer: Peer, topic: str) -> bool:
+        return self.access.decide(peer.subject, "observe", topic).is_allowed
+
+    def find_fault(self, peer: Peer) -> str:
+        """What of the things that `peer` has its user may not have any more; "" where all is right."""
+        who = peer.subject
+        if not self.access.may_connect(who):
+            return f"{self.access.name(who.uid)} may not use this busd: its access rules have changed"
+        for endpoint in peer.endpoints.values():
+            action = action_of(endpoint)
+            if not self.access.decide(who, action, endpoint.topic.name).is_allowed:
+                return (
+                    f"{self.access.why_not(who, action, endpoint.topic.name)} (the access rules have changed)"
+                )
+        return ""
+
+    def _tell(self, node: Node, action: Action, topic: str, text: str, more: str, out: list[Effect]) -> None:
+        out.append(Note(logging.WARNING, f"{node.full_name} of {node.peer.describe()}: {text}{more}"))
+        present = self._graph.topics.get(topic)
+        if present is None:
+            return
+        others: list[Publisher] | list[Subscription] = (
+            [*present.subscriptions.values()] if action == "publish" else [*present.publishers.values()]
+        )
+        for other in others:
+            message = Incompatible(
+                endpoint=other.id, topic=topic, node=node.full_name, policy=ACCESS, text=text
+            )
+            out.append(Send(other.node.peer.id, message))
+
+
+def action_of(endpoint: Publisher | Subscription) -> Action:
+    """What having that endpoint means."""
+    return "publish" if isinstance(endpoint, Publisher) else "subscribe"

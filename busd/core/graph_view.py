@@ -1,0 +1,122 @@
+"""The part of the graph that an observer sees who may not see all of it.
+
+It sees the endpoints on the topics that it may observe and those of its own process, the nodes of these, its
+own nodes, and the matches of which it sees both ends. Owns what an observer was told, so that its copy
+stays exact. Must not know why a topic is hidden.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+
+from bus.base.ids import EndpointId, NodeId
+from bus.wire.messages import EndpointRecord, GraphChanged, MatchRecord
+from busd.core.entities import MessageType, Peer, Publisher, Subscription
+from busd.core.graph import Graph
+from busd.core.work import TELL, Work
+
+
+class GraphView:
+    """The part of `graph` that `peer` sees, once it was told to `fill`; `renew` looks at all again."""
+
+    def __init__(self, graph: Graph, peer: Peer, may_observe: Callable[[str], bool]) -> None:
+        self._graph = graph
+        self._peer = peer
+        self._may_observe = may_observe
+        self._endpoints: dict[int, int] = {}
+        """Those that are shown, with their nodes."""
+        self._nodes: Counter[int] = Counter()
+        """Those that are shown, with the number of their endpoints that are, and one more for own ones."""
+
+    def fill(self) -> Work:
+        """Look at all that there is; what comes and goes meanwhile is heard of by `changed`."""
+        self._endpoints.clear()
+        self._nodes.clear()
+        self._nodes.update([*self._peer.nodes])
+        tables: tuple[dict[EndpointId, Publisher] | dict[EndpointId, Subscription], ...]
+        tables = (self._graph.publishers, self._graph.subscriptions)
+        for table in tables:
+            for endpoint in tuple(table.values()):
+                if endpoint.id in table and endpoint.id not in self._endpoints:
+                    if endpoint.node.peer is self._peer or self._may_observe(endpoint.topic.name):
+                        self._show(endpoint.id, endpoint.node.id)
+                    yield TELL
+
+    @property
+    def shown(self) -> tuple[set[int], set[int]]:
+        """The nodes and the endpoints that are seen now."""
+        return {*self._nodes}, {*self._endpoints}
+
+    def shows_type(self, kind: MessageType) -> bool:
+        """Whether an endpoint that is seen has that type, or this process has declared it."""
+        if kind in self._peer.types:
+            return True
+        tables = (self._graph.publishers, self._graph.subscriptions)
+        return any(
+            one.type == kind and one.id in self._endpoints for table in tables for one in table.values()
+        )
+
+    def changed(self, change: GraphChanged) -> GraphChanged:
+        """What this observer sees of `change`, which has just been made: maybe nothing but the revision."""
+        nodes_gone, gone = {*change.nodes_removed}, {*change.endpoints_removed}
+        own = [node.id for node in change.nodes_added if node.id in self._peer.nodes]
+        added = [one for one in change.endpoints_added if one.id not in gone and self._is_seen(one)]
+        removed = tuple(number for number in change.endpoints_removed if number in self._endpoints)
+        touched = {*own, *nodes_gone, *(one.node for one in added)}
+        touched.update(self._endpoints[number] for number in removed)
+        before = {one for one in touched if one in self._nodes}
+        for number in own:
+            self._nodes[number] += 1
+        for endpoint in added:
+            self._show(endpoint.id, endpoint.node)
+        matches_added = tuple(filter(self._sees_both, change.matches_added))
+        matches_removed = tuple(filter(self._sees_both, change.matches_removed))
+        for number in removed:
+            self._hide(number)
+        for number in nodes_gone:
+            self._nodes.pop(number, None)
+        nodes, after = self._graph.nodes, {one for one in touched if one in self._nodes}
+        return GraphChanged(
+            revision=change.revision,
+            nodes_added=tuple(nodes[NodeId(one)].record() for one in sorted(after - before)),
+            nodes_removed=tuple(sorted(before - after)),
+            endpoints_added=tuple(added),
+            endpoints_removed=removed,
+            matches_added=matches_added,
+            matches_removed=matches_removed,
+        )
+
+    def renew(self, revision: int) -> GraphChanged:
+        """Ask for every topic again; returns what has come into sight and what has gone, as `revision`."""
+        nodes, endpoints, matches = set(self._nodes), set(self._endpoints), self._matches()
+        for _ in self.fill():
+            pass
+        graph = self._graph
+        fresh = [one for one in self._endpoints if one not in endpoints]
+        return GraphChanged(
+            revision=revision,
+            nodes_added=tuple(graph.nodes[NodeId(one)].record() for one in self._nodes if one not in nodes),
+            nodes_removed=tuple(one for one in nodes if one not in self._nodes),
+            endpoints_added=tuple(graph.endpoint(EndpointId(one)).record() for one in fresh),
+            endpoints_removed=tuple(one for one in endpoints if one not in self._endpoints),
+            matches_added=tuple(one for one in self._matches() if one not in matches),
+            matches_removed=tuple(one for one in matches if not self._sees_both(one)),
+        )
+
+    def _is_seen(self, endpoint: EndpointRecord) -> bool:
+        return endpoint.id in self._peer.endpoints or self._may_observe(endpoint.topic)
+
+    def _show(self, endpoint: int, node: int) -> None:
+        self._endpoints[endpoint] = node
+        self._nodes[node] += 1
+
+    def _hide(self, endpoint: int) -> None:
+        node = self._endpoints.pop(endpoint)
+        self._nodes[node] -= 1
+        if not self._nodes[node]:
+            del self._nodes[node]
+
+    def _sees_both(self, match: MatchRecord) -> bool:
+        return match.publisher in self._endpoints and match.subscription in self._endpoints
+
+    def _matches(self) -> dict[MatchRecord, None]:
+        return dict.fromkeys(filter(self._sees_both, self._graph.match_records()))

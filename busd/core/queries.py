@@ -1,0 +1,139 @@
+"""Questions and their answers: the graph, types, what busd holds for whom; and who watches the graph change.
+
+Handlers of the broker's control messages, as in `busd.core.registry`. Owns the observers. Changes nothing
+that anybody could see.
+"""
+
+from functools import partial
+
+from msgspec import structs
+
+from bus.base.ids import PeerId
+from bus.errors import ConfigurationError
+from bus.wire import messages as m
+from busd.core.absent import Absentees
+from busd.core.access_guard import Guard
+from busd.core.effects import Effect, Send
+from busd.core.entities import GRAPH, Peer
+from busd.core.graph import Graph
+from busd.core.graph_view import GraphView
+from busd.core.quotas import Quotas
+from busd.core.routing_times import RoutingTimes
+from busd.core.snapshot import take_snapshot
+from busd.core.work import LOOKS_PER_UNIT, RECORD, TELL, Meter, Work
+
+
+class Queries:
+    """Carries out GetGraph, GetType, GetPeers and Observe.
+
+    `pid` goes with a graph. What all users hold is for those whom no rule of access is asked for.
+    """
+
+    def __init__(
+        self,
+        graph: Graph,
+        quotas: Quotas,
+        guard: Guard,
+        times: RoutingTimes,
+        meter: Meter,
+        absentees: Absentees,
+        *,
+        pid: int,
+    ) -> None:
+        self._graph = graph
+        self._quotas = quotas
+        self._guard = guard
+        self._times = times
+        self._meter = meter
+        self._absentees = absentees
+        self._pid = pid
+        self._observers: dict[PeerId, GraphView | None] = {}
+        """What each sees; None: everything."""
+        self._filling: dict[PeerId, GraphView] = {}
+        """Views of those that will observe when all that there is was looked at."""
+
+    def get_graph(self, now_ns: int, peer: Peer, message: m.GetGraph, out: list[Effect]) -> Work:
+        view = self._view(peer)
+        if view is not None:
+            yield from view.fill()
+        answer = yield from take_snapshot(
+            self._graph,
+            message.request,
+            statistics=message.statistics,
+            pid=self._pid,
+            shown=None if view is None else view.shown,
+        )
+        out.append(Send(peer.id, answer))
+
+    def get_type(self, now_ns: int, peer: Peer, message: m.GetType, out: list[Effect]) -> Work:
+        kind = (message.type_name, message.type_hash)
+        schema = self._graph.schema(kind)
+        view = self._view(peer)
+        if view is not None:
+            yield from view.fill()
+        if schema is None or (view is not None and not view.shows_type(kind)):
+            raise ConfigurationError(f"no endpoint has the type {message.type_name} ({message.type_hash})")
+        out.append(Send(peer.id, m.TypeDescription(request=message.request, schema=schema)))
+
+    def get_peers(self, now_ns: int, peer: Peer, message: m.GetPeers, out: list[Effect]) -> None:
+        sees_all = self._guard.access.is_free(peer.uid)
+        peers, users = self._quotas.records(now_ns, None if sees_all else peer.user)
+        self._meter.left -= RECORD * len(peers) + len(self._graph.publishers) // LOOKS_PER_UNIT
+        samples, size = self._graph.routed()
+        answer = m.Peers(
+            request=message.request,
+            peers=peers,
+            users=users,
+            routing=self._times.record(samples=samples, bytes=size) if sees_all else m.RoutingRecord(),
+            limits=structs.asdict(self._quotas.limits),
+            absent=self._absentees.record() if sees_all else m.AbsentRecord(),
+        )
+        out.append(Send(peer.id, answer))
+
+    def observe(self, now_ns: int, peer: Peer, message: m.Observe, out: list[Effect]) -> Work:
+        self.forget(peer)
+        if not message.on:
+            out.append(Send(peer.id, m.Done(request=message.request)))
+            return
+        view = self._view(peer)
+        if view is not None:
+            self._filling[peer.id] = view
+            yield from view.fill()
+            del self._filling[peer.id]
+        self._observers[peer.id] = view
+        peer.withheld = GRAPH  # what changes from here on must not come before the answer
+        answer = yield from take_snapshot(
+            self._graph,
+            message.request,
+            statistics=False,
+            pid=self._pid,
+            shown=None if view is None else view.shown,
+        )
+        out.append(Send(peer.id, answer))
+
+    def forget(self, peer: Peer) -> None:
+        """Tell `peer` no more of what changes."""
+        self._observers.pop(peer.id, None)
+        self._filling.pop(peer.id, None)
+
+    def tell(self, change: m.GraphChanged, out: list[Effect]) -> int:
+        """Tell all observers what has changed, as far as they see it; returns the work that this was."""
+        for partial_view in self._filling.values():
+            partial_view.changed(change)
+        for peer, view in self._observers.items():
+            out.append(Send(peer, change if view is None else view.changed(change)))
+        return TELL * (len(self._observers) + len(self._filling))
+
+    def renew(self, out: list[Effect]) -> None:
+        """Other rules of access hold: tell those who see more or less by them what that is."""
+        if any(view is not None for view in self._observers.values()):
+            revision = self._graph.skip_revision()
+            for peer, view in self._observers.items():
+                change = m.GraphChanged(revision=revision) if view is None else view.renew(revision)
+                out.append(Send(peer, change))
+
+    def _view(self, peer: Peer) -> GraphView | None:
+        """What `peer` may see of the graph; None: everything."""
+        if self._guard.access.is_free(peer.uid):
+            return None
+        return GraphView(self._graph, peer, partial(self._guard.may_observe, peer))

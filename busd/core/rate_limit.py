@@ -1,0 +1,45 @@
+"""How often something may be done: a bucket of tokens, kept as one number. Knows no clock."""
+
+__all__ = ["TokenBucket"]
+
+_SECOND_NS = 1_000_000_000
+
+
+class TokenBucket:
+    """`rate` tokens a second for long, and `burst` at once after a rest.
+
+    All it keeps is when the bucket will be full again; each token taken puts that off by 1 / `rate` seconds.
+    """
+
+    __slots__ = ("_burst_ns", "_full_ns", "_step_ns")
+
+    def __init__(self, rate: int, burst: int) -> None:
+        self._full_ns = 0
+        self.resize(rate, burst)
+
+    def resize(self, rate: int, burst: int) -> None:
+        """Go by these from now on; what is owed stays owed."""
+        self._step_ns = _SECOND_NS // rate
+        self._burst_ns = burst * self._step_ns
+
+    def has(self, now_ns: int, tokens: int) -> bool:
+        """Whether there are as many `tokens`; more than the bucket holds are there when it is full."""
+        owed_ns = max(self._full_ns - now_ns, 0)
+        return owed_ns + min(tokens * self._step_ns, self._burst_ns) <= self._burst_ns
+
+    def wait_ns(self, now_ns: int) -> int:
+        """How long it takes until there is a token."""
+        return max(self._full_ns + self._step_ns - self._burst_ns - now_ns, 0)
+
+    def owed_ns(self, now_ns: int) -> int:
+        """How long it takes until what was taken too much is back."""
+        return max(self._full_ns - now_ns - self._burst_ns, 0)
+
+    def take(self, now_ns: int, tokens: int) -> None:
+        """Take as many, whether they are there or not; no more than what one second brings is owed."""
+        full_ns = max(self._full_ns, now_ns) + tokens * self._step_ns
+        self._full_ns = min(full_ns, now_ns + self._burst_ns + _SECOND_NS)
+
+    def is_full(self, now_ns: int) -> bool:
+        """Nothing was taken that has not come back."""
+        return self._full_ns <= now_ns

@@ -1,0 +1,321 @@
+"""Nodes, endpoints and types come and go: who may make what, under which limits and rules.
+
+Handlers of the broker's control messages. A request that can't be carried out raises ConfigurationError,
+QuotaExceeded or AccessDenied (the broker answers Refused); an id that is not the peer's own raises
+RemoteProtocolError. What may take long is Work, to be done in pieces; while an endpoint is being made, its
+process is told nothing of it (`Peer.withheld`): others first.
+"""
+
+import logging
+from collections import deque
+from collections.abc import Iterable
+
+from msgspec import structs
+
+from bus import names
+from bus.base.ids import EndpointId, NodeId
+from bus.errors import ConfigurationError, RemoteProtocolError
+from bus.qos import History, QoSProfile
+from bus.wire import messages as m
+from bus.wire.runs import RunQueue
+from busd.core.absent import Absentees
+from busd.core.access import Verdict
+from busd.core.access_guard import Guard
+from busd.core.effects import Effect, Note, Send
+from busd.core.entities import (
+    Endpoint,
+    MessageType,
+    Node,
+    Peer,
+    Publisher,
+    Subscription,
+    is_manual,
+    keeps_history,
+)
+from busd.core.graph import Graph
+from busd.core.leases import Leases
+from busd.core.limits import Limits, TopicCaps, TopicRule, rules_for
+from busd.core.matching import connect, disconnect
+from busd.core.quotas import Quotas
+from busd.core.router import Router
+from busd.core.work import ENDPOINT, MATCH, RUNS_PER_UNIT, UNMATCH, Work
+
+_GID_BYTES = 16
+_MAX_TYPE_NAME = 255
+_DROPPED_AT_ONCE = 256
+_OF_EVERY_NODE = frozenset({"/rosout", "/parameter_events"})
+"""Like the services of its parameters, they have a depth that no program chose: a lower limit must not keep
+its nodes from opening."""
+
+
+class Registry:
+    """Carries out Create..., Destroy... and DeclareType on the graph."""
+
+    def __init__(
+        self,
+        graph: Graph,
+        quotas: Quotas,
+        rules: tuple[TopicRule, ...],
+        leases: Leases,
+        router: Router,
+        guard: Guard,
+        absentees: Absentees,
+    ) -> None:
+        self._graph = graph
+        self._quotas = quotas
+        self.rules = rules
+        self._leases = leases
+        self._router = router
+        self._guard = guard
+        self._absentees = absentees
+
+    @property
+    def _limits(self) -> Limits:
+        return self._quotas.limits
+
+    def declare_type(self, now_ns: int, peer: Peer, message: m.DeclareType, out: list[Effect]) -> None:
+        size = len(message.schema)
+        if size > self._limits.schema_bytes:
+            raise RemoteProtocolError(f"schema of {size} bytes, the limit is {self._limits.schema_bytes}")
+        for text in (message.type_name, message.type_hash):
+            if not 0 < len(text) <= _MAX_TYPE_NAME:
+                raise RemoteProtocolError(
+                    f"type name or hash of {len(text)} characters, the limit is {_MAX_TYPE_NAME}"
+                )
+            if not text.isprintable():  # it is shown on terminals, and stands in logs
+                raise RemoteProtocolError(f"type name or hash {text!r}, which can't be printed")
+        kind = (message.type_name, message.type_hash)
+        if kind in peer.types:
+            return
+        self._quotas.check_type(peer)
+        self._graph.add_type(peer, kind, message.schema, is_free=self._guard.access.is_free(peer.uid))
+
+    def create_node(self, now_ns: int, peer: Peer, message: m.CreateNode, out: list[Effect]) -> None:
+        names.validate_node_name(message.name)
+        names.validate_namespace(message.namespace)
+        self._quotas.check_node(peer)
+        node = Node(NodeId(self._graph.next_id()), peer, message.name, message.namespace)
+        other = self._graph.node_named(node.full_name)
+        self._graph.add_node(node)
+        out.append(Send(peer.id, m.Created(request=message.request, id=node.id)))
+        if other is not None:
+            text = f"there is more than one node named {node.full_name}"
+            processes = dict.fromkeys((other.peer.describe(), peer.describe()))
+            out.append(Note(logging.WARNING, f"{text}: {' and '.join(processes)}"))
+            _introduce(node, other, out)
+            _introduce(other, node, out)
+
+    def destroy_node(self, now_ns: int, peer: Peer, message: m.DestroyNode, out: list[Effect]) -> Work:
+        return self.remove_node(self._own_node(peer, message.node), out)
+
+    def remove_node(self, node: Node, out: list[Effect], *, is_lost: bool = False) -> Work:
+        """Take `node` with its endpoints out of the graph. `is_lost`: its process did not say so."""
+        endpoints = deque(node.endpoints.values())
+        while endpoints:  # each is freed at once: of thousands that takes milliseconds
+            yield from self._remove_endpoint(endpoints.popleft(), out, is_lost=is_lost)
+        self._graph.remove_node(node)
+
+    def create_publisher(
+        self,
+        now_ns: int,
+        peer: Peer,
+        message: m.CreatePublisher,
+        out: list[Effect],
+        ring: object | None = None,
+    ) -> Work:
+        node, kind, rule, verdict = self._check_endpoint(now_ns, peer, message, out)
+        qos = self._check_depth(message.topic, rule.cap(message.qos))
+        if ring is not None:
+            self._quotas.take_descriptors(peer, (ring,))
+        publisher = Publisher(
+            id=EndpointId(self._graph.next_id()),
+            node=node,
+            topic=self._graph.topic(message.topic),
+            type=kind,
+            gid=self._guard.gid(peer, message.gid),
+            qos=qos,
+            max_message_bytes=rule.max_message_bytes or self._limits.message_bytes,
+            next_seq=message.next_seq,
+            lifespan_ns=qos.lifespan_ns,
+            lease_ns=qos.lease_ns,
+            is_manual=is_manual(qos),
+            last_sign_ns=now_ns,
+            history=RunQueue(_depth(qos), peer.history) if keeps_history(qos) else None,
+            credited=message.next_seq - 1,
+            ring=ring,
+        )
+        publisher.may_share = verdict.shares_memory
+        if message.descriptors and ring is None:
+            lost = f"{node.full_name} shares no memory on '{message.topic}': its ring was lost"
+            out.append(Note(logging.WARNING, lost))
+        subscriptions = publisher.topic.subscriptions
+        there = tuple(subscriptions.values())  # of a pair whoever comes later makes the match, and not both
+        self._graph.add_endpoint(publisher)
+        self._absentees.come(publisher)
+        out.append(Send(peer.id, self._created(message.request, publisher)))
+        self._leases.watch_publisher(now_ns, publisher)
+        peer.withheld = publisher.id
+        now_ns = yield ENDPOINT
+        for subscription in there:
+            if subscription.id in subscriptions:
+                connect(now_ns, self._graph, publisher, subscription, out)
+                now_ns = yield MATCH
+
+    def create_subscription(
+        self, now_ns: int, peer: Peer, message: m.CreateSubscription, out: list[Effect]
+    ) -> Work:
+        node, kind, rule, verdict = self._check_endpoint(now_ns, peer, message, out)
+        qos = self._check_depth(message.topic, rule.cap(message.qos))
+        number = EndpointId(self._graph.next_id())
+        subscription = Subscription(
+            id=number,
+            node=node,
+            topic=self._graph.topic(message.topic),
+            type=kind,
+            gid=self._guard.gid(peer, message.gid),
+            qos=qos,
+            max_message_bytes=rule.max_message_bytes or self._limits.message_bytes,
+            queue=RunQueue(_depth(qos), peer.queued, number),
+            last_seqs=message.last_seqs,
+        )
+        subscription.may_share = verdict.shares_memory
+        publishers = subscription.topic.publishers
+        there = tuple(publishers.values())
+        self._graph.add_endpoint(subscription)
+        out.append(Send(peer.id, self._created(message.request, subscription)))
+        peer.withheld = subscription.id
+        now_ns = yield ENDPOINT
+        now_ns = yield from self._absentees.find(now_ns, subscription, out)
+        for publisher in there:
+            if publisher.id in publishers:
+                connect(now_ns, self._graph, publisher, subscription, out)
+                now_ns = yield MATCH
+        now_ns = yield from self._absentees.settle(now_ns, subscription, out)
+        subscription.forget_oldest()
+        self._router.bound(now_ns, subscription)
+
+    def destroy_endpoint(
+        self, now_ns: int, peer: Peer, message: m.DestroyEndpoint, out: list[Effect]
+    ) -> Work:
+        return self._remove_endpoint(self.own_endpoint(peer, message.endpoint), out)
+
+    def own_endpoint(self, peer: Peer, number: int) -> Publisher | Subscription:
+        """The peer's endpoint with that id; RemoteProtocolError where it has none."""
+        endpoint = peer.endpoints.get(EndpointId(number))
+        if endpoint is None:
+            raise RemoteProtocolError(f"endpoint {number} is not one of yours")
+        return endpoint
+
+    def own_publisher(self, peer: Peer, number: int) -> Publisher:
+        endpoint = self.own_endpoint(peer, number)
+        if not isinstance(endpoint, Publisher):
+            raise RemoteProtocolError(f"endpoint {number} is not a publisher")
+        return endpoint
+
+    def own_subscription(self, peer: Peer, number: int) -> Subscription:
+        endpoint = self.own_endpoint(peer, number)
+        if not isinstance(endpoint, Subscription):
+            raise RemoteProtocolError(f"endpoint {number} is not a subscription")
+        return endpoint
+
+    def _own_node(self, peer: Peer, number: int) -> Node:
+        node = peer.nodes.get(NodeId(number))
+        if node is None:
+            raise RemoteProtocolError(f"node {number} is not one of yours")
+        return node
+
+    def _remove_endpoint(
+        self, endpoint: Publisher | Subscription, out: list[Effect], *, is_lost: bool = False
+    ) -> Work:
+        self._graph.withdraw(endpoint)
+        if isinstance(endpoint, Publisher):
+            now_ns = endpoint.node.peer.last_heard_ns
+            endpoint.has_left = not is_lost
+            gap = 0 if is_lost else endpoint.conclude()
+            self._absentees.go(endpoint)
+            for subscription in tuple(endpoint.matches.values()):
+                if subscription.id in endpoint.matches:
+                    if gap and subscription.id in endpoint.routed:
+                        self._router.miss(now_ns, endpoint, gap, (subscription,), is_loss=False)
+                    disconnect(self._graph, endpoint, subscription, out)
+                    now_ns = yield UNMATCH
+            if endpoint.history is not None:
+                yield from _empty(endpoint.history)
+            endpoint.ring = None  # a timer may still know the publisher
+            endpoint.node.peer.lapsed.discard(endpoint)
+        else:
+            if is_lost:
+                yield from self._absentees.lose(endpoint.node.peer.last_heard_ns, endpoint)
+            self._absentees.forget(endpoint)
+            for publisher in tuple(endpoint.matches.values()):
+                if publisher.id in endpoint.matches:
+                    disconnect(self._graph, publisher, endpoint, out, is_lost=is_lost)
+                    yield UNMATCH
+            yield from _empty(endpoint.queue)
+            endpoint.node.peer.perishable.discard(endpoint)
+        self._graph.remove_endpoint(endpoint)
+        yield ENDPOINT
+
+    def _check_endpoint(
+        self,
+        now_ns: int,
+        peer: Peer,
+        message: m.CreatePublisher | m.CreateSubscription,
+        out: list[Effect],
+    ) -> tuple[Node, MessageType, TopicCaps, Verdict]:
+        node = self._own_node(peer, message.node)
+        names.validate_full_topic_name(message.topic)
+        if len(message.gid) != _GID_BYTES:
+            raise RemoteProtocolError(f"gid of {len(message.gid)} bytes, a gid has {_GID_BYTES}")
+        does_publish = isinstance(message, m.CreatePublisher)
+        # First of all: what a limit says depends on what there is, also on a topic that is hidden.
+        verdict = self._guard.admit(node, "publish" if does_publish else "subscribe", message.topic, out)
+        topic = self._graph.topic(message.topic)
+        others: Iterable[Endpoint]
+        others = (topic.subscriptions if does_publish else topic.publishers).values()
+        matches = sum(peer.is_guest or not one.node.peer.is_guest for one in others)
+        self._quotas.check_endpoint(now_ns, peer, topic.name, self._graph.topics, matches)
+        kind = (message.type_name, message.type_hash)
+        if kind not in peer.types:
+            self._quotas.check_type(peer)  # then it was declared, and there was no room for it
+            raise RemoteProtocolError(f"type {message.type_name} was not declared on this connection")
+        return node, kind, rules_for(message.topic, self.rules), verdict
+
+    def _check_depth(self, topic: str, qos: QoSProfile) -> QoSProfile:
+        if qos.history is History.KEEP_LAST and qos.depth > self._limits.depth:
+            if topic in _OF_EVERY_NODE or names.service_of_topic(topic) is not None:
+                return structs.replace(qos, depth=self._limits.depth)
+            raise ConfigurationError(f"depth {qos.depth} is more than busd's limit of {self._limits.depth}")
+        return qos
+
+    def _created(self, request: int, endpoint: Publisher | Subscription) -> m.Created:
+        return m.Created(
+            request=request,
+            id=endpoint.id,
+            depth=_depth(endpoint.qos),
+            max_message_bytes=endpoint.max_message_bytes,
+            window_samples=self._limits.keep_all_window_messages,
+            window_bytes=self._limits.keep_all_window_bytes,
+            ring_bytes=self._limits.ring_bytes,
+        )
+
+
+def _introduce(node: Node, other: Node, out: list[Effect]) -> None:
+    """Tell the process of `node`, once, that `other` has the same name; as far as it may see that."""
+    mine, its = node.peer, other.peer
+    # The same process by another connection may be one that comes back, before the old one was seen to end.
+    is_back = mine is not its and mine.pid == its.pid
+    may_hear = mine.hears_of_namesakes and (mine.uid == its.uid or not mine.is_guest)
+    if may_hear and not is_back and not node.knows_namesake:
+        node.knows_namesake = True
+        out.append(Send(mine.id, m.Namesake(node=node.id, pid=its.pid, program=its.program)))
+
+
+def _depth(qos: QoSProfile) -> int:
+    return qos.depth if qos.history is History.KEEP_LAST else 0
+
+
+def _empty(queue: RunQueue) -> Work:
+    """Of an endpoint that is no more. There may be a million runs of one sample."""
+    while queue.drop(_DROPPED_AT_ONCE):
+        yield _DROPPED_AT_ONCE // RUNS_PER_UNIT

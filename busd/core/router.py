@@ -1,0 +1,362 @@
+"""The hot path: a run of samples from a publisher to the queues of its matched subscriptions.
+
+Costs one step per run and subscription, whatever the number of samples in the run; no payload is decoded.
+A queue that a run overfills is not trimmed at once: the shell first sends what the subscriber's socket takes,
+then calls `trim`, so that a subscriber that keeps up loses nothing to batching.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+
+from bus.base.ids import EndpointId
+from bus.errors import RemoteProtocolError
+from bus.wire.layout import MAX_COUNT, MAX_RUN_SAMPLES, RECORD_HEAD_BYTES
+from bus.wire.messages import Dropped
+from bus.wire.runs import Account, Run
+from busd.core.effects import Effect, Send
+from busd.core.entities import Peer, Publisher, Subscription
+from busd.core.matching import give_credit, release
+from busd.core.quotas import Quotas
+from busd.core.timers import Timers
+from busd.core.work import FRAME, QUEUES_PER_UNIT, SAMPLES_PER_UNIT, TELL, Meter, Work
+
+DROP_REPORT_NS = 100_000_000
+"""Drops are told to a subscription this long after the first one, all at once."""
+
+_MANY_QUEUES = 64
+
+
+class Router:
+    """Routes runs; owns the queues that are over their bound at the moment."""
+
+    def __init__(
+        self,
+        timers: Timers,
+        emit: Callable[[Effect], None],
+        quotas: Quotas,
+        meter: Meter,
+        *,
+        window_bytes: int,
+        window_samples: int,
+    ) -> None:
+        self._timers = timers
+        self._emit = emit
+        self._quotas = quotas
+        self._meter = meter
+        self._credit_bytes = window_bytes // 8
+        self._credit_samples = window_samples // 8
+        self._overfull: list[Subscription] = []
+
+    @property
+    def is_overfull(self) -> bool:
+        """`trim` is to be called."""
+        return bool(self._overfull)
+
+    def reconfigure(
+        self, now_ns: int, peers: Iterable[Peer], *, window_bytes: int, window_samples: int
+    ) -> None:
+        """Go by other limits, of the accounts too, and drop what is too much by them."""
+        # Publishers that are there keep their window, so that they must not hear less often than it needs.
+        self._credit_bytes = min(self._credit_bytes, window_bytes // 8)
+        self._credit_samples = min(self._credit_samples, window_samples // 8)
+        for peer in peers:
+            for subscription in peer.subscriptions()[:1]:
+                self.bound(now_ns, subscription)
+            for publisher in peer.publishers()[:1]:
+                self._bound_history(now_ns, publisher)
+
+    def route(self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect]) -> Work | None:
+        """Queue `run` for every matched subscription. Where these are many, returns the work that this is.
+
+        Raises RemoteProtocolError where the publisher's numbers go back, or a run claims too many samples.
+        """
+        size = len(run.body)
+        payload_bytes = size - run.count * RECORD_HEAD_BYTES
+        if payload_bytes < 0:
+            raise RemoteProtocolError(f"data frame claims {run.count} samples in {size} bytes")
+        if run.count > MAX_RUN_SAMPLES:
+            raise RemoteProtocolError(
+                f"data frame of {run.count} samples, a run has {MAX_RUN_SAMPLES} at most"
+            )
+        if run.source:
+            self._catch_up(now_ns, publisher, run, out)
+            return None
+        gap = run.first_seq - publisher.next_seq
+        if gap < 0:
+            raise RemoteProtocolError(
+                f"publisher {publisher.id} sent sample {run.first_seq} after {publisher.next_seq - 1}"
+            )
+        publisher.next_seq = run.first_seq + run.count
+        publisher.samples += run.count
+        publisher.bytes += payload_bytes
+        routed = publisher.routed
+        self._meter.left -= FRAME + run.count // SAMPLES_PER_UNIT
+        is_resumed, run.is_resumed = run.is_resumed, False  # of no concern to subscriptions
+        limit = publisher.max_message_bytes
+        if payload_bytes > limit and self._is_too_large(run, limit):
+            return self._refuse_all(now_ns, publisher, run.count, gap, is_loss=not is_resumed)
+        run.source = publisher.id
+        run.lifespan_ns = publisher.lifespan_ns
+        history = publisher.history
+        if history is not None and history.append(run):
+            history.trim()
+            self._bound_history(now_ns, publisher)
+        work = None
+        if len(routed) > _MANY_QUEUES:
+            work = self._distribute(
+                now_ns, publisher, run, gap, tuple(routed.values()), is_loss=not is_resumed
+            )
+        else:
+            if gap:
+                self.miss(now_ns, publisher, gap, routed.values(), is_loss=not is_resumed)
+            for subscription in routed.values():
+                queue = subscription.queue
+                if queue.append(run):
+                    self._overfull.append(subscription)
+                if not queue.is_ready:
+                    out.append(subscription.flush)
+        if publisher.behind:
+            self._admit(now_ns, publisher, run, out, is_loss=not is_resumed)
+        if publisher.is_credit_ahead:
+            give_credit(publisher, out.append)
+        elif publisher.is_lossless and not publisher.acked:
+            publisher.uncredited_bytes += size
+            if (
+                publisher.uncredited_bytes >= self._credit_bytes
+                or publisher.next_seq - publisher.credited > self._credit_samples
+            ):
+                give_credit(publisher, out.append)
+        return work
+
+    def passed_on(self, publisher: Publisher, first_seq: int, count: int, size: int) -> bool:
+        """Count a run of `size` bytes, which the shell passes on to its only taker, as `route` does.
+
+        False, and nothing is done, where there is more to it.
+        """
+        payload_bytes = size - count * RECORD_HEAD_BYTES
+        if (
+            first_seq != publisher.next_seq
+            or count > MAX_RUN_SAMPLES
+            or not 0 <= payload_bytes <= publisher.max_message_bytes
+        ):
+            return False
+        publisher.next_seq = first_seq + count
+        publisher.samples += count
+        publisher.bytes += payload_bytes
+        self._meter.left -= FRAME + count // SAMPLES_PER_UNIT
+        return True
+
+    def _distribute(
+        self,
+        now_ns: int,
+        publisher: Publisher,
+        run: Run,
+        gap: int,
+        subscriptions: tuple[Subscription, ...],
+        *,
+        is_loss: bool,
+    ) -> Work:
+        """Queue `run` for many `subscriptions`, a few at a time; as `route` does for few."""
+        for few in _pieces(publisher, subscriptions):
+            if gap:
+                self.miss(now_ns, publisher, gap, few, is_loss=is_loss)
+            for subscription in few:
+                if subscription.queue.append(run):
+                    self._overfull.append(subscription)
+                self._emit(subscription.flush)
+            yield len(few) // QUEUES_PER_UNIT
+
+    def _refuse_all(self, now_ns: int, publisher: Publisher, count: int, gap: int, *, is_loss: bool) -> Work:
+        """Of a run of `count` samples one is too large: nobody gets them."""
+        for few in _pieces(publisher, tuple(publisher.routed.values())):
+            if gap:
+                self.miss(now_ns, publisher, gap, few, is_loss=is_loss)
+            for subscription in few:
+                self.drop(now_ns, subscription, "too_large", count)
+                if publisher.id not in _sources(subscription):
+                    release(publisher, subscription, publisher.next_seq - 1, self._emit)
+            yield TELL * len(few)
+
+    def trim(self, now_ns: int) -> None:
+        """Bring the overfull queues within their bounds: oldest samples first, each counted."""
+        for subscription in self._overfull:
+            queue = subscription.queue
+            if subscription in subscription.node.peer.perishable:
+                self.expire(now_ns, subscription)
+            replaced = queue.trim()
+            if replaced:
+                self.drop(now_ns, subscription, "replaced", replaced)
+            self.bound(now_ns, subscription)
+        self._overfull.clear()
+
+    def bound(self, now_ns: int, subscription: Subscription) -> None:
+        """Drop what waits for the subscription's process while that, or its user, is over its quota.
+
+        Of a user's processes the one with most loses. The longest queues lose their oldest first, each but
+        its newest run; these go last, and never the one that has just come for `subscription`, so that a
+        single message of any size gets through.
+        """
+        peer = subscription.node.peer
+        if peer.queued.is_over:
+            self._relieve(now_ns, peer, peer.queued, subscription)
+        whole = peer.user.queued
+        if whole.is_over:
+            for one in sorted(peer.user.peers.values(), key=lambda one: one.queued.used, reverse=True):
+                self._relieve(now_ns, one, whole, subscription)
+                if not whole.is_over:
+                    break
+
+    def _relieve(self, now_ns: int, peer: Peer, account: Account, latest: Subscription) -> None:
+        self._quotas.tell_bytes(now_ns, peer, "bytes queued for", account, self._emit)
+        longest_first = sorted(peer.subscriptions(), key=lambda one: one.queue.held_bytes, reverse=True)
+        spared = latest if latest.queue.runs or not longest_first else longest_first[0]
+        slack = _slack(account, len(longest_first))
+        for spare in (1, 0):
+            for one in longest_first:
+                if not account.is_over:
+                    return
+                if spare or one is not spared:
+                    drop = partial(one.queue.drop_over_quota, spare=spare, account=account, slack=slack)
+                    self._shed(now_ns, one, "memory_limit", drop)
+
+    def _bound_history(self, now_ns: int, publisher: Publisher) -> None:
+        """The same for the histories of the publisher's process. Nobody loses a sample for now by that."""
+        peer = publisher.node.peer
+        if peer.history.is_over:
+            self._shorten(now_ns, peer, peer.history, publisher)
+        whole = peer.user.history
+        if whole.is_over:
+            for one in sorted(peer.user.peers.values(), key=lambda one: one.history.used, reverse=True):
+                self._shorten(now_ns, one, whole, publisher)
+                if not whole.is_over:
+                    break
+
+    def _shorten(self, now_ns: int, peer: Peer, account: Account, latest: Publisher) -> None:
+        self._quotas.tell_bytes(now_ns, peer, "bytes of history of", account, self._emit)
+        histories = [one.history for one in peer.publishers() if one.history is not None]
+        histories.sort(key=lambda one: one.held_bytes, reverse=True)
+        slack = _slack(account, len(histories))
+        for spare in (1, 0):
+            for one in histories:
+                if not account.is_over:
+                    return
+                if spare or one is not latest.history:
+                    one.drop_over_quota(spare=spare, account=account, slack=slack)
+
+    def expire(self, now_ns: int, subscription: Subscription) -> None:
+        """Drop what has outlived its lifespan at the head of the subscription's queue."""
+        self._shed(
+            now_ns, subscription, "expired", lambda gone: subscription.queue.drop_expired(now_ns, gone)
+        )
+
+    def drop(self, now_ns: int, subscription: Subscription, reason: str, count: int) -> None:
+        """Count `count` samples that `subscription` lost, and see to it that its process learns of it."""
+        subscription.dropped[reason] = min(subscription.dropped.get(reason, 0) + count, MAX_COUNT)
+        if not subscription.is_drop_report_due:
+            subscription.is_drop_report_due = True
+            self._timers.add(now_ns + DROP_REPORT_NS, lambda _: self.report_drops(subscription))
+
+    def report_drops(self, subscription: Subscription) -> None:
+        subscription.is_drop_report_due = False
+        peer = subscription.node.peer
+        if subscription.id in peer.endpoints:
+            self._emit(
+                Send(peer.id, Dropped(subscription=subscription.id, dropped=dict(subscription.dropped)))
+            )
+
+    def _catch_up(self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect]) -> None:
+        """A run for one subscription, of samples that the others had before; as `route`."""
+        self._meter.left -= FRAME + run.count // SAMPLES_PER_UNIT
+        number = EndpointId(run.source)
+        subscription = publisher.matches.get(number)
+        if subscription is None or number in publisher.shared or number in publisher.leaving:
+            return  # it has left, or was never rerouted
+        if run.first_seq + run.count > publisher.next_seq and not publisher.has_shared:
+            # Who takes it would acknowledge what was never published, and be cut off for that.
+            raise RemoteProtocolError(
+                f"publisher {publisher.id} sent sample {run.first_seq + run.count - 1} once more, "
+                f"the last one is {publisher.next_seq - 1}"
+            )
+        subscription.expected_besides += run.count
+        if publisher.is_catching_up(number):
+            subscription.remember(publisher, run.first_seq + run.count - 1)
+        if self._is_too_large(run, publisher.max_message_bytes):
+            self.drop(now_ns, subscription, "too_large", run.count)
+            if publisher.id not in _sources(subscription):
+                release(publisher, subscription, run.first_seq + run.count - 1, self._emit)
+            return
+        run.source = publisher.id
+        run.lifespan_ns = publisher.lifespan_ns
+        run.is_resumed = False
+        if subscription.queue.append(run):
+            self._overfull.append(subscription)
+        out.append(subscription.flush)
+
+    def _admit(
+        self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect], *, is_loss: bool
+    ) -> None:
+        """Begin to route to those for whom something in `run` is new, as for all others from now on."""
+        for number, known_seq in tuple(publisher.behind.items()):
+            if publisher.next_seq <= known_seq + 1:
+                continue
+            subscription = publisher.routed[number] = publisher.matches[number]
+            del publisher.behind[number]
+            subscription.began[publisher.id] = known_seq + 1
+            if lost := max(0, run.first_seq - known_seq - 1):
+                self.drop(now_ns, subscription, "publisher_queue" if is_loss else "disconnected", lost)
+            fresh = run if run.first_seq > known_seq else run.after(known_seq)
+            if subscription.queue.append(fresh):
+                self._overfull.append(subscription)
+            out.append(subscription.flush)
+
+    def _shed(
+        self, now_ns: int, subscription: Subscription, reason: str, drop: Callable[[list[Run] | None], int]
+    ) -> None:
+        gone: list[Run] | None = [] if subscription.is_lossless else None
+        count = drop(gone)
+        if count:
+            self.drop(now_ns, subscription, reason, count)
+            for run in gone or ():
+                publisher = subscription.matches.get(EndpointId(run.source))
+                last_seq = run.first_seq + run.count - 1
+                # Where the newest were dropped, no acknowledgement will ever cover them.
+                if publisher is not None and last_seq >= publisher.next_seq - 1:
+                    release(publisher, subscription, last_seq, self._emit)
+
+    def miss(
+        self,
+        now_ns: int,
+        publisher: Publisher,
+        gap: int,
+        subscriptions: Iterable[Subscription],
+        *,
+        is_loss: bool,
+    ) -> None:
+        for subscription in subscriptions:
+            if is_loss:  # the publisher's own queue replaced them before they could be handed over
+                self.drop(now_ns, subscription, "publisher_queue", gap)
+            elif publisher.id in subscription.returned:  # it would have got them, but was away
+                self.drop(now_ns, subscription, "disconnected", gap)
+            else:
+                subscription.began[publisher.id] += gap  # these went to others, by another route
+
+    @staticmethod
+    def _is_too_large(run: Run, limit: int) -> bool:
+        return any(len(payload) > limit for payload, _ in run.records())
+
+
+def _pieces(publisher: Publisher, subscriptions: tuple[Subscription, ...]) -> Iterator[list[Subscription]]:
+    """A few `subscriptions` at a time, of those that are still matched."""
+    for start in range(0, len(subscriptions), _MANY_QUEUES):
+        some = subscriptions[start : start + _MANY_QUEUES]
+        yield [one for one in some if one.id in publisher.routed]
+
+
+def _slack(account: Account, queues: int) -> int:
+    """How much more than it must a process with many `queues` loses: to look for the longest costs."""
+    return account.limit // 16 if queues > _MANY_QUEUES else 0
+
+
+def _sources(subscription: Subscription) -> set[int]:
+    """The publishers that a lossless subscription has samples of in its queue."""
+    return {run.source for run in subscription.queue.runs} if subscription.is_lossless else set()

@@ -1,0 +1,309 @@
+"""The publisher and the subscription of a node for scripts: each call waits until it is done.
+
+Owns when the loop gets its turns around a message: the message comes first, then what else there is to do.
+"""
+
+from collections.abc import Iterator
+from time import monotonic_ns
+from typing import Any, Generic, TypeVar
+
+import msgspec
+
+from bus.endpoint import Match
+from bus.errors import again
+from bus.events import MatchedChange, PublisherEvents
+from bus.node import Node
+from bus.process.foreground import Condition, Foreground, Signal, deadline_after
+from bus.publisher import Publisher, PublisherStatistics
+from bus.qos import Durability, QoS
+from bus.subscription import MessageInfo, Subscription, SubscriptionStatistics
+
+M = TypeVar("M", bound=msgspec.Struct)
+
+_SEND_NS = 1_000_000_000
+"""A message waits at most this long for the socket to take it."""
+
+_READY_NS = 1_000_000_000
+"""A message waits at most this long until new subscriptions can be woken."""
+
+_RETURN_NS, _PAUSE_NS = 100_000_000, 1_000_000_000
+"""While busd is away a message waits at most so long for it; those of the pause after that do not wait."""
+
+
+class BlockingPublisher(Generic[M]):
+    """Publishes messages of one type on one topic; made by `BlockingNode.create_publisher`.
+
+    For example:
+
+        publisher.wait_for_subscriptions(timeout=5)
+    """
+
+    def __init__(self, foreground: Foreground) -> None:
+        self._foreground = foreground
+        self._loop = foreground.loop
+        self._guard = foreground.loop.guard
+        self._native: Publisher[M]
+        self._has_new_matches = False
+        self._next_try_ns = 0
+
+    @classmethod
+    async def _make(
+        cls, foreground: Foreground, node: Node, message_type: type[M], topic: str, qos: QoS
+    ) -> "BlockingPublisher[M]":
+        """For BlockingNode."""
+        self = cls(foreground)
+        events = PublisherEvents(matched=self._matched)
+        self._native = await node.create_publisher(message_type, topic, qos, events=events)
+        return self
+
+    def __repr__(self) -> str:
+        return f"<Blocking{repr(self._native)[1:]}"
+
+    @property
+    def topic_name(self) -> str:
+        """The full name of its topic."""
+        return self._native.topic_name
+
+    @property
+    def matches(self) -> tuple[Match, ...]:
+        """The endpoints that this one is matched with now."""
+        return self._native.matches
+
+    def publish(self, message: M, timeout: float | None = None) -> None:
+        """Publish `message`. On return it is in the ring, and was sent where it goes by socket. From any
+        thread.
+
+        Where the QoS is reliable + keep all and there is no room, it waits until the subscriptions have taken
+        more, for up to `timeout` seconds; TimeoutError says that it was not published. Else raises as
+        `bus.Publisher.publish`.
+        """
+        native = self._native
+        sender = native._sender
+        with self._guard:
+            is_taken = sender.publish(message)
+            if is_taken is not True:
+                is_taken = native._publish_on(message, is_taken)
+            if sender.goes_by_socket:
+                self._send()
+        if self._loop.is_interrupted:
+            self._loop.check()
+        # Somebody waits for the message: whatever else there is to do comes after it.
+        if self._foreground.is_free():
+            self._foreground.attend_often()
+            if self._has_new_matches or not native._id:
+                self._reach()
+        if not is_taken:
+            self._wait_for_room(message, timeout)
+
+    def wait_for_subscriptions(self, number: int = 1, timeout: float | None = None) -> None:
+        """Wait until at least `number` subscriptions are matched, and are there to be woken.
+
+        Raises TimeoutError after `timeout` seconds.
+        """
+        native = self._native
+        self._foreground.run_or_tell(
+            lambda: native.wait_for_subscriptions(number),
+            timeout,
+            lambda: f"{native.get_subscription_count()} of {number} subscriptions to '{self.topic_name}'",
+        )
+
+    def get_subscription_count(self) -> int:
+        """Subscriptions matched now."""
+        self._foreground.attend()
+        return self._native.get_subscription_count()
+
+    def statistics(self) -> PublisherStatistics:
+        """Its totals."""
+        return self._native.statistics()
+
+    @property
+    def _is_open(self) -> bool:
+        """It was not closed."""
+        return self._native._refusal is None
+
+    def _warn_if_unheard(self) -> None:
+        """A script that ends must not seem to have been heard."""
+        native = self._native
+        if (
+            native._total_matches
+            or native.qos.durability is not Durability.VOLATILE
+            or native._refusal is not None
+        ):
+            return
+        if count := native.statistics().published:
+            what = "a message was" if count == 1 else f"{count} messages were"
+            native._logger.warning(
+                f"{what} published on '{native.topic_name}' and reached nobody: no subscription was there"
+                " (wait_for_subscriptions waits for one)"
+            )
+
+    def close(self) -> None:
+        """Hand over what was published, leave the graph. Closing twice is allowed."""
+        if self._native._refusal is None:
+            self._warn_if_unheard()
+            self._foreground.run(self._native.close)
+
+    # --- inside
+
+    def _matched(self, change: MatchedChange) -> None:
+        self._has_new_matches |= change.current_count_change > 0
+
+    def _send(self) -> None:
+        """Under the guard: what was gathered for the end of a turn leaves now, and all of a long message."""
+        link = self._native._link
+        link.hand_over()
+        if link.is_writing and self._foreground.is_free():
+            self._foreground.wait(Condition(lambda: not link.is_writing), monotonic_ns() + _SEND_NS)
+
+    def _reach(self) -> None:
+        """Give busd time to come back, and new subscriptions to say how they are woken, which wakes them.
+
+        A script that sleeps after each message runs the loop at no other time. The bounds keep it from being
+        held up with every message.
+        """
+        native, wait = self._native, self._foreground.wait
+        now_ns = monotonic_ns()
+        with self._guard:
+            if not native._id and now_ns >= self._next_try_ns:
+                wait(Condition(lambda: native._id != 0), now_ns + _RETURN_NS)
+                self._next_try_ns = monotonic_ns() + _PAUSE_NS
+            if self._has_new_matches:
+                self._has_new_matches = False
+                all_are_ready = Condition(lambda: native._ready_matches() == native.get_subscription_count())
+                wait(all_are_ready, now_ns + _READY_NS)
+
+    def _wait_for_room(self, message: M, timeout: float | None) -> None:
+        self._foreground.run_or_tell(
+            lambda: self._native.send(message), timeout, lambda: f"no room on '{self.topic_name}'"
+        )
+
+
+class BlockingSubscription(Generic[M]):
+    """Receives messages of one type on one topic; made by `BlockingNode.create_subscription`.
+
+    `for message in subscription` waits for each; `listen` not for ever.
+
+        for message in subscription.listen(timeout=1):
+            print(message.data)
+    """
+
+    def __init__(self, foreground: Foreground, native: Subscription[M]) -> None:
+        self._foreground = foreground
+        self._native = native
+        self._loop = foreground.loop
+        self._guard = foreground.loop.guard
+        self._receiver = native._receiver
+        self._arrival = Signal()
+        native._on_arrival = native._on_end = self._arrival.set
+
+    def __repr__(self) -> str:
+        return f"<Blocking{repr(self._native)[1:]}"
+
+    @property
+    def topic_name(self) -> str:
+        """The full name of its topic."""
+        return self._native.topic_name
+
+    @property
+    def matches(self) -> tuple[Match, ...]:
+        """The endpoints that this one is matched with now."""
+        return self._native.matches
+
+    def __iter__(self) -> Iterator[M]:
+        return self.listen()
+
+    def listen(self, timeout: float | None = None) -> Iterator[M]:
+        """The messages as they come; ends when none has come for `timeout` seconds.
+
+        Raises ConnectionClosed once it is closed.
+        """
+        deadline_after(timeout)  # a wrong one is told here
+        self._foreground.check()
+        return self._found(timeout, with_info=False)
+
+    def receive(self, timeout: float | None = None) -> tuple[M, MessageInfo]:
+        """Wait for the next message; returns it with its info.
+
+        Raises TimeoutError after `timeout` seconds, ConnectionClosed once it is closed.
+        """
+        self._foreground.check()
+        taken = next(self._found(timeout, with_info=True), None)
+        if taken is None:
+            raise TimeoutError(f"no message on '{self.topic_name}' within {timeout:g} s")
+        return taken[0], self._native._info(taken)
+
+    def take(self) -> tuple[M, MessageInfo] | None:
+        """The oldest waiting message and its info; None where none waits. Never blocks."""
+        self._foreground.check()
+        self._foreground.attend()
+        return self._native.take()
+
+    def wait_for_publishers(self, number: int = 1, timeout: float | None = None) -> None:
+        """Wait until at least `number` publishers are matched.
+
+        Raises TimeoutError after `timeout` seconds.
+        """
+        native = self._native
+        self._foreground.run_or_tell(
+            lambda: native.wait_for_publishers(number),
+            timeout,
+            lambda: f"{native.get_publisher_count()} of {number} publishers of '{self.topic_name}'",
+        )
+
+    def get_publisher_count(self) -> int:
+        """Publishers matched now."""
+        self._foreground.attend()
+        return self._native.get_publisher_count()
+
+    def statistics(self) -> SubscriptionStatistics:
+        """Its totals."""
+        return self._native.statistics()
+
+    def close(self) -> None:
+        """Leave the graph. Closing twice is allowed."""
+        if self._native._refusal is None:
+            self._foreground.run(self._native.close)
+
+    # --- inside
+
+    def _found(self, timeout: float | None, *, with_info: bool) -> Iterator[Any]:
+        """What comes next, and next: messages, or as in `Taken`. Ends where the time is over first.
+
+        Where the loop has nothing to do, it waits without it, and few steps lie between the wake-up and the
+        message: after a sleep each of them is slow.
+        """
+        foreground, loop, guard, arrival = self._foreground, self._loop, self._guard, self._arrival
+        native, receiver = self._native, self._receiver
+        look = sleep = None
+        if native.qos.deadline is None:  # else somebody must hear of each message
+            look, sleep = receiver.quick_take(with_info=with_info), receiver.quick_wait(with_info=with_info)
+        ahead, runs = receiver.waiting
+        found: Any
+        while True:
+            deadline_ns = 0 if timeout is None else deadline_after(timeout)
+            if sleep is not None and not ahead and not runs and native._refusal is None:
+                found = loop.wait(sleep, deadline_ns)
+                if found is not None:
+                    yield found
+                    continue
+            foreground.attend_rarely()
+            with guard:
+                found = (not with_info and receiver.take_messages(1)) or receiver.take()
+                while not found and native._refusal is None:
+                    arrival.is_set = False
+                    if found := loop.run(arrival, deadline_ns, look):
+                        found = found[0] if with_info else found
+                        break
+                    if arrival.is_set:
+                        found = receiver.take()
+                    elif loop.is_interrupted or (deadline_ns and monotonic_ns() >= deadline_ns):
+                        break
+                if found:
+                    receiver.note()
+            if loop.is_interrupted:
+                loop.check()
+            if not found:
+                break
+            yield found if with_info else found[0]
+        if native._refusal is not None:
+            raise again(native._refusal)

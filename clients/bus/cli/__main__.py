@@ -1,5 +1,0 @@
-"""`python -m bus.cli`."""
-
-from bus.cli.entry import main
-
-main()

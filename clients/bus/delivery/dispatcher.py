@@ -1,0 +1,174 @@
+"""Calls a subscription's callback for what waits in its receiver: in turns, so that others have theirs.
+
+Calls of one subscription never overlap. A plain callback for one message that came in a ring is the native
+reader's to call (`Readers.deliver`): both look at one flag, whether a call is under way.
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from time import monotonic_ns
+from typing import Any, Generic, TypeVar
+
+from bus.base.callbacks import is_async, takes_info
+from bus.delivery.receiver import Receiver, Taken
+from bus.errors import ConnectionClosed
+from bus.wire.runs import Run
+
+M = TypeVar("M")
+
+_TURN_NS = 5_000_000
+_MOST_IN_A_TURN = 64
+
+
+class _Calls:
+    """Stands in for the native reader where there is none."""
+
+    __slots__ = ("is_busy",)
+
+    def __init__(self) -> None:
+        self.is_busy = False
+
+
+class Dispatcher(Generic[M]):
+    """`make_info` gives a callback of two arguments its second; `receive` waits for the next message.
+
+    `on_error` is told of what the callback raises. `is_timed`: somebody must hear of each message.
+    """
+
+    def __init__(
+        self,
+        callback: Callable[..., Any],
+        receiver: Receiver[M],
+        *,
+        make_info: Callable[[Taken[M]], Any],
+        receive: Callable[[], Awaitable[tuple[M, Any]]],
+        on_error: Callable[[BaseException], None],
+        name: str,
+        is_timed: bool,
+    ) -> None:
+        self._callback = callback
+        self._receiver = receiver
+        self._make_info = make_info
+        self._receive = receive
+        self._on_error = on_error
+        self._wants_info = takes_info(callback)
+        self._loop = asyncio.get_running_loop()
+        self._has_ended = False
+        self._calls: Any = _Calls() if receiver.reader is None else receiver.reader
+        """Its `is_busy`: a call is under way, or the next turn is scheduled."""
+        self._task: asyncio.Task[None] | None = None
+        if is_async(callback):
+            self._task = asyncio.create_task(self._run(), name=f"callback of {name}")
+        self.is_plain = self._task is None and not self._wants_info and not is_timed
+        """It wants the message and nothing else."""
+        if self.is_plain and receiver.reader is not None:
+            receiver.call_back(callback, on_error)
+
+    @property
+    def is_async(self) -> bool:
+        """Then it takes messages itself, by `receive`."""
+        return self._task is not None
+
+    def end(self) -> None:
+        """Call back no more."""
+        self._has_ended = True
+        if self._receiver.reader is not None:
+            self._receiver.reader.forget_callback()
+        if self._task is not None and self._task is not asyncio.current_task():
+            self._task.cancel()
+
+    def deliver(self, run: Run) -> bool:
+        """Call back for a run that has just come, where that is all there is to it; else it is to be put.
+
+        Only where the callback `is_plain`.
+        """
+        state = self._calls
+        if state.is_busy or self._has_ended or not (messages := self._receiver.take_lone(run)):
+            return False
+        state.is_busy = True
+        try:
+            self._callback(messages[0])
+        except Exception as error:
+            self._on_error(error)
+        finally:
+            state.is_busy = False
+        if self._receiver.has_more:
+            self.dispatch()
+        return True
+
+    def dispatch(self) -> None:
+        """Call back for what waits."""
+        state = self._calls
+        if state.is_busy:
+            return
+        state.is_busy = True
+        is_scheduled = False
+        callback, receiver, wants_info = self._callback, self._receiver, self._wants_info
+        calls, number, end_ns = 0, 1, 0
+        try:
+            while not self._has_ended:
+                if not wants_info and (messages := receiver.take_messages(number)):
+                    calls += len(messages)
+                    if len(messages) == 1:
+                        callback(messages[0])
+                    else:
+                        self._call_with(messages)
+                elif (taken := receiver.take(number)) is None:
+                    return
+                else:
+                    calls += 1
+                    if wants_info:
+                        callback(taken[0], self._make_info(taken))
+                    else:
+                        callback(taken[0])
+                if calls < number:
+                    continue
+                if not receiver.has_more:
+                    return
+                now_ns = monotonic_ns()
+                if end_ns == 0:
+                    calls, end_ns = 0, now_ns + _TURN_NS  # not before the first call, which is waited for
+                    continue
+                if now_ns > end_ns:
+                    # Let timers and sockets have their turn: a slow callback must not see stale messages.
+                    # Until then nobody else dispatches, or the turns would add up.
+                    is_scheduled = True
+                    self._loop.call_soon(self._dispatch_on)
+                    return
+                # A callback that proves fast gets more at a time, which saves looking at the clock.
+                calls, number = 0, min(2 * number, _MOST_IN_A_TURN)
+        except Exception as error:
+            self._on_error(error)
+        except BaseException:  # the event loop may go on; what it has left over shall then, too
+            is_scheduled = True
+            self._loop.call_soon(self._dispatch_on)
+            raise
+        finally:
+            state.is_busy = is_scheduled
+
+    def _call_with(self, messages: list[M]) -> None:
+        """Call back for each message; those that an exception leaves over wait to be taken again."""
+        callback, left = self._callback, iter(messages)
+        try:
+            for message in left:
+                callback(message)
+                if self._has_ended:
+                    break
+        finally:
+            self._receiver.put_back(list(left))
+
+    def _dispatch_on(self) -> None:
+        self._calls.is_busy = False
+        self.dispatch()
+
+    async def _run(self) -> None:
+        callback = self._callback
+        while True:
+            try:
+                message, info = await self._receive()
+            except ConnectionClosed:
+                return
+            try:
+                await (callback(message, info) if self._wants_info else callback(message))
+            except Exception as error:
+                self._on_error(error)

@@ -1,0 +1,405 @@
+"""What has come for a subscription and was not taken yet: bounded, accounted, decoded when it is taken.
+
+Owns the queue of undecoded runs, and the counts of what was delivered and dropped here. What waits in rings
+waits there; it is taken after what came by socket. Does no I/O; its owner delivers and acknowledges.
+"""
+
+from collections import deque
+from collections.abc import Callable, Sequence, Sized
+from functools import partial
+from time import monotonic_ns
+from typing import Any, Generic, TypeAlias, TypeVar
+
+from bus.delivery.allowance import STEP_BYTES, begin, extend
+from bus.delivery.sequence import PublisherProxy, SequenceTracker
+from bus.shm import core, has_core
+from bus.wire.layout import MAX_COUNT, RECORD_HEAD, RECORD_HEAD_BYTES
+from bus.wire.runs import Account, Run, RunQueue
+
+M = TypeVar("M")
+
+INBOX_BYTES = 256 << 20
+"""A subscription holds no more in its process, and less where memory is short; then the oldest go, counted as
+memory_limit."""
+
+ALL = 1 << 30
+
+_SHORT_BYTES = 4096
+_unpack_record = RECORD_HEAD.unpack_from
+_MOST_AT_ONCE = 64
+
+
+Taken: TypeAlias = tuple[M, int, int, Any, int]
+"""Message, stamp, number, `PublisherProxy`, time of receipt; times in ns of the monotonic clock."""
+
+
+class Receiver(Generic[M]):
+    """`depth` 0 is keep all; then `take` decodes a whole run at once, because nothing is ever replaced.
+
+    `on_drop(reason, count)` is told of every sample lost here, `on_reject(size, error)` of those that do not
+    decode, `on_taken(source)` of what a lossless publisher must learn.
+    """
+
+    def __init__(
+        self,
+        decode: Callable[[bytes | bytearray | memoryview], M],
+        depth: int,
+        *,
+        is_lossless: bool,
+        on_drop: Callable[[str, int], None],
+        on_reject: Callable[[int, Exception], None],
+        on_taken: Callable[[PublisherProxy], None],
+    ) -> None:
+        self._samples = 0
+        self._bytes = 0
+        self._dropped: dict[str, int] = {}
+        self.sources = SequenceTracker(self.drop)
+        self.is_lossless = is_lossless
+        self._decode = decode
+        self._core = core() if has_core() else None
+        self._queue = RunQueue(depth, Account(STEP_BYTES))
+        self.ahead: deque[Taken[M]] = deque()
+        """Decoded ahead, not yet delivered."""
+        self.reader: Any = None
+        """Takes out of the rings: `bus.shm`'s Reader, where memory is shared."""
+        self.stamp_ns = 0
+        """Stamp of the sample that `take` had last out of a ring."""
+        self.on_note: Callable[[], object] = _ignore
+        """Called when something is taken out of a ring, unless the reader's `is_noted` says that it was."""
+        self._rejected = 0
+        self._on_drop = on_drop
+        self._on_reject = on_reject
+        self._on_taken = on_taken
+
+    @property
+    def delivered(self) -> int:
+        samples = self._samples - len(self.ahead)
+        return samples if self.reader is None else samples + int(self.reader.samples)
+
+    @property
+    def bytes(self) -> int:
+        return self._bytes if self.reader is None else self._bytes + int(self.reader.bytes)
+
+    @property
+    def queued(self) -> int:
+        queued = self._queue.count + len(self.ahead)
+        if self.reader is None:
+            return queued
+        self.count_replaced()
+        return queued + int(self.reader.waiting())
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """Lost here, by reason."""
+        reader, dropped = self.reader, dict(self._dropped)
+        if reader is not None:
+            for reason, count in (
+                ("replaced", reader.replaced),
+                (self.lapped_reason, reader.overrun),
+                ("expired", reader.expired),
+                ("undecodable", reader.undecodable),
+            ):
+                if count:
+                    dropped[reason] = dropped.get(reason, 0) + count
+        return dropped
+
+    @property
+    def lapped_reason(self) -> str:
+        """What a ring gave up unread, the publisher's depth gave up; with a depth here, that would have."""
+        return "replaced" if self._queue.depth else "publisher_queue"
+
+    @property
+    def waiting(self) -> tuple[deque[Taken[M]], deque[Run]]:
+        """What waits here comes before what waits in rings."""
+        return self.ahead, self._queue.runs
+
+    @property
+    def has_more(self) -> bool:
+        return bool(self.ahead or self._queue.runs or (self.reader is not None and self.reader.waiting()))
+
+    def count_replaced(self) -> None:
+        """Apply the depth to the rings now, as `take` would later, so that the counters are right."""
+        if self.reader is not None:
+            self.reader.messages(0, self._decode)
+
+    def drain_rings(self) -> None:
+        """Bring what waits in the rings into the queue, in its order; not what comes meanwhile."""
+        if self.reader is None:
+            return
+        left = self.reader.waiting()
+        while left > 0 and (batch := self.reader.take(min(left, _MOST_AT_ONCE), bytes)):
+            left -= len(batch)
+            for payload, stamp_ns, seq, source, received_ns in batch:
+                body = RECORD_HEAD.pack(len(payload), min(stamp_ns, MAX_COUNT)) + payload  # a liar's is more
+                run = Run(0, source.number, seq, 1, body, lifespan_ns=source.lifespan_ns)
+                run.received_ns, run.origin = received_ns, source
+                self._queue.append(run)
+                self._samples -= 1  # until they are taken
+                self._bytes -= len(payload)
+        self.trim()
+
+    def set_depth(self, depth: int) -> None:
+        self._queue.set_depth(depth)
+        if self.reader is not None:
+            self.reader.depth = depth
+
+    def put(self, run: Run) -> bool:
+        """Queue a run; returns whether the receiver now holds too much and is to be trimmed."""
+        source = run.origin = self.sources.get(run.source)
+        if source is not None:
+            run.lifespan_ns = source.lifespan_ns
+            is_next = run.first_seq == source.last_seq + 1 and not source.is_new
+            if not is_next and not self.sources.look_at(source, run):
+                return False
+            source.last_seq = max(source.last_seq, run.first_seq + run.count - 1)
+        self.sources.received += run.count
+        if not self._queue.runs:
+            begin(self._queue)
+        return self._queue.append(run)
+
+    def trim(self) -> None:
+        """Drop the oldest beyond the bounds, and count them."""
+        if replaced := self._queue.trim():
+            self.drop("replaced", replaced)
+        extend(self._queue, INBOX_BYTES, is_lossless=self.is_lossless)
+        gone: list[Run] = []
+        if over := self._queue.drop_over_quota(gone, spare=1):
+            self._let_go(gone)
+            self.drop("memory_limit", over)
+
+    def drop(self, reason: str, count: int) -> None:
+        """Count samples that were lost."""
+        self._dropped[reason] = self._dropped.get(reason, 0) + count
+        self._on_drop(reason, count)
+
+    def take(self, limit: int = 1) -> Taken[M] | None:
+        """The oldest message, as in `Taken`; None where there is none.
+
+        `limit`: how many may be decoded at once. What is decoded is taken: a newer sample replaces it no
+        more. So that is 1, but where nothing is ever replaced or nothing can come in between.
+        """
+        ahead, runs = self.ahead, self._queue.runs
+        while not ahead:
+            if not runs:
+                if self.reader is None:
+                    return None
+                batch = self.reader.take(limit if self._queue.depth else _MOST_AT_ONCE, self._decode)
+                if self.reader.undecodable != self._rejected:
+                    self._reject_from_rings()
+                elif not batch:
+                    return None
+                if batch:
+                    self.stamp_ns = batch[-1][1]
+                    self.note()
+                ahead += batch
+                continue
+            run = runs[0]
+            if run.count > 1 or run.lifespan_ns or self.is_lossless:
+                self._decode_ahead(run, limit if self._queue.depth else ALL)
+            elif taken := self._take_single(run):
+                return taken
+        return ahead.popleft()
+
+    def take_messages(self, limit: int) -> list[M]:
+        """Up to `limit` of the oldest messages, and they alone; nothing where `take` has to look closer."""
+        if self.ahead:
+            return []
+        if self._queue.runs:
+            return self._take_from_run(limit)
+        if self.reader is None:
+            return []
+        batch: list[M] = self.reader.messages(limit, self._decode)
+        if self.reader.undecodable != self._rejected:
+            self._reject_from_rings()
+        return batch
+
+    def take_lone(self, run: Run) -> list[M]:
+        """The message of a run that was not `put`, of one sample; nothing where there is more to it.
+
+        As at a moderate rate they all are: it is simply the next, and nothing else waits here but in rings.
+        """
+        source = self.sources.get(run.source)
+        if (
+            source is None
+            or run.count != 1
+            or run.first_seq != source.last_seq + 1
+            or source.is_new
+            or source.lifespan_ns
+            or self._queue.runs
+            or self.ahead
+            or self._core is None
+        ):
+            return []
+        found = self._core.run_messages(run.body, 0, 1, self._decode)
+        if found is None or run.first_seq != source.last_seq + 1:
+            return []
+        source.last_seq += 1
+        self.sources.received += 1
+        self._samples += 1
+        size = found[1] - RECORD_HEAD_BYTES
+        self._bytes += size
+        if self.is_lossless:
+            run.origin = source
+            self._note_taken(run, run.first_seq, size)
+        messages: list[M] = found[0]
+        return messages
+
+    def quick_take(self, *, with_info: bool) -> Callable[[], list[Any]] | None:
+        """What takes a message out of the rings in one native call, for who knows that no others wait."""
+        if self.reader is None:
+            return None
+        return partial(self.reader.take if with_info else self.reader.messages, 1, self._decode)
+
+    def quick_wait(self, *, with_info: bool) -> Callable[[int, int, float], Any] | None:
+        """What waits for the next message in one native call: see `Reader.wait`. Only while
+        nothing is `waiting`."""
+        return None if self.reader is None else partial(self.reader.wait, self._decode, with_info)
+
+    def note(self) -> None:
+        """A message was taken out of a ring: tell it where the reader was not told of that before."""
+        reader = self.reader
+        if reader is not None and not reader.is_noted:
+            reader.is_noted = True
+            self.on_note()
+
+    def call_back(
+        self, callback: Callable[[M], object], on_error: Callable[[Exception], object], *others: Sized
+    ) -> None:
+        """Let the reader call back by itself for what comes in rings, while nothing else waits here, nor in
+        `others`."""
+        self.reader.prepare(callback, self._decode, on_error, (*self.waiting, *others), self.on_note)
+
+    def put_back(self, messages: list[M]) -> None:
+        """What `take_messages` gave and was not delivered is taken next."""
+        self.ahead.extendleft((message, 0, 0, None, 0) for message in reversed(messages))
+
+    def _reject_from_rings(self) -> None:
+        self._rejected = self.reader.undecodable
+        for size, error in self.reader.pop_rejected():
+            self._on_reject(size, error)
+
+    def _take_from_run(self, limit: int) -> list[M]:
+        queue, run = self._queue, self._queue.runs[0]
+        if self._core is None or run.lifespan_ns:
+            return []
+        begin, skipped = queue.offset, queue.skipped
+        number = min(limit, run.count - skipped)
+        found = self._core.run_messages(run.body, begin, number, self._decode)
+        if found is None or not self._is_head(run, skipped):
+            return []
+        messages: list[M]
+        messages, offset = found
+        queue.advance(number, offset)
+        self._count(
+            run, number, run.first_seq + skipped + number - 1, offset - begin - number * RECORD_HEAD_BYTES
+        )
+        return messages
+
+    def _is_head(self, run: Run, skipped: int) -> bool:
+        """Whether the queue still begins like this: else the decoder has called what took from it."""
+        queue = self._queue
+        return bool(queue.runs) and queue.runs[0] is run and queue.skipped == skipped
+
+    def _take_single(self, run: Run) -> Taken[M] | None:
+        """A run of one sample, as at a moderate rate they all are: the same as below, without the loop."""
+        self._queue.forget_head()
+        body = memoryview(run.body)
+        size, stamp_ns = _unpack_record(body) if len(body) >= RECORD_HEAD_BYTES else (len(body), 0)
+        if RECORD_HEAD_BYTES + size > len(body):
+            self.drop("undecodable", 1)
+            return None
+        try:
+            message = self._decode(body[RECORD_HEAD_BYTES : RECORD_HEAD_BYTES + size])
+        except Exception as error:  # a message class may raise anything
+            self._reject([(size, error)])
+            return None
+        self._samples += 1
+        self._bytes += size
+        return message, stamp_ns, run.first_seq, run.origin, run.received_ns
+
+    def _decode_ahead(self, run: Run, limit: int) -> None:
+        """Decode up to `limit` samples of the oldest run."""
+        queue, ahead, decode = self._queue, self.ahead, self._decode
+        if run.lifespan_ns:
+            gone: list[Run] = []
+            if expired := queue.drop_expired(monotonic_ns(), gone):
+                self._let_go(gone)
+                self.drop("expired", expired)
+                return
+        begin, skipped = queue.offset, queue.skipped
+        first_seq, held = run.first_seq + skipped, run.count - skipped
+        offset, number = begin, min(limit, held)
+        if self._core is not None:
+            found = self._core.run_samples(
+                run.body, begin, number, decode, first_seq, run.origin, run.received_ns
+            )
+            if found is not None:
+                if self._is_head(run, skipped):
+                    samples, offset = found
+                    ahead += samples
+                    queue.advance(number, offset)
+                    size = offset - begin - number * RECORD_HEAD_BYTES
+                    self._count(run, number, first_seq + number - 1, size)
+                return
+        length = len(run.body)
+        # Slicing bytes copies and is faster for short payloads; a view is for long ones.
+        body = run.body if length < _SHORT_BYTES * run.count else memoryview(run.body)
+        rejected: list[tuple[int, Exception]] = []
+        seq = first_seq
+        for seq in range(first_seq, first_seq + number):
+            start = offset + RECORD_HEAD_BYTES
+            if start > length:
+                break
+            size, stamp_ns = _unpack_record(body, offset)
+            if start + size > length:
+                break
+            offset = start + size
+            try:
+                ahead.append((decode(body[start:offset]), stamp_ns, seq, run.origin, run.received_ns))
+            except Exception as error:
+                rejected.append((size, error))
+        else:
+            queue.advance(number, offset)
+            size = offset - begin - number * RECORD_HEAD_BYTES
+            self._count(run, len(ahead), seq, size, rejected)
+            self._reject(rejected)
+            return
+        # The run is shorter than it claims: what it still claims is gone with it.
+        queue.forget_head()
+        size = offset - begin - (seq - first_seq) * RECORD_HEAD_BYTES
+        self._count(run, len(ahead), first_seq + held - 1, size, rejected)
+        self._reject(rejected)
+        self.drop("undecodable", first_seq + held - seq)
+
+    def _count(
+        self, run: Run, samples: int, seq: int, size: int, rejected: Sequence[tuple[int, Exception]] = ()
+    ) -> None:
+        """So many were taken out of the run, up to number `seq`; with those `rejected`, so many bytes."""
+        self._samples += samples
+        self._bytes += size
+        if rejected:
+            self._bytes -= sum(one for one, _ in rejected)
+        if self.is_lossless:
+            self._note_taken(run, seq, size)
+
+    def _let_go(self, gone: list[Run]) -> None:
+        """Runs went untaken; a lossless publisher must not wait for them."""
+        for run in gone:
+            self._note_taken(run, run.first_seq + run.count - 1, len(run.body))
+
+    def _note_taken(self, run: Run, seq: int, size: int) -> None:
+        source = run.origin
+        if isinstance(source, PublisherProxy) and source.needs_ack and seq > source.taken_seq:
+            source.taken_seq = seq
+            source.unacked_bytes += size
+            self._on_taken(source)
+
+    def _reject(self, rejected: list[tuple[int, Exception]]) -> None:
+        # After the queue was brought in order: whoever is told may take again.
+        for size, error in rejected:
+            self._on_reject(size, error)
+            self.drop("undecodable", 1)
+
+
+def _ignore() -> None:
+    """Nobody is told."""

@@ -1,0 +1,450 @@
+"""How a publisher's encoded samples leave: by its ring, through the broker, or both, in one order.
+
+Samples are written to the ring, where memory is shared, and go to the broker while a match needs that or the
+broker keeps the history. What other threads publish joins here. Does not know messages, only their encoding.
+"""
+
+import asyncio
+from collections.abc import Callable, Sequence
+from threading import get_ident
+from time import monotonic_ns
+from typing import TYPE_CHECKING, Any, Literal
+
+from bus.base.descriptor import Descriptor
+from bus.delivery.shm_sender import ShmSender
+from bus.delivery.socket_sender import QUEUE_BYTES, Sample, SocketSender
+from bus.delivery.thread_queue import ThreadQueue
+from bus.diagnostics.bursts import BurstWatch
+from bus.errors import (
+    BusError,
+    ConnectionClosed,
+    LocalProtocolError,
+    PayloadTooLarge,
+    SharedMemoryError,
+    again,
+)
+from bus.link.declarations import Endpoint
+from bus.link.link import RETURN_S, Link
+from bus.loan import Loan
+from bus.logger import Logger
+from bus.process.waiters import Waiters
+from bus.qos import History, Liveliness, QoSProfile
+from bus.types.large_fields import joined
+from bus.wire import messages as m
+from bus.wire.runs import Buffer
+
+if TYPE_CHECKING:
+    from bus.shm._core import Sends
+
+NOTED = 2
+"""The quick way took the sample, and the counters are to be reported (`_core.NOTED`)."""
+
+_LOOK_S = 1.0
+
+
+class Sender:
+    """`owner` is the publisher that the link knows; without a `ring` all goes by socket.
+
+    `sends` is to have the quick way, too.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        owner: Endpoint,
+        logger: Logger,
+        ring: ShmSender | None,
+        sends: "Sends | None" = None,
+    ) -> None:
+        qos = owner.qos
+        self._link = link
+        self._owner = owner
+        self._logger = logger
+        self._is_manual = qos.liveliness is Liveliness.MANUAL_BY_TOPIC
+        self._has_deadline = qos.deadline is not None
+        self._depth = 0 if qos.history is History.KEEP_ALL else qos.depth
+        self.last_ns = monotonic_ns()
+        """When the last sample came, where there is a deadline."""
+        self._room = Waiters(link.loop)
+        self._from_threads = ThreadQueue(QUEUE_BYTES)
+        self._socket = SocketSender(link, owner, self._from_threads)
+        self._ring = ring
+        self._by_socket: set[int] = set()  # the matches of that route
+        self._last_by_socket_ns = 0
+        self._is_returning = False  # there were some before the broker left
+        self._return: asyncio.TimerHandle | None = None
+        self._totals: tuple[int, int] | None = None  # at the end
+        self._refusal: BusError | None = None
+        self._is_lent = False
+        self._bursts = BurstWatch(link.loop, owner.topic_name, logger, is_awaitable=link.guard is None)
+        self._socket.on_replaced = lambda count: self._bursts.note_replaced(count, self._depth)
+        self.publish: Callable[[Any], bool | int | bytes] = _not_so_quick
+        """The quick way for a message: True or NOTED; False: nothing was done; bytes: it is to be `put`."""
+        self._sends = sends
+        self.write: Callable[[Any], bool] = _not_so_quick
+        """The quick way for an encoded sample, by socket; False: ask `put`."""
+        self._choose_routes()
+
+    @property
+    def shared(self) -> tuple[Descriptor, ...]:
+        """What goes with the declaration."""
+        return () if self._ring is None else (self._ring.announce(),)
+
+    @property
+    def published(self) -> tuple[int, int]:
+        """Samples and their bytes."""
+        if self._totals is not None:
+            return self._totals
+        if self._ring is not None:
+            return self._ring.writer.samples, self._ring.writer.bytes
+        socket = self._socket
+        return socket.samples + socket.open_samples, socket.bytes + socket.open_bytes
+
+    @property
+    def goes_by_socket(self) -> bool:
+        """Whether samples go to the broker, alone or beside the ring."""
+        return self._socket.is_active
+
+    @property
+    def expected(self) -> int:
+        """Matches by the ring whose reader has not yet said how to wake it."""
+        return 0 if self._ring is None else self._ring.expected
+
+    @property
+    def queued(self) -> int:
+        return self._socket.queue.count + self._socket.open_samples + len(self._from_threads.late)
+
+    @property
+    def replaced(self) -> int:
+        return self._socket.replaced
+
+    # --- samples
+
+    def expect_short(self) -> None:
+        """The message at hand has no long field: the quick way may be tried again."""
+        if (ring := self._ring) is not None:  # once: the loop's thread may end it meanwhile
+            ring.writer.is_long = False
+
+    def put(self, *parts: Buffer | str) -> bool:
+        """Take a sample, in parts, after all that can stand against it was looked at; from any thread.
+
+        False: there is no room until lossless subscriptions have taken more.
+        """
+        stamp_ns = monotonic_ns()
+        if get_ident() != self._link.thread:
+            return self._put_from_thread(bytes(joined(parts)), stamp_ns)
+        self._check_loan()
+        return not self._from_threads.late and self._put_now(parts, stamp_ns)
+
+    def lend(self, before: bytes, size: int, after: bytes) -> Loan | None:
+        """A place for `size` bytes of a sample, the rest of which is known; None where `put` gives False.
+
+        In the ring itself, where there is one. Until it ends, nothing else can be published.
+        """
+        if get_ident() != self._link.thread:
+            raise LocalProtocolError("a loan can only be had on the event loop's thread")
+        self._check_loan()
+        if self._from_threads.late:
+            return None
+        start, stop, whole = len(before), len(before) + size, len(before) + size + len(after)
+        if self._socket.is_active and not self._socket.can_take(whole):
+            return None
+        ring = self._ring
+        place = memoryview(bytearray(whole)) if ring is None else ring.lend(whole)
+        if place is None:
+            return None
+        place[:start], place[stop:] = before, after
+        self._is_lent = True
+        self._set_quick()
+
+        def finish(is_wanted: bool) -> bool:
+            if get_ident() != self._link.thread:
+                self._link.loop.call_soon_threadsafe(finish, False)
+                if is_wanted:
+                    raise LocalProtocolError("a loan can only be published on the event loop's thread")
+                return False
+            self._is_lent = False
+            if self._refusal is not None:
+                if is_wanted:
+                    raise again(self._refusal)
+                return False
+            self._choose_routes()
+            is_taken = is_wanted and self._put_lent(ring, place)
+            self.release_waiters()
+            return is_taken
+
+        return Loan(place[start:stop], finish)
+
+    def hand_over(self) -> None:
+        """End the run that is open, and send it."""
+        self._socket.hand_over()
+
+    async def flush(self) -> None:
+        """Wait until all is in the ring, and has been given to the socket where the broker is to get it."""
+        self._collect_from_threads()
+        while self._from_threads.late:
+            await self.wait_for_room()
+            self._put_late()
+        self._socket.hand_over()
+        self._link.flush()
+        await self._link.wait_for_drain(self._socket.queue)
+
+    async def wait_for_room(self) -> None:
+        """After `put` gave False: wait until it is worth trying again."""
+        # There is none because something is on its way: hand it over, and it will be taken.
+        self.hand_over()
+        if self._is_lent:
+            await self._room.wait()
+            return
+        ring = self._ring
+        if ring is not None and not ring.wait_for_room(self.release_waiters):
+            await asyncio.sleep(0)
+            return
+        while not await self._room.wait(None if ring is None else _LOOK_S):
+            if ring is not None and ring.let_the_dead_go():
+                return
+
+    def release_waiters(self) -> None:
+        """There may be room."""
+        if self._from_threads.late:
+            self._put_late()
+        self._room.release()
+
+    def drop_queued(self) -> int:
+        """Give up what could not be handed over; returns how many samples."""
+        return self._socket.drop_queued()
+
+    def end(self, reason: BusError) -> None:
+        """Take nothing more."""
+        self._totals = self.published
+        self._refusal = reason
+        self._set_quick()
+        self._socket.end()
+        if self._return is not None:
+            self._return.cancel()
+        if self._ring is not None:
+            self._ring.close()
+            self._ring = None
+        self._room.fail(reason)
+
+    def abandon(self, reason: BusError) -> None:
+        """In the child of a fork: what is the parent's is left alone."""
+        self._totals = 0, 0
+        self._refusal = reason
+        self._set_quick()
+        self._socket.forget_open()
+
+    # --- the broker
+
+    def first_seq_to_send(self) -> int:
+        """The number of the first sample that a broker will get."""
+        if self._ring is None or self._socket.is_active:
+            return self._socket.first_seq_to_send()
+        return int(self._ring.writer.latest) + 1
+
+    def declared(self, answer: m.Created) -> None:
+        self._depth = answer.depth
+        self._socket.declared(answer)
+        if self._ring is not None:
+            self._ring.declared(answer)
+        if self._is_returning:
+            self._return = self._link.loop.call_later(RETURN_S, self._returned)
+        self.release_waiters()
+
+    def disconnected(self) -> None:
+        """Rings are read on; what went by socket waits."""
+        if self._return is not None:
+            self._return.cancel()
+        self._is_returning |= bool(self._by_socket)
+        self._by_socket.clear()
+        self._socket.disconnected()
+        if self._ring is not None:
+            self._ring.disconnected()
+
+    def watch_turn(self, least_depth: Callable[[], int]) -> None:
+        """See `BurstWatch.watch_turn`."""
+        self._bursts.watch_turn(lambda: self.published[0], least_depth)
+
+    def told(self) -> None:
+        """The counters were reported; the next sample shall have them reported again."""
+        self._socket.is_noted = False
+        if self._ring is not None:
+            self._ring.writer.is_noted = False
+
+    def credit(self, seq: int) -> None:
+        """Everything up to `seq` that went by socket was taken by all that must take."""
+        self._socket.credit(seq)
+        self.release_waiters()
+
+    def matched(self, matched: m.Matched) -> None:
+        self._socket.matched(matched.other, matched.gid, matched.qos, is_here=matched.route == "socket")
+        if self._ring is None:
+            return
+        if matched.route == "shm":
+            self._ring.expect(matched)
+        else:
+            # What the broker had not got by then goes to the new match, too: no gap must be behind it.
+            is_ahead = matched.next_seq < self._socket.next_seq
+            since_ns = min(matched.at_ns, self._last_by_socket_ns) if is_ahead else matched.at_ns
+            self._go_by_socket(matched.other, self._ring.writer.since(since_ns))
+
+    def attach(self, gid: bytes, attached: m.Attached, descriptors: tuple[Descriptor, ...]) -> None:
+        """Raises OSError or ValueError, saying what is wrong with what came."""
+        if self._ring is not None:
+            self._ring.attach(gid, attached, descriptors)
+            self._choose_routes()
+        self.release_waiters()
+
+    def set_waiting(self, gid: bytes, *, is_on: bool) -> None:
+        """Whether to wait for a lossless subscription. By socket the broker sees to it, with its credit."""
+        if self._ring is not None:
+            self._ring.set_waiting(gid, is_on=is_on)
+        self.release_waiters()
+
+    def rerouted(self, gid: bytes, qos: QoSProfile, rerouted: m.Rerouted) -> None:
+        ring, since_ns = self._ring, rerouted.at_ns
+        if ring is not None:
+            missed = [one for one in ring.missed(qos, since_ns) if one[0] > rerouted.last_seq]
+            ring.unmatched(gid)
+            self._socket.catch_up(rerouted.other, missed, since_ns=since_ns)
+            self._socket.matched(rerouted.other, gid, qos, is_here=True)
+            self._go_by_socket(rerouted.other, [])
+            self.release_waiters()
+
+    def unmatched(self, other: int, gid: bytes, *, is_lost: bool) -> None:
+        self._socket.unmatched(other)
+        if self._ring is None:
+            return
+        if other in self._by_socket:
+            self._by_socket.discard(other)
+        else:
+            self._ring.unmatched(gid, is_lost=is_lost)
+        self._choose_routes()
+        self.release_waiters()
+
+    # --- inside
+
+    def _choose_routes(self) -> None:
+        """What nobody reads by socket does not go there, but for the history, which the broker keeps."""
+        ring, socket = self._ring, self._socket
+        is_needed = ring is None or socket.keeps_history or bool(self._by_socket) or self._is_returning
+        if socket.is_active and not is_needed:
+            socket.hand_over()
+        socket.is_active = is_needed
+        if self._totals is not None or self._is_lent or self._from_threads.late or self._has_deadline:
+            self._set_quick()
+        elif ring is None:
+            self._set_quick(socket.run.publish, socket.run.write)
+        elif ring.can_publish and not is_needed and not self._is_manual:
+            # Who reads in this event loop has its turn with every hundred that are sent, lest depth suffers.
+            self._set_quick(ring.writer.publish, spares_turns=not ring.is_read_here)
+        else:
+            self._set_quick()
+
+    def _set_quick(
+        self,
+        publish: Callable[[Any], bool | int | bytes] | None = None,
+        write: Callable[[Any], bool] | None = None,
+        *,
+        spares_turns: bool = False,
+    ) -> None:
+        """The quick ways from now on; `spares_turns` is for `send`."""
+        self.publish = publish or _not_so_quick
+        self.write = write or _not_so_quick
+        if self._sends is not None:
+            self._sends.publish = self.publish
+            self._sends.spares_turns = spares_turns
+
+    def _returned(self) -> None:
+        self._is_returning = False
+        self._choose_routes()
+
+    def _go_by_socket(self, other: int, missed: list[Sample]) -> None:
+        """A match by socket: from now on samples go there too, and first those that were not sent."""
+        ring, socket = self._ring, self._socket
+        self._by_socket.add(other)
+        if ring is not None and not socket.is_active:
+            missed = [sample for sample in missed if sample[0] >= socket.next_seq]
+            socket.resume(missed[0][0] if missed else ring.writer.latest + 1)
+            for _, stamp_ns, payload in missed:
+                self._put_in_socket(payload, stamp_ns)
+        self._choose_routes()
+
+    def _put_now(self, parts: Sequence[Buffer | str], stamp_ns: int) -> bool:
+        socket = self._socket
+        if socket.is_active and not socket.can_take(sum(map(len, parts))):
+            return False
+        payload = joined(parts) if socket.is_active else b""  # first: it may be that there is no memory
+        if self._ring is not None and not self._ring.put(parts, stamp_ns):
+            return False
+        if socket.is_active:
+            self._put_in_socket(payload, stamp_ns)
+        self.last_ns = stamp_ns
+        return True
+
+    def _put_lent(self, ring: ShmSender | None, place: memoryview) -> bool:
+        """Publish what was filled, in `ring` where it was lent there."""
+        stamp_ns = monotonic_ns()
+        if ring is None:
+            return self._put_now((bytes(place),), stamp_ns)
+        ring.publish_lent()
+        if self._socket.is_active:
+            self._put_in_socket(bytes(place), stamp_ns)
+        self.last_ns = stamp_ns
+        return True
+
+    def _check_loan(self) -> None:
+        if self._is_lent:
+            raise LocalProtocolError(
+                f"a loan on '{self._owner.topic_name}' is open: publish or discard it first"
+            )
+
+    def _put_in_socket(self, payload: Buffer, stamp_ns: int) -> None:
+        self._last_by_socket_ns = stamp_ns
+        if not self._socket.add(payload, stamp_ns):
+            self._socket.put(payload, stamp_ns)
+
+    def _put_from_thread(self, payload: bytes, stamp_ns: int) -> bool:
+        if not self._socket.can_take(len(payload)):
+            return False
+        # The ring itself keeps the newest: there, what waits for the loop need not be bounded by number.
+        depth = self._depth if self._ring is None and self._depth else 1 << 30
+        if self._from_threads.put(payload, stamp_ns, depth):
+            try:
+                self._link.loop.call_soon_threadsafe(self._collect_from_threads)
+            except RuntimeError:
+                raise ConnectionClosed(f"the event loop of '{self._owner.topic_name}' has ended") from None
+        return True
+
+    def _collect_from_threads(self) -> None:
+        """Publish, on the event loop, what other threads have published."""
+        skipped = self._from_threads.collect()
+        if self._totals is not None:
+            return
+        if self._ring is None:
+            self._socket.skip(skipped)
+        else:
+            self._socket.replaced += skipped
+        self._put_late()
+        self._socket.hand_over()
+
+    def _put_late(self) -> None:
+        late = self._from_threads.late
+        if self._is_lent:
+            return  # it goes on when the loan ends
+        while late:
+            try:
+                if not self._put_now(late[0][:1], late[0][1]):
+                    break
+            except (SharedMemoryError, PayloadTooLarge) as error:
+                self._logger.error(f"a message of another thread is lost: {error}")
+                self._socket.replaced += 1
+            self._from_threads.forget_oldest()
+        if late and self._ring is not None and not self._ring.wait_for_room(self.release_waiters):
+            self._link.loop.call_soon(self.release_waiters)
+        self._choose_routes()
+
+
+def _not_so_quick(payload: object) -> Literal[False]:
+    """The quick way, switched off."""
+    return False

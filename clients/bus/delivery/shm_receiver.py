@@ -1,0 +1,290 @@
+"""The rings that one subscription reads: attaching, going on in a larger one, leaving.
+
+Owns the slots that its matches have. What is taken, and what is lost on the way, the native reader does and
+counts; `bus.delivery.receiver` takes from it.
+"""
+
+import asyncio
+from collections.abc import Callable
+from time import monotonic_ns
+
+from bus.base.descriptor import Descriptor
+from bus.delivery.sequence import PublisherProxy
+from bus.link.declarations import Endpoint
+from bus.link.link import RETURN_S, Link
+from bus.link.shm_context import ShmContext
+from bus.qos import Durability, History, QoSProfile
+from bus.shm import core, segments
+from bus.transport.memory import keep_freed_memory
+from bus.wire import messages as m
+from bus.wire.bounds import MOST_REMEMBERED
+from bus.wire.session import MISSING
+
+_ALL = 1 << 60
+_LARGE_RING_BYTES = 2 << 20
+"""A ring that is larger has grown, by large messages as a rule."""
+
+
+class _Ring:
+    """One publisher's."""
+
+    __slots__ = ("doorbell", "final_seq", "identity", "is_finishing", "is_stale", "slot", "source")
+
+    def __init__(
+        self, source: PublisherProxy, slot: int, identity: tuple[int, int], doorbell: Descriptor | None
+    ) -> None:
+        self.source = source
+        self.slot = slot
+        self.identity = identity  # of the newest segment; its descriptor is of no use once it is mapped
+        self.doorbell = doorbell  # never read: held open, because the reader knows its number
+        self.is_finishing = False  # its publisher has gone; it may come back
+        self.final_seq = 0  # the last number of its publisher, which has gone while the broker was lost
+        self.is_stale = False  # an earlier broker made the match, and the present one has not yet
+
+
+class ShmReceiver:
+    """`owner` is the subscription that the link knows, and is given to it when something has come.
+
+    `on_missed(count)` hears of samples in rings that were never seen here, because their publishers went on
+    in them while the broker was lost.
+    """
+
+    def __init__(
+        self, link: Link, shm_context: ShmContext, owner: Endpoint, on_missed: Callable[[int], None]
+    ) -> None:
+        qos = owner.qos
+        self._link = link
+        self._shm_context = shm_context
+        self._owner = owner
+        self._on_missed = on_missed
+        self._wants_history = qos.durability is Durability.TRANSIENT_LOCAL
+        self._is_lossless = qos.is_lossless
+        self._rings: dict[bytes, _Ring] = {}
+        self._positions: dict[bytes, int] = {}  # the next numbers of publishers whose rings were left
+        self._declared_ns = _ALL
+        self._lost_ns = _ALL  # when the broker was lost
+        self._return: asyncio.TimerHandle | None = None
+        self.reader = core().Reader(shm_context.readers, owner, _depth(qos), tells_cursor=self._is_lossless)
+
+    def declared(self) -> None:
+        """A broker knows the subscription now."""
+        self._declared_ns = monotonic_ns()
+        if self._lost_ns != _ALL:
+            self._return = self._link.loop.call_later(RETURN_S, self._finish_stale)
+
+    def take_up(
+        self, matched: m.Matched, known_seq: int | None, drain: Callable[[], None]
+    ) -> tuple[PublisherProxy | None, int | None]:
+        """What is read from since an earlier broker made the match, if it is, and up to where it was heard.
+
+        Where it goes by socket now, `drain` is called for what waits in the rings. `known_seq`: up to where
+        it was heard by socket, or was yet to be read here when a broker said that it had gone.
+        """
+        self.sweep()  # what the reader has left by itself must not be taken for what is attached now
+        ring = self._rings.get(matched.gid)
+        if ring is not None and (ring.is_finishing or matched.route != "shm"):
+            if matched.route != "shm":
+                drain()
+            if self.leave(matched.gid):  # another ring, or none: goes on where this one was read up to
+                known_seq = None
+            ring = None
+        known_seq = self.known_seq(matched.gid, known_seq)
+        if ring is None:
+            return None, known_seq
+        source = ring.source
+        source.number, source.is_alive, source.lifespan_ns = matched.other, True, matched.qos.lifespan_ns
+        return source, known_seq
+
+    def known_seq(self, gid: bytes, known_seq: int | None) -> int | None:
+        """Up to where that publisher was heard, if by socket up to `known_seq`."""
+        position = self._positions.get(gid)
+        return known_seq if position is None else max(known_seq or 0, position - 1)
+
+    def attach(
+        self,
+        source: PublisherProxy,
+        matched: m.Matched,
+        descriptors: tuple[Descriptor, ...],
+        known_seq: int | None,
+    ) -> None:
+        """Read the ring of a new match, and tell the publisher; or say why not.
+
+        `known_seq`: what was received from this publisher before, if anything.
+        """
+        try:
+            slot = self._attach(source, matched, descriptors, known_seq)
+        except (OSError, ValueError, MemoryError) as error:
+            self._refuse(source, str(error) or "no memory")
+        else:
+            attach = m.Attach(subscription=self._owner._id, source=source.number, slot=slot)
+            self._link.send_about(self._owner, attach)
+
+    def replace(self, source: PublisherProxy, descriptors: tuple[Descriptor, ...]) -> None:
+        """The publisher goes on in another ring; or say why that can't be read."""
+        try:
+            if not descriptors:
+                raise OSError(MISSING)
+            self._replace(source.gid, descriptors[0])
+        except (OSError, ValueError, MemoryError) as error:
+            self._refuse(source, str(error) or "no memory")
+
+    def finish(self, gid: bytes) -> None:
+        """The publisher has gone: what is in its ring may still be taken."""
+        ring = self._rings.get(gid)
+        if ring is not None:
+            ring.is_finishing = True
+            self.reader.finish(ring.source)
+            self.sweep()
+            self._shm_context.look_soon()  # a last time: perhaps nobody was rung for what is there
+
+    def conclude(self, gid: bytes, last_seq: int) -> int | None:
+        """The publisher has gone while the broker was lost, with this number.
+
+        Returns up to where it was heard or is accounted for here, if at all.
+        """
+        ring = self._rings.get(gid)
+        if ring is None:
+            return self.known_seq(gid, None)
+        ring.final_seq = last_seq
+        self.finish(gid)
+        return last_seq
+
+    def leave(self, gid: bytes) -> bool:
+        """The match goes another way now; what was read is known by `source.last_seq`.
+
+        Returns whether it was read up to now.
+        """
+        ring = self._rings.pop(gid, None)
+        if ring is None:
+            return False
+        next_seq: int = self.reader.next_seq(ring.source)
+        if next_seq:  # else the reader has left it by itself
+            ring.source.last_seq = ring.source.known_seq = next_seq - 1
+            self._remember(gid, next_seq)
+        self.reader.detach(ring.source)
+        self._shm_context.give_back(ring.slot)
+        return next_seq != 0
+
+    def sweep(self) -> None:
+        """Give back what belonged to rings that the reader has left by itself."""
+        for source, reason, next_seq in self.reader.pop_left():
+            ring = self._rings.get(source.gid)
+            source.last_seq = source.known_seq = max(source.last_seq, next_seq - 1)
+            self._remember(source.gid, next_seq)
+            if ring is not None and ring.source is source:
+                del self._rings[source.gid]
+                self._shm_context.give_back(ring.slot)
+                if ring.final_seq >= next_seq:
+                    self._on_missed(ring.final_seq + 1 - next_seq)
+                if reason:
+                    self._refuse(source, reason)
+
+    def disconnected(self) -> None:
+        """The broker is gone; the rings are read on."""
+        self._lost_ns = monotonic_ns()
+        self._cancel_return()
+        self.sweep()  # the reader knows no position in what it has left
+        for ring in self._rings.values():
+            ring.source.last_seq = self.reader.next_seq(ring.source) - 1
+            ring.is_stale = True
+
+    def poll(self, time_s: float) -> None:
+        """Look for the next message without sleeping for so long after each."""
+        self._shm_context.poll(self, int(time_s * 1e9))
+
+    def close(self) -> None:
+        """Leave every ring. What was taken and is still held stays readable."""
+        self._cancel_return()
+        self._shm_context.poll(self, 0)
+        for gid in tuple(self._rings):
+            self.leave(gid)
+
+    # --- inside
+
+    def _finish_stale(self) -> None:
+        """The broker has been back for a while: what it has not matched again has gone."""
+        self._lost_ns = _ALL
+        for gid, ring in tuple(self._rings.items()):
+            if ring.is_stale:
+                self.finish(gid)
+
+    def _cancel_return(self) -> None:
+        if self._return is not None:
+            self._return.cancel()
+
+    def _attach(
+        self,
+        source: PublisherProxy,
+        matched: m.Matched,
+        descriptors: tuple[Descriptor, ...],
+        known_seq: int | None,
+    ) -> int:
+        """Returns the slot. Raises OSError or ValueError, saying what is wrong."""
+        if len(descriptors) != matched.descriptors:
+            raise OSError(MISSING)
+        ring, doorbell = descriptors
+        before = self._rings.get(matched.gid)
+        if before is not None:
+            before.is_stale = False
+            if before.identity != segments.identity(ring):
+                self._replace(matched.gid, ring)
+            return before.slot
+        slot = self._shm_context.allot_slot()
+        if slot is None:  # first: mapping costs more
+            raise OSError("all slots of this process's readers' segment are in use")
+        try:
+            memory = segments.map_ring(ring)
+            _make_ready_for(memory.size)
+            history = 0
+            if self._wants_history and matched.qos.durability is Durability.TRANSIENT_LOCAL:
+                history = min(self.reader.depth or _ALL, _depth(matched.qos) or _ALL)
+            next_seq = max(known_seq + 1 if known_seq else 0, self._positions.pop(matched.gid, 0))
+            # All of a publisher that was made later is for us, also what is lapped by now: counted then.
+            is_new = matched.next_seq == 1 and matched.at_ns > self._declared_ns
+            keep = self._shm_context.writer_doorbell(doorbell) if self._is_lossless else None
+            first_seq = self.reader.attach(
+                source,
+                memory,
+                slot,
+                start=next_seq or int(is_new),
+                # What the publisher that is new here wrote while the broker was away is for us, too.
+                since_ns=min(matched.at_ns, self._lost_ns),
+                history=history,
+                lifespan_ns=matched.qos.lifespan_ns,
+                doorbell=-1 if keep is None else keep.number,
+                foreign=self._shm_context.beware(matched.uid),
+            )
+        except BaseException:
+            self._shm_context.give_back(slot)
+            raise
+        source.last_seq = first_seq - 1
+        self._rings[matched.gid] = _Ring(source, slot, segments.identity(ring), keep)
+        self._shm_context.look_soon()
+        return slot
+
+    def _remember(self, gid: bytes, next_seq: int) -> None:
+        self._positions[gid] = next_seq
+        if len(self._positions) > MOST_REMEMBERED:
+            del self._positions[next(iter(self._positions))]
+
+    def _replace(self, gid: bytes, descriptor: Descriptor) -> None:
+        ring = self._rings.get(gid)
+        if ring is not None:
+            memory = segments.map_ring(descriptor)
+            _make_ready_for(memory.size)
+            self.reader.extend(ring.source, memory)
+            ring.identity = segments.identity(descriptor)
+            self._shm_context.look_soon()
+
+    def _refuse(self, source: PublisherProxy, text: str) -> None:
+        refusal = m.RefuseRoute(endpoint=self._owner._id, other=source.number, text=text[:1000])
+        self._link.send_about(self._owner, refusal)
+
+
+def _depth(qos: QoSProfile) -> int:
+    return 0 if qos.history is History.KEEP_ALL else qos.depth
+
+
+def _make_ready_for(ring_bytes: int) -> None:
+    if ring_bytes > _LARGE_RING_BYTES:
+        keep_freed_memory()  # for what messages are decoded into

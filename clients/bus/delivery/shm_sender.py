@@ -1,0 +1,461 @@
+"""The way of a publisher's samples through shared memory: its ring, how that grows, and who reads it.
+
+Decides what the ring itself leaves open: when to grow, when to give up depth, whom to wait for. A sample is
+written once, however many read it. On the event loop's thread only.
+"""
+
+import asyncio
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Callable, Sequence
+from errno import EMFILE
+from heapq import heappop, heappush
+from itertools import count
+from typing import ClassVar
+
+from bus.base.descriptor import Descriptor
+from bus.delivery.ring_size import (
+    EARLY,
+    FIRST_CAPACITY,
+    FIRST_INDEX,
+    FOR_EVER,
+    LAP_S,
+    RingSize,
+    is_filled_by_few,
+    laps_slowly,
+)
+from bus.errors import PayloadTooLarge, SharedMemoryError
+from bus.link.declarations import Endpoint
+from bus.link.link import RETURN_S, Link
+from bus.link.shm_context import ReaderProcess, ShmContext
+from bus.logger import Logger, get_logger
+from bus.qos import Durability, History, Liveliness, QoSProfile
+from bus.shm import core, segments
+from bus.shm.openfiles import check_room
+from bus.types.large_fields import LONG_TEXT, bytes_fields, text_fields
+from bus.wire import messages as m
+from bus.wire.runs import Buffer
+from bus.wire.session import MISSING
+
+_FORGET_S = 1.0
+
+_log = get_logger("bus")
+_keys = count(1)
+
+
+class _Gate:
+    """One match as the publisher knows it: first only that there will be a reader, then where it tells."""
+
+    __slots__ = (
+        "depth",
+        "hold",
+        "is_attached",
+        "is_held",
+        "is_lost",
+        "is_spared",
+        "is_stale",
+        "key",
+        "process",
+        "slot",
+    )
+
+    def __init__(self, hold: int, *, is_held: bool) -> None:
+        self.key = next(_keys)
+        self.depth = 0
+        self.hold = hold  # until it reads, nothing from here on may be given up
+        self.is_held = is_held  # its subscription is reliable and keeps all
+        self.is_spared = False  # it would be held, but its process is silent
+        self.is_attached = False
+        self.is_stale = False  # an earlier broker made the match, and the present one has not yet
+        self.is_lost = False  # its process may read on, though the broker has lost it
+        self.process: ReaderProcess | None = None
+        self.slot = -1
+
+
+class ShmSender:
+    """Makes the ring of `owner`. Raises OSError where there is no memory or descriptor for it."""
+
+    _early: ClassVar[int] = 0  # those that grew at their first match
+
+    def __init__(self, link: Link, shm_context: ShmContext, owner: Endpoint) -> None:
+        qos = owner.qos
+        self._link = link
+        self._shm_context = shm_context
+        self._owner = owner
+        self._core = core()
+        self._is_lossless = qos.is_lossless
+        self._is_manual = qos.liveliness is Liveliness.MANUAL_BY_TOPIC
+        keeps_all = qos.history is History.KEEP_ALL
+        self._depth = 1 if keeps_all else qos.depth
+        self._keeps_history = keeps_all and qos.durability is Durability.TRANSIENT_LOCAL
+        self._size = RingSize(keeps_all=keeps_all)
+        self.descriptor, memory = segments.make_ring(FIRST_CAPACITY, FIRST_INDEX, 1)
+        self._announced: Descriptor | None = None
+        self.writer = self._core.Writer(memory, self._depth)
+        self.writer.is_noted = False
+        self.writer.is_guarded = link.guard is not None
+        support = owner._support
+        self.writer.prepare(*support.steps)
+        if text_fields(support.cls):
+            self.writer.longest = LONG_TEXT
+        # A long field of bytes shall not be encoded with the rest.
+        self.can_publish = not bytes_fields(support.cls)
+        # With thousands of matches, each that comes or goes must not mean a look at all of them.
+        self._gates: dict[bytes, _Gate] = {}
+        self._depths: Counter[int] = Counter()  # of the gates, each with how many have it
+        self._unattached: dict[int, _Gate] = {}  # by key
+        self._holds: list[tuple[int, int]] = []  # of the held ones of these, a heap: what it holds, its key
+        # Without a match, but messages may still be held; by where it told of itself.
+        self._left: dict[tuple[ReaderProcess, int], _Gate] = {}
+        self._here: set[bytes] = set()  # the matches with subscriptions of this event loop
+        self._forget: asyncio.Handle | None = None
+        self._return: asyncio.TimerHandle | None = None
+        self._rest: asyncio.TimerHandle | None = None  # while it runs, laps of the first ring don't matter
+        self._why_not = ""  # the ring could not grow
+        self._is_early = False
+        self._guard = 0
+        self._set_hold()
+
+    @classmethod
+    def make(cls, link: Link, owner: Endpoint, logger: Logger) -> "ShmSender | None":
+        """None where nothing is shared, or no memory or descriptor is left; the log says so."""
+        if link.shm_context is None:
+            return None
+        try:
+            check_room()
+            return cls(link, link.shm_context, owner)
+        except OSError as error:
+            if error.errno == EMFILE:  # and all that come after it
+                text = f"publishers go by socket, '{owner.topic_name}' first: {error.strerror}"
+                _log.warning(text, once=True)
+                return None
+            logger.warning(f"'{owner.topic_name}' goes by socket: no shared memory: {error.strerror}")
+            return None
+
+    def announce(self) -> Descriptor:
+        """The ring's descriptor, to be sent."""
+        self._announced = self.descriptor
+        return self.descriptor
+
+    # --- samples
+
+    def put(self, parts: Sequence[Buffer | str], stamp_ns: int) -> bool:
+        """Write a sample, given in parts, whatever that takes; False where lossless readers come first.
+
+        Raises SharedMemoryError where the ring can't be made large enough.
+        """
+        writer, core = self.writer, self._core
+        may_force = False
+        while (status := writer.write_parts(parts, force=may_force, stamp_ns=stamp_ns)) is not True:
+            if status == core.NOTED:
+                break
+            if status == core.FULL:
+                if not self._make_way():
+                    return False
+            else:
+                may_force = self._make_larger(sum(map(len, parts)), status)
+        self._written(status)
+        return True
+
+    def lend(self, size: int) -> memoryview | None:
+        """A place for a sample, to be filled; None where `put` gives False. Raises SharedMemoryError, too."""
+        may_force = False
+        while True:
+            place: memoryview | int = self.writer.lend(size, force=may_force)
+            if isinstance(place, memoryview):
+                return place
+            if place == self._core.FULL:
+                if not self._make_way():
+                    return None
+            else:
+                may_force = self._make_larger(size, place)
+
+    def publish_lent(self) -> None:
+        self._written(self.writer.publish_lent())
+
+    def _make_larger(self, size: int, status: int) -> bool:
+        """Grow for a message of `size` bytes; returns whether depth must be given up instead."""
+        if size > self.writer.most:  # of a broker that has come meanwhile
+            raise PayloadTooLarge(self._owner.topic_name, size_bytes=size, limit_bytes=self.writer.most)
+        if status == self._core.SHORT and self._watches_laps:
+            # All the depth is there still: a larger ring is only to give up records less often.
+            if laps_slowly(self.writer) or not self._grow(size, must=False):
+                self._rest = self._link.loop.call_later(LAP_S, self._watch_laps)
+                self._set_hold()
+            return False
+        if self._grow(size, must=status != self._core.SHORT):
+            return False
+        if status == self._core.SHORT:
+            return True
+        raise SharedMemoryError(
+            f"no shared memory for a message of {size} bytes on '{self._owner.topic_name}': {self._why_not}"
+        )
+
+    def _make_way(self) -> bool:
+        """Something is held by those who have not read it. Returns whether to try again now."""
+        writer = self.writer
+        if self._is_lossless and self._guard != writer.latest and self._link.is_quiet():
+            # All matches made so far are known here; later ones start after `latest`.
+            self._guard = writer.latest
+            self._set_hold()
+            return True
+        if self._is_lossless:
+            # Not without a broker: readers would not hear of it, and the ring that they have would stay full.
+            return bool(self._owner._id) and is_filled_by_few(writer) and self._grow(0, must=False)
+        # Keep last, for subscriptions that keep all: memory instead of time, and where that ends, loss.
+        if self._grow(0, must=False):
+            return True
+        for gate in self._gates.values():
+            writer.make_lossy(gate.key)
+            gate.is_held = False
+        self._holds.clear()
+        self._set_hold()
+        return True
+
+    def wait_for_room(self, on_room: Callable[[], None]) -> bool:
+        """After `put` gave False: call `on_room` when that may have changed. False: try again after a turn of
+        the loop, in which what the broker said is read."""
+        if not (self._link.is_quiet() and self.writer.wait_for_room()):
+            return False
+
+        def look() -> None:
+            self._shm_context.stop_waiting(self)
+            self.writer.woken()
+            on_room()
+
+        self._shm_context.wait_for_room(self, look)
+        return True
+
+    # --- who reads
+
+    @property
+    def expected(self) -> int:
+        """Matches whose reader has not yet said where it tells of itself."""
+        return len(self._unattached)
+
+    @property
+    def is_read_here(self) -> bool:
+        """Whether a subscription of this event loop reads it."""
+        return bool(self._here)
+
+    def expect(self, matched: m.Matched) -> None:
+        """A match by this route: hold what its reader is to find, until it says where it tells of itself."""
+        is_held = matched.qos.is_lossless
+        if self._watches_laps and ShmSender._early < EARLY and self._grow(0, must=True):
+            # Now it holds nothing up yet. Later, busd may be slow or gone, and readers wait for its word.
+            self._is_early = True
+            ShmSender._early += 1
+        gate = self._gates.get(matched.gid)
+        if gate is None:
+            gate = self._gates[matched.gid] = _Gate(self.writer.seq_since(matched.at_ns), is_held=is_held)
+            self._unattached[gate.key] = gate
+            if is_held:
+                heappush(self._holds, (gate.hold, gate.key))
+        else:
+            self._forget_depth(gate)
+            self.set_waiting(matched.gid, is_on=True)  # it is back
+        gate.is_stale = False
+        gate.depth = matched.qos.depth if matched.qos.history is History.KEEP_LAST else 1
+        self._depths[gate.depth] += 1
+        self._set_hold()
+
+    def attach(self, gid: bytes, attached: m.Attached, descriptors: tuple[Descriptor, ...]) -> None:
+        """The reader of a match says where it tells of itself.
+
+        Raises OSError or ValueError, saying what is wrong with that.
+        """
+        gate = self._gates.get(gid)
+        if gate is None:
+            return  # the match is gone again
+        if len(descriptors) != attached.descriptors:
+            raise OSError(MISSING)
+        segment, doorbell = descriptors
+        process = self._shm_context.reader_process(segment, doorbell, attached.pid, attached.uid)
+        first_key = gate.key
+        if (gate.process, gate.slot) != (process, attached.slot):  # else it has read on, while busd was away
+            before = self._left.pop((process, attached.slot), None)
+            if before is not None:
+                gate.key = before.key  # it comes back, and may have pins: the same gate goes on
+            self.writer.add_gate(gate.key, process.bell, attached.slot, is_lossless=gate.is_held)
+            gate.process, gate.slot = process, attached.slot
+        self._unattached.pop(first_key, None)
+        gate.is_attached = True
+        if process.is_here:
+            self._here.add(gid)
+        self._set_hold()
+
+    def unmatched(self, gid: bytes, *, is_lost: bool = False) -> None:
+        """The match is gone. `is_lost`: but its reader perhaps is not, and may read and pin until it ends."""
+        gate = self._gates.pop(gid, None)
+        if gate is None:
+            return
+        self._forget_depth(gate)
+        self._unattached.pop(gate.key, None)
+        self._here.discard(gid)
+        if gate.process is not None:
+            gate.is_lost = is_lost
+            self._left[gate.process, gate.slot] = gate
+            self.writer.make_lossy(gate.key)
+            self._forget_later(0)  # a look at all that go at once
+        self._set_hold()
+
+    def set_waiting(self, gid: bytes, *, is_on: bool) -> None:
+        """Whether to wait for a lossless match; not while its process is silent."""
+        gate = self._gates.get(gid)
+        if gate is None or gate.is_spared is not is_on:
+            return
+        gate.is_spared, gate.is_held = not is_on, is_on
+        if gate.process is None and is_on:
+            heappush(self._holds, (gate.hold, gate.key))
+        elif gate.process is not None and is_on:
+            self.writer.add_gate(gate.key, gate.process.bell, gate.slot, is_lossless=True)
+        elif gate.process is not None:
+            self.writer.make_lossy(gate.key)
+        self._set_hold()
+
+    def missed(self, qos: QoSProfile, since_ns: int) -> list[tuple[int, int, bytes]]:
+        """Number, stamp and payload of all that a match since then is to get, history included."""
+        own, since = self._owner.qos, self.writer.since
+        samples: list[tuple[int, int, bytes]]
+        if Durability.VOLATILE in (own.durability, qos.durability):
+            samples = since(since_ns)
+            return samples
+        samples = since(0)
+        depth = min((one.depth for one in (own, qos) if one.history is History.KEEP_LAST), default=FOR_EVER)
+        first_new = bisect_left(samples, since_ns, key=lambda sample: sample[1])
+        return samples[max(0, first_new - depth) :]
+
+    def disconnected(self) -> None:
+        """The broker is gone. Who reads goes on reading, and is matched again by the next one."""
+        if self._return is not None:
+            self._return.cancel()
+        for gate in self._gates.values():
+            gate.is_stale = True
+        self._set_hold()
+
+    def declared(self, answer: m.Created) -> None:
+        """A broker knows the publisher now; who does not come back to it within a while has gone."""
+        self._depth = answer.depth or 1
+        self._size.allow(answer.ring_bytes)
+        self.writer.most = answer.max_message_bytes
+        if self._announced is not self.descriptor:  # it grew before the broker knew the publisher
+            self._link.send_about(self._owner, m.ReplaceRing(publisher=self._owner._id), (self.announce(),))
+        self._set_hold()
+        if self._gates:
+            self._return = self._link.loop.call_later(RETURN_S, self._drop_stale)
+
+    def let_the_dead_go(self) -> bool:
+        """Wait no more for processes that have ended, where no broker says so; whether there were any."""
+        gone = [
+            gid
+            for gid, gate in self._gates.items()
+            if gate.is_stale and gate.process is not None and not gate.process.is_alive()
+        ]
+        for gid in gone:
+            self.unmatched(gid)
+        return bool(gone)
+
+    def close(self) -> None:
+        """Let go of the ring; those who read it read it to its end."""
+        self._gates.clear()
+        self._unattached.clear()
+        self._left.clear()
+        ShmSender._early -= self._is_early
+        self._shm_context.stop_waiting(self)
+        for timer in (self._return, self._forget, self._rest):
+            if timer is not None:
+                timer.cancel()
+
+    # --- inside
+
+    def _written(self, status: bool | int) -> None:
+        if status is not True:  # for the first time since the counters were reported
+            self._link.report(self._owner)
+        if self._is_manual:  # the broker does not see it
+            self._link.send_about(self._owner, m.AssertLiveliness(publisher=self._owner._id))
+
+    def _drop_stale(self) -> None:
+        for gid, gate in tuple(self._gates.items()):
+            if gate.is_stale and self._owner._id:
+                self.unmatched(gid, is_lost=True)
+                self._shm_context.wake_waiting(self)
+
+    def _forget_left(self) -> None:
+        """Drop the gates that hold nothing any more; a process that has ended holds nothing."""
+        is_alive: dict[ReaderProcess, bool] = {}
+        for place, gate in tuple(self._left.items()):
+            process, _ = place
+            holds = gate.is_lost or self.writer.has_pins(gate.key)
+            if holds and process not in is_alive:
+                is_alive[process] = process.is_alive()
+            if not holds or not is_alive[process]:
+                self.writer.remove_gate(gate.key)
+                del self._left[place]
+        self._forget_later(_FORGET_S)
+
+    def _forget_later(self, seconds: float) -> None:
+        if self._forget is not None:
+            self._forget.cancel()
+        self._forget = None
+        if self._left:
+            self._forget = self._link.loop.call_later(seconds, self._forget_left)
+
+    def _forget_depth(self, gate: _Gate) -> None:
+        self._depths[gate.depth] -= 1
+        if not self._depths[gate.depth]:
+            del self._depths[gate.depth]
+
+    def _set_hold(self) -> None:
+        holds, unattached = self._holds, self._unattached
+        while holds and not ((gate := unattached.get(holds[0][1])) and gate.is_held):
+            heappop(holds)
+        first = holds[0][0] if holds else FOR_EVER
+        if self._is_lossless:
+            first = min(first, self._guard + 1)
+        self.writer.hold = 0 if first == FOR_EVER else first
+        self.writer.keep = FOR_EVER if self._watches_laps else self._keep
+
+    @property
+    def _keep(self) -> int:
+        """Records that must stay: the largest depth."""
+        return FOR_EVER if self._keeps_history else max(self._depth, *self._depths, 1)
+
+    @property
+    def _watches_laps(self) -> bool:
+        """Whether this ring is the first one, and is to be exchanged when its records go round.
+
+        Without a broker readers could not be told of another.
+        """
+        return self.writer.capacity == FIRST_CAPACITY and self._rest is None and bool(self._owner._id)
+
+    def _watch_laps(self) -> None:
+        self._rest = None
+        self._set_hold()
+
+    def _grow(self, size: int, *, must: bool) -> bool:
+        """Go on in a larger ring, with room for a message of `size` bytes; returns whether there is one.
+
+        `must`: also beyond the limit, which is for depth.
+        """
+        writer = self.writer
+        sizes = self._size.larger(writer, size, self._keep, must=must)
+        if sizes is None:
+            return False
+        self._forget_left()
+        try:
+            descriptor, memory = segments.make_ring(*sizes, writer.carry_from(FOR_EVER))
+            writer.move(memory)
+        except (OSError, ValueError) as error:
+            self._size.failed()
+            self._why_not = (error.strerror if isinstance(error, OSError) else None) or str(error)
+            text = (
+                f"the ring of '{self._owner.topic_name}' can't grow to {sizes[0] >> 10} KiB: {self._why_not}"
+            )
+            _log.warning(text, throttle_duration_sec=5.0)
+            return False
+        self.descriptor = descriptor
+        self._set_hold()
+        self._shm_context.wake_waiting(self)
+        if self._owner._id:
+            self._link.send_about(self._owner, m.ReplaceRing(publisher=self._owner._id), (self.announce(),))
+        return True

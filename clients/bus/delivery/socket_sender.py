@@ -1,0 +1,360 @@
+"""The way of a publisher's samples through the broker: gathered into runs, queued, held back by credit.
+
+A sample leaves at once, but where the one before left a moment ago: then it is gathered with those that
+follow into a run, which leaves when it is full or when the turn of the event loop ends. So a paced publisher
+has the latency of one system call, and a flood its throughput. Does not know messages, only their encoding.
+
+What a lossless subscription may not have taken yet is kept, for the case that the broker dies with it. Then
+each that comes back gets what is kept, alone, and nothing new is sent before all are back, or time is up.
+A publisher that keeps the newest waits for its reliable ones too, a shorter time, and as long as its depth
+has room: so that nothing is lost when busd restarts and the publisher is back first.
+"""
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from typing import TypeAlias
+
+from bus.delivery.allowance import STEP_BYTES, begin, extend
+from bus.delivery.open_run import open_run
+from bus.delivery.thread_queue import ThreadQueue
+from bus.link.declarations import Endpoint
+from bus.link.link import RETURN_S, Link
+from bus.qos import Durability, History, QoSProfile, Reliability
+from bus.types.large_fields import bytes_fields
+from bus.wire import messages as m
+from bus.wire.layout import (
+    DATA_HEAD_BYTES,
+    MAX_MESSAGE_BYTES,
+    RECORD_HEAD,
+    RECORD_HEAD_BYTES,
+    REPLAY,
+    RESUMED,
+    RUN_BYTES,
+)
+from bus.wire.runs import UNBOUNDED, Account, Buffer, Run, RunQueue, data_head
+
+QUEUE_BYTES = 64 << 20
+
+_SHORT_RETURN_S = 1.0
+"""As RETURN_S, where no subscription counts on everything."""
+
+_GATHER_NS = 100_000
+"""A message that follows so soon on the one before is gathered with others."""
+
+Sample: TypeAlias = tuple[int, int, bytes]
+"""Number, stamp in ns, payload."""
+
+_pack_record = RECORD_HEAD.pack
+
+
+class SocketSender:
+    """The numbers of samples are given here, unless `resume` sets them.
+
+    `owner` is the publisher that the link knows. `is_active`: samples are to go this way.
+    """
+
+    def __init__(self, link: Link, owner: Endpoint, from_threads: ThreadQueue) -> None:
+        qos = owner.qos
+        depth = 0 if qos.history is History.KEEP_ALL else qos.depth
+        self._link = link
+        self._owner = owner
+        self._from_threads = from_threads
+        self.is_active = True
+        self.is_noted = False
+        """Else `hand_over` has the counters reported."""
+        self.on_replaced: Callable[[int], object] = int
+        """Called with the number of samples that the depth has replaced here."""
+        self.queue = RunQueue(depth, Account(STEP_BYTES))
+        self.keeps_history = qos.durability is Durability.TRANSIENT_LOCAL
+        self._history = RunQueue(depth, Account(STEP_BYTES)) if self.keeps_history else None
+        self._most_queued = QUEUE_BYTES
+        self.next_seq = 1
+        self.samples = 0
+        self.bytes = 0
+        self.replaced = 0
+        self._is_resumed = False
+        self.run = open_run()
+        if link.guard is not None:
+            self.run.is_mine = link.guard.owns
+        self.run.most = depth or UNBOUNDED
+        self.add = self.run.add
+        support = owner._support
+        if not bytes_fields(support.cls):  # a long one shall not be encoded with the rest
+            self.run.prepare(*support.steps)
+        self.run.begin_by(self._begun, self.can_take if qos.is_lossless else None)
+        self.run.begins_below = RUN_BYTES
+        self._max_bytes = MAX_MESSAGE_BYTES
+        # Back-pressure: what was handed over and not yet taken by all.
+        self._is_windowed = qos.is_lossless
+        self._window_samples = 0
+        self._window_bytes = 0
+        self._credited = 0
+        self._flying_bytes = 0
+        self._flying: deque[tuple[int, int]] = deque()
+        # What was handed over and perhaps not taken; with a history, that tells a new broker everything.
+        self._kept = RunQueue(0, Account(QUEUE_BYTES)) if qos.is_lossless and not self.keeps_history else None
+        self._is_awaiting = qos.reliability is Reliability.RELIABLE and not self.keeps_history
+        self._keeps_some = qos.is_lossless or self.keeps_history
+        self._takers: dict[int, bytes] = {}  # matches by this route that are waited for
+        self._awaited: set[bytes] = set()  # those of them that a broker before had
+        self._return: asyncio.TimerHandle | None = None
+
+    def can_take(self, size: int) -> bool:
+        """Whether a sample of `size` bytes may be taken now, before a keep-all subscription takes something.
+
+        One alone always may, whatever its size. May be asked from any thread.
+        """
+        run = self.run
+        if not self._is_windowed or (run.budget >= size + RECORD_HEAD_BYTES and run.samples < run.most):
+            return True
+        if not (self._flying or run.samples or self._from_threads.count):
+            return True
+        return self._room() >= size + RECORD_HEAD_BYTES
+
+    def put(self, payload: Buffer, stamp_ns: int) -> None:
+        """Take a sample as the first of a new run."""
+        self.hand_over()
+        self.run.begin(payload, stamp_ns)
+        self._begun(stamp_ns)
+
+    def _begun(self, stamp_ns: int) -> None:
+        """A run has its first sample, of this stamp: it leaves now, or is gathered with those that follow."""
+        link = self._link
+        if stamp_ns - link.last_sent_ns < _GATHER_NS:
+            run, room = self.run, RUN_BYTES
+            if self._is_windowed:
+                room = self._room()
+                run.most = run.samples + max(0, self._samples_left())
+            run.budget = max(0, min(room, RUN_BYTES, self._max_bytes) - run.size)
+            link.gather(self._owner)
+        else:
+            link.last_sent_ns = stamp_ns
+            try:
+                self.hand_over()
+            except MemoryError:
+                if not self.run.samples:
+                    raise
+                link.gather(self._owner)  # it was taken: it leaves with what follows, or when the turn ends
+
+    def skip(self, count: int) -> None:
+        """Samples that were replaced before they came here; the gap in the numbers tells of them."""
+        if not count:
+            return
+        self.hand_over()
+        self.next_seq += count
+        self.samples += count
+        self.replaced += count
+
+    def resume(self, seq: int) -> None:
+        """Take samples from number `seq` on, after those before went another way."""
+        self.hand_over()
+        if seq > self.next_seq:
+            self.next_seq = seq
+            self._is_resumed = True
+            self.credit(seq - 1)
+        self.is_active = True
+
+    def catch_up(self, subscription: int, samples: list[Sample], *, since_ns: int) -> None:
+        """Send samples to one subscription alone, which then gets what is sent to all.
+
+        Those stamped before `since_ns` are history. What is on its way to all, and among these, it knows by
+        the number.
+        """
+        owner, parts, size = self._owner, list[bytes](), 0
+        for at, (seq, stamp_ns, payload) in enumerate(samples):
+            parts += (_pack_record(len(payload), stamp_ns), payload)
+            size += RECORD_HEAD_BYTES + len(payload)
+            is_replay = stamp_ns < since_ns
+            is_last = at + 1 == len(samples) or is_replay is not (samples[at + 1][1] < since_ns)
+            if is_last or size >= RUN_BYTES:
+                count = len(parts) // 2
+                flags = REPLAY if is_replay else 0
+                head = data_head(owner._id, seq + 1 - count, count, size, flags=flags, only_for=subscription)
+                self._link.send_about(owner, head + b"".join(parts))
+                parts.clear()
+                size = 0
+        self._link.send_about(owner, m.CaughtUp(publisher=owner._id, subscription=subscription))
+
+    def hand_over(self) -> None:
+        """End the open run and send it, or queue it where the broker does not take it now."""
+        run, first_seq = self.run, self.next_seq
+        samples, size = run.samples, run.size
+        if not samples:
+            return
+        owner, is_resumed = self._owner, self._is_resumed
+        frame = run.end(owner._id, first_seq, RESUMED if is_resumed else 0)
+        self.next_seq += samples
+        self.samples += samples
+        self.bytes += size - samples * RECORD_HEAD_BYTES
+        self._is_resumed = False
+        if self._keeps_some:
+            self._keep(Run(0, 0, first_seq, samples, memoryview(frame)[DATA_HEAD_BYTES:]))
+        if (
+            not owner._id
+            or self.queue.runs
+            or self._awaited
+            # Nothing waits: past the queues, most of what one message costs at a moderate rate.
+            or not self._link.send_now(frame)
+        ):
+            body = memoryview(frame)[DATA_HEAD_BYTES:]
+            self._queue_run(Run(0, 0, first_seq, samples, body, is_resumed=is_resumed))
+        if not self.is_noted:
+            self.is_noted = True
+            self._link.report(owner)
+
+    def _keep(self, run: Run) -> None:
+        """Of what is handed over, remember what may be needed again."""
+        if self._is_windowed:
+            self._flying.append((self.next_seq - 1, len(run.body)))
+            self._flying_bytes += len(run.body)
+        if self._history is not None:
+            self._history.push(run)
+            extend(self._history, self._most_queued, is_lossless=self._is_windowed)
+            self._history.drop_over_quota(spare=1)
+        if self._kept is not None:
+            self._kept.push(run)
+            self._kept.drop_over_quota(spare=1)
+
+    def credit(self, seq: int) -> None:
+        """Everything up to `seq` was taken by all that must take."""
+        kept = self._kept
+        while kept is not None and kept.runs and kept.runs[0].first_seq + kept.runs[0].count - 1 <= seq:
+            kept.forget_head()
+        self._forget_flying(seq)
+
+    def _forget_flying(self, seq: int) -> None:
+        """Up to `seq` nothing counts for the window any more."""
+        self._credited = max(self._credited, seq)
+        while self._flying and self._flying[0][0] <= seq:
+            self._flying_bytes -= self._flying.popleft()[1]
+
+    def declared(self, answer: m.Created) -> None:
+        """A broker knows the publisher now: what waits goes there."""
+        self._max_bytes = answer.max_message_bytes
+        self._most_queued = max(QUEUE_BYTES, answer.max_message_bytes + RUN_BYTES)
+        self._window_samples = answer.window_samples
+        self._window_bytes = answer.window_bytes
+        self.run.most = answer.depth or UNBOUNDED
+        self.run.begins_below = min(RUN_BYTES, self._max_bytes + 1)
+        self.queue.set_depth(answer.depth)
+        self.queue.endpoint = answer.id
+        if self._history is not None:
+            # What waits is the end of the history, so the history alone tells a new broker everything.
+            self.queue.clear()
+            for run in self._history.newest(0, 0):
+                run.is_replay = False
+                self.queue.push(run)
+            self.queue.account.limit = self._history.account.limit
+        self._forget_flying(self.first_seq_to_send() - 1)
+        if self._awaited:
+            wait_s = _SHORT_RETURN_S if self._kept is None else RETURN_S
+            self._return = self._link.loop.call_later(wait_s, self._go_on)
+        elif self.queue.runs:
+            self._link.make_ready(self.queue)
+
+    def matched(self, other: int, gid: bytes, qos: QoSProfile, *, is_here: bool) -> None:
+        """A subscription is matched, by this route if it `is_here`."""
+        is_reliable = qos.reliability is Reliability.RELIABLE
+        if not self._is_awaiting or not (is_reliable if self._kept is None else qos.is_lossless):
+            return
+        if is_here:
+            self._takers[other] = gid
+        if gid in self._awaited:
+            if is_here and self._kept is not None:
+                self._repeat(other)
+            self._awaited.discard(gid)
+            if not self._awaited:
+                self._go_on()
+
+    def unmatched(self, other: int) -> None:
+        self._takers.pop(other, None)
+
+    def first_seq_to_send(self) -> int:
+        """The number of the first sample that a new broker will get."""
+        waiting = self._history if self._history is not None else self.queue
+        return waiting.runs[0].first_seq + waiting.skipped if waiting.runs else self.next_seq
+
+    def disconnected(self) -> None:
+        self.queue.is_ready = False  # the outbox that knew it is gone
+        self._awaited.update(self._takers.values())
+        self._takers.clear()
+        self._stop_waiting()
+
+    def drop_queued(self) -> int:
+        """Give up what waits; returns how many samples."""
+        lost = self.queue.clear()
+        self.replaced += lost
+        return lost
+
+    def end(self) -> None:
+        """Nothing more will be sent."""
+        self.forget_open()
+        self.queue.clear()
+        self._stop_waiting()
+
+    @property
+    def open_samples(self) -> int:
+        """Samples of the run that is open; they are in no other count."""
+        return self.run.samples
+
+    @property
+    def open_bytes(self) -> int:
+        return self.run.size - self.run.samples * RECORD_HEAD_BYTES
+
+    def forget_open(self) -> None:
+        """The run that is open will not be sent, and no other is begun here."""
+        self.run.forget()
+        self.run.begins_below = 0
+
+    def _repeat(self, subscription: int) -> None:
+        """Send it what the broker that died had got, and perhaps not passed on; what it has, it knows."""
+        assert self._kept is not None
+        first_seq = self.first_seq_to_send()
+        for run in self._kept.runs:
+            if run.first_seq >= first_seq:
+                break
+            head = data_head(self._owner._id, run.first_seq, run.count, len(run.body), only_for=subscription)
+            self._link.send_about(self._owner, head + run.body)
+
+    def _go_on(self) -> None:
+        """All are back, or were long enough away."""
+        self._stop_waiting()
+        self._awaited.clear()
+        if self._owner._id and self.queue.runs:
+            self._link.make_ready(self.queue)
+            self._link.flush()
+            self._link.wrote()
+
+    def _stop_waiting(self) -> None:
+        if self._return is not None:
+            self._return.cancel()
+
+    def _room(self) -> int:
+        """Bytes that may still be taken before somebody takes something."""
+        if self._samples_left() <= 0:
+            return 0
+        return self._window_bytes - self._flying_bytes - self.open_bytes - self._from_threads.held_bytes
+
+    def _samples_left(self) -> int:
+        """As `_room`, in samples."""
+        taken = self.next_seq - 1 + self.open_samples + self._from_threads.count
+        return self._window_samples - (taken - self._credited)
+
+    def _queue_run(self, run: Run) -> None:
+        if self._awaited and self._owner._id and 0 < self.queue.depth < self.queue.count + run.count:
+            self._go_on()  # to wait longer would cost what it is to save
+        runs = self.queue.runs
+        is_resumed = bool(runs) and runs[0].is_resumed
+        if not runs:
+            begin(self.queue)
+        replaced = self.queue.push(run)
+        extend(self.queue, self._most_queued, is_lossless=self._is_windowed)
+        replaced += self.queue.drop_over_quota(spare=1)
+        if replaced:
+            self.replaced += replaced
+            self.on_replaced(replaced)
+            runs[0].is_resumed |= is_resumed  # the gap before it is mostly of that kind
+        if self._owner._id and not self._awaited:
+            self._link.make_ready(self.queue)
+            self._link.flush()

@@ -1,0 +1,1 @@
+"""Warnings about what goes wrong at run time, as many as a log can bear."""

@@ -1,0 +1,58 @@
+"""Warnings about what other processes do: at most so many in a second, and how many more there were.
+
+Others can make thousands of endpoints that don't match ours, and each is worth a line, and maybe a question
+to busd. Owns the bounds, which are of all nodes of an event loop together. Must not know what is warned of.
+"""
+
+import asyncio
+from collections.abc import Callable
+from weakref import WeakKeyDictionary
+
+from bus.base.printable import printable
+from bus.logger import Logger, get_logger
+
+__all__ = ["is_worth_asking", "warn"]
+
+_MOST = 20
+_PERIOD_S = 1.0
+
+_Counts = WeakKeyDictionary[asyncio.AbstractEventLoop, int]
+"""How many there were in the period that has begun, by event loop."""
+
+_lines: _Counts = WeakKeyDictionary()
+_questions: _Counts = WeakKeyDictionary()
+
+
+def warn(logger: Logger, text: str) -> None:
+    """Log a warning with words of others in it as one line, unless there were too many.
+
+    To be called on the event loop.
+    """
+    if _is_within_bounds(_lines, _tell_left_out):
+        logger.warning(printable(text, keep=""))
+
+
+def is_worth_asking() -> bool:
+    """Whether to ask busd more about what another process did: no, after too many times in a second.
+
+    To be called on the event loop, before each question.
+    """
+    return _is_within_bounds(_questions, _ignore)
+
+
+def _is_within_bounds(counts: _Counts, at_end: Callable[[int], None]) -> bool:
+    """Count one more; the first begins a period, at whose end `at_end` is told how many there were."""
+    loop = asyncio.get_running_loop()
+    number = counts[loop] = counts.get(loop, 0) + 1
+    if number == 1:
+        loop.call_later(_PERIOD_S, lambda: at_end(counts.pop(loop)))
+    return number <= _MOST
+
+
+def _ignore(number: int) -> None:
+    """Of questions that were left out nobody is told."""
+
+
+def _tell_left_out(number: int) -> None:
+    if number > _MOST:
+        get_logger("bus").warning(f"{number - _MOST} more warnings about other nodes were left out")

@@ -1,0 +1,332 @@
+"""One connection to a broker, from Hello to the end: requests and answers, heartbeats, what is sent.
+
+Does not come back after a loss; that is the link's work. Hands samples and news of endpoints to its owner.
+"""
+
+import asyncio
+import os
+import sys
+from collections.abc import Callable, Iterable
+from itertools import count
+from time import monotonic_ns
+from typing import Any, TypeVar
+
+from bus.base.descriptor import Descriptor
+from bus.base.version import RELEASE
+from bus.errors import (
+    BrokerUnavailable,
+    BusError,
+    ConnectionClosed,
+    RemoteProtocolError,
+)
+from bus.link.autostart import open_socket
+from bus.link.reach import NotNow, Patience
+from bus.link.shm_context import ShmContext
+from bus.logger import get_logger
+from bus.process.shared_loop import GuardedLoop
+from bus.transport.stream import Stream
+from bus.types.support import TypeSupport
+from bus.wire import messages as m
+from bus.wire.answers import expect
+from bus.wire.layout import GUESTS, LEAVING, NAMESAKES, SILENCE, VERSION
+from bus.wire.outbox import Outbox
+from bus.wire.runs import Buffer
+from bus.wire.session import Role, Session
+
+A = TypeVar("A", bound=m.Message)
+
+ANSWER_S = 10.0
+"""How long a broker that owes an answer may say nothing at all before it counts as hung."""
+
+_UNREAD_S = 0.05
+"""How long until another look where this process has not yet read what has come."""
+
+_LATE_NS = 1_000_000_000
+"""A timer that comes so late says that this event loop stood still."""
+_NEVER_NS = 1 << 63
+
+_log = get_logger("bus")
+
+
+class _Request:
+    """What the broker owes an answer to."""
+
+    __slots__ = ("answer", "due_ns", "since_ns", "timer")
+
+    def __init__(self, answer: asyncio.Future[Any]) -> None:
+        self.answer = answer
+        self.since_ns = self.due_ns = monotonic_ns()
+        self.timer: asyncio.TimerHandle | None = None
+
+    def end(self) -> None:
+        """Nobody waits any more."""
+        if self.timer is not None:
+            self.timer.cancel()
+
+
+class Connection:
+    """Made by `Connection.open`.
+
+    `on_received(items)` gets the runs and messages of one read, of which it hands back what is an answer to
+    `resolve`; `on_lost(reason)` is called once, unless `close` came first.
+    """
+
+    def __init__(
+        self,
+        shm_context: ShmContext | None,
+        *,
+        on_received: Callable[[Iterable[Any]], None],
+        on_lost: Callable[[BusError], None],
+        on_wrote: Callable[[], None],
+    ) -> None:
+        self.outbox = Outbox()
+        self._shm_context = shm_context
+        self._has_shared = False
+        self.hello = m.Hello(version=VERSION)
+        """The broker's, once the connection is open."""
+        self._on_received = on_received
+        self._on_lost = on_lost
+        self._on_wrote = on_wrote
+        self._loop = asyncio.get_running_loop()
+        self._stream: Stream | None = None
+        self._loss: ConnectionClosed | None = None
+        self._was_silent = False
+        self._is_for_now = False
+        self._farewell = ""
+        self.heard_ns = 0
+        """When anything last came from the broker; set by whoever hands it out."""
+        self.turn_ns = 0
+        """When the event loop last had a turn; whoever is called in one sets it."""
+        self.late_ns = _NEVER_NS
+        """After that a turn comes late: call `note_standstill` before `turn_ns` or `heard_ns` is set."""
+        self._beat_ns = self._due_ns = 0  # since and until when the next sign of life is waited for
+        self._requests: dict[int, _Request] = {}
+        self._numbers = count(1)
+        self._types: set[tuple[str, str]] = set()
+        self._heartbeat: asyncio.TimerHandle | None = None
+        self._greeted: asyncio.Future[m.Hello] = self._loop.create_future()
+
+    async def open(self, path: str, patience: Patience, *, may_start: bool = True) -> None:
+        """Connect to the broker at `path` (or start one, if this `may_start` one) and exchange Hellos.
+
+        Raises BrokerUnavailable; of that NotNow where another try may help. Cancellation: closed.
+        """
+        sock = await open_socket(path, patience, may_start=may_start)
+        self._stream = Stream(
+            sock,
+            Session(Role.CLIENT),
+            self.outbox,
+            on_received=self._on_received,
+            on_lost=self._lost,
+            takes_descriptors=self._shm_context is not None,
+        )
+        self._stream.before_write(self._on_wrote)
+        self.send(
+            m.Hello(
+                version=VERSION,
+                capabilities=(LEAVING, GUESTS, NAMESAKES, SILENCE),
+                pid=os.getpid(),
+                program=_program(),
+                release=RELEASE,
+            )
+        )
+        greeting = _Request(self._greeted)
+        self._watch(greeting)
+        try:
+            hello = await self._greeted
+        except TimeoutError:
+            raise BrokerUnavailable(f"busd at {path} took the connection but does not answer") from None
+        except ConnectionClosed:
+            raise self._refusal(path) from None
+        finally:
+            greeting.end()
+            if not self._greeted.done() or self._greeted.cancelled() or self._greeted.exception():
+                self.close()
+        if self._stream is None:  # its last word came right behind its Hello
+            raise self._refusal(path)
+        self.hello = hello
+        if self._shm_context is not None and GUESTS in hello.capabilities:
+            self._shm_context.readers.is_wary = True
+
+    def _refusal(self, path: str) -> BrokerUnavailable:
+        """Why the connection has ended before it could be used."""
+        if self._was_silent:  # as one that ends with connections in its backlog
+            return NotNow(f"busd at {path} closed the connection without a word")
+        kind = NotNow if self._is_for_now else BrokerUnavailable
+        return kind(f"busd at {path} refused this process: {self._loss}")
+
+    def send(self, message: m.Message | bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
+        """Send a control message, or a frame in turn with these; nothing happens where this has ended."""
+        if self._stream is not None:
+            self.outbox.put(message if isinstance(message, bytes) else m.encode_frame(message), descriptors)
+            self._stream.flush()
+
+    @property
+    def is_quiet(self) -> bool:
+        """Nothing has come that was not read."""
+        return self._stream is None or self._stream.is_quiet
+
+    def share(self) -> None:
+        """Before an endpoint is declared: tell how this process is woken, once for each connection."""
+        if self._shm_context is not None and not self._has_shared:
+            self._has_shared = True
+            self.send(m.Share(), (self._shm_context.doorbell, self._shm_context.segment))
+
+    @property
+    def is_writing(self) -> bool:
+        """Whether the socket has yet to take some of what was chosen for it."""
+        return self._stream is not None and self._stream.is_blocked
+
+    def flush(self) -> None:
+        """Send what waits, as far as the socket takes it."""
+        if self._stream is not None:
+            self._stream.flush()
+
+    def send_now(self, frame: Buffer) -> bool:
+        """Send a data frame at once, where nothing waits to be sent; returns whether it was taken over."""
+        return self._stream is not None and self._stream.send_now(frame)
+
+    async def request(
+        self, make: Callable[[int], m.Message], kind: type[A], descriptors: tuple[Descriptor, ...] = ()
+    ) -> A:
+        """Send the message that `make` gives for a request number; returns the answer, which is a `kind`.
+
+        Raises ConfigurationError, QuotaExceeded or AccessDenied where the broker refuses, TimeoutError where
+        it says nothing at all for ANSWER_S, RemoteProtocolError where it answers something else,
+        ConnectionClosed where the connection ends first.
+        """
+        if self._stream is None:
+            raise ConnectionClosed("the connection to busd is closed")
+        number = next(self._numbers)
+        request = self._requests[number] = _Request(self._loop.create_future())
+        try:
+            self.send(make(number), descriptors)
+            self._watch(request)
+            return expect(await request.answer, kind)
+        finally:
+            request.end()
+            self._requests.pop(number, None)
+
+    def _watch(self, request: _Request) -> None:
+        """End the wait for an answer where the broker says nothing for ANSWER_S, whatever it might say.
+
+        One that is busy, with what this process has asked for or with others, answers others meanwhile, and
+        is not given up.
+        """
+        if request.answer.done():
+            return
+        now_ns = monotonic_ns()
+        if now_ns - request.due_ns > _LATE_NS:
+            request.since_ns = now_ns  # we stood still: the request may not have left, nor the answer be here
+        left_s = ANSWER_S - (now_ns - max(request.since_ns, self.heard_ns)) / 1e9
+        if left_s <= 0:
+            if self.is_quiet:
+                error = TimeoutError(f"busd (pid {self.hello.pid}) has said nothing for {ANSWER_S:g} s")
+                request.answer.set_exception(error)
+                return
+            left_s = _UNREAD_S
+        request.due_ns = now_ns + int(left_s * 1e9)
+        request.timer = self._loop.call_later(left_s, self._watch, request)
+
+    def declare_type(self, support: TypeSupport[Any]) -> None:
+        """Make a message type known, once for each connection."""
+        if (support.name, support.hash) not in self._types:
+            self._types.add((support.name, support.hash))
+            self.send(
+                m.DeclareType(type_name=support.name, type_hash=support.hash, schema=support.description)
+            )
+
+    def resolve(self, message: Any) -> bool:
+        """Handle what concerns the connection itself; returns whether it did.
+
+        Raises RemoteProtocolError for the broker's last word.
+        """
+        match message:
+            case m.Hello():
+                if not self._greeted.done():
+                    self._greeted.set_result(message)
+            case m.Ping(number=number):
+                self.send(m.Pong(number=number))
+            case m.Pong():
+                pass
+            case m.Fault(text=text):
+                self._is_for_now = message.again
+                raise RemoteProtocolError(text)
+            case m.Leaving(text=text):
+                self._farewell = text
+                if self._stream is not None:
+                    self._stream.finish()
+            case m.Refused() | m.Created() | m.Done() | m.TypeDescription() | m.Graph():
+                request = self._requests.get(message.request)
+                if request is not None and not request.answer.done():
+                    request.answer.set_result(message)
+            case _:
+                return False
+        return True
+
+    def beat(self, interval_s: float) -> None:
+        """Send a sign of life every `interval_s` seconds from now on."""
+        if self._heartbeat is not None:
+            self._heartbeat.cancel()
+        if self._stream is not None:
+            self._beat_ns = monotonic_ns()
+            self._due_ns = self._beat_ns + int(interval_s * 1e9)
+            self.late_ns = self._due_ns + _LATE_NS
+            self._heartbeat = self._loop.call_later(interval_s, self._beat, interval_s)
+
+    def note_standstill(self, now_ns: int) -> None:
+        """The event loop stood still. If that outlasted the lease, warn here: this program must be mended."""
+        self.late_ns = _NEVER_NS
+        most_s = (now_ns - self._beat_ns) / 1e9
+        if most_s < self.hello.lease_s or (isinstance(self._loop, GuardedLoop) and self._loop.rests):
+            return
+        if (turn_ns := max(self.turn_ns, self.heard_ns)) > self._beat_ns:
+            time = f"{(now_ns - turn_ns) / 1e9:.0f} s"
+        else:
+            least, most = f"{(now_ns - self._due_ns) / 1e9:.0f}", f"{most_s:.0f}"
+            time = f"{most} s" if least == most else f"{least} to {most} s"
+        _log.warning(f"this program's event loop stood still for {time}: who waited for it has gone on")
+
+    def close(self) -> None:
+        """Send what the socket still takes, and end."""
+        stream, self._stream = self._stream, None
+        if stream is not None:
+            stream.close()
+        self._finish(ConnectionClosed("the connection to busd is closed"))
+
+    def abandon(self) -> None:
+        """In the child of a fork: let go of what is the parent's, so that its end ends the connection."""
+        stream, self._stream = self._stream, None
+        if stream is not None:
+            stream.abandon()
+
+    def _beat(self, interval_s: float) -> None:
+        if (now_ns := monotonic_ns()) > self.late_ns:
+            self.note_standstill(now_ns)
+        self.send(m.Ping())
+        self.beat(interval_s)
+
+    def _lost(self, error: Exception | None) -> None:
+        why = str(error) if error else self._farewell or "busd closed the connection"
+        reason = self._loss = ConnectionClosed(why)
+        self._was_silent = not isinstance(error, RemoteProtocolError)
+        self._stream = None
+        self._finish(reason)
+        self._on_lost(reason)
+
+    def _finish(self, reason: BusError) -> None:
+        if self._heartbeat is not None:
+            self._heartbeat.cancel()
+        waits = [*(request.answer for request in self._requests.values()), self._greeted]
+        for waiting in waits:
+            if not waiting.done():
+                waiting.set_exception(reason)
+        # Nobody may be waiting any more; the error must not be reported as one that was never looked at.
+        for waiting in waits:
+            if not waiting.cancelled():
+                waiting.exception()
+        self._requests.clear()
+
+
+def _program() -> str:
+    return sys.argv[0].rpartition("/")[2][:255] if sys.argv and sys.argv[0] else "python"

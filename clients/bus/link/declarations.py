@@ -1,0 +1,344 @@
+"""What a process has declared at its broker: nodes and endpoints, the ids they got, and declaring them anew.
+
+Knows nodes and endpoints only by the methods that `Declared` and `Endpoint` name. These begin with an
+underscore, though other modules of `bus` call them: the objects are the users', who have no use for them.
+"""
+
+import asyncio
+import os
+from collections.abc import Callable, Iterator
+from typing import Any, Protocol
+
+from bus.base.descriptor import Descriptor
+from bus.errors import (
+    AccessDenied,
+    BusError,
+    ConfigurationError,
+    ConnectionClosed,
+    QuotaExceeded,
+    RemoteProtocolError,
+    again,
+)
+from bus.link.connection import Connection
+from bus.logger import get_logger
+from bus.qos import Liveliness, QoSProfile
+from bus.types.support import TypeSupport
+from bus.wire import messages as m
+from bus.wire.runs import Run
+
+_FINAL = (ConfigurationError, AccessDenied)
+"""Refusals for good. A limit is another thing: others may make room."""
+
+AGAIN_S = 2.0
+"""How long until a broker is asked again for what a limit of it was in the way of."""
+
+_ABOUT: dict[Any, str] = (
+    dict.fromkeys((m.Matched, m.Unmatched, m.Incompatible, m.Rerouted), "endpoint")
+    | dict.fromkeys((m.Dropped, m.LivelinessChanged, m.RingReplaced), "subscription")
+    | dict.fromkeys((m.Credit, m.LivelinessLost, m.Attached, m.Silence), "publisher")
+)
+"""The field that says which endpoint the news is for."""
+
+_log = get_logger("bus")
+
+
+class Declared(Protocol):
+    """What the broker gives an id to."""
+
+    _id: int
+
+    def _declaration(self, request: int, node: int) -> m.Message: ...
+
+    def _declared(self, answer: m.Created) -> None: ...
+
+
+class Node(Declared, Protocol):
+    """A node, as the link sees it."""
+
+    @property
+    def full_name(self) -> str: ...
+
+
+class Endpoint(Declared, Protocol):
+    """A publisher or a subscription, as the link sees it."""
+
+    _kind: str
+    topic_name: str
+    qos: QoSProfile
+    _support: TypeSupport[Any]
+    _refusal: BusError | None
+
+    def _disconnected(self) -> None: ...
+
+    @property
+    def _shared(self) -> tuple[Descriptor, ...]: ...
+
+    def _handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None: ...
+
+    def _hand_over(self) -> None: ...
+
+    _receive_lone: Callable[[Run], bool]
+
+    def _receive_run(self, run: Run) -> None: ...
+
+    def _wake(self) -> None: ...
+
+    def _totals(self) -> m.Report: ...
+
+    def _end(self, reason: BusError) -> None: ...
+
+    def _abandon(self, reason: BusError) -> None: ...
+
+
+def lease_s(endpoint: Endpoint) -> float | None:
+    """Within what time the broker wants a sign of life from this process for `endpoint`; None = no matter."""
+    if endpoint._kind == "publisher" and endpoint.qos.liveliness is Liveliness.AUTOMATIC:
+        return endpoint.qos.liveliness_lease_duration
+    return None
+
+
+class _Admission:
+    """What is to be done when the answer to a declaration of `what` comes."""
+
+    __slots__ = ("act", "undo", "what")
+
+    def __init__(
+        self, what: Declared, act: Callable[[m.Created], None], undo: Callable[[m.Created], None]
+    ) -> None:
+        self.what = what
+        self.act = act
+        self.undo = undo
+
+
+class Declarations:
+    """`by_id` are the endpoints that the broker knows at the moment."""
+
+    def __init__(self) -> None:
+        self.by_id: dict[int, Endpoint] = {}
+        self._nodes: dict[Node, dict[Endpoint, None]] = {}
+        self._admissions: dict[int, _Admission] = {}
+        self._waiting: dict[Declared, QuotaExceeded] = {}
+        self._namesakes: set[str] = set()
+        """Names of nodes of which it was said that others have them too."""
+        self._retry: asyncio.Task[None] | None = None
+
+    def __iter__(self) -> Iterator[Endpoint]:
+        """Every endpoint, in the order of their making."""
+        return iter([endpoint for endpoints in self._nodes.values() for endpoint in endpoints])
+
+    async def add_node(self, connection: Connection, node: Node) -> None:
+        """Make `node` known to the broker."""
+
+        def admit(answer: m.Created) -> None:
+            node._declared(answer)
+            self._nodes.setdefault(node, {})
+
+        await self._declare(
+            connection,
+            node,
+            lambda number: node._declaration(number, 0),
+            admit,
+            lambda answer: connection.send(m.DestroyNode(node=answer.id)),
+        )
+
+    async def add(self, connection: Connection, node: Node, endpoint: Endpoint) -> None:
+        """Make an endpoint of `node` known to the broker.
+
+        Raises what the broker refuses it with, ConnectionClosed where the node is closed meanwhile.
+        """
+
+        def admit(answer: m.Created) -> None:
+            if node not in self._nodes or endpoint._refusal is not None:
+                undo(answer)
+                return
+            endpoint._declared(answer)
+            self._nodes[node][endpoint] = None
+            self.by_id[answer.id] = endpoint
+
+        def undo(answer: m.Created) -> None:
+            if node in self._nodes:  # else the broker took the endpoint away with its node
+                connection.send(m.DestroyEndpoint(endpoint=answer.id))
+
+        self._check(node)
+        connection.share()
+        connection.declare_type(endpoint._support)
+        await self._declare(
+            connection,
+            endpoint,
+            lambda number: endpoint._declaration(number, node._id),
+            admit,
+            undo,
+            endpoint._shared,
+        )
+        self._check(node)
+
+    async def declare_again(self, connection: Connection) -> None:
+        """Tell a broker everything that it does not know.
+
+        What it refuses is ended, and the log says why. What a limit is in the way of waits until there is
+        room: it will be asked again.
+        """
+        nodes = [node for node in self._nodes if not node._id]
+        await asyncio.gather(*(self._try_node_again(connection, node) for node in nodes))
+        pairs = [
+            (node, endpoint)
+            for node, endpoints in self._nodes.items()
+            if node._id
+            for endpoint in endpoints
+            if not endpoint._id
+        ]
+        await asyncio.gather(*(self._try_again(connection, node, endpoint) for node, endpoint in pairs))
+        if self._waiting:
+            self._ask_again_later(connection)
+
+    def progress(self) -> tuple[int, int]:
+        """How many endpoints the broker knows, and how many there are."""
+        return sum(bool(endpoint._id) for endpoint in self), sum(map(len, self._nodes.values()))
+
+    def admit(self, answer: m.Created) -> None:
+        """The broker made something. To be called before anything that came after is handled."""
+        admission = self._admissions.pop(answer.request, None)
+        if admission is not None:
+            admission.act(answer)
+
+    def concerned(self, news: Any) -> Endpoint | None:
+        """The endpoint that a message is about; None where it is about none, or one that is closed."""
+        field = _ABOUT.get(type(news))
+        return None if field is None else self.by_id.get(getattr(news, field))
+
+    def warn_of_namesake(self, news: m.Namesake) -> None:
+        """Another node has the name of one of ours. It is said once, also where brokers come and go."""
+        node = next((node for node in self._nodes if node._id == news.node), None)
+        if node is not None and node.full_name not in self._namesakes:
+            self._namesakes.add(node.full_name)
+            where = "in this process" if news.pid == os.getpid() else f"in pid {news.pid} ({news.program})"
+            _log.warning(
+                f"there is another node named {node.full_name}, {where}, and tools can't tell them apart; "
+                "rename one, as by --ros-args -r __node:=NAME"
+            )
+
+    def remove(self, endpoint: Endpoint) -> None:
+        for endpoints in self._nodes.values():
+            endpoints.pop(endpoint, None)
+        self.by_id.pop(endpoint._id, None)
+        self._waiting.pop(endpoint, None)
+        self._revoke(endpoint)
+
+    def remove_node(self, node: Node) -> bool:
+        """Returns whether it was declared."""
+        self._revoke(node)
+        self._waiting.pop(node, None)
+        return self._nodes.pop(node, None) is not None
+
+    def disconnected(self) -> None:
+        """The broker is gone, and with it all ids."""
+        self._admissions.clear()
+        self._waiting.clear()
+        self.by_id.clear()
+        for node in self._nodes:
+            node._id = 0
+        for endpoint in self:
+            endpoint._disconnected()
+
+    def shortest_lease_s(self) -> float | None:
+        """The shortest lease of all publishers."""
+        return min((lease for lease in map(lease_s, self) if lease is not None), default=None)
+
+    def _check(self, node: Node) -> None:
+        if node not in self._nodes:
+            raise ConnectionClosed(f"node {node.full_name} was closed, or a new busd refused it")
+        if node in self._waiting:
+            raise again(self._waiting[node])
+
+    def _ask_again_later(self, connection: Connection) -> None:
+        loop = asyncio.get_running_loop()
+
+        def begin() -> None:
+            if self._waiting:
+                self._retry = loop.create_task(self._ask_again(connection), name="ask busd for room again")
+
+        loop.call_later(AGAIN_S, begin)
+
+    async def _ask_again(self, connection: Connection) -> None:
+        try:
+            await self.declare_again(connection)
+            connection.flush()
+        except ConnectionClosed:
+            pass  # then it is the next connection's turn
+        except (TimeoutError, RemoteProtocolError):
+            self._ask_again_later(connection)
+
+    def _wait(self, what: Declared, name: str, error: QuotaExceeded) -> None:
+        if what not in self._waiting:
+            _log.error(f"busd has no room for the {name}: {error}; asking again every {AGAIN_S:g} s")
+        self._waiting[what] = error
+
+    def _found_room(self, what: Declared, name: str) -> None:
+        if self._waiting.pop(what, None) is not None:
+            _log.info(f"busd has room for the {name} again")
+
+    def _revoke(self, what: Declared) -> None:
+        """Nobody waits for the answer to its declaration any more: what that makes is not wanted."""
+        for admission in self._admissions.values():
+            if admission.what is what:
+                admission.act = admission.undo
+
+    async def _try_node_again(self, connection: Connection, node: Node) -> None:
+        if node not in self._nodes:  # closed a moment ago
+            return
+        name = f"node {node.full_name}"
+        try:
+            await self.add_node(connection, node)
+            self._found_room(node, name)
+        except QuotaExceeded as error:
+            if node in self._nodes:
+                self._wait(node, name, error)
+        except _FINAL as error:
+            _log.error(f"the new busd refuses the {name}: {error}")
+            self._waiting.pop(node, None)
+            for endpoint in self._nodes.pop(node, {}):
+                endpoint._end(error)
+
+    async def _try_again(self, connection: Connection, node: Node, endpoint: Endpoint) -> None:
+        if endpoint not in self._nodes.get(node, {}):  # closed a moment ago
+            return
+        name = f"{endpoint._kind} on '{endpoint.topic_name}'"
+        try:
+            await self.add(connection, node, endpoint)
+            self._found_room(endpoint, name)
+        except QuotaExceeded as error:
+            if endpoint in self._nodes.get(node, {}):
+                self._wait(endpoint, name, error)
+        except _FINAL as error:
+            _log.error(f"the new busd refuses the {name}: {error}")
+            self.remove(endpoint)
+            endpoint._end(error)
+        except ConnectionClosed:
+            if node in self._nodes:
+                raise
+
+    async def _declare(
+        self,
+        connection: Connection,
+        what: Declared,
+        make: Callable[[int], m.Message],
+        admit: Callable[[m.Created], None],
+        undo: Callable[[m.Created], None],
+        descriptors: tuple[Descriptor, ...] = (),
+    ) -> None:
+        request = 0
+
+        def declaration(number: int) -> m.Message:
+            nonlocal request
+            request = number
+            self._admissions[number] = _Admission(what, admit, undo)
+            return make(number)
+
+        try:
+            await connection.request(declaration, m.Created, descriptors)
+        except (asyncio.CancelledError, TimeoutError):
+            self._revoke(what)
+            raise
+        except BaseException:
+            self._admissions.pop(request, None)
+            raise

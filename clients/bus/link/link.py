@@ -1,0 +1,471 @@
+"""The link of a process to its broker: samples and news both ways, and recovery.
+
+Nodes of one event loop that use the same socket share a link. When the broker comes back, it connects and
+declares everything again.
+"""
+
+import asyncio
+import os
+import weakref
+from collections.abc import Awaitable, Callable, Collection, Iterable
+from threading import get_ident
+from time import monotonic_ns, time_ns
+from typing import Any, ClassVar, TypeVar
+
+from bus.base.descriptor import Descriptor
+from bus.errors import BrokerUnavailable, BusError, ConnectionClosed, ForkError, RemoteProtocolError, again
+from bus.link.connection import Connection
+from bus.link.declarations import Declarations, Declared, Endpoint, Node, lease_s
+from bus.link.reach import NotNow, Patience
+from bus.link.reports import Reports
+from bus.link.shm_context import ShmContext
+from bus.logger import get_logger
+from bus.process.shared_loop import GuardedLoop
+from bus.process.waiters import Waiters
+from bus.wire import messages as m
+from bus.wire.layout import VERSION
+from bus.wire.runs import Buffer, Run, RunQueue
+from bus.wire.session import Carried
+
+A = TypeVar("A", bound=m.Message)
+T = TypeVar("T")
+
+RETURN_S = 10.0
+"""How long a new broker is given until those who were matched before count as gone."""
+
+_SHORTEST_BEAT_S = 0.01
+_USERS_TURN_NS = 5_000_000_000
+_RETRY_S = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+_TELL_S = 3.0
+
+_log = get_logger("bus")
+
+
+class Link:
+    """Got by `Link.acquire`, given back with `release`."""
+
+    _links: ClassVar["weakref.WeakSet[Link]"] = weakref.WeakSet()
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self.loop = asyncio.get_running_loop()
+        self._thread = get_ident()
+        self.guard = self.loop if isinstance(self.loop, GuardedLoop) else None
+        self.wall_offset_ns = time_ns() - monotonic_ns()
+        self.last_sent_ns = 0  # when a publisher last sent past the gathering
+        self.failure: BusError | None = None
+        self._users = 0
+        self._hello = m.Hello(version=VERSION, background=True)  # the present broker's, or the last one's
+        self._connection: Connection | None = None
+        self._opening: asyncio.Task[None] | None = None
+        self._declarations = Declarations()
+        self.shm_context = ShmContext.make(self._deliver)
+        self._is_receiving = False
+        self._gathered: set[Endpoint] = set()
+        self._reports = Reports(self.loop, self._report)
+        self._drains = Waiters(self.loop)
+        self._observers: list[Callable[[], None]] = []
+        Link._links.add(self)
+
+    @property
+    def thread(self) -> int:
+        """Who may use what belongs to the link: the event loop's thread, or that with the guard; 0: none."""
+        return self._thread if self.guard is None else self.guard.holder
+
+    @property
+    def broker(self) -> tuple[int, int]:
+        """Which broker it is, or was the last: one that restarts has the same process id as before."""
+        return self._hello.pid, self._hello.began_ns
+
+    # --- making and ending
+
+    @classmethod
+    async def acquire(cls, path: str) -> "Link":
+        """The link of this event loop to the socket `path`, connected.
+
+        Raises BrokerUnavailable where no broker answers and none could be started.
+        """
+        loop = asyncio.get_running_loop()
+        for link in cls._links:
+            if link.path == path and link.loop is loop and link.failure is None:
+                break
+        else:
+            link = cls(path)
+            link._opening = loop.create_task(link._open(), name="connect to busd")
+        link._users += 1
+        try:
+            if link._opening is not None:
+                await asyncio.shield(link._opening)
+        except BaseException:
+            link.release()
+            raise
+        return link
+
+    def abandon(self, reason: BusError) -> None:
+        """In the child of a fork. The loop is the parent's: no task, future or timer may be touched."""
+        self.failure = reason
+        if self._connection is not None:
+            self._connection.abandon()
+        if self.shm_context is not None:
+            self.shm_context.abandon()
+        for endpoint in self._declarations:
+            endpoint._abandon(reason)
+
+    def release(self) -> None:
+        """One user less; the last one closes the connection."""
+        self._users -= 1
+        if self._users or self.failure is not None:
+            return
+        self.failure = ConnectionClosed("the connection to busd is closed")
+        if self._opening is not None:
+            self._opening.cancel()
+        self._reports.end()
+        if self._connection is not None:
+            self._connection.close()
+        if self.shm_context is not None:
+            self.shm_context.close()
+        self._drains.release()
+
+    # --- what is declared
+
+    async def declare_node(self, node: Node) -> None:
+        """Make `node` known to the broker, now and after each reconnection."""
+        await self._when_connected(lambda connection: self._declarations.add_node(connection, node))
+
+    async def declare(self, node: Node, endpoint: Endpoint) -> None:
+        """Make an endpoint of `node` known to the broker, now and after each reconnection.
+
+        Raises what the broker refuses it with (`Connection.request`). Cancellation: not declared.
+        """
+        await self._when_connected(lambda connection: self._declarations.add(connection, node, endpoint))
+        if lease_s(endpoint) is not None:
+            self._set_heartbeat()
+
+    def forget(self, endpoint: Endpoint) -> None:
+        """Take an endpoint out of the graph."""
+        self._gathered.discard(endpoint)
+        self._reports.send_last(endpoint)
+        self._declarations.remove(endpoint)
+        self.send_about(endpoint, m.DestroyEndpoint(endpoint=endpoint._id))
+        endpoint._id = 0  # messages that it still gives out must not be acknowledged any more
+        if lease_s(endpoint) is not None:
+            self._set_heartbeat()
+
+    def forget_node(self, node: Node) -> None:
+        """Take a node out of the graph; its endpoints must have been closed."""
+        if self._declarations.remove_node(node):
+            self.send_about(node, m.DestroyNode(node=node._id))
+
+    def send_about(
+        self, what: Declared, message: m.Message | bytes, descriptors: tuple[Descriptor, ...] = ()
+    ) -> None:
+        """Send a message (or frame) about `what`; nothing where the broker does not know it at the moment."""
+        if what._id and message and self._connection is not None:
+            self._connection.send(message, descriptors)
+
+    def is_quiet(self) -> bool:
+        """Whether all that the broker has said was heard; also where there is none."""
+        return not self._is_receiving and (self._connection is None or self._connection.is_quiet)
+
+    async def request(self, make: Callable[[int], m.Message], kind: type[A]) -> A:
+        """Ask the broker something; see `Connection.request`. Waits for a broker that is away."""
+        return await self._when_connected(lambda connection: connection.request(make, kind))
+
+    async def description(self, type_name: str, type_hash: str) -> bytes:
+        """How a type that is on the bus was described by who has it (`bus.types.schema`, in MessagePack).
+
+        Raises ConfigurationError where no endpoint has it.
+        """
+        answer = await self.request(
+            lambda number: m.GetType(request=number, type_name=type_name, type_hash=type_hash),
+            m.TypeDescription,
+        )
+        return answer.schema
+
+    async def observe(self, tell: Callable[[], None]) -> None:
+        """Call `tell` at every change of the graph from now on, and after a reconnection."""
+        self._observers.append(tell)  # before anything is awaited: whoever calls may undo it then
+        await self.request(lambda number: m.Observe(request=number), m.Graph)
+
+    def stop_observing(self, tell: Callable[[], None]) -> None:
+        self._observers.remove(tell)
+        if not self._observers and self._connection is not None:
+            self._connection.send(m.Observe(request=0, on=False))
+
+    # --- samples out
+
+    def gather(self, publisher: Endpoint) -> None:
+        """`publisher` has begun a run, which leaves with the others when the turn of the loop ends."""
+        if not self._gathered:
+            self.loop.call_soon(self.hand_over)
+        self._gathered.add(publisher)
+
+    def send_now(self, frame: Buffer) -> bool:
+        """Send a data frame at once, where nothing waits to be sent; returns whether it was taken over."""
+        return self._connection is not None and self._connection.send_now(frame)
+
+    def make_ready(self, queue: RunQueue) -> None:
+        """`queue` has runs for the broker."""
+        if self._connection is not None:
+            self._connection.outbox.make_ready(queue)
+
+    def flush(self) -> None:
+        """Send what waits, as far as the socket takes it."""
+        if self._connection is not None:
+            self._connection.flush()
+
+    async def wait_for_drain(self, queue: RunQueue) -> None:
+        """Wait until the socket has all that was in `queue`. Raises ConnectionClosed where the link ends."""
+        is_chosen = False
+        while not is_chosen:
+            if self.failure is not None:
+                raise again(self.failure)
+            is_chosen = not queue.runs  # and written when the socket has taken all that was
+            if not is_chosen or self.is_writing:
+                await self._drains.wait()
+
+    def report(self, endpoint: Endpoint) -> None:
+        self._reports.add(endpoint)  # the broker is told soon
+
+    @property
+    def is_writing(self) -> bool:
+        """Whether the socket has yet to take some of what was chosen for it."""
+        return self._connection is not None and self._connection.is_writing
+
+    def hand_over(self) -> None:
+        """Send what was gathered, and what waits, as far as the socket takes it."""
+        gathered, self._gathered = self._gathered, set()
+        for publisher in gathered:
+            publisher._hand_over()
+        self.flush()
+
+    def wrote(self) -> None:
+        """What waited was sent, or can be now."""
+        if self._drains:
+            self.loop.call_soon(self._drains.release)  # they look again after the next choice
+
+    def _report(self, endpoint: Endpoint, frames: bytes) -> None:
+        now_ns = monotonic_ns()
+        self.wall_offset_ns = time_ns() - now_ns  # the wall clock may have been set
+        if (connection := self._connection) is not None:
+            if now_ns > connection.late_ns:
+                connection.note_standstill(now_ns)
+            connection.turn_ns = now_ns
+        self.send_about(endpoint, frames)
+
+    # --- what comes in
+
+    def _received(self, items: Iterable[Any]) -> None:
+        received_ns = monotonic_ns()
+        if (connection := self._connection) is not None:
+            if received_ns > connection.late_ns:
+                connection.note_standstill(received_ns)
+            connection.heard_ns = received_ns
+        if items.__class__ is tuple and self._deliver_lone(items, received_ns):
+            return
+        endpoints, touched = self._declarations.by_id, set[Endpoint]()
+        ending: BaseException | None = None
+        self._is_receiving = True
+        try:
+            for item in items:
+                try:
+                    if item.__class__ is Run:
+                        subscription = endpoints.get(item.endpoint)
+                        if subscription is not None:  # else it was closed a moment ago
+                            item.received_ns = received_ns
+                            touched.add(subscription)
+                            subscription._receive_run(item)
+                    else:
+                        self._handle(item)
+                except RemoteProtocolError:
+                    raise
+                except Exception as error:
+                    self._tell_loop(error)  # the rest of the read is for others
+                except BaseException as error:
+                    if self.failure is not None:
+                        raise
+                    # It ends this turn, perhaps the loop: the rest is heard, and delivered later.
+                    ending = error
+        finally:
+            self._is_receiving = False
+            if ending is None:
+                self._deliver(touched)
+        if ending is not None:
+            self.loop.call_soon(self._deliver, touched)
+            raise ending
+
+    def _deliver_lone(self, items: Any, received_ns: int) -> bool:
+        """A read has brought nothing but one run, and there is nothing to do but to call back for it."""
+        run = items[0]
+        endpoint = self._declarations.by_id.get(run.endpoint)
+        if endpoint is None:
+            return False
+        run.received_ns = received_ns
+        try:
+            is_done = endpoint._receive_lone(run)
+        except Exception as error:
+            self._tell_loop(error)
+            is_done = True
+        if is_done:
+            self._reports.add(endpoint)
+        return is_done
+
+    def _deliver(self, endpoints: Collection[Endpoint]) -> None:
+        """Something has come for these. First of all the callbacks: somebody waits for them."""
+        left = iter(endpoints)
+        for endpoint in left:
+            try:
+                endpoint._wake()
+            except Exception as error:
+                self._tell_loop(error)
+            except BaseException:  # of this turn, perhaps of the loop: the others' is the next
+                self.loop.call_soon(self._deliver, list(left))
+                raise
+        if endpoints:
+            self._reports.add_all(endpoints)
+
+    def _tell_loop(self, error: Exception) -> None:
+        self.loop.call_exception_handler({"message": "handling what came from busd", "exception": error})
+
+    def _handle(self, message: Any) -> None:
+        descriptors: tuple[Descriptor, ...] = ()
+        if isinstance(message, Carried):
+            message, descriptors = message
+        if isinstance(message, m.Created):
+            # At once, and not when the request's task runs: news and samples may stand in the same read.
+            self._declarations.admit(message)
+        connection = self._connection
+        if connection is None or connection.resolve(message):
+            return
+        if isinstance(message, m.GraphChanged):
+            for tell in tuple(self._observers):
+                tell()
+        elif isinstance(message, m.Namesake):
+            self._declarations.warn_of_namesake(message)
+        elif (endpoint := self._declarations.concerned(message)) is not None:
+            endpoint._handle(message, descriptors)
+
+    # --- connecting
+
+    async def _open(self) -> None:
+        try:
+            await self._connect_first()
+        except BaseException as error:
+            self.failure = error if isinstance(error, BusError) else BrokerUnavailable(str(error))
+            raise
+        finally:
+            self._opening = None
+
+    async def _connect_first(self) -> None:
+        patience = Patience()
+        while True:
+            try:
+                await self._connect(patience)
+                return
+            except NotNow as error:
+                await asyncio.sleep(patience.pause_s(str(error)))
+
+    async def _connect(self, patience: Patience, *, may_start: bool = True) -> Connection:
+        connection = Connection(
+            self.shm_context, on_received=self._received, on_lost=self._lost, on_wrote=self.wrote
+        )
+        self._connection = connection
+        try:
+            await connection.open(self.path, patience, may_start=may_start)
+        except BaseException:
+            self._connection = None
+            raise
+        self._hello = connection.hello
+        self._set_heartbeat()
+        return connection
+
+    def _lost(self, reason: BusError) -> None:
+        self._connection = None
+        self._declarations.disconnected()
+        if self.failure is None and self._opening is None:
+            _log.warning(f"lost busd ({reason}); reconnecting")
+            self._opening = self.loop.create_task(self._reconnect(), name="reconnect to busd")
+
+    async def _reconnect(self) -> None:
+        pauses = iter(_RETRY_S)
+        pause_s = 0.0
+        known_reason = ""
+        lost_ns = monotonic_ns()
+        try:
+            while True:
+                pause_s = next(pauses, pause_s)
+                await asyncio.sleep(pause_s)
+                # Who started a daemon starts it again, with the same options: leave the user time for it.
+                may_start = self._hello.background or monotonic_ns() - lost_ns > _USERS_TURN_NS
+                try:
+                    await self._declare_again(await self._connect(Patience(), may_start=may_start))
+                except (OSError, BusError) as error:
+                    log = _log.debug if str(error) == known_reason else _log.warning
+                    known_reason = str(error)
+                    log(f"busd is not back yet: {error}")
+                    if self._connection is not None:
+                        self._connection.close()
+                        self._connection = None
+                        self._declarations.disconnected()
+                    continue
+                if self._connection is not None:  # else lost again, a moment ago
+                    _log.info(f"busd is back (pid {self._hello.pid})")
+                    return
+        finally:
+            self._opening = None
+
+    async def _connected(self) -> Connection:
+        while True:
+            if self.failure is not None:
+                raise again(self.failure)
+            if self._opening is not None:
+                await asyncio.wait([self._opening])  # whatever becomes of it
+            elif self._connection is not None:
+                return self._connection
+            else:
+                raise ConnectionClosed("the connection to busd is closed")
+
+    async def _when_connected(self, action: Callable[[Connection], Awaitable[T]]) -> T:
+        while True:
+            connection = await self._connected()
+            self.hand_over()  # what was published before must not seem to come after
+            try:
+                return await action(connection)
+            except ConnectionClosed:
+                if self._opening is None:
+                    raise
+
+    async def _declare_again(self, connection: Connection) -> None:
+        telling = self.loop.create_task(self._tell_progress(), name="tell how far the way back to busd is")
+        try:
+            await self._declarations.declare_again(connection)
+        finally:
+            telling.cancel()
+        if self._observers:
+            await connection.request(lambda number: m.Observe(request=number), m.Graph)
+        for tell in tuple(self._observers):
+            tell()
+        self.flush()
+        self._drains.release()
+
+    async def _tell_progress(self) -> None:
+        """To be cancelled when all is declared; which with many endpoints and matches takes a while."""
+        while True:
+            await asyncio.sleep(_TELL_S)
+            done, total = self._declarations.progress()
+            _log.info(f"busd is back: {done} of {total} endpoints declared again")
+
+    def _set_heartbeat(self) -> None:
+        connection = self._connection
+        if connection is not None and (most_s := connection.hello.lease_s):
+            shortest_s = self._declarations.shortest_lease_s() or most_s
+            connection.beat(max(min(shortest_s, most_s) / 3, _SHORTEST_BEAT_S))
+
+
+def _forked() -> None:
+    reason = ForkError("this node was made before a fork; make a node of its own in the child process")
+    for link in tuple(Link._links):
+        link.abandon(reason)
+
+
+os.register_at_fork(after_in_child=_forked)

@@ -1,0 +1,86 @@
+"""Reaches a broker's socket: one try, and for how long to go on trying. The same for all clients.
+
+A UNIX socket whose backlog is full does not let connect() wait where that must not block: it says EAGAIN, and
+no event tells when there is room. So a client tries again, soon at first and then less often. It does the
+same where a broker turns it away for something that passes, or ends while it connects.
+"""
+
+import os
+import socket
+from collections.abc import Callable
+from time import monotonic
+
+from bus.errors import BrokerUnavailable
+from bus.link.socket_owner import check_server
+
+__all__ = ["CONNECT_S", "BacklogFull", "NotNow", "Patience", "try_to_connect"]
+
+CONNECT_S = 10.0
+"""How long a client goes on trying, counted from when it last got further."""
+
+_FIRST_PAUSE_S = 0.001
+_LONGEST_PAUSE_S = 0.05
+
+
+class NotNow(BrokerUnavailable):
+    """What was in the way passes: try again, with pauses that grow up to so many seconds."""
+
+    longest_pause_s = _LONGEST_PAUSE_S
+
+
+class BacklogFull(NotNow):
+    """The broker does not hear of this, so that it costs it nothing to be asked again very soon."""
+
+    longest_pause_s = 0.005
+
+
+class Patience:
+    """For `seconds` from its making, and anew from each `renew`."""
+
+    def __init__(self, seconds: float = CONNECT_S, clock: Callable[[], float] = monotonic) -> None:
+        self._seconds = seconds
+        self._clock = clock
+        self.renew()
+
+    def renew(self) -> None:
+        """The client has got further."""
+        self._end_s = self._clock() + self._seconds
+        self._pause_s = _FIRST_PAUSE_S
+
+    def pause_s(self, why: str, longest_s: float = _LONGEST_PAUSE_S) -> float:
+        """For how long to wait before the next try; each time longer, up to `longest_s`.
+
+        Raises BrokerUnavailable, with `why` and how long it was tried, where there is to be none.
+        """
+        left_s = self._end_s - self._clock()
+        if left_s <= 0:
+            raise BrokerUnavailable(f"{why}; tried for {self._seconds:g} s")
+        pause_s = min(self._pause_s, longest_s, left_s)
+        self._pause_s = min(2 * self._pause_s, _LONGEST_PAUSE_S)
+        return pause_s
+
+
+def try_to_connect(path: str | os.PathLike[str]) -> socket.socket:
+    """A non-blocking socket, connected to the broker at `path`.
+
+    Raises FileNotFoundError or ConnectionRefusedError where nobody listens there, BacklogFull where too
+    many wait to be accepted, and BrokerUnavailable where it can't be connected to or is not to be trusted.
+    """
+    sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        sock.setblocking(False)
+        sock.connect(os.fspath(path))
+        check_server(sock, path)
+    except BlockingIOError:
+        sock.close()
+        raise BacklogFull(f"busd at {path} takes no connection: too many wait to be accepted") from None
+    except (FileNotFoundError, ConnectionRefusedError, BrokerUnavailable):
+        sock.close()
+        raise
+    except OSError as error:
+        sock.close()
+        raise BrokerUnavailable(f"cannot connect to busd at {path}: {error.strerror or error}") from None
+    except BaseException:
+        sock.close()
+        raise
+    return sock

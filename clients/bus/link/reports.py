@@ -1,0 +1,95 @@
+"""Tells the broker the counters of endpoints, when they have changed, twice a second at most.
+
+Some at a time: those of a thousand at once would hold up messages for milliseconds, here and at the broker,
+and twice a second each would cost more than their messages. So a thousand are told of every two seconds.
+"""
+
+import asyncio
+from collections.abc import Callable, Iterable
+
+from bus.link.declarations import Endpoint
+from bus.wire import messages as m
+
+_REPORT_S = 0.5
+_PAUSE_S = 0.1
+_SOME = 64
+
+
+class Reports:
+    """`send(endpoint, frames)` sends the reports of some endpoints, one of which is `endpoint`.
+
+    There are no frames where the broker knows none of them at the moment.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, send: Callable[[Endpoint, bytes], None]) -> None:
+        self._loop = loop
+        self._send = send
+        self._due: set[Endpoint] = set()
+        self._going: set[Endpoint] = set()  # their turn has come
+        self._timer: asyncio.TimerHandle | None = None
+        self._has_ended = False
+
+    def add(self, endpoint: Endpoint) -> None:
+        """Its counters have changed; the broker is told soon."""
+        self._due.add(endpoint)
+        if self._timer is None:
+            self._arm()
+
+    def add_all(self, endpoints: Iterable[Endpoint]) -> None:
+        self._due.update(endpoints)
+        if self._timer is None:
+            self._arm()
+
+    def send_last(self, endpoint: Endpoint) -> None:
+        """The endpoint goes: what is not yet told is told now."""
+        if endpoint in self._due or endpoint in self._going:
+            self._tell([endpoint])
+            self._due.discard(endpoint)
+            self._going.discard(endpoint)
+
+    def end(self) -> None:
+        """Tell what is not yet told, and nothing more."""
+        self._has_ended = True
+        if self._timer is not None:
+            self._timer.cancel()
+            self._tell([*(self._due | self._going)])
+        self._due.clear()
+        self._going.clear()
+
+    def _arm(self) -> None:
+        if not self._has_ended:
+            self._timer = self._loop.call_later(_REPORT_S, self._begin)
+
+    def _begin(self) -> None:
+        self._going, self._due = self._due, set()
+        self._go_on()
+
+    def _go_on(self) -> None:
+        some = [self._going.pop() for _ in range(min(_SOME, len(self._going)))]
+        try:
+            self._tell(some)
+        except BaseException:
+            self._due.update(some)  # who was told already is told the same once more
+            raise
+        finally:
+            self._timer = None
+            if self._going:
+                self._timer = self._loop.call_later(_PAUSE_S, self._go_on)
+            elif self._due:
+                self._arm()
+
+    def _tell(self, endpoints: list[Endpoint]) -> None:
+        if not endpoints:
+            return
+        told = [(endpoint, endpoint._totals()) for endpoint in endpoints]
+        for endpoint, totals in told:
+            if totals.queued and endpoint._refusal is None:
+                self._due.add(endpoint)  # nobody says so when they are taken
+        # Some are not known at the moment; and to count may call a user's function, which may close others.
+        known = [
+            (endpoint, totals)
+            for endpoint, totals in told
+            if endpoint._id and endpoint._id == totals.endpoint
+        ]
+        frames = b"".join(m.encode_frame(totals) for _, totals in known)
+        self._send(known[0][0] if known else endpoints[0], frames)

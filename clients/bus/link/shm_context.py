@@ -1,0 +1,261 @@
+"""What a link shares with other processes, doorbell and readers' segment, and how it wakes up by them.
+
+One of each, whatever the number of endpoints. Owns the slots of the segment, and what is known of the
+processes on the other side. Must not know what is in the rings.
+"""
+
+import asyncio
+import os
+import select
+from collections import deque
+from collections.abc import Callable, Collection
+from time import monotonic_ns
+from typing import Any
+from weakref import WeakValueDictionary
+
+from bus.base.descriptor import Descriptor
+from bus.logger import get_logger
+from bus.process.shared_loop import GuardedLoop
+from bus.shm import core, is_available, segments
+from bus.wire.layout import SAME_USER
+
+SLOTS = 1020
+"""Matches of one process by shared memory; those beyond go by socket."""
+
+_SPIN_NS = 5_000
+_POLL_NS = 20_000
+_WATCH_S = 1.0
+"""The longest that a message waits in a ring where another user hushes the doorbell."""
+
+_log = get_logger("bus")
+
+
+class ReaderProcess:
+    """A process that reads rings of this one: how to wake it. `is_here`: this event loop itself."""
+
+    __slots__ = ("__weakref__", "bell", "doorbell", "is_here", "pid")
+
+    def __init__(
+        self, segment: Descriptor, doorbell: Descriptor, pid: int, *, foreign: bool, is_here: bool
+    ) -> None:
+        self.is_here = is_here
+        self.doorbell = doorbell
+        self.pid = pid
+        self.bell = core().Bell(segments.map_readers(segment), doorbell.number, foreign=foreign)
+
+    def is_alive(self) -> bool:
+        """Whether the process still runs; also where that can't be found out."""
+        try:
+            process = Descriptor(os.pidfd_open(self.pid))
+        except ProcessLookupError:
+            return False
+        except OSError:
+            return True
+        ended = select.poll()
+        ended.register(process.number, select.POLLIN)
+        return not ended.poll(0)
+
+
+class ShmContext:
+    """`on_news(owners)` gets the owners of the readers for whom something has come, and must not raise.
+
+    Raises OSError where the machine has no memory or descriptors left.
+    """
+
+    def __init__(self, on_news: Callable[[Collection[Any]], None]) -> None:
+        self.doorbell = segments.make_doorbell()
+        self.segment, memory = segments.make_readers(SLOTS)
+        self.readers = core().Readers(memory, self.doorbell.number)
+        self._loop = asyncio.get_running_loop()
+        self._on_news = on_news
+        self._waiting: dict[Any, Callable[[], None]] = {}
+        self._slots = deque(range(SLOTS))  # the longest free first, lest an old gate still knows it
+        self._pinned_slots: list[int] = []
+        self._processes: WeakValueDictionary[tuple[int, int, int], ReaderProcess] = WeakValueDictionary()
+        self._doorbells: WeakValueDictionary[str, Descriptor] = WeakValueDictionary()
+        self._polls: dict[Any, int] = {}
+        self._poll_ns = 0
+        self._poll_until_ns = 0
+        self._is_polling = False
+        self._is_look_due = False
+        self._watch: asyncio.TimerHandle | None = None
+        self._is_closed = False
+        # On a loop that threads share, whoever waits for the news goes on before the rest is seen to.
+        self._deferred = self._loop.deferred if isinstance(self._loop, GuardedLoop) else None
+        self._look_at_all = self._rung if self._deferred is None else self._rung_among_threads
+        self._loop.add_reader(self.doorbell.number, self._look_at_all)
+        self.readers.sleep()
+
+    @classmethod
+    def make(cls, on_news: Callable[[Collection[Any]], None]) -> "ShmContext | None":
+        """None where memory may not or can't be shared; then everything goes by socket."""
+        if not is_available():
+            return None
+        try:
+            return cls(on_news)
+        except OSError as error:
+            _log.warning(f"everything goes by socket: no shared memory: {error.strerror}")
+            return None
+
+    def close(self) -> None:
+        """Hear the doorbell no more. What is pinned stays readable."""
+        if not self._is_closed:
+            self._is_closed = True
+            self.readers.close()
+            self._loop.remove_reader(self.doorbell.number)
+            self._waiting.clear()
+            if self._watch is not None:
+                self._watch.cancel()
+            self.doorbell.close()
+            self.segment.close()
+
+    def abandon(self) -> None:
+        """In the child of a fork: leave alone the event loop, and what is the parent's."""
+        self._is_closed = True
+        self.readers.close()
+        self._waiting.clear()
+
+    # --- the other side
+
+    def reader_process(
+        self, segment: Descriptor, doorbell: Descriptor, pid: int, uid: int = SAME_USER
+    ) -> ReaderProcess:
+        """What is known of the process that has this readers' segment; one for all its matches.
+
+        `uid` is its user, if it is another one. Raises OSError or ValueError, saying what is wrong with it.
+        """
+        key = uid, *segments.identity(segment)  # nobody passes a segment off as his that is another's
+        process = self._processes.get(key)
+        if process is None:
+            foreign = self.beware(uid)
+            is_here = segments.identity(segment) == segments.identity(self.segment)
+            process = ReaderProcess(segment, doorbell, pid, foreign=foreign, is_here=is_here)
+            self._processes[key] = process
+        return process
+
+    def beware(self, uid: int) -> bool:
+        """Whether `uid` is another user. Then he has this process's doorbell, and could hush it.
+
+        So from now on it looks now and then, rung or not.
+        """
+        if uid != SAME_USER and self._watch is None and not self._is_closed:
+            self._watch = self._loop.call_later(_WATCH_S, self._look_unrung)
+        return uid != SAME_USER
+
+    def writer_doorbell(self, doorbell: Descriptor) -> Descriptor:
+        """One descriptor for all that came of the same doorbell."""
+        with open(f"/proc/self/fdinfo/{doorbell.number}") as file:  # noqa: PTH123
+            info = file.read()
+        key = next((line for line in info.splitlines() if line.startswith("eventfd-id")), "")
+        return self._doorbells.setdefault(key, doorbell) if key else doorbell
+
+    # --- slots
+
+    def allot_slot(self) -> int | None:
+        """A slot of the readers' segment; None where all are in use."""
+        if not self._slots:
+            self._slots += [slot for slot in self._pinned_slots if self.readers.is_free(slot)]
+            self._pinned_slots = [slot for slot in self._pinned_slots if slot not in self._slots]
+        return self._slots.popleft() if self._slots else None
+
+    def give_back(self, slot: int) -> None:
+        """The match is gone. Views of its messages may still pin some: then the slot waits for them."""
+        (self._slots if self.readers.is_free(slot) else self._pinned_slots).append(slot)
+
+    # --- waking up
+
+    def wait_for_room(self, writer: Any, look: Callable[[], None]) -> None:
+        """Call `look` at each ring of the doorbell, until `stop_waiting`."""
+        self._waiting[writer] = look
+        self.readers.has_writers = True
+
+    def wake_waiting(self, writer: Any) -> None:
+        """Wake a writer that has room without a notification: its ring grew, or a reader left."""
+        if writer in self._waiting:
+            self._loop.call_soon(self._waiting[writer])
+
+    def stop_waiting(self, writer: Any) -> None:
+        self._waiting.pop(writer, None)
+        self.readers.has_writers = bool(self._waiting)
+
+    def look_soon(self) -> None:
+        """Look once for all new rings: samples written before we attached sent no notification."""
+        if not self._is_look_due:
+            self._is_look_due = True
+            self._loop.call_soon(self._look_at_added)
+
+    def poll(self, owner: Any, time_ns: int) -> None:
+        """For `owner`, look without sleeping for up to `time_ns` after each message; 0: not any more."""
+        self._polls[owner] = time_ns
+        if not time_ns:
+            del self._polls[owner]
+        self._poll_ns = max(self._polls.values(), default=0)
+        if self._poll_ns:
+            self._look_on()
+
+    def _look_at_added(self) -> None:
+        self._is_look_due = False
+        self._look_at_all()
+
+    def _rung(self) -> None:
+        # Few steps from here to the callback: after a sleep each of them is slow.
+        owners = self.readers.deliver(not self._poll_ns)
+        if owners is not None or self._waiting:
+            try:
+                self._on_news(owners or ())
+            finally:  # also where a callback raises what is no Exception
+                self._turn(True, 0)
+
+    def _rung_among_threads(self) -> None:
+        if not self._is_closed:
+            owners = self.readers.deliver(False)
+            if owners:
+                self._on_news(owners)
+            assert self._deferred is not None
+            self._deferred.append((self._turn, (bool(owners), 0)))
+
+    def _look_unrung(self) -> None:
+        self._watch = self._loop.call_later(_WATCH_S, self._look_unrung)
+        self._look_at_all()
+
+    def _turn(self, has_news: bool, spin_ns: int) -> None:
+        """What has come is delivered: see to the rest, and sleep."""
+        if self._waiting:
+            for look in tuple(self._waiting.values()):
+                try:
+                    look()
+                except Exception as error:  # the others must be woken all the same
+                    message = "looking for room"
+                    self._loop.call_exception_handler({"message": message, "exception": error})
+        if self._poll_ns and has_news:
+            self._look_on()
+        elif not self._is_closed and (owners := self.readers.sleep(spin_ns)):
+            # More has come meanwhile. Others have their turn first; and while it goes on like that, a
+            # short look saves the writers most of their system calls.
+            self._loop.call_soon(self._turn_on, owners)
+
+    def _turn_on(self, owners: list[Any]) -> None:
+        if not self._is_closed:
+            self._on_news(owners)
+            self._turn(True, _SPIN_NS)
+
+    def _look_on(self) -> None:
+        """Busy polling, from this message on."""
+        self._poll_until_ns = monotonic_ns() + self._poll_ns
+        if not self._is_polling:
+            self._is_polling = True
+            self._loop.call_soon(self._look)
+
+    def _look(self) -> None:
+        """A short look at a time, so that the event loop has its turns."""
+        self._is_polling = False
+        if self._is_closed:
+            return
+        owners = self.readers.look(_POLL_NS)
+        if owners:
+            self._on_news(owners)
+        if owners is not None or monotonic_ns() > self._poll_until_ns:
+            self._turn(owners is not None, 0)
+        else:
+            self._is_polling = True
+            self._loop.call_soon(self._look)

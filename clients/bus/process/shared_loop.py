@@ -1,0 +1,331 @@
+"""An event loop that threads share: one runs it, and while it waits, others may use what lives on it.
+
+asyncio's own loop belongs to one thread; other threads can only send it word, which costs a change of threads
+each way. Here a lock, the guard, goes around the loop and all that lives on it. Whoever runs the loop holds
+the guard except while it waits; so another thread that holds it may call what the loop's own callbacks may
+call, but for coroutines. Knows nothing of the bus.
+"""
+
+import asyncio
+import select
+import selectors
+import signal
+import socket
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from contextvars import Context
+from heapq import heapify, heappop
+from math import ceil
+from threading import RLock, get_ident, main_thread
+from types import FrameType
+from typing import Any, Protocol
+
+_FINE_S = 0.02
+"""Shorter waits get microseconds; epoll knows milliseconds only."""
+
+_YIELD_S = 20e-6
+_NOBODY = -1
+_MOST_SELECTABLE = 1024
+_MANY_CANCELLED = 100
+
+
+class Until(Protocol):
+    """What a run of the loop is for."""
+
+    @property
+    def is_set(self) -> bool:
+        """It is there: the run ends after the turn that brought it."""
+
+
+class _ForEver:
+    is_set = False
+
+
+_FOR_EVER = _ForEver()
+
+
+class GuardedLoop(asyncio.SelectorEventLoop):
+    """Use it as `with loop:` to hold the guard; or `with loop.guard:`, which is quicker, and then `check`.
+
+    The loop may be run (`run`) by any thread, by one at a time, which must hold the guard, once.
+
+    A handler of signals that must not raise KeyboardInterrupt in the midst of what the guard guards (see
+    `is_busy`) sets `is_interrupted`: the main thread raises it when it has given the guard away.
+    """
+
+    def __init__(self) -> None:
+        # asyncio's own, of which typeshed knows nothing.
+        self._ready: deque[Any]
+        self._scheduled: list[Any]
+        self._stopping: bool
+        self._timer_cancelled_count: int
+        self._clock_resolution: float
+        self._thread_id: int | None
+        self.is_interrupted = False
+        self.interruption: type[KeyboardInterrupt] = KeyboardInterrupt
+        """What `check` raises."""
+        self.deferred: deque[tuple[Callable[..., object], tuple[Any, ...]]] = deque()
+        """Calls, with their arguments, to be made when it is run next: what need not be done at once."""
+        self.rests = False
+        """It runs only while a call waits (`foreground`). That it rests in between is no standstill."""
+        self._main_thread = main_thread().ident
+        self.guard: Any = RLock()
+        self.on_signal: Callable[[], object] = int
+        self._signals = _NOBODY
+        self._csock: socket.socket
+        self._contenders: deque[None] = deque()  # its methods are atomic
+        self.is_waiting = False
+        """Whoever runs it waits for events."""
+        selector: Any = selectors.EpollSelector()
+        self._epoll: select.epoll = selector._selector
+        self._epoll_number = self._epoll.fileno()
+        self._keys: dict[int, selectors.SelectorKey] = selector._fd_to_key
+        super().__init__(selector)
+
+    def __enter__(self) -> None:
+        self.acquire()
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
+        if self.is_interrupted:
+            self.check()
+
+    def check(self) -> None:
+        """Without the guard: raise KeyboardInterrupt, where that waited for this."""
+        if self.is_interrupted and get_ident() == self._main_thread:
+            self.is_interrupted = False
+            raise self.interruption
+
+    def acquire(self) -> None:
+        """Take the guard."""
+        if not self.guard.acquire(False):
+            self._contenders.append(None)
+            self.guard.acquire()
+            self._contenders.pop()
+
+    def release(self) -> None:
+        """Give the guard away, without looking for interrupts."""
+        self.guard.release()
+
+    @property
+    def holder(self) -> int:
+        """The thread that asks, where it holds the guard; else 0."""
+        return get_ident() if self.is_mine() else 0
+
+    def is_mine(self) -> bool:
+        """Whether this thread holds the guard."""
+        return bool(self.guard._is_owned())
+
+    @property
+    def owns(self) -> Callable[[], bool]:
+        """As `is_mine`, with no frame of Python's own."""
+        owns: Callable[[], bool] = self.guard._is_owned
+        return owns
+
+    def is_busy(self, frame: FrameType | None) -> bool:
+        """In a signal's handler, which interrupted `frame`: whether the main thread must not leave it now."""
+        while frame is not None and frame.f_code not in _ABOUT_TO_TAKE:
+            frame = frame.f_back  # impatience may interrupt the handler itself
+        return frame is not None or self.is_mine()
+
+    def wake(self) -> None:
+        """End the wait for events; also in a signal's handler, and without the guard."""
+        self._write_to_self()  # type: ignore[attr-defined]
+
+    def interrupt(self) -> None:
+        """Let a run end soon; as `wake`, from anywhere."""
+        self._stopping = True
+        self.wake()
+
+    def hear_signals(self) -> None:
+        """In the main thread: let signals end the wait for events, and tell `on_signal`.
+
+        Python hears one that comes just before it waits only when the wait is over. Nothing is done where
+        somebody else hears them. `close` undoes it.
+        """
+        self._signals = self._csock.fileno()
+        _hear(self._signals, instead_of=_NOBODY)
+
+    def forget_signals(self) -> None:
+        """Undo `hear_signals`, in the main thread."""
+        if self._signals != _NOBODY:
+            with suppress(ValueError):  # another thread, in which a process ends that is not Python's own
+                _hear(_NOBODY, instead_of=self._signals)
+            self._signals = _NOBODY
+
+    def has_work(self) -> bool:
+        """Whether callbacks wait to be called."""
+        return bool(self._ready or self.deferred)
+
+    @property
+    def is_due(self) -> bool:
+        """Whether something waits to be called, timers and descriptors apart."""
+        return bool(self._ready)
+
+    def has_events(self) -> bool:
+        """Whether a run would find anything to do at once."""
+        scheduled = self._scheduled
+        return bool(
+            self._ready or self._epoll.poll(0, 1) or (scheduled and scheduled[0]._when <= time.monotonic())
+        )
+
+    def stop(self) -> None:
+        self._stopping = True
+        if self.is_waiting:
+            self.wake()
+
+    def run(
+        self, until: Until = _FOR_EVER, deadline_ns: int = 0, look: Callable[[], Any] | None = None
+    ) -> Any:
+        """As `run_forever`, until `stop`, until `until.is_set`, or `deadline_ns` on the monotonic clock.
+
+        With less around each turn, because somebody waits for what it brings: who can be read from is called
+        first, and in nobody's context. Before that, where there are events, `look` may find what is waited
+        for: then that is returned at once, and the next run handles the events.
+        """
+        ready, deferred, guard, keys = self._ready, self.deferred, self.guard, self._keys
+        self._thread_id = get_ident()
+        asyncio._set_running_loop(self)
+        try:
+            while True:
+                while deferred:
+                    callback, args = deferred.popleft()
+                    callback(*args)
+                timeout_s = 0.0 if ready or self._stopping else self._time_left(deadline_ns)
+                self.is_waiting = True
+                guard.release()
+                try:
+                    if self._contenders:
+                        time.sleep(_YIELD_S)  # a lock is not fair: who waits for it must get it
+                    events = self._epoll.poll() if timeout_s < 0 else self._poll(timeout_s)
+                finally:
+                    guard.acquire()
+                    self.is_waiting = False
+                if events and look is not None and (found := look()):
+                    return found
+                for descriptor, event in events:
+                    key = keys.get(descriptor)
+                    if key is not None:
+                        reader, writer = key.data
+                        if reader is not None and event & ~select.EPOLLOUT and not reader._cancelled:
+                            try:
+                                reader._callback(*reader._args)
+                            except Exception as error:
+                                self._complain(reader, error)
+                        if writer is not None and event & ~select.EPOLLIN:
+                            ready.append(writer)
+                if until.is_set:
+                    return None  # the rest can wait for the next run
+                self._call_ready()
+                if until.is_set or self._stopping:
+                    return None
+                if deadline_ns and time.monotonic_ns() >= deadline_ns:
+                    return None
+        finally:
+            self._stopping = False
+            self._thread_id = None
+            asyncio._set_running_loop(None)
+
+    def wait(self, sleep: Callable[[int, int, float], Any], deadline_ns: int = 0) -> Any:
+        """Without the guard, in the thread that runs it: what `sleep` brings, in place of a run.
+
+        Where there is nothing to do, `sleep(epoll, deadline_ns, due_s)` sleeps until there is, by the
+        descriptor that has all events, until one of these times at the latest (0: none). None: then `run`
+        does it. An interrupt needs not wait: nothing is guarded here.
+        """
+        self.is_waiting = True  # first: who asks for something from now on wakes it
+        try:
+            if self._ready or self.deferred or self._stopping:
+                return None
+            scheduled = self._scheduled
+            return sleep(self._epoll_number, deadline_ns, scheduled[0]._when if scheduled else 0.0)
+        finally:
+            self.is_waiting = False
+
+    def forget_stop(self) -> None:
+        """A `stop` that came while nobody ran it shall not end the next run."""
+        self._stopping = False
+
+    # --- what asyncio calls
+
+    def call_soon(  # type: ignore[override]
+        self, callback: Callable[..., object], *args: Any, context: Context | None = None
+    ) -> asyncio.Handle:
+        handle = super().call_soon(callback, *args, context=context)
+        if self.is_waiting:
+            self.wake()
+        return handle
+
+    def call_at(  # type: ignore[override]
+        self, when: float, callback: Callable[..., object], *args: Any, context: Context | None = None
+    ) -> asyncio.TimerHandle:
+        handle = super().call_at(when, callback, *args, context=context)
+        if self.is_waiting:
+            self.wake()
+        return handle
+
+    def close(self) -> None:
+        self.forget_signals()
+        super().close()
+
+    def _process_self_data(self, data: bytes) -> None:
+        if any(data):
+            self.on_signal()
+
+    def _check_thread(self) -> None:
+        """In asyncio's debug mode: any thread may, with the guard."""
+
+    # --- inside
+
+    def _call_ready(self) -> None:
+        """Timers that are due, and what was asked for before."""
+        ready, scheduled = self._ready, self._scheduled
+        if scheduled:
+            now = time.monotonic() + self._clock_resolution
+            while scheduled and scheduled[0]._when < now:
+                timer = heappop(scheduled)
+                timer._scheduled = False
+                ready.append(timer)
+        for _ in range(len(ready)):
+            handle = ready.popleft()
+            if not handle._cancelled:
+                handle._run()
+
+    def _time_left(self, deadline_ns: int) -> float:
+        """Seconds until the next timer or the deadline; -1 where there is neither."""
+        scheduled = self._scheduled
+        if self._timer_cancelled_count > _MANY_CANCELLED:
+            scheduled[:] = [timer for timer in scheduled if not timer._cancelled]
+            heapify(scheduled)
+            self._timer_cancelled_count = 0
+        while scheduled and scheduled[0]._cancelled:
+            self._timer_cancelled_count -= 1
+            heappop(scheduled)._scheduled = False
+        end = scheduled[0]._when if scheduled else 0
+        if deadline_ns and not 0 < end < deadline_ns / 1e9:
+            end = deadline_ns / 1e9
+        return max(end - time.monotonic(), 0) if end else -1
+
+    def _complain(self, handle: Any, error: Exception) -> None:
+        self.call_exception_handler({"message": "reading", "exception": error, "handle": handle})
+
+    def _poll(self, timeout_s: float) -> list[tuple[int, int]]:
+        epoll = self._epoll
+        if 0 < timeout_s < _FINE_S and epoll.fileno() < _MOST_SELECTABLE:
+            if not select.select((epoll.fileno(),), (), (), timeout_s)[0]:
+                return []
+            timeout_s = 0
+        return epoll.poll(ceil(timeout_s * 1e3) * 1e-3)
+
+
+def _hear(descriptor: int, *, instead_of: int) -> None:
+    before = signal.set_wakeup_fd(descriptor, warn_on_full_buffer=False)
+    if before != instead_of:
+        signal.set_wakeup_fd(before)
+
+
+_ABOUT_TO_TAKE = {GuardedLoop.acquire.__code__, GuardedLoop.run.__code__, GuardedLoop._poll.__code__}
+"""Where the guard is about to be taken, and `check` comes when it is given away. In any other place without
+it an interrupt must not wait: perhaps nobody checks."""

@@ -1,0 +1,53 @@
+"""Tasks that wait for a change, and look for themselves whether it is theirs."""
+
+import asyncio
+
+
+class Waiters:
+    """True while somebody waits."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop = loop
+        self._waiting: list[asyncio.Future[None]] = []
+
+    def __bool__(self) -> bool:
+        return bool(self._waiting)
+
+    async def wait(self, timeout_s: float | None = None) -> bool:
+        """Wait for the next `release`; False where the time is over first. Raises what `fail` was given.
+
+        Cancellation leaves nothing behind.
+        """
+        waiter = self._loop.create_future()
+        self._waiting.append(waiter)
+        try:
+            if timeout_s is not None:
+                await asyncio.wait([waiter], timeout=timeout_s)
+                if not waiter.done():
+                    return False
+            await waiter
+            return True
+        except RuntimeError:
+            if self._loop is asyncio.get_running_loop():
+                raise
+            from bus.process.mistakes import other_loop
+
+            raise other_loop("what is waited for", self._loop) from None
+        finally:
+            if waiter in self._waiting:
+                self._waiting.remove(waiter)
+
+    def release(self) -> None:
+        """All who wait look again."""
+        if self._waiting:
+            for waiter in self._pop():
+                waiter.set_result(None)
+
+    def fail(self, reason: BaseException) -> None:
+        """All who wait get `reason`."""
+        for waiter in self._pop():
+            waiter.set_exception(reason)
+
+    def _pop(self) -> list[asyncio.Future[None]]:
+        waiting, self._waiting = self._waiting, []
+        return [waiter for waiter in waiting if not waiter.done()]

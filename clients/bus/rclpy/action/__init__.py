@@ -1,6 +1,0 @@
-"""Actions, which busd does not have: programs can import the names, and are told what is missing."""
-
-from bus.rclpy.action.client import ActionClient
-from bus.rclpy.action.server import ActionServer, CancelResponse, GoalResponse
-
-__all__ = ["ActionClient", "ActionServer", "CancelResponse", "GoalResponse"]

@@ -1,0 +1,1 @@
+"""From a message class to bytes and back: names, definitions, schemas, hashes, checks."""

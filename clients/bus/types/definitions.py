@@ -1,0 +1,255 @@
+"""Interface definitions by name: the files in which they stand, and what they say.
+
+Owns: where definitions are looked for. Must not know: the grammar (`idl`), classes made of definitions.
+
+A definition is `<package>/{msg,srv,action}/<Name>.{msg,srv,action}`. It is looked for in
+
+    the share folders of $AMENT_PREFIX_PATH
+    the colcon workspace (or the package) around the current directory, then around the program's folder
+    the folders of $BUS_INTERFACE_PATH
+    the definitions of ROS 2 that come with this package
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Literal, TypeAlias
+
+from bus.errors import ConfigurationError
+from bus.types.schema_form import is_type_name
+
+if TYPE_CHECKING:
+    from bus.types import idl
+
+__all__ = [
+    "KINDS",
+    "check_size",
+    "definition_path",
+    "find_definition",
+    "find_message",
+    "find_path",
+    "full_name",
+    "names",
+    "packages",
+]
+
+Kind: TypeAlias = Literal["msg", "srv", "action"]
+KINDS: Final[tuple[Kind, ...]] = ("msg", "srv", "action")
+
+_SHIPPED: Final = Path(__file__).parents[1] / "share"
+_PACKAGE_NAME: Final = re.compile(rb"<name>\s*(\w+)\s*</name>")
+_IGNORED: Final = frozenset(("COLCON_IGNORE", "AMENT_IGNORE", "CATKIN_IGNORE"))
+_NO_WORKSPACES: Final = frozenset(("/", "/usr", "/usr/local"))
+_MAX_FIXED: Final = 2**24
+_MAX_DEPTH: Final = 5
+_MAX_FOLDERS: Final = 5000
+"""How far `src` is searched: it may be something else than that of a workspace."""
+
+
+def find_definition(name: str) -> idl.Message | idl.Service | idl.Action:
+    """The definition of `std_msgs/msg/String`, `std_srvs/srv/SetBool` or the like.
+
+    Raises ConfigurationError where there is none, where it is malformed, and where it names a type that
+    doesn't exist. That of another definition is no error before that one is asked for.
+    """
+    return _load(definition_path(name), name)
+
+
+def find_message(name: str) -> idl.Message:
+    """The definition of a message, or of a part of a service or an action: `std_srvs/srv/SetBool_Request`.
+
+    Raises ConfigurationError as `find_definition` does.
+    """
+    from bus.types.idl import PARTS, Message
+
+    kind = name.split("/")[1] if name.count("/") == 2 else ""
+    whole, _, part = name.rpartition("_")
+    if part in PARTS.get(kind, ()):
+        found: idl.Message = getattr(find_definition(whole), part.lower())
+        return found
+    definition = find_definition(name)
+    if isinstance(definition, Message):
+        return definition
+    parts = " or ".join(f"{name}_{part}" for part in PARTS[kind])
+    raise ConfigurationError(f"{name} is no message; say {parts}")
+
+
+def definition_path(name: str) -> Path:
+    """The file of a definition; raises ConfigurationError where there is none."""
+    if (path := find_path(name)) is None:
+        raise ConfigurationError(f"unknown interface '{name}'{_meant(name)}")
+    return path
+
+
+def check_size(owner: str, field: idl.Field) -> None:
+    """Raises ConfigurationError for an array of a fixed size that no message should begin with."""
+    if field.type.array == "fixed" and field.type.size > _MAX_FIXED:
+        raise ConfigurationError(f"{owner}: '{field.name}' is too large for an array of a fixed size")
+
+
+def full_name(name: str) -> str:
+    """`std_msgs/String` as `std_msgs/msg/String`: the first kind of which there is one, else a message."""
+    package, _, rest = name.partition("/")
+    if not rest or "/" in rest:
+        return name
+    found = [f"{package}/{kind}/{rest}" for kind in KINDS if find_path(f"{package}/{kind}/{rest}")]
+    return found[0] if found else f"{package}/msg/{rest}"
+
+
+def packages() -> list[str]:
+    """The packages that have definitions, sorted."""
+    return sorted({name.partition("/")[0] for name in names()})
+
+
+def names(kind: Kind | None = None, package: str | None = None) -> list[str]:
+    """The full names of all definitions (of this kind, of this package), sorted by package and kind."""
+    found: set[tuple[str, int, str]] = set()
+    for index, one in enumerate(KINDS):
+        if kind in (None, one):
+            for owner, folder in _folders(package):
+                found |= {(owner, index, stem) for stem in _stems(folder / one, f".{one}")}
+    return [f"{owner}/{KINDS[index]}/{stem}" for owner, index, stem in sorted(found)]
+
+
+@cache
+def _load(path: Path, name: str) -> idl.Message | idl.Service | idl.Action:
+    from bus.types import idl
+
+    kind = name.split("/")[1]
+    try:
+        text = path.read_text("utf-8")
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(f"{name}.{kind}: it is no text of UTF-8: {error}") from error
+    if kind == "msg":
+        message = idl.parse_message(text, name)
+        _check_nested(message, path, name)
+        return message
+    parse = idl.parse_service if kind == "srv" else idl.parse_action
+    definition = parse(text, name)
+    for part in definition[1:]:
+        _check_nested(part, path, name)
+    return definition
+
+
+def _check_nested(message: idl.Message, path: Path, name: str) -> None:
+    package, kind, _ = name.split("/")
+    for field in message.fields:
+        base = field.type.base
+        if "/" in base and find_path(base) is None:
+            short = base.removeprefix(f"{package}/msg/").replace("/msg/", "/")
+            raise ConfigurationError(
+                f"{package}/{kind}/{path.name}:{field.line}: '{short}' is not a known type"
+                f"{_meant_by_type(base, short)}"
+            )
+
+
+def _meant_by_type(base: str, short: str) -> str:
+    from bus.types.idl import PRIMITIVES
+
+    if short.lower() in PRIMITIVES:
+        return f"; did you mean '{short.lower()}'?"
+    class_name = base.rpartition("/")[2]
+    same = [name.replace("/msg/", "/") for name in names("msg") if name.endswith(f"/{class_name}")]
+    return f"; did you mean '{same[0]}'?" if same else _meant(base)
+
+
+def _meant(name: str) -> str:
+    from bus.base.suggest import did_you_mean
+
+    # Its own name is among them where it can't be read: a folder, a broken link.
+    return did_you_mean(name, (one for one in names() if one != name), 0.75)
+
+
+def find_path(name: str) -> Path | None:
+    """The file of a definition; None where there is none."""
+    if not is_type_name(name):
+        return None
+    package, kind, short = name.split("/")
+    for _, folder in _folders(package):
+        path = folder / kind / f"{short}.{kind}"
+        if path.is_file():
+            return path
+    return None
+
+
+def _folders(package: str | None) -> Iterator[tuple[str, Path]]:
+    """The folders that may hold definitions of this package (of each package), the first to be used first."""
+    environ = os.environ
+    program = str(Path(sys.argv[0]).resolve().parent) if sys.argv and sys.argv[0] else ""
+    try:
+        here = str(Path.cwd())
+    except OSError:
+        here = ""
+    paths = environ.get("AMENT_PREFIX_PATH", ""), environ.get("BUS_INTERFACE_PATH", "")
+    for source in _sources(here, program, *paths):
+        if isinstance(source, dict):
+            yield from (item for item in source.items() if package in (None, item[0]))
+        elif package is not None:
+            yield package, source / package
+        else:
+            yield from ((folder.name, folder) for folder in _subfolders(source))
+
+
+@cache
+def _sources(here: str, program: str, prefixes: str, folders: str) -> list[Path | dict[str, Path]]:
+    """Folders of packages; and for workspaces the folder of each of their packages."""
+    ament = [Path(prefix, "share") for prefix in prefixes.split(os.pathsep) if prefix]
+    around = [_around(folder) for folder in dict.fromkeys((here, program)) if folder]
+    own = [Path(folder) for folder in folders.split(os.pathsep) if folder]
+    return [*ament, *around, *own, _SHIPPED]
+
+
+def _around(folder: str) -> dict[str, Path]:
+    """The packages of the innermost workspace around a folder, or the package in which it is."""
+    found: dict[str, Path] = {}
+    for parent in (path := Path(folder), *path.parents):
+        if str(parent) in _NO_WORKSPACES:
+            continue
+        if not found and (parent / "package.xml").is_file():
+            found[_package_name(parent)] = parent
+        if (parent / "src").is_dir() and (inside := dict(_search(parent / "src"))):
+            return found | inside
+    return found
+
+
+def _search(source: Path) -> Iterator[tuple[str, Path]]:
+    folders = [(source, 0)]
+    for visited, (folder, depth) in enumerate(folders):  # which grows meanwhile
+        try:
+            entries = {entry.name: entry for entry in os.scandir(folder)}
+        except OSError:
+            continue
+        if not _IGNORED.isdisjoint(entries):
+            continue
+        if "package.xml" in entries:
+            yield _package_name(folder), folder
+        elif depth < _MAX_DEPTH and visited < _MAX_FOLDERS:
+            below = sorted(name for name, entry in entries.items() if entry.is_dir() and name[0] != ".")
+            folders += [(folder / name, depth + 1) for name in below]
+
+
+def _package_name(folder: Path) -> str:
+    try:
+        found = _PACKAGE_NAME.search((folder / "package.xml").read_bytes())
+    except OSError:
+        found = None
+    return found[1].decode() if found else folder.name
+
+
+def _subfolders(folder: Path) -> list[Path]:
+    try:
+        return [Path(entry) for entry in os.scandir(folder) if entry.is_dir()]
+    except OSError:
+        return []
+
+
+def _stems(folder: Path, suffix: str) -> list[str]:
+    try:
+        return [path.stem for path in folder.iterdir() if path.suffix == suffix]
+    except OSError:
+        return []

@@ -1,0 +1,332 @@
+"""The language of interface definitions: the text of a .msg, .srv or .action file as values.
+
+Owns: the grammar, as rosidl has it, and the texts of its errors. Must not know: where files are, whether a
+type that a definition names exists, Python classes.
+
+    # a comment                           a field is a type and a name, and may have a default
+    int32 LIMIT=10                        a constant has an upper-case name and a value
+    string<=10 label "none"               a text of at most 10 characters
+    float64[] xs [1.0, 2]                 `T[]` any number of values, `T[<=3]` at most 3, `T[3]` exactly 3
+    geometry_msgs/Point32[] corners       or `geometry_msgs/msg/Point32`, or `Corner` of the same package
+    Header header                         std_msgs/msg/Header
+
+`---` on a line of its own parts the request of a service from its response, and an action's three messages.
+"""
+
+import re
+from typing import Any, Final, NamedTuple
+
+from bus.errors import ConfigurationError
+
+__all__ = [
+    "INTEGERS",
+    "PARTS",
+    "PRIMITIVES",
+    "Action",
+    "Constant",
+    "Field",
+    "Message",
+    "Service",
+    "Type",
+    "code_of",
+    "parse_action",
+    "parse_message",
+    "parse_service",
+]
+
+INTEGERS: Final = {
+    "byte": (0, 2**8 - 1),
+    "char": (0, 2**8 - 1),
+    **{f"int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
+    **{f"uint{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
+}
+"""The least and the greatest value of each type of integers."""
+
+PRIMITIVES: Final = frozenset((*INTEGERS, "bool", "float32", "float64", "string", "wstring"))
+
+PARTS: Final = {"srv": ("Request", "Response"), "action": ("Goal", "Result", "Feedback")}
+"""What the messages of a service or an action are called: `SetBool` has `SetBool_Request`."""
+
+_SHORT_NAMES: Final = {
+    "Header": "std_msgs/msg/Header",
+    "time": "builtin_interfaces/msg/Time",
+    "duration": "builtin_interfaces/msg/Duration",
+}
+_LOWER: Final = re.compile(r"[a-z](_?[a-z0-9])*")
+_UPPER: Final = re.compile(r"[A-Z](_?[A-Z0-9])*")
+_CAMEL: Final = re.compile(r"[A-Z][A-Za-z0-9]*")
+_TYPE: Final = re.compile(r"([A-Za-z][\w/]*)(?:<=(\d+))?(?:\[(<=)?(\d*)\])?", re.ASCII)
+_QUOTED: Final = r'"(?:\\.|[^"\\])*"|' + r"'(?:\\.|[^'\\])*'"
+_CODE: Final = re.compile(rf"(?:(?<=[\s=,\[])(?:{_QUOTED})|[^#])*")
+"""A line up to its comment: a `#` inside a quoted text begins none."""
+_ELEMENT: Final = re.compile(rf"\s*({_QUOTED}|[^,\"'\[\]]+?)\s*(?:,|$)")
+_MAX_SIZE: Final = 2**31 - 1
+_MAX_DIGITS: Final = 10
+
+
+class Type(NamedTuple):
+    """The type of a field: `string<=10[3]` is `Type("string", 10, "fixed", 3)`."""
+
+    base: str
+    """A primitive (one of PRIMITIVES), or the full name of a message: `std_msgs/msg/Header`."""
+    string_bound: int | None = None
+    array: str = ""
+    """Empty, `fixed`, `bounded` or `unbounded`."""
+    size: int = 0
+    """How many elements: exactly (`fixed`) or at most (`bounded`)."""
+
+
+class Field(NamedTuple):
+    """One field of a message.
+
+    The default is None where the definition has none; else as Python has the type: a `byte` is `bytes` of
+    length 1, an array a tuple.
+    """
+
+    name: str
+    type: Type
+    default: Any = None
+    line: int = 0
+    """Where it stands in its file."""
+
+
+class Constant(NamedTuple):
+    """A constant of a message; the value is as that of a default."""
+
+    name: str
+    type: Type
+    value: Any
+
+
+class Message(NamedTuple):
+    """`std_msgs/msg/String`, or a part of something else: `std_srvs/srv/SetBool_Request`."""
+
+    name: str
+    fields: tuple[Field, ...] = ()
+    constants: tuple[Constant, ...] = ()
+
+
+class Service(NamedTuple):
+    """`std_srvs/srv/SetBool`."""
+
+    name: str
+    request: Message
+    response: Message
+
+
+class Action(NamedTuple):
+    """`example_interfaces/action/Fibonacci`."""
+
+    name: str
+    goal: Message
+    result: Message
+    feedback: Message
+
+
+def parse_message(text: str, name: str) -> Message:
+    """The text of a .msg file; `name` is `std_msgs/msg/String`.
+
+    Raises ConfigurationError, which says in which line what is wrong.
+    """
+    return _parse(text, name, "msg", ("",))[0]
+
+
+def parse_service(text: str, name: str) -> Service:
+    """The text of a .srv file; errors as those of `parse_message`."""
+    request, response = _parse(text, name, "srv", PARTS["srv"])
+    return Service(name, request, response)
+
+
+def parse_action(text: str, name: str) -> Action:
+    """The text of an .action file; errors as those of `parse_message`."""
+    goal, result, feedback = _parse(text, name, "action", PARTS["action"])
+    return Action(name, goal, result, feedback)
+
+
+class _Wrong(Exception):
+    """What is wrong with a line."""
+
+
+def _parse(text: str, name: str, kind: str, parts: tuple[str, ...]) -> list[Message]:
+    _check_name(name, kind)
+    package = name.partition("/")[0]
+    messages = [Message(f"{name}_{part}" if part else name) for part in parts]
+    fields: list[list[Field]] = [[] for _ in parts]
+    constants: list[list[Constant]] = [[] for _ in parts]
+    names: list[set[str]] = [set() for _ in parts]
+    at = number = 0
+    for number, line in enumerate(re.split(r"\r\n|\r|\n", text.removeprefix("\ufeff")), 1):
+        code = code_of(line)
+        try:
+            if code == "---":
+                at += 1
+                if at == len(parts):
+                    raise _Wrong(f"one '---' too many: {_article(kind)} has {_count(len(parts) - 1)}")
+            elif code:
+                entry = _entry(code, package, number)
+                if entry.name in names[at]:
+                    raise _Wrong(f"there are two of the name '{entry.name}'")
+                names[at].add(entry.name)
+                if isinstance(entry, Field):
+                    fields[at].append(entry)
+                else:
+                    constants[at].append(entry)
+        except _Wrong as error:
+            raise ConfigurationError(f"{name}.{kind}:{number}: {error}") from None
+    if at < len(parts) - 1:
+        raise ConfigurationError(
+            f"{name}.{kind}:{number}: the definition ends too early: "
+            f"{_article(kind)} has {_count(len(parts) - 1)}, here: {at}"
+        )
+    return [
+        message._replace(fields=tuple(fields[i]), constants=tuple(constants[i]))
+        for i, message in enumerate(messages)
+    ]
+
+
+def _check_name(name: str, kind: str) -> None:
+    package, _, rest = name.partition(f"/{kind}/")
+    if not _LOWER.fullmatch(package):
+        raise ConfigurationError(
+            f"'{name}': a package has lower-case letters, digits and single underscores: my_package"
+        )
+    if not _CAMEL.fullmatch(rest):
+        raise ConfigurationError(f"'{name}': the name of a definition begins with a capital: MyMessage")
+
+
+def _article(kind: str) -> str:
+    return {"msg": "a message", "srv": "a service", "action": "an action"}[kind]
+
+
+def _count(separators: int) -> str:
+    return f"{separators or 'no'} line{'s' * (separators != 1)} '---'"
+
+
+def code_of(line: str) -> str:
+    """A line without its comment."""
+    found = _CODE.match(line)
+    return found[0].strip() if found else ""
+
+
+def _entry(code: str, package: str, line: int) -> Field | Constant:
+    type_text, *others = code.split(None, 1)
+    type_ = _type(type_text, package)
+    found = re.match(r"([^\s=]+)\s*(=?)\s*(.*)", others[0], re.DOTALL) if others else None
+    if found is None:
+        raise _Wrong(f"'{type_text}' has no name after it")
+    name, is_constant, value = found.groups()
+    if is_constant:
+        if type_.array or type_.base not in PRIMITIVES:
+            raise _Wrong(f"a constant has one value of a primitive type, not '{type_text}'")
+        if not _UPPER.fullmatch(name):
+            raise _Wrong(f"'{name}' is no name of a constant: they have capitals, digits and _")
+        if not value:
+            raise _Wrong(f"constant '{name}' has no value")
+        return Constant(name, type_, _single(type_, value))
+    if not _LOWER.fullmatch(name):
+        hint = f"; a constant has a value: {name}=1" if _UPPER.fullmatch(name) and not value else ""
+        raise _Wrong(
+            f"'{name}' is no name of a field: "
+            f"they have lower-case letters, digits and single underscores between them{hint}"
+        )
+    return Field(name, type_, _default(type_, value) if value else None, line)
+
+
+def _type(text: str, package: str) -> Type:
+    found = _TYPE.fullmatch(text)
+    if found is None:
+        raise _Wrong(f"'{text}' is no type")
+    base, bound, at_most, size = found.groups()
+    base = _base(base, package)
+    if bound is not None and base not in ("string", "wstring"):
+        raise _Wrong(f"'{text}': only a string has a limit of its own; an array has it in brackets: [<=3]")
+    limit = _size(bound, text) if bound is not None else None
+    if size is None:
+        return Type(base, limit)
+    if size == "":
+        if at_most:
+            raise _Wrong(f"'{text}' has no number after <=")
+        return Type(base, limit, "unbounded")
+    return Type(base, limit, "bounded" if at_most else "fixed", _size(size, text))
+
+
+def _size(digits: str, text: str) -> int:
+    if len(digits) > _MAX_DIGITS or not 1 <= int(digits) <= _MAX_SIZE:
+        raise _Wrong(f"'{text}': a size is from 1 to {_MAX_SIZE}")
+    return int(digits)
+
+
+def _base(text: str, package: str) -> str:
+    if text in PRIMITIVES:
+        return text
+    if text in _SHORT_NAMES:
+        return _SHORT_NAMES[text]
+    parts = text.split("/")
+    if len(parts) == 1:
+        parts.insert(0, package)
+    if len(parts) == 3 and parts[1] == "msg":
+        del parts[1]
+    if len(parts) == 2 and _LOWER.fullmatch(parts[0]) and _CAMEL.fullmatch(parts[1]):
+        return f"{parts[0]}/msg/{parts[1]}"
+    raise _Wrong(f"'{text}' is not a known type{_meant(text)}")
+
+
+def _meant(text: str) -> str:
+    from bus.base.suggest import did_you_mean
+
+    return did_you_mean(text, PRIMITIVES) or did_you_mean(text.lower(), PRIMITIVES)
+
+
+def _default(type_: Type, text: str) -> Any:
+    if type_.base not in PRIMITIVES:
+        raise _Wrong(f"a field of type '{type_.base}' can't have a default ({text})")
+    if not type_.array:
+        return _single(type_, text)
+    if not (text.startswith("[") and text.endswith("]")) or len(text) < 2:
+        raise _Wrong(f"the default of an array is in brackets, like [1, 2]; it is {text}")
+    values = tuple(_single(type_, element) for element in _elements(text[1:-1], text))
+    if type_.array == "fixed" and len(values) != type_.size:
+        raise _Wrong(f"the array has {type_.size} values, its default {len(values)}")
+    if type_.array == "bounded" and len(values) > type_.size:
+        raise _Wrong(f"the array has at most {type_.size} values, its default {len(values)}")
+    return values
+
+
+def _elements(inner: str, text: str) -> list[str]:
+    elements: list[str] = []
+    at = 0
+    while inner.strip() and at < len(inner):
+        found = _ELEMENT.match(inner, at)
+        if found is None:
+            raise _Wrong(f"{text} is no list of values")
+        elements.append(found[1])
+        at = found.end()
+    return elements
+
+
+def _single(type_: Type, text: str) -> Any:
+    base = type_.base
+    if base in ("string", "wstring"):
+        return _string(type_, text)
+    try:
+        if base == "bool":
+            return {"true": True, "1": True, "false": False, "0": False}[text.lower()]
+        if base in ("float32", "float64"):
+            return float(text)
+        value = int(text, 0)
+    except (KeyError, ValueError):
+        raise _Wrong(f"{text:.80} is no value of type {base}") from None
+    least, most = INTEGERS[base]
+    if not least <= value <= most:
+        raise _Wrong(f"{text:.80} is no value of type {base}: from {least} to {most}")
+    return bytes((value,)) if base == "byte" else value
+
+
+def _string(type_: Type, text: str) -> str:
+    if text[0] in "\"'":
+        if not re.fullmatch(_QUOTED, text):
+            raise _Wrong(f"{text:.80} is no quoted text: the other quote must be its end")
+        text = text[1:-1].replace(f"\\{text[0]}", text[0])
+    if type_.string_bound is not None and len(text) > type_.string_bound:
+        raise _Wrong(f"'{text:.80}' is longer than {type_.string_bound}")
+    return text

@@ -1,0 +1,217 @@
+"""What travels between a client and a service: a request or a reply in an envelope that says whose it is.
+
+Owns: the two envelopes, and what the bus is told of their types. On the wire an envelope is an array with the
+message's own encoding as its last element, so that any class with a TypeSupport will do. Must not know:
+topics, endpoints.
+
+The type of a service's topic `_request` is `<pkg>/srv/<Name>_Request`, that of `_reply`
+`<pkg>/srv/<Name>_Response`. In both, the name of the message within ends in a digest of both definitions:
+where one differs, neither topic matches, and no call is sent that nobody could answer.
+"""
+
+from collections.abc import Callable
+from copy import copy
+from functools import cache
+from typing import Annotated, Any, Final, Generic, TypeAlias, TypeVar
+
+import msgspec
+from msgspec import Meta, Raw, Struct
+
+from bus.errors import ConfigurationError, MessageTypeError
+from bus.qos import History, QoSProfile
+from bus.types.hash import schema_hash
+from bus.types.schema import Schema, build, describe
+from bus.types.schema_form import is_type_name
+from bus.types.support import TypeSupport, type_support
+
+__all__ = ["GID_BYTES", "Reply", "Request", "ServiceSupport", "keeping_all", "message_of", "service_support"]
+
+GID_BYTES: Final = 16
+_DIGITS: Final = 16
+_NOTHING: Final = Raw(b"\xc0")
+_MOST_TEXT: Final = 2000
+
+_HEAD: Final[list[dict[str, Any]]] = [
+    {"name": "client", "type": ["bytes", GID_BYTES, GID_BYTES], "required": True},
+    {"name": "number", "type": "uint64", "required": True},
+]
+_encode = msgspec.msgpack.encode
+
+
+class Request(Struct, array_like=True):
+    """One call. `client` is the gid of the publisher that sent it, `number` the client's own."""
+
+    client: bytes
+    number: int
+    body: Any
+    """The message, once it is decoded."""
+
+
+class Reply(Struct, array_like=True):
+    """The answer to a call; where `error` says something, there is no body."""
+
+    client: bytes
+    number: int
+    error: str
+    body: Any
+
+
+# A server sends them back to all clients: what is longer is not taken.
+_Gid: TypeAlias = Annotated[bytes, Meta(min_length=GID_BYTES, max_length=GID_BYTES)]
+_Number: TypeAlias = Annotated[int, Meta(ge=0)]
+
+
+class _RawRequest(Struct, array_like=True):
+    client: _Gid
+    number: _Number
+    body: Raw
+
+
+class _RawReply(Struct, array_like=True):
+    client: _Gid
+    number: _Number
+    error: str
+    body: Raw
+
+
+E = TypeVar("E", bound=Struct)
+
+
+class EnvelopeSupport(TypeSupport[E], Generic[E]):
+    """The TypeSupport of an envelope: it decodes, and tells the bus the type. It encodes nothing."""
+
+    def __init__(self, cls: type[E], schema: Schema, decode: Callable[[Any], E]) -> None:
+        self.cls = cls
+        self.name = schema["root"]
+        self.hash = schema_hash(schema)
+        self.description = msgspec.msgpack.encode(schema)
+        self.decode = decode
+        self.encode = _encode
+        self.is_valid = _unsure
+        self.plan = None
+
+
+class ServiceSupport:
+    """Everything about one service, as both sides need it; get it from `service_support(service_type)`.
+
+    Raises MessageTypeError for what is no definition of a service, ConfigurationError for a bad type name.
+    """
+
+    def __init__(self, service_type: Any) -> None:
+        try:
+            self.request: TypeSupport[Any] = type_support(service_type.Request)
+            self.response: TypeSupport[Any] = type_support(service_type.Response)
+        except AttributeError:
+            raise MessageTypeError(
+                f"{service_type!r:.80} is no service: it has no message classes Request and Response"
+            ) from None
+        self.name: str = getattr(service_type, "__type_name__", "") or self.request.name.removesuffix(
+            "_Request"
+        )
+        if not is_type_name(f"{self.name}_Response_{'0' * _DIGITS}") or "/msg/" in self.name:
+            raise ConfigurationError(
+                f"__type_name__ of {service_type!r:.80} must have three parts, like 'std_srvs/srv/SetBool'; "
+                f"it is {self.name!r}"
+            )
+        names = f"{self.name}_Request", f"{self.name}_Response"
+        # Under what name the messages are known in this process is nothing to others.
+        bodies = _renamed(self.request.schema, names[0]), _renamed(self.response.schema, names[1])
+        digest = _digest(*map(schema_hash, bodies))
+        asked = _envelope(names[0], digest, bodies[0], is_answer=False)
+        answered = _envelope(names[1], digest, bodies[1], is_answer=True)
+        self.requests = EnvelopeSupport(Request, asked, self._decode_request)
+        self._answers = EnvelopeSupport(Reply, answered, _decode_nothing)
+        self._read_request = msgspec.msgpack.Decoder(_RawRequest).decode
+        self._read_reply = msgspec.msgpack.Decoder(_RawReply).decode
+
+    def replies(self, client: bytes) -> EnvelopeSupport[Reply]:
+        """For the client with that gid: the bodies of what is for others are not decoded, and None."""
+        decode_body, read = self.response.decode, self._read_reply
+
+        def decode(payload: Any) -> Reply:
+            raw = read(payload)
+            is_answer = raw.client == client and not raw.error
+            # The bytes are those of a ring: they can't be kept undecoded.
+            body = decode_body(memoryview(raw.body)) if is_answer else None
+            return Reply(raw.client, raw.number, raw.error, body)
+
+        support = copy(self._answers)
+        support.decode = decode
+        return support
+
+    def encode_request(self, client: bytes, number: int, request: object) -> bytes:
+        """Raises MessageTypeError where `request` is not of its class, or a field is wrong."""
+        return _encode(_RawRequest(client, number, Raw(self.request.encode_checked(request))))
+
+    def encode_response(self, client: bytes, number: int, response: object) -> bytes:
+        """Raises MessageTypeError where `response` is not of its class, or a field is wrong."""
+        return _encode(_RawReply(client, number, "", Raw(self.response.encode_checked(response))))
+
+    def encode_error(self, client: bytes, number: int, text: str) -> bytes:
+        """An answer that says why there is none."""
+        # Whatever an exception's text holds, it must be text on the wire.
+        error = text[:_MOST_TEXT].encode("utf-8", "replace").decode() or "no reason is given"
+        return _encode(_RawReply(client, number, error, _NOTHING))
+
+    def _decode_request(self, payload: Any) -> Request:
+        raw = self._read_request(payload)
+        return Request(raw.client, raw.number, self.request.decode(memoryview(raw.body)))
+
+
+@cache
+def service_support(service_type: Any) -> ServiceSupport:
+    """The ServiceSupport of a class with `Request`, `Response` and `__type_name__`, made once."""
+    return ServiceSupport(service_type)
+
+
+def keeping_all(qos: QoSProfile) -> QoSProfile:
+    """For the subscriptions: a depth bounds what one sender has on its way, but here come those of all."""
+    return msgspec.structs.replace(qos, history=History.KEEP_ALL)
+
+
+def message_of(envelope: type[Struct]) -> type[Struct]:
+    """The class of the message within, out of a class that was made of an envelope's schema.
+
+    Raises ConfigurationError where it is the schema of something else.
+    """
+    schema = describe(envelope)
+    root, types = schema["root"], schema["types"]
+    inner = [name for name in types if name.startswith(f"{root}_") and len(name) == len(root) + 1 + _DIGITS]
+    if len(inner) != 1:
+        raise ConfigurationError(f"{root} on the bus is no request or reply of a service")
+    rest = {name: type_ for name, type_ in types.items() if name != root}
+    return build(_renamed({"root": inner[0], "types": rest}, root))
+
+
+def _envelope(name: str, digest: str, body: Schema, *, is_answer: bool) -> Schema:
+    inner = f"{name}_{digest}"
+    fields = [*_HEAD]
+    if is_answer:
+        fields.append({"name": "error", "type": "string", "required": True})
+    node = ["union", inner, "none"] if is_answer else inner
+    fields.append({"name": "body", "type": node, "required": True})
+    types = _renamed(body, inner)["types"]
+    return {"root": name, "types": {name: {"array": True, "fields": fields}, **types}}
+
+
+def _renamed(schema: Schema, root: str) -> Schema:
+    """The same schema with another name for its root, to which nothing in it refers."""
+    old = schema["root"]
+    return {
+        "root": root,
+        "types": {root if name == old else name: type_ for name, type_ in schema["types"].items()},
+    }
+
+
+def _digest(*hashes: str) -> str:
+    from hashlib import sha256  # slow to import
+
+    return sha256(" ".join(hashes).encode()).hexdigest()[:_DIGITS]
+
+
+def _unsure(_: object) -> bool:
+    return False
+
+
+def _decode_nothing(payload: object) -> Reply:
+    raise MessageTypeError("replies are decoded by their client")

@@ -1,0 +1,5 @@
+"""`python -m bus_cli`."""
+
+from bus_cli.entry import main
+
+main()

@@ -1,0 +1,177 @@
+"""Numbers of a measurement: percentiles, rates, losses; and their tables. Knows no processes."""
+
+import math
+from collections.abc import Iterable, Sequence
+
+import msgspec
+
+from bus_cli.bench.task import Sent, Settled
+from bus_cli.output import size_text, table
+
+__all__ = ["PERCENTILES", "Ages", "Run", "ages", "percentile", "tables"]
+
+PERCENTILES = (50.0, 90.0, 99.0, 99.9, 100.0)
+_COLUMNS = ("p50", "p90", "p99", "p99.9", "max")
+
+
+class Ages(msgspec.Struct, frozen=True, rename={"p99_9": "p99.9"}):
+    """Percentiles by nearest rank of so many samples, in µs."""
+
+    samples: int
+    p50: float
+    p90: float
+    p99: float
+    p99_9: float
+    max: float
+
+
+def percentile(ordered: Sequence[float], percent: float) -> float:
+    """The smallest of the `ordered` samples that at least `percent` % of them don't exceed (nearest rank).
+
+    It is always one that was measured: nothing is interpolated, and 100 gives the largest.
+    Raises ValueError where there are none, or `percent` is not in 0..100.
+    """
+    if not ordered or not 0 <= percent <= 100:
+        raise ValueError(f"no {percent:g}th percentile of {len(ordered)} samples")
+    # 99.9 % of 1,000 is 999, and 999.0000000000001 in floating point.
+    rank = math.ceil(round(percent * len(ordered) / 100, 9))
+    return ordered[max(rank, 1) - 1]
+
+
+def ages(samples_ns: Iterable[int]) -> Ages | None:
+    """Of samples in ns; None where there are none."""
+    ordered = sorted(samples_ns)
+    if not ordered:
+        return None
+    return Ages(len(ordered), *(percentile(ordered, percent) / 1000 for percent in PERCENTILES))
+
+
+class Run(msgspec.Struct, frozen=True, kw_only=True):
+    """One measurement: one size, paced or as fast as it goes. Its fields are the keys of --json."""
+
+    size: int
+    """B in the sized field of each message."""
+    rate: float | None
+    """Messages/s of each publisher by the schedule; None: as fast as it goes."""
+    route: str
+    """shm, socket, or shm+socket."""
+    seconds: float
+    """From the first message's publication to the last one's arrival."""
+    published: int
+    """By all publishers."""
+    expected: int
+    """Deliveries: `published` times the number of subscribers."""
+    delivered: int
+    """To all subscribers."""
+    dropped: dict[str, int]
+    """Deliveries that did not happen, by reason."""
+    unaccounted: int
+    """Deliveries that neither happened nor have a reason."""
+    published_per_s: float
+    delivered_per_s: float
+    bytes_per_s: float
+    """Of the sized field, in all deliveries."""
+    since_sent_us: Ages | None
+    """Age at the subscriber since it was published, of all deliveries (a flood: of a sample)."""
+    since_due_us: Ages | None
+    """Age since it should have been published by the schedule; None without a schedule."""
+    last_us: Ages | None
+    """Age since it was published when the last of the subscribers had it; None with one subscriber."""
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether nothing was lost."""
+        return self.delivered == self.expected
+
+    @classmethod
+    def of(
+        cls, size: int, rate: float, route: str, sent: Sequence[Sent], settled: Sequence[Settled]
+    ) -> "Run":
+        """From what the publishers and the subscribers say."""
+        published = sum(one.count for one in sent)
+        expected = published * len(settled)
+        delivered = sum(one.delivered for one in settled)
+        dropped: dict[str, int] = {}
+        for one in settled:
+            for reason, count in one.dropped.items():
+                dropped[reason] = dropped.get(reason, 0) + count
+        begin_ns = min(one.begin_ns for one in sent)
+        publishing_s = (max(one.end_ns for one in sent) - begin_ns) / 1e9
+        seconds = max((max(one.last_ns for one in settled) - begin_ns) / 1e9, publishing_s)
+        due = (age + late for one in settled for age, late in zip(one.age_ns, one.late_ns, strict=True))
+        return cls(
+            size=size,
+            rate=rate or None,
+            route=route,
+            seconds=seconds,
+            published=published,
+            expected=expected,
+            delivered=delivered,
+            dropped=dropped,
+            unaccounted=max(0, expected - delivered - sum(dropped.values())),
+            published_per_s=published / publishing_s,
+            delivered_per_s=delivered / seconds,
+            bytes_per_s=delivered * size / seconds,
+            since_sent_us=ages(age for one in settled for age in one.age_ns),
+            since_due_us=ages(due) if rate else None,
+            last_us=ages(_last_ages(settled)) if len(settled) > 1 else None,
+        )
+
+
+def _last_ages(settled: Sequence[Settled]) -> Iterable[int]:
+    """For each stamped message that all have, the age at which the last one got it."""
+    found: dict[tuple[int, int], list[int]] = {}
+    for one in settled:
+        for sent_ns, late_ns, age_ns in zip(one.sent_ns, one.late_ns, one.age_ns, strict=True):
+            found.setdefault((sent_ns, late_ns), []).append(age_ns)
+    return (max(some) for some in found.values() if len(some) == len(settled))
+
+
+def tables(runs: Sequence[Run]) -> str:
+    """Rates with losses, and ages."""
+    kinds = [(bytes_text(run.size), f"{run.rate:,g}/s" if run.rate else "flood", run) for run in runs]
+    rates = table(
+        ("size", "pace", "route", "published/s", "delivered/s", "bytes/s", "lost"),
+        [
+            (
+                *(size, pace, run.route, _rate_text(run.published_per_s), _rate_text(run.delivered_per_s)),
+                *(size_text(run.bytes_per_s), _lost_text(run)),
+            )
+            for size, pace, run in kinds
+        ],
+    )
+    rows = []
+    for size, pace, run in kinds:
+        for since, found in (
+            ("sent", run.since_sent_us),
+            ("due", run.since_due_us),
+            ("sent, to the last", run.last_us),
+        ):
+            if found is not None:
+                values = (found.p50, found.p90, found.p99, found.p99_9, found.max)
+                rows.append((size, pace, since, *map(_us_text, values)))
+    return f"{rates}\n{table(('size', 'pace', 'µs since', *_COLUMNS), rows)}"
+
+
+def _lost_text(run: Run) -> str:
+    if run.is_complete:
+        return "0"
+    lost = run.dropped | ({"unaccounted": run.unaccounted} if run.unaccounted else {})
+    reasons = ", ".join(f"{reason}: {count:,}" for reason, count in sorted(lost.items()))
+    return f"{run.expected - run.delivered:,} of {run.expected:,}" + (f" ({reasons})" if reasons else "")
+
+
+def _rate_text(value: float) -> str:
+    return f"{value:.3g}" if value < 10 else f"{value:,.0f}"
+
+
+def _us_text(value: float) -> str:
+    return f"{value:.1f}" if value < 1000 else f"{value:,.0f}"
+
+
+def bytes_text(size: int) -> str:
+    """`64 B`, `1 KiB`, `2 MiB`; what is no whole number of a unit stays in the smaller one."""
+    for unit, factor in (("MiB", 1 << 20), ("KiB", 1 << 10)):
+        if size >= factor and not size % factor:
+            return f"{size // factor} {unit}"
+    return f"{size} B"

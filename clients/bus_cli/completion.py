@@ -1,0 +1,78 @@
+"""`bus completion bash|zsh`, and the names that the shell completes, taken from the live graph."""
+
+from argparse import Action, ArgumentParser, Namespace
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, Any
+
+from bus_cli.output import CommandError, say
+
+if TYPE_CHECKING:
+    from bus.graph import Graph
+
+SHELLS = ("bash", "zsh")
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    parser.description = 'Put this into your ~/.bashrc or ~/.zshrc: eval "$(bus completion bash)"'
+    parser.add_argument("shell", choices=SHELLS, help="the shell to print code for")
+
+
+def main(args: Namespace) -> int:
+    try:
+        from argcomplete import shellcode  # type: ignore[attr-defined,unused-ignore]
+    except ImportError:
+        raise CommandError("completion needs argcomplete: pip install 'busd[cli]'") from None
+    # argcomplete's code is for both; it looks which shell runs it.
+    say(shellcode(["bus"], shell=args.shell).rstrip())
+    return 0
+
+
+def completed_by(action: Action, completer: Callable[..., Iterable[str]]) -> None:
+    """Let the shell complete an argument with what `completer` finds."""
+    vars(action)["completer"] = completer
+
+
+def topics(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
+    """Names of topics; hidden ones only where the prefix is hidden too."""
+    from bus.names import is_hidden_topic
+
+    graph = _graph(parsed_args)
+    found = graph.topics() if graph else ()
+    return [name for name in found if not is_hidden_topic(name) or is_hidden_topic(prefix)]
+
+
+def nodes(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
+    """Full names of nodes."""
+    graph = _graph(parsed_args)
+    return sorted({node.full_name for node in graph.nodes}) if graph else []
+
+
+def types(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
+    """Names of types: the topic's where it is on the bus, else all on the bus and all ready-made ones."""
+    graph = _graph(parsed_args)
+    by_topic = graph.topics() if graph else {}
+    topic = getattr(parsed_args, "topic_name", None)
+    if topic in by_topic:
+        return by_topic[topic]
+    return sorted({*_ready_made(), *(name for names in by_topic.values() for name in names)})
+
+
+def _graph(args: Namespace) -> "Graph | None":
+    """None where no daemon runs, for completion must not start one."""
+    from bus.errors import BusError
+    from bus_cli.query import get_graph
+
+    try:
+        return get_graph(args, may_start=False)
+    except (BusError, OSError):
+        return None
+
+
+def _ready_made() -> Iterator[str]:
+    from importlib import import_module
+
+    from bus.msg import PACKAGES
+
+    for package in PACKAGES:
+        for name in import_module(f"bus.msg.{package}").__all__:
+            yield f"{package}/msg/{name}"

@@ -1,0 +1,104 @@
+"""The systemd units of the daemon: what stands in them and where they lie, for a user or for the machine.
+
+Must not know what to do with them. The texts are in `systemd/`, with `$name` for what differs.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+
+import msgspec
+
+OURS = "# Written by bus daemon install."
+"""The first line of each unit."""
+
+_KINDS = ("socket", "service")
+_NOTIFY_RELOAD = 253
+"""The first systemd with Type=notify-reload."""
+
+
+class Units(msgspec.Struct, frozen=True):
+    """Those of one domain. `user` and `group` are for the machine's; without them they are the caller's own.
+
+    `config` is the absolute path of busd.toml, None: none.
+    """
+
+    domain: int = 0
+    user: str = ""
+    group: str = ""
+    config: Path | None = None
+
+    @property
+    def name(self) -> str:
+        return f"busd-{self.domain}" if self.domain else "busd"
+
+    @property
+    def folder(self) -> Path:
+        if self.user:
+            return Path("/etc/systemd/system")
+        return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "systemd" / "user"
+
+    @property
+    def socket(self) -> str:
+        """Where it listens, in systemd's words."""
+        return f"{'/run' if self.user else '%t'}/busd/{self.domain}.sock"
+
+    @property
+    def paths(self) -> list[Path]:
+        return [self.folder / f"{self.name}.{kind}" for kind in _KINDS]
+
+    def texts(self, command: str, version: int | None) -> dict[Path, str]:
+        """What stands in each file. `command` starts busd, `version` is systemd's, None where not known."""
+        is_told = version is not None and version >= _NOTIFY_RELOAD
+        values = {
+            "name": self.name,
+            "domain": str(self.domain),
+            "user": self.user,
+            "group": self.group,
+            "socket": self.socket,
+            "command": command,
+            # systemd sends the signal itself, and waits until it has been heeded.
+            "type": "notify-reload" if is_told else "notify",
+            "reload": "" if is_told else "/bin/kill -HUP $MAINPID",
+        }
+        scope = "system" if self.user else "user"
+        return {path: _fill(f"{scope}.{kind}", values) for path, kind in zip(self.paths, _KINDS, strict=True)}
+
+    def command(self) -> str:
+        """What starts this installation's busd, as it stands in ExecStart."""
+        program = Path(sys.executable).with_name("busd")
+        words = [str(program)] if program.is_file() else [sys.executable, "-m", "busd"]
+        words += ["--domain", str(self.domain)] if self.domain else []
+        words += ["--config", str(self.config)] if self.config is not None else []
+        return " ".join(map(_quoted, words))
+
+
+def systemd_version(environ: Mapping[str, str] = os.environ) -> int | None:
+    """Of the systemd that is installed; None where there is none."""
+    systemctl = shutil.which("systemctl", path=environ.get("PATH"))
+    if systemctl is None:
+        return None
+    try:
+        said = subprocess.run(
+            [systemctl, "--version"], capture_output=True, text=True, timeout=10, check=True
+        ).stdout
+        return int(said.split()[1])
+    except (OSError, subprocess.SubprocessError, ValueError, IndexError):
+        return None
+
+
+def _fill(name: str, values: Mapping[str, str]) -> str:
+    text = Template((files("bus_cli.daemon") / "systemd" / name).read_text()).substitute(values)
+    return "".join(line for line in text.splitlines(keepends=True) if line != "ExecReload=\n")
+
+
+def _quoted(word: str) -> str:
+    """As systemd.service(5) wants it."""
+    for plain, said in (("\\", "\\\\"), ('"', '\\"'), ("%", "%%"), ("$", "$$"), ("\n", "\\n"), ("\r", "\\r")):
+        word = word.replace(plain, said)
+    return f'"{word}"' if any(c in word for c in " \t'\"\\;") else word

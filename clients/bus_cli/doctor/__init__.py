@@ -1,0 +1,65 @@
+"""`bus doctor`: looks at everything that the bus stands on, and says what to do where something is wrong.
+
+One module for each subject. None of them waits for long: a daemon or a program that stands still is what one
+calls a doctor for.
+"""
+
+from argparse import ArgumentParser, Namespace
+from collections.abc import Iterator
+
+from bus.errors import BusError
+from bus.process.address import socket_path
+from bus_cli.doctor import configuration, daemon, machine, place, processes, versions
+from bus_cli.doctor.daemon import Seen
+from bus_cli.doctor.finding import Finding, fail, ok
+from bus_cli.exitcodes import EXIT_ERROR
+from bus_cli.output import print_json, say
+from bus_cli.query import NotRunning
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    parser.epilog = "exit status: 0, or 1 where something fails"
+
+
+def main(args: Namespace) -> int:
+    code = 0
+    for finding in examine(args):  # each at once: some take seconds
+        if args.json:
+            print_json(finding._asdict())
+        else:
+            advice = f"\n       -> {finding.advice}" if finding.advice else ""
+            say(f"[{finding.mark:^4}] {finding.subject}: {finding.text}{advice}")
+        if finding.mark == "fail":
+            code = EXIT_ERROR
+    return code
+
+
+def examine(args: Namespace) -> Iterator[Finding]:
+    """All findings, most basic first."""
+    clocks = machine.ClockWatch()
+    charges, pid = None, None
+    try:
+        path = socket_path(args.socket, args.domain)
+    except BusError as error:
+        yield fail("socket", str(error), "choose another path or domain")
+    else:
+        yield ok("socket", f"{path} (from {place.origin(args)})")
+        seen = daemon.reach(path)
+        is_default = place.is_default(args)
+        yield place.folder(path.parent, is_default=is_default, is_served=isinstance(seen, Seen))
+        yield from place.socket_file(path)
+        yield from place.log_file(path)
+        yield from daemon.examine(path, seen)
+        yield from daemon.others(path)
+        if isinstance(seen, NotRunning):
+            yield from place.leftovers(path, is_default=is_default)
+        if isinstance(seen, Seen):
+            yield from configuration.examine(path, seen.hello.pid)
+            charges, pid = seen.charges, seen.hello.pid
+            yield from processes.examine(seen)
+    yield from versions.examine()
+    yield versions.shared_memory()
+    yield from versions.native_core()
+    yield from machine.limits()
+    yield from machine.memory(charges.limits if charges else {}, pid)
+    yield clocks.finding()

@@ -1,0 +1,153 @@
+"""The daemon: whether it answers, since when it runs, and whether it is the one that one would start now."""
+
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from importlib.util import find_spec
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+from bus.base.version import RELEASE
+from bus.errors import BusError, RemoteProtocolError
+from bus.graph import Graph
+from bus.wire import messages as m
+from bus_cli.doctor import procfs
+from bus_cli.doctor.finding import FULL, Finding, fail, ok, warn
+from bus_cli.doctor.place import lock_of
+from bus_cli.query import NotRunning, Query
+
+__all__ = ["Seen", "examine", "others", "reach"]
+
+_ANSWER_S = 3.0
+"""Whatever state busd is in, the doctor has more to look at."""
+
+
+class Seen(NamedTuple):
+    """What a busd said; `charges` is None where it does not tell them."""
+
+    hello: m.Hello
+    graph: Graph
+    charges: m.Peers | None
+
+
+def reach(path: Path) -> Seen | BusError:
+    """What the busd at `path` says, or why it says nothing."""
+    try:
+        with Query(path, may_start=False, answer_s=_ANSWER_S) as query:
+            return Seen(query.broker, query.graph(), query.charges())
+    except BusError as error:
+        return error
+
+
+def examine(path: Path, seen: Seen | BusError) -> Iterator[Finding]:
+    """About the one at `path`."""
+    if isinstance(seen, NotRunning):
+        if os.environ.get("BUSD_AUTOSTART", "1") in ("0", "no", "off", "false"):
+            yield warn("daemon", "not running, and BUSD_AUTOSTART is off", f"busd --socket {path}")
+        else:
+            yield warn("daemon", "not running; the first program that opens a node starts one")
+    elif isinstance(seen, BusError):
+        yield _silent(path, seen)
+    else:
+        pid, nodes = seen.hello.pid, len(seen.graph.nodes)
+        text = f"pid {pid}, protocol {seen.hello.version}, {nodes} node{'' if nodes == 1 else 's'}"
+        yield ok("daemon", text + _age(seen.hello))
+        yield _release(seen.hello)
+        yield from _replaced(seen.hello)
+        yield from _open_files(pid)
+
+
+def others(path: Path) -> Iterator[Finding]:
+    """Other daemons of this user: each has a bus of its own, or none any more."""
+    sockets = procfs.listening_paths()
+    found = {
+        pid: procfs.listens_on(pid, sockets)
+        for pid in procfs.pids_of(os.geteuid())
+        if _is_busd(procfs.command_line(pid))
+    }
+    served = {pid: paths for pid, paths in found.items() if paths and str(path) not in paths}
+    lost = {pid: paths for pid, paths in served.items() if not any(map(os.path.lexists, paths))}
+    for pid, paths in sorted(lost.items()):
+        text = f"busd (pid {pid}) listens on {paths[0]}, which is gone: nobody can find it"
+        yield warn("other daemons", text, f"kill {pid}")
+    if more := [f"pid {pid} on {paths[0]}" for pid, paths in sorted(served.items()) if pid not in lost]:
+        shown = ", ".join(more[:5]) + (f" and {len(more) - 5} more" if len(more) > 5 else "")
+        yield ok("other daemons", f"{shown}; their nodes and ours don't see each other")
+
+
+def _silent(path: Path, error: BusError) -> Finding:
+    """It is there, but not for us."""
+    pid = procfs.number_in(str(lock_of(path)))
+    if pid is not None and procfs.state(pid) in ("T", "t"):
+        return fail("daemon", f"pid {pid} is stopped (SIGSTOP, Ctrl-Z or a debugger)", f"kill -CONT {pid}")
+    if isinstance(error, RemoteProtocolError) or not os.access(path, os.W_OK):
+        return fail("daemon", str(error))  # it says itself what is wrong, or `permissions` does
+    known = "" if pid is None or not procfs.state(pid) else f" (pid {pid})"
+    return fail("daemon", f"{error}{known}", "bus daemon stop, or kill it; see its log")
+
+
+def _age_s(hello: m.Hello) -> float | None:
+    """By its own word: one that was restarted is the same process, and runs what is installed since."""
+    if hello.began_ns:
+        return max(0, time.monotonic_ns() - hello.began_ns) / 1e9
+    return procfs.age_s(hello.pid)
+
+
+def _age(hello: m.Hello) -> str:
+    age_s = _age_s(hello)
+    if age_s is None:
+        return ""
+    return f", up {age_s // 3600:.0f} h {age_s % 3600 // 60:.0f} min {age_s % 60:.0f} s"
+
+
+def _release(hello: m.Hello) -> Finding:
+    if hello.release == RELEASE:
+        return ok("release", f"{RELEASE}, here and at the daemon")
+    theirs = hello.release or "older, of before it said which"
+    return warn("release", f"{RELEASE} here, the daemon's is {theirs}", "bus daemon restart")
+
+
+def _replaced(hello: m.Hello) -> Iterator[Finding]:
+    """Whether it runs what has been replaced since: an update does nothing to a process that runs."""
+    program, age_s = procfs.executable(hello.pid), _age_s(hello)
+    if program is None or age_s is None:
+        return  # another user's, or in another namespace
+    if program.endswith(" (deleted)"):
+        yield warn("daemon's files", f"its Python has been replaced: {program}", "bus daemon restart")
+        return
+    spec = find_spec("busd")
+    if spec is None or spec.origin is None or Path(program) != Path(sys.executable).resolve():
+        return  # it runs from another place
+    changed = [
+        file for file in Path(spec.origin).parent.rglob("*.py") if _is_newer(file, time.time() - age_s)
+    ]
+    if changed:
+        text = f"{changed[0]} and {len(changed) - 1} more" if len(changed) > 1 else str(changed[0])
+        yield warn("daemon's files", f"changed since it began: {text}", "bus daemon restart")
+
+
+def _is_newer(file: Path, began_s: float) -> bool:
+    with suppress(OSError):
+        return file.stat().st_mtime > began_s
+    return False
+
+
+def _open_files(pid: int) -> Iterator[Finding]:
+    found = procfs.open_files(pid)
+    if found is None:
+        return
+    used, most = found
+    if used > FULL * most:
+        advice = "raise LimitNOFILE in its unit, or `ulimit -Hn` where it is started"
+        yield warn("daemon's open files", f"{used} of {most} in use", advice)
+
+
+def _is_busd(words: list[str]) -> bool:
+    """As a program of its own, or as a module of Python."""
+    if not words:
+        return False
+    names = [Path(word).name for word in words[:2]]
+    return "busd" in names or any(option == "-m" and module == "busd" for option, module in pairwise(words))

@@ -1,0 +1,62 @@
+"""What the library runs on: Python, packages, the native core."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from bus_cli.doctor.finding import Finding, fail, ok, warn
+from bus_cli.main import version
+
+__all__ = ["examine", "native_core", "shared_memory"]
+
+_MIN_PYTHON = (3, 11)
+
+
+def examine() -> Iterator[Finding]:
+    """Of Python and the packages that count."""
+    import msgspec
+
+    python = ".".join(map(str, sys.version_info[:3]))
+    if sys.version_info >= _MIN_PYTHON:
+        yield ok("python", f"{python} ({sys.executable})")
+    else:
+        yield fail("python", python, "busd needs Python 3.11 or later")
+    yield ok("busd", version("busd") or "run from its sources, not installed")
+    yield ok("msgspec", msgspec.__version__)
+    uvloop = version("uvloop")
+    if uvloop is None:
+        yield warn("uvloop", "not there; asyncio's own loop is slower", "pip install uvloop")
+    else:
+        yield ok("uvloop", uvloop)
+
+
+def shared_memory() -> Finding:
+    """Whether messages go straight from process to process, and if not, why."""
+    from bus import shm
+
+    reason, advice = shm.why_not(), shm.advice()
+    if not reason:
+        from bus.shm import segments
+
+        try:
+            segments.make_doorbell().close()
+            segments.make_readers(1)[0].close()
+        except OSError as error:
+            reason = f"this machine gives none ({error.strerror})"
+    if reason:
+        return warn("shared memory", f"not used: {reason}; messages go through busd", advice)
+    return ok("shared memory", "used between processes of one user")
+
+
+def native_core(folder: Path | None = None) -> Iterator[Finding]:
+    """Whether the core is older than its sources, in a tree that has them. `folder`: another than its own."""
+    from bus import shm
+
+    folder = folder or Path(shm.__file__).parent
+    built = [core.stat().st_mtime for core in folder.glob("_core*.so")]
+    newer = sorted(
+        source.name for source in folder.glob("*.c") if built and source.stat().st_mtime > max(built)
+    )
+    if newer:
+        text = f"built before {', '.join(newer[:3])} changed"
+        yield warn("native core", text, "BUS_NATIVE=yes pip install --editable . (in the source tree)")

@@ -1,0 +1,37 @@
+"""Where the program `bus` begins: `bus run` goes its own, short way; everything else is bus_cli.main's.
+
+A program that `bus run` runs in this process must end as Python ends one, with its exit handlers; the other
+verbs end at once. And it shall not wait for a parser that it has no use for.
+"""
+
+import sys
+from typing import NoReturn
+
+from bus.process.termination import die_now, say_nothing_of_signals
+from bus_cli.run import read, start
+
+
+def main() -> NoReturn:
+    """The program."""
+    try:
+        _main()
+    except KeyboardInterrupt:
+        say_nothing_of_signals()
+        raise
+
+
+def _main() -> NoReturn:
+    call = read(sys.argv[1:])
+    if call is not None:
+        code = start(call)
+        if code < 0:
+            die_now(-code)
+        sys.exit(code)
+    import signal
+
+    # Nothing is to be tidied up yet: one that comes while modules load must not be taken for their error.
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from bus_cli import main as others
+
+    others.main()

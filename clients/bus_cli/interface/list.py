@@ -1,0 +1,41 @@
+"""`bus interface list`."""
+
+from argparse import ArgumentParser, Namespace
+from typing import TYPE_CHECKING
+
+from bus_cli.output import print_json, say
+
+if TYPE_CHECKING:
+    from bus.types.definitions import Kind
+
+_TITLES: dict["Kind", str] = {"msg": "Messages", "srv": "Services", "action": "Actions"}
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    add_kinds(parser, "Print out only the {} types")
+
+
+def add_kinds(parser: ArgumentParser, text: str) -> None:
+    """Options that choose kinds; `text` is their help, with the place for the kind."""
+    for kind, what in (("msgs", "message"), ("srvs", "service"), ("actions", "action")):
+        parser.add_argument(f"-{kind[0]}", f"--only-{kind}", action="store_true", help=text.format(what))
+
+
+def wanted_kinds(args: Namespace) -> list["Kind"]:
+    """The kinds that the options choose; without options all."""
+    chosen = (args.only_msgs, args.only_srvs, args.only_actions)
+    return [kind for kind, is_chosen in zip(_TITLES, chosen, strict=True) if is_chosen or not any(chosen)]
+
+
+def main(args: Namespace) -> int:
+    from bus.types.definitions import names
+
+    for kind in wanted_kinds(args):
+        if not args.json:
+            say(f"{_TITLES[kind]}:")
+        for name in names(kind):
+            if args.json:
+                print_json({"type": name, "kind": kind})
+            else:
+                say(f"    {name}")
+    return 0

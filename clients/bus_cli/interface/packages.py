@@ -1,0 +1,22 @@
+"""`bus interface packages`."""
+
+from argparse import ArgumentParser, Namespace
+
+from bus_cli.interface.list import add_kinds, wanted_kinds
+from bus_cli.output import print_json, say
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    add_kinds(parser, "Only list packages that have {} types")
+
+
+def main(args: Namespace) -> int:
+    from bus.types.definitions import names
+
+    found = {name.partition("/")[0] for kind in wanted_kinds(args) for name in names(kind)}
+    for package in sorted(found):
+        if args.json:
+            print_json({"package": package})
+        else:
+            say(package)
+    return 0

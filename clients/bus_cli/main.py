@@ -1,0 +1,345 @@
+"""The program `bus`: its commands and verbs, their parsers, exit codes.
+
+Imports only the module of the chosen verb, so that what needs no event loop starts without one. A verb's
+module has `add_arguments(parser)` and `main(args)`, which returns the exit code and raises CommandError (or a
+BusError) with the text that the user shall read.
+"""
+
+import io
+import os
+import signal
+import sys
+from argparse import (
+    SUPPRESS,
+    Action,
+    ArgumentParser,
+    HelpFormatter,
+    Namespace,
+    RawDescriptionHelpFormatter,
+    _SubParsersAction,
+)
+from collections.abc import Iterator, Sequence
+from functools import cache
+from importlib import import_module
+from typing import Any, NoReturn
+
+from bus.base.version import RELEASE
+from bus.errors import BusError
+from bus.process.termination import Terminated, die_now
+from bus_cli.exitcodes import EXIT_ERROR, EXIT_USAGE
+from bus_cli.output import CommandError, complain, say
+
+COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
+    "topic": (
+        "Various topic related sub-commands",
+        {
+            "bw": "Display bandwidth used by topic",
+            "delay": "Display delay of topic from timestamp in header",
+            "echo": "Output messages from a topic",
+            "find": "Output a list of available topics of a given type",
+            "hz": "Print the average receiving rate to screen",
+            "info": "Print information about a topic",
+            "list": "Output a list of available topics",
+            "pub": "Publish a message to a topic",
+            "type": "Print a topic's type",
+        },
+    ),
+    "node": (
+        "Various node related sub-commands",
+        {
+            "info": "Output information about a node",
+            "list": "Output a list of available nodes",
+        },
+    ),
+    "service": (
+        "Various service related sub-commands",
+        {
+            "call": "Call a service",
+            "find": "Output a list of available services of a given type",
+            "info": "Output information about a service",
+            "list": "Output a list of available services",
+            "type": "Output a service's type",
+        },
+    ),
+    "daemon": (
+        "Various daemon related sub-commands",
+        {
+            "install": "Write systemd units for the daemon",
+            "peers": "Output what each process makes the daemon hold",
+            "reload": "Have the daemon read its configuration again",
+            "restart": "Restart the daemon without a gap",
+            "start": "Start the daemon if it isn't running",
+            "status": "Output the status of the daemon",
+            "stop": "Stop the daemon if it is running",
+            "uninstall": "Remove the systemd units of the daemon",
+        },
+    ),
+    "interface": (
+        "Show information about ROS interfaces",
+        {
+            "list": "List all interface types available",
+            "package": "Output a list of available interface types within one package",
+            "packages": "Output a list of packages that provide interfaces",
+            "proto": "Output an interface prototype",
+            "show": "Output the interface definition",
+        },
+    ),
+    "param": (
+        "Various param related sub-commands",
+        {
+            "delete": "Delete parameter",
+            "describe": "Show descriptive information about declared parameters",
+            "dump": "Show all of the parameters of a node as YAML",
+            "get": "Get parameter",
+            "list": "Output a list of available parameters",
+            "load": "Load parameter file for a node",
+            "set": "Set parameter",
+        },
+    ),
+    "bench": (
+        "Measure the bus on this machine, with processes of its own",
+        {
+            "fanout": "One publisher to many subscribers",
+            "latency": "How old messages are when they come",
+            "throughput": "Messages a second, and what is lost",
+        },
+    ),
+    "metrics": ("Serve what happens on the bus to Prometheus", {}),
+    "run": ("Run a script, a module or a program of a package", {}),
+    "pkg": (
+        "Various package related sub-commands",
+        {
+            "create": "Create a new ROS 2 package",
+            "executables": "Output a list of package specific executables",
+            "list": "Output a list of available packages",
+            "prefix": "Output the prefix path of a package",
+            "xml": "Output the manifest of a package, or a tag of it",
+        },
+    ),
+    "doctor": ("Check the set-up and say what to do where something is wrong", {}),
+    "completion": ("Print the shell code that completes bus commands", {}),
+}
+"""Command -> what it does, and its verbs. One without verbs is a verb itself."""
+
+_EPILOG = """\
+{verbs}
+exit status: 0 done, 1 an error (its text is on stderr), 2 wrong usage.
+Ctrl-C and SIGTERM end it as they end any program: 130 and 143 in a shell
+see also: busd --help
+"""
+
+
+def main() -> NoReturn:
+    """The program."""
+    _open_closed_streams()
+    try:
+        code = run(sys.argv[1:])
+    except SystemExit as end:  # argparse has said what it had to
+        code = end.code if isinstance(end.code, int) else EXIT_ERROR
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except BrokenPipeError:
+        pass
+    if code < 0:
+        die_now(-code)
+    # Nothing is left to do, and taking the interpreter down costs as much as a quarter of `bus topic list`.
+    # It would also abort where a thread still reads the standard input.
+    os._exit(code)
+
+
+def _open_closed_streams() -> None:
+    """Started with `>&-`, what is written goes nowhere; and into no socket that gets the number of stdout."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
+
+
+def run(words: Sequence[str]) -> int:
+    """Run one command line; returns its exit code, or minus the number of the signal that shall end us."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True, errors="backslashreplace")
+    try:
+        return _run(words)
+    except BrokenPipeError:
+        return 0  # whoever read us has seen enough
+    except KeyboardInterrupt as interrupt:
+        return -(signal.SIGTERM if isinstance(interrupt, Terminated) else signal.SIGINT)
+    except (CommandError, BusError, OSError) as error:
+        complain(error)
+        return EXIT_ERROR
+
+
+def _run(words: Sequence[str]) -> int:
+    if "_ARGCOMPLETE" in os.environ:
+        _complete()
+    args = make_parser(words).parse_args(words)
+    if args.version:
+        say(f"bus {RELEASE}")
+        return 0
+    if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:  # while we started
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    code: int = args.main(args) or 0
+    return code
+
+
+class _Parser(ArgumentParser):
+    """Says of a command, a verb or an option that does not exist which one may have been meant."""
+
+    def error(self, message: str) -> NoReturn:
+        what, _, words = message.partition("unrecognized arguments: ")
+        if words.startswith("--") and not what:
+            from bus.base.suggest import did_you_mean
+
+            message += did_you_mean(words.split()[0].partition("=")[0], _options(self), 0.75)
+        super().error(message)
+
+    def _check_value(self, action: Action, value: Any) -> None:
+        if action.choices is None or value in action.choices or not isinstance(action, _SubParsersAction):
+            super()._check_value(action, value)
+            return
+        from bus_cli.suggestions import no_command, no_verb
+
+        is_command = self.prog == "bus"
+        complain(no_command(value, COMMANDS) if is_command else no_verb(self.prog, value, action.choices))
+        self.exit(EXIT_USAGE)
+
+
+def _options(parser: ArgumentParser) -> Iterator[str]:
+    """All that a parser and those below it know."""
+    for action in parser._actions:
+        yield from action.option_strings
+        if isinstance(action, _SubParsersAction):
+            for below in action.choices.values():
+                yield from _options(below)
+
+
+class _VerbParser(_Parser):
+    """Lets options stand between arguments, as in `pub /topic TYPE --once VALUES`."""
+
+    _is_within = False
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        # The intermixed variant calls this one; argcomplete follows the plain one.
+        if self._is_within or "_ARGCOMPLETE" in os.environ:
+            return super().parse_known_args(args, namespace)
+        self._is_within = True
+        return self.parse_known_intermixed_args(args, namespace)
+
+
+class _Formatter(HelpFormatter):
+    """Asks the terminal for its width without `shutil`, which argparse would import for nothing else."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, width=_help_width())
+
+
+class _RawFormatter(_Formatter, RawDescriptionHelpFormatter):
+    """Leaves the lines of an epilog alone."""
+
+
+@cache
+def _help_width() -> int:
+    try:
+        columns = int(os.environ.get("COLUMNS") or 0) or os.get_terminal_size().columns
+    except (ValueError, OSError):
+        columns = 80
+    return max(columns, 40) - 2
+
+
+def make_parser(words: Sequence[str]) -> ArgumentParser:
+    """The parser for `words`: it has all commands, but arguments only for the verbs that stand in `words`."""
+    parser = _Parser(
+        prog="bus",
+        description="Look at and take part in the message bus of this machine.",
+        epilog=_EPILOG.format(verbs=_list_verbs()),
+        formatter_class=_RawFormatter,
+    )
+    parser.add_argument("--version", action="store_true", help="print the version and exit")
+    _add_common_options(parser, None)
+    parser.set_defaults(main=_print_help(parser), json=False, include_hidden_topics=False)
+    commands = parser.add_subparsers(title="commands", metavar="command", prog="bus")
+    for command, (text, verbs) in COMMANDS.items():
+        below = commands.add_parser(command, help=text, description=text, formatter_class=_Formatter)
+        if command not in words:
+            continue
+        if not verbs:
+            _fill(below, f"bus_cli.{command}")
+            continue
+        below.set_defaults(main=_print_help(below))
+        _add_common_options(below, SUPPRESS)
+        choices = below.add_subparsers(
+            title="verbs", metavar="verb", prog=f"bus {command}", parser_class=_VerbParser
+        )
+        for verb, what in verbs.items():
+            leaf: ArgumentParser = choices.add_parser(
+                verb, help=what, description=what, formatter_class=_Formatter
+            )
+            if verb in words:
+                _fill(leaf, f"bus_cli.{command}.{verb}")
+    return parser
+
+
+def version(distribution: str) -> str | None:
+    """Of an installed distribution; None where it is not installed."""
+    from importlib.metadata import PackageNotFoundError
+    from importlib.metadata import version as installed
+
+    try:
+        return installed(distribution)
+    except PackageNotFoundError:
+        return None
+
+
+def _list_verbs() -> str:
+    lines = [
+        f"  {command} {verb:<{20 - len(command)}}  {what}\n"
+        for command, (_, verbs) in COMMANDS.items()
+        for verb, what in verbs.items()
+    ]
+    return f"verbs:\n{''.join(lines)}"
+
+
+def _fill(parser: ArgumentParser, module: str) -> None:
+    verb: Any = import_module(module)
+    verb.add_arguments(parser)
+    _add_common_options(parser, SUPPRESS)
+    parser.set_defaults(main=verb.main)
+
+
+def _add_common_options(parser: ArgumentParser, default: str | None) -> None:
+    """What every verb takes. SUPPRESS as default leaves what was given further left."""
+    group = parser.add_argument_group("common options")
+    group.add_argument("--socket", metavar="PATH", default=default, help="busd's socket ($BUSD_SOCKET)")
+    group.add_argument(
+        "--domain",
+        metavar="N",
+        type=int,
+        default=default,
+        help="a bus of its own on this machine ($BUSD_DOMAIN)",
+    )
+    group.add_argument("--json", action="store_true", default=SUPPRESS, help="print one JSON object per line")
+    group.add_argument(
+        "--include-hidden-topics", action="store_true", default=SUPPRESS, help="hidden topics too"
+    )
+    # ros2's, which mean nothing here.
+    group.add_argument("--no-daemon", action="store_true", default=SUPPRESS, help=SUPPRESS)
+    group.add_argument("--spin-time", metavar="S", type=float, default=SUPPRESS, help=SUPPRESS)
+    # Some verbs have a -s of their own.
+    short = [] if "-s" in parser._option_string_actions else ["-s"]
+    group.add_argument(*short, "--use-sim-time", action="store_true", default=SUPPRESS, help=SUPPRESS)
+
+
+def _print_help(parser: ArgumentParser) -> Any:
+    def print_help(args: Namespace) -> int:
+        parser.print_help()
+        return 0
+
+    return print_help
+
+
+def _complete() -> None:
+    import argcomplete
+
+    words = os.environ.get("COMP_LINE", "").split()
+    argcomplete.autocomplete(make_parser(words))

@@ -1,0 +1,103 @@
+"""`bus metrics`: what happens on the bus, for Prometheus.
+
+A program of its own, so that busd parses no HTTP: to busd a scrape is two questions.
+"""
+
+from argparse import ArgumentParser, Namespace
+from typing import TYPE_CHECKING
+
+from bus.process.address import socket_path
+from bus_cli.metrics.place import Listening, parse_place
+from bus_cli.metrics.view import View, look
+from bus_cli.output import CommandError, complain, print_json, say
+from bus_cli.stream import positive_int, run_stream
+
+if TYPE_CHECKING:
+    from prometheus_client.registry import CollectorRegistry
+
+    from bus_cli.metrics.serve import Page
+
+_DEFAULT = "127.0.0.1:9464"
+_MOST_ROWS = 2000
+
+_EPILOG = """\
+PLACE: loopback, which every user of this machine can read (port 0: any), or unix:/path, which only you can: \
+curl --unix-socket /path http://localhost/metrics. The metrics are listed in docs/operation.md. \
+Needs prometheus-client: pip install 'busd[metrics]'
+"""
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    parser.epilog = _EPILOG
+    parser.add_argument(
+        "--listen",
+        metavar="PLACE",
+        type=parse_place,
+        default=_DEFAULT,
+        help=f"address and port, or unix:/path (default: {_DEFAULT})",
+    )
+    parser.add_argument("--once", action="store_true", help="print the metrics and exit")
+    parser.add_argument(
+        "--max-rows",
+        metavar="N",
+        type=positive_int,
+        default=_MOST_ROWS,
+        help=f"rows of a metric, such as topics; more are left out and counted (default: {_MOST_ROWS})",
+    )
+
+
+def main(args: Namespace) -> int:
+    """Serve the metrics until a signal comes, or print them `--once`."""
+    registry = _registry(args)
+    from prometheus_client.exposition import choose_encoder, generate_latest
+
+    if args.once:
+        if args.json:
+            for family in registry.collect():
+                for sample in family.samples:
+                    print_json({"name": sample.name, "labels": sample.labels, "value": sample.value})
+        else:
+            say(generate_latest(registry).decode(), end="")
+        return 0
+
+    def page(accept: str) -> tuple[bytes, str]:
+        encode, content_type = choose_encoder(accept)
+        return encode(registry), content_type
+
+    with Listening(args.listen) as listening:
+        return run_stream(_serve(listening, page, json=args.json))
+
+
+async def _serve(listening: Listening, page: "Page", *, json: bool) -> int:
+    from bus_cli.metrics.serve import serve
+
+    where = listening.describe()
+    if json:
+        print_json({"listening": where})
+    else:
+        say(f"metrics at {where}")
+    return await serve(listening.socket, listening.hosts, page)
+
+
+def _registry(args: Namespace) -> "CollectorRegistry":
+    try:
+        from prometheus_client.registry import CollectorRegistry
+
+        from bus_cli.metrics.families import BusCollector
+    except ImportError as error:
+        raise CommandError(f"metrics need prometheus-client ({error}): pip install 'busd[metrics]'") from None
+    path = socket_path(args.socket, args.domain)
+    told = ""
+
+    def look_and_tell() -> View | str:
+        nonlocal told
+        seen = look(path)
+        reason = "" if isinstance(seen, View) else seen
+        if reason != told:
+            complain(reason or f"busd answers at {path}")
+        told = reason
+        return seen
+
+    registry = CollectorRegistry()
+    registry.register(BusCollector(look_and_tell, most_rows=args.max_rows, hidden=args.include_hidden_topics))
+    return registry

@@ -1,0 +1,28 @@
+"""Why a publisher and a subscription of one topic are no match, in the broker's words."""
+
+from collections.abc import Callable
+
+from bus.graph import GraphEndpoint
+from bus.qos import check_compatible, describe_incompatibilities
+
+__all__ = ["Describe", "mismatch"]
+
+Describe = Callable[[str, str], bytes | None]
+"""The description of the type with that name and hash, as it travels; None where nobody has it any more."""
+
+
+def mismatch(publisher: GraphEndpoint, subscription: GraphEndpoint, describe: Describe) -> str | None:
+    """None where nothing speaks against the match. `describe` is asked where two types have one name."""
+    if publisher.type_name != subscription.type_name:
+        return f"the publisher has {publisher.type_name}, the subscription {subscription.type_name}"
+    if publisher.type_hash != subscription.type_hash:
+        return f"both call it {publisher.type_name}, but {_difference(publisher, subscription, describe)}"
+    return describe_incompatibilities(check_compatible(publisher.qos, subscription.qos)).rstrip(";") or None
+
+
+def _difference(publisher: GraphEndpoint, subscription: GraphEndpoint, describe: Describe) -> str:
+    from bus.types.diff import difference
+
+    ours, theirs = (describe(one.type_name, one.type_hash) for one in (publisher, subscription))
+    found = None if ours is None or theirs is None else difference(ours, theirs)
+    return found or "their definitions differ"

@@ -1,0 +1,41 @@
+"""`bus node list`."""
+
+from argparse import ArgumentParser, Namespace
+
+from bus.names import is_hidden_node
+from bus_cli.output import complain, print_json, say
+from bus_cli.query import get_graph
+
+_NOT_UNIQUE = (
+    "WARNING: Be aware that there are nodes in the graph that share an exact name, "
+    "which can have unintended side effects."
+)
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument("-a", "--all", action="store_true", help="Display all nodes even hidden ones")
+    parser.add_argument(
+        "-c", "--count-nodes", action="store_true", help="Only display the number of nodes discovered"
+    )
+
+
+def main(args: Namespace) -> int:
+    found = sorted(
+        (node.full_name, node.pid)
+        for node in get_graph(args).nodes
+        if args.all or not is_hidden_node(node.name)
+    )
+    if args.count_nodes:
+        if args.json:
+            print_json({"count": len(found)})
+        else:
+            say(len(found))
+        return 0
+    if len({name for name, _ in found}) < len(found):
+        complain(_NOT_UNIQUE)
+    for name, pid in found:
+        if args.json:
+            print_json({"node": name, "pid": pid})
+        else:
+            say(name)
+    return 0

@@ -1,0 +1,222 @@
+"""What the verbs of `bus param` have in common: nodes by name, their parameter services, values.
+
+Knows services and the graph, not how a verb prints.
+"""
+
+import asyncio
+from argparse import ArgumentParser, Namespace
+from array import array
+from collections.abc import AsyncIterator, Collection, Iterable
+from contextlib import asynccontextmanager
+from typing import TYPE_CHECKING, Any
+
+from bus.parameters.messages import SERVICES, python_value, value_message
+from bus.parameters.values import ParameterType
+from bus_cli.completion import completed_by, nodes
+from bus_cli.output import CommandError, complain, print_json, say
+from bus_cli.query import get_graph
+
+if TYPE_CHECKING:
+    from bus.graph import Graph
+    from bus.node import Node
+
+__all__ = [
+    "LABELS",
+    "TYPE_NAMES",
+    "Remote",
+    "add_node_argument",
+    "find_node",
+    "listed",
+    "nodes_with_parameters",
+    "open_remote",
+    "plain",
+    "say_result",
+    "set_parameters",
+    "value_of",
+]
+
+TYPE_NAMES = (
+    "not set",
+    "boolean",
+    "integer",
+    "double",
+    "string",
+    "byte array",
+    "boolean array",
+    "integer array",
+    "double array",
+    "string array",
+)
+"""By the numbers of rcl_interfaces/msg/ParameterType, as ros2 writes them."""
+
+LABELS = (
+    "Parameter not set.",
+    "Boolean value is:",
+    "Integer value is:",
+    "Double value is:",
+    "String value is:",
+    "Byte values are:",
+    "Boolean values are:",
+    "Integer values are:",
+    "Double values are:",
+    "String values are:",
+)
+
+_ANSWER_S = 10.0
+_APPEAR_S = 2.0  # a node that has just started may not serve yet
+_TYPECODES = {7: "q", 8: "d"}
+
+
+def add_node_argument(parser: ArgumentParser) -> None:
+    completed_by(parser.add_argument("node_name", help="Name of the ROS node"), nodes)
+
+
+def find_node(args: Namespace) -> str:
+    """The full name of the node that the command line names. Raises CommandError where it is not there."""
+    name: str = args.node_name if args.node_name.startswith("/") else f"/{args.node_name}"
+    graph = get_graph(args)
+    if all(node.full_name != name for node in graph.nodes):
+        from bus_cli.suggestions import near_node
+
+        raise CommandError(f"Node not found{near_node(name, graph)}")
+    return name
+
+
+def nodes_with_parameters(graph: "Graph") -> list[str]:
+    """Full names of the nodes that let others see their parameters, sorted."""
+    names = {node.full_name for node in graph.nodes}
+    return sorted(name for name in names if graph.servers_of(f"{name}/list_parameters"))
+
+
+class Remote:
+    """The parameters of the node called `name`. Calls raise CommandError where it gives no answer."""
+
+    def __init__(self, node: "Node", name: str) -> None:
+        self.name = name
+        self._node = node
+
+    async def call(self, service: str, **fields: Any) -> Any:
+        """Call one of its services, by the name of its type."""
+        from bus.types.classes import service_class
+
+        definition: Any = service_class(f"rcl_interfaces/srv/{service}")
+        full_name = f"{self.name}/{SERVICES[service]}"
+        await self._wait_until_served(full_name)
+        client = await self._node.create_client(definition, full_name)
+        try:
+            async with asyncio.timeout(_ANSWER_S):
+                await client.wait_for_service()
+                return await client.call(definition.Request(**fields))
+        except TimeoutError:
+            raise CommandError(
+                f"node '{self.name}' does not answer ('{full_name}', {_ANSWER_S:g} s)"
+            ) from None
+
+    async def _wait_until_served(self, service: str) -> None:
+        if (await self._node.graph()).servers_of(service):
+            return
+        try:
+            async with asyncio.timeout(_APPEAR_S):
+                await self._node.wait_for_graph(lambda graph: bool(graph.servers_of(service)))
+        except TimeoutError:
+            raise CommandError(f"node '{self.name}' has no parameters (no service '{service}')") from None
+
+    async def names(self, prefixes: Iterable[str] = ()) -> list[str]:
+        """Of its parameters, sorted."""
+        response = await self.call("ListParameters", prefixes=list(prefixes), depth=0)
+        return sorted(response.result.names)
+
+    async def near(self, name: str) -> str:
+        """What was meant by the name of a parameter that the node does not have; "" where it has it."""
+        from bus.base.suggest import did_you_mean
+
+        names = await self.names()
+        return "" if name in names else did_you_mean(name, names)
+
+    async def values(self, names: list[str]) -> list[Any]:
+        """ParameterValues."""
+        response = await self.call("GetParameters", names=names)
+        # ROS's C++ nodes leave all out where one is not declared.
+        values = list(response.values) or [_message("ParameterValue")() for _ in names]
+        return self._as_many(names, values)
+
+    async def set(self, values: dict[str, Any]) -> list[Any]:
+        """Set each for itself, None = delete; returns SetParametersResults."""
+        make = _message("Parameter")
+        parameters = [make(name=name, value=value_of(value)) for name, value in values.items()]
+        response = await self.call("SetParameters", parameters=parameters)
+        return self._as_many(values, response.results)
+
+    def _as_many(self, wanted: Collection[str], found: list[Any]) -> list[Any]:
+        if len(found) != len(wanted):
+            raise CommandError(f"node '{self.name}' gave {len(found)} answers for {len(wanted)} parameters")
+        return found
+
+
+@asynccontextmanager
+async def open_remote(args: Namespace, name: str) -> AsyncIterator[Remote]:
+    """The parameters of one node, by a node of the tool."""
+    from bus_cli.stream import open_node
+
+    async with open_node(args) as node:
+        yield Remote(node, name)
+
+
+def set_parameters(args: Namespace, name: str, values: dict[str, Any]) -> list[Any]:
+    """Set parameters of one node from a verb that does nothing else; returns SetParametersResults."""
+    from bus_cli.stream import run_stream
+
+    results: list[Any] = []
+
+    async def call() -> int:
+        async with open_remote(args, name) as remote:
+            results.extend(await remote.set(values))
+            for parameter, result in zip(values, results, strict=True):
+                if not result.successful:
+                    result.reason += await remote.near(parameter)
+        return 0
+
+    run_stream(call())
+    return results
+
+
+def plain(value: Any) -> Any:
+    """What is in a ParameterValue, None where it is not set; many numbers are an `array`, as in rclpy."""
+    try:
+        found = python_value(value)
+    except ValueError:  # a type that does not exist
+        return None
+    if isinstance(found, bytes):
+        return [bytes((octet,)) for octet in found]
+    return array(_TYPECODES[value.type], found) if value.type in _TYPECODES else found
+
+
+def listed(value: Any) -> Any:
+    """A value that `plain` gave, for JSON and YAML: arrays as lists, bytes as numbers."""
+    if not isinstance(value, list | array):
+        return value
+    return [item[0] if isinstance(item, bytes) else item for item in value]
+
+
+def say_result(args: Namespace, result: Any, done: str, failed: str) -> int:
+    """Print a SetParametersResult; returns the exit code."""
+    if args.json:
+        print_json({"successful": result.successful, "reason": result.reason})
+    else:
+        text = done if result.successful else failed
+        text += f": {result.reason}" if result.reason else ""
+        (say if result.successful else complain)(text)
+    return 0 if result.successful else 1
+
+
+def value_of(value: Any) -> Any:
+    """A ParameterValue of a value as `bus.parameters.file` reads it; None = not set."""
+    # To ROS an empty list is one of booleans here.
+    type_ = ParameterType.BOOL_ARRAY if value == [] else ParameterType.from_parameter_value(value)
+    return value_message(_message, type_, value)
+
+
+def _message(name: str) -> Any:
+    from bus.types.classes import message_class
+
+    return message_class(f"rcl_interfaces/msg/{name}")

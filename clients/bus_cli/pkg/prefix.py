@@ -1,0 +1,25 @@
+"""`bus pkg prefix`."""
+
+from argparse import ArgumentParser, Namespace
+
+from bus_cli.output import CommandError, print_json, say
+from bus_ros import packages
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument("package_name", help="The package name")
+    parser.add_argument("--share", action="store_true", help="Show share directory for the package")
+
+
+def main(args: Namespace) -> int:
+    prefix = packages.find_prefix(args.package_name)
+    if prefix is None:
+        from bus_cli.suggestions import near_package
+
+        raise CommandError(f"Package not found{near_package(args.package_name)}")
+    path = f"{prefix.path}/share/{args.package_name}" if args.share else str(prefix.path)
+    if args.json:
+        print_json({"package": args.package_name, "prefix": path})
+    else:
+        say(path)
+    return 0

@@ -1,0 +1,88 @@
+"""The --qos-... options, and the profile that a tool's subscription takes from what the publishers offer."""
+
+from argparse import ArgumentParser, Namespace
+
+from msgspec.structs import replace
+
+from bus.graph import Graph
+from bus.qos import PRESETS, Durability, History, Liveliness, QoSProfile, Reliability
+from bus_cli.output import complain
+
+_POLICIES = {
+    "history": (History, "History of samples"),
+    "reliability": (Reliability, "Quality of service reliability"),
+    "durability": (Durability, "Quality of service durability"),
+    "liveliness": (Liveliness, "Quality of service liveliness"),
+}
+_SYSTEM_DEFAULT = "system_default"
+
+
+def add_qos_arguments(parser: ArgumentParser, verb: str, preset: str) -> None:
+    """`verb` is what the tool does with the profile, `preset` where it begins."""
+    group = parser.add_argument_group("quality of service")
+    group.add_argument(
+        "--qos-profile",
+        choices=PRESETS,
+        metavar="PRESET",
+        help=f"Quality of service preset profile to {verb} with (default: {preset}): {', '.join(PRESETS)}",
+    )
+    group.add_argument("--qos-depth", metavar="N", type=int, help=f"Queue size setting to {verb} with")
+    for name, (kind, text) in _POLICIES.items():
+        choices = [_SYSTEM_DEFAULT, *(member.value for member in kind)]
+        group.add_argument(
+            f"--qos-{name}", choices=choices, metavar="POLICY", help=f"{text} setting: {', '.join(choices)}"
+        )
+    group.add_argument(
+        "--qos-liveliness-lease-duration-seconds",
+        metavar="S",
+        type=float,
+        help="Quality of service liveliness lease duration setting",
+    )
+    parser.set_defaults(qos_preset=preset)
+
+
+def given_profile(args: Namespace) -> QoSProfile:
+    """The preset with what the options change. Raises ConfigurationError for a value out of range."""
+    base = PRESETS[args.qos_profile or args.qos_preset]
+    changes = {
+        "depth": args.qos_depth,
+        "liveliness_lease_duration": args.qos_liveliness_lease_duration_seconds,
+        **{name: getattr(args, f"qos_{name}") for name in _POLICIES},
+    }
+    system = PRESETS[_SYSTEM_DEFAULT]
+    return replace(
+        base,
+        **{
+            name: getattr(system, name) if value == _SYSTEM_DEFAULT else value
+            for name, value in changes.items()
+            if value is not None
+        },
+    )
+
+
+def choose_profile(graph: Graph, topic: str, args: Namespace) -> QoSProfile:
+    """The profile of the options; without any, one that matches all publishers of `topic` there are now.
+
+    As ros2topic's choose_qos: reliable if all are, transient local if all are, and a word where they differ.
+    """
+    profile = given_profile(args)
+    offers = [publisher.qos for publisher in graph.publishers_of(topic)]
+    if not offers or args.qos_profile or profile != PRESETS[args.qos_preset]:
+        return profile
+    reliable = [offer.reliability is Reliability.RELIABLE for offer in offers]
+    if any(reliable) and not all(reliable):
+        complain(
+            "Some, but not all, publishers are offering QoSReliabilityPolicy.RELIABLE. Falling back to "
+            "QoSReliabilityPolicy.BEST_EFFORT as it will connect to all publishers"
+        )
+    lasting = [offer.durability is Durability.TRANSIENT_LOCAL for offer in offers]
+    if any(lasting) and not all(lasting):
+        complain(
+            "Some, but not all, publishers are offering QoSDurabilityPolicy.TRANSIENT_LOCAL. Falling back to "
+            "QoSDurabilityPolicy.VOLATILE as it will connect to all publishers"
+        )
+    return replace(
+        profile,
+        reliability=Reliability.RELIABLE if all(reliable) else Reliability.BEST_EFFORT,
+        durability=Durability.TRANSIENT_LOCAL if all(lasting) else Durability.VOLATILE,
+    )

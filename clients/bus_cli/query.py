@@ -1,0 +1,202 @@
+"""A small blocking client of the broker, for verbs that ask one thing and end. Needs no event loop."""
+
+import os
+import socket
+import time
+from argparse import Namespace
+from collections.abc import Callable, Iterator
+from itertools import count
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+from bus import names
+from bus.base.version import RELEASE
+from bus.errors import (
+    BrokerUnavailable,
+    ConfigurationError,
+    ConnectionClosed,
+    RemoteProtocolError,
+)
+from bus.graph import Graph, graph_of
+from bus.link.reach import NotNow, Patience, try_to_connect
+from bus.process.address import socket_path
+from bus.wire import messages as m
+from bus.wire.answers import expect
+from bus.wire.layout import VERSION
+from bus.wire.session import Role, Session
+from bus_cli.output import CommandError
+
+A = TypeVar("A", bound=m.Message)
+
+ANSWER_S = 10.0
+
+
+class NotRunning(BrokerUnavailable):
+    """No broker listens, and none was to be started."""
+
+
+class Query:
+    """A connection to the broker at `path`. With `may_start`, one is started where none runs.
+
+    Waits for `answer_s` seconds at most whenever it waits. Raises BrokerUnavailable; of that NotRunning
+    without `may_start`.
+    """
+
+    def __init__(self, path: Path, *, may_start: bool = True, answer_s: float = ANSWER_S) -> None:
+        self.path = path
+        self._answer_s = answer_s
+        self._session = Session(Role.CLIENT)
+        self._items: Iterator[Any] = iter(())
+        self._numbers = count(1)
+        patience = Patience(answer_s)
+        while True:
+            try:
+                self._socket = _connect(path) or _start(path, patience, may_start=may_start)
+                self.broker: m.Hello = self._greet()
+                return
+            except NotNow as error:
+                pause_s = patience.pause_s(str(error), error.longest_pause_s)
+            time.sleep(pause_s)
+
+    def request(self, make: Callable[[int], m.Message], kind: type[A]) -> A:
+        """Send the message that `make` gives for a request number; returns the answer, which is a `kind`.
+
+        Raises ConfigurationError, QuotaExceeded or AccessDenied where the broker refuses, RemoteProtocolError
+        where it answers something else, ConnectionClosed where it ends.
+        """
+        number = next(self._numbers)
+        self._send(make(number))
+        while True:
+            message = self._receive()
+            if getattr(message, "request", None) == number:
+                return expect(message, kind)
+
+    def graph(self, *, statistics: bool = False) -> Graph:
+        """The graph now."""
+        return graph_of(
+            self.request(lambda number: m.GetGraph(request=number, statistics=statistics), m.Graph)
+        )
+
+    def description(self, type_name: str, type_hash: str) -> bytes | None:
+        """How a type that is on the bus was described, as it travels; None where nobody has it any more."""
+        try:
+            return self.request(
+                lambda number: m.GetType(request=number, type_name=type_name, type_hash=type_hash),
+                m.TypeDescription,
+            ).schema
+        except ConfigurationError:
+            return None
+
+    def charges(self) -> m.Peers | None:
+        """What processes and users make busd hold; None where this busd does not know the question."""
+        if not self.broker.release:  # as old as that: it would end the connection
+            return None
+        return self.request(lambda number: m.GetPeers(request=number), m.Peers)
+
+    def wait_for_end(self) -> None:
+        """Wait until the broker has closed the connection. Raises BrokerUnavailable where it does not."""
+        try:
+            while True:
+                self._receive()
+        except BrokerUnavailable:
+            raise
+        except ConnectionClosed:
+            return
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _greet(self) -> m.Hello:
+        """Exchange Hellos. Raises NotNow where the broker ends the connection for something that passes."""
+        self._socket.settimeout(self._answer_s)
+        self._session, self._items = Session(Role.CLIENT), iter(())
+        try:
+            self._send(m.Hello(version=VERSION, pid=os.getpid(), program="bus", release=RELEASE))
+            hello: m.Hello = self._receive()
+            behind = list(self._items)
+            self._items = iter(behind)
+            if behind and isinstance(behind[0], m.Fault) and behind[0].again:
+                raise NotNow(f"busd at {self.path} refused this process: {behind[0].text}")
+            return hello
+        except BrokerUnavailable:
+            self.close()
+            raise
+        except ConnectionClosed as error:  # as one does that ends with connections in its backlog
+            self.close()
+            raise NotNow(str(error)) from None
+        except BaseException:
+            self.close()
+            raise
+
+    def _send(self, message: m.Message) -> None:
+        try:
+            self._socket.sendall(m.encode_frame(message))
+        except (BrokenPipeError, ConnectionResetError):
+            pass  # it has gone, but its last words are still to be read: why
+        except OSError as error:
+            raise ConnectionClosed(f"lost busd at {self.path}: {error.strerror or error}") from None
+
+    def _receive(self) -> Any:
+        while (message := next(self._items, None)) is None:
+            try:
+                size = self._socket.recv_into(self._session.reader.get_buffer())
+            except TimeoutError:
+                raise BrokerUnavailable(
+                    f"busd at {self.path} took the connection but does not answer"
+                ) from None
+            except OSError as error:
+                raise ConnectionClosed(f"lost busd at {self.path}: {error.strerror or error}") from None
+            if not size:
+                raise ConnectionClosed(f"busd at {self.path} closed the connection")
+            self._items = iter(self._session.received(size))
+        if isinstance(message, m.Fault):
+            raise RemoteProtocolError(message.text)
+        return message
+
+
+def get_graph(args: Namespace, *, statistics: bool = False, may_start: bool = True) -> Graph:
+    """The graph of the broker that the command line names."""
+    with Query(socket_path(args.socket, args.domain), may_start=may_start) as query:
+        return query.graph(statistics=statistics)
+
+
+def full_topic_name(name: str) -> str:
+    """The topic that a user of the command line means: a relative name is in the root namespace."""
+    return names.expand_topic_name(name, "_bus_cli", "/")
+
+
+def full_type_name(text: str) -> str:
+    """`std_msgs/String` as `std_msgs/msg/String`. Raises CommandError for what is no type's name."""
+    parts = text.split("/")
+    if len(parts) not in (2, 3) or not all(parts):
+        from bus_cli.suggestions import near_type
+
+        raise CommandError(f"The passed message type is invalid{near_type(text)}")
+    return text if len(parts) == 3 else f"{parts[0]}/msg/{parts[1]}"
+
+
+def _connect(path: Path) -> socket.socket | None:
+    """None where no broker listens."""
+    try:
+        return try_to_connect(path)
+    except (FileNotFoundError, ConnectionRefusedError):
+        return None
+
+
+def _start(path: Path, patience: Patience, *, may_start: bool) -> socket.socket:
+    if not may_start:
+        raise NotRunning(f"no busd listens on {path}")
+    import asyncio
+
+    from bus.link.autostart import open_socket
+
+    return asyncio.run(open_socket(path, patience))

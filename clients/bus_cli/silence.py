@@ -1,0 +1,76 @@
+"""Says on stderr why `echo` prints nothing.
+
+A mismatch of QoS or type is told by the library's own warnings, which name the node; here it is about the
+rest: nobody publishes, those who do send nothing, or the filter lets nothing through.
+"""
+
+import asyncio
+from typing import Any
+
+from bus.errors import BusError
+from bus.node import Node
+from bus.subscription import Subscription
+from bus_cli.output import complain
+
+__all__ = ["Silence"]
+
+_PATIENCE_S = 2.0
+
+
+class Silence:
+    """Watches one subscription. `hear` is called for each message, `show` for each that is printed."""
+
+    def __init__(self, node: Node, topic: str) -> None:
+        self._node = node
+        self._topic = topic
+        self._heard = 0
+        self._shown = 0
+        self._told = ""
+
+    def hear(self) -> None:
+        self._heard += 1
+
+    def show(self) -> None:
+        self._shown += 1
+
+    async def watch(self, subscription: Subscription[Any]) -> None:
+        """Until it is cancelled, say each reason once."""
+        await self._look(subscription, patient=True)
+        while True:
+            shown = self._shown
+            await asyncio.sleep(_PATIENCE_S)
+            if self._shown > shown:
+                self._told = ""
+            else:
+                await self._look(subscription, patient=False)
+
+    async def _look(self, subscription: Subscription[Any], *, patient: bool) -> None:
+        reason = await self._nobody_publishes()
+        if reason is None and not patient:
+            reason = self._nothing_shown(subscription)
+        if reason is not None and reason != self._told:
+            complain(reason)
+            self._told = reason
+
+    async def _nobody_publishes(self) -> str | None:
+        try:
+            graph = await self._node.graph()
+        except (BusError, TimeoutError):
+            return None  # the link says so, and comes back
+        if graph.publishers_of(self._topic):
+            return None
+        from bus.base.suggest import did_you_mean
+
+        published = {publisher.topic for publisher in graph.publishers} - {self._topic}
+        hint = did_you_mean(self._topic, published, 0.75)
+        return f"nobody publishes on '{self._topic}'{hint} (waiting)"
+
+    def _nothing_shown(self, subscription: Subscription[Any]) -> str | None:
+        """A topic that has shown something may be a slow one."""
+        nodes = sorted({match.node for match in subscription.matches})
+        if self._shown or not nodes:
+            return None
+        if self._heard:
+            return f"messages come on '{self._topic}', but none has passed the filter yet"
+        verb = "publishes" if len(nodes) == 1 else "publish"
+        return f"no message yet on '{self._topic}'; {', '.join(nodes)} {verb} it, but sent nothing"

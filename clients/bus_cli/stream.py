@@ -1,0 +1,177 @@
+"""What the verbs that stay have in common: a hidden node, types found on the bus, how signals end them."""
+
+import asyncio
+import os
+import signal
+from argparse import ArgumentTypeError, Namespace
+from collections.abc import Coroutine
+from typing import Any
+
+import msgspec
+
+from bus.errors import ConfigurationError
+from bus.graph import Graph, GraphEndpoint
+from bus.node import Node
+from bus.process.termination import Terminated
+from bus.runner import loop_factory
+from bus.types.diff import difference
+from bus.types.support import find_type, type_hash, type_support
+from bus_cli.output import CommandError, complain
+from bus_cli.query import full_type_name
+
+__all__ = [
+    "find_class",
+    "for_ever",
+    "not_published",
+    "open_node",
+    "positive",
+    "positive_int",
+    "run_stream",
+    "unsigned_int",
+    "wait_for_class",
+]
+
+_LOOK_S = 0.2
+_ENDING: dict[int, type[KeyboardInterrupt]] = {signal.SIGINT: KeyboardInterrupt, signal.SIGTERM: Terminated}
+
+
+def run_stream(main: Coroutine[Any, Any, int]) -> int:
+    """Run a verb on an event loop; returns its exit code.
+
+    Raises KeyboardInterrupt or Terminated where a signal ended it, after it has cleaned up.
+    """
+    received: list[int] = []
+    try:
+        with asyncio.Runner(loop_factory=loop_factory()) as runner:
+            return runner.run(_until_signal(main, received))
+    except asyncio.CancelledError:
+        if not received:
+            raise
+        raise _ENDING[received[0]] from None
+
+
+async def _until_signal(main: Coroutine[Any, Any, int], received: list[int]) -> int:
+    loop, task = asyncio.get_running_loop(), asyncio.current_task()
+    assert task is not None
+
+    def end(number: int) -> None:
+        received.append(number)
+        task.cancel()
+
+    for number in _ENDING:
+        loop.add_signal_handler(number, end, number)
+    try:
+        return await main
+    finally:
+        for number in _ENDING:
+            loop.remove_signal_handler(number)
+
+
+def open_node(args: Namespace, name: str | None = None) -> Node:
+    """A node of the tool, hidden unless it is given a name."""
+    return Node(
+        name or f"_bus_cli_{os.getpid()}", arguments=(), socket=args.socket, domain=args.domain, rosout=False
+    )
+
+
+async def find_class(
+    node: Node, graph: Graph, topic: str, type_name: str | None = None
+) -> type[msgspec.Struct] | None:
+    """The class for `topic`'s messages, made from the schema on the bus where there is no ready-made one.
+
+    Without `type_name` the topic's type; None where nobody has the topic. Raises CommandError where the topic
+    has several types, or where nothing knows the type that was named.
+    """
+    endpoints = (*graph.publishers, *graph.subscriptions)
+    everywhere = [(one.topic, (one.type_name, one.type_hash)) for one in endpoints]
+    here = list(dict.fromkeys(kind for where, kind in everywhere if where == topic))
+    if type_name is None:
+        if len(here) > 1:
+            types = ", ".join(dict.fromkeys(name for name, _ in here))
+            first = {(one.type_name, one.type_hash): one for one in reversed(endpoints) if one.topic == topic}
+            why = await _difference(node, *(first[kind] for kind in here[:2]))
+            text = f"Cannot echo topic '{topic}', as it contains more than one type: [{types}]"
+            raise CommandError(f"{text}{why}")
+        kinds = here
+        if not kinds:
+            return None
+    else:
+        name = full_type_name(type_name)
+        kinds = [kind for kind in (*here, *(kind for _, kind in everywhere)) if kind[0] == name]
+        ready_made = find_type(name)
+        if ready_made is not None and not kinds:
+            return ready_made
+        if not kinds:
+            from bus_cli.suggestions import near_type
+
+            raise CommandError(f"The passed message type is invalid{near_type(name, 'msg', graph)}")
+    ready_made = find_type(kinds[0][0])
+    if ready_made is not None and type_hash(ready_made) == kinds[0][1]:
+        return ready_made
+    return await node.get_type(*kinds[0])
+
+
+async def _difference(node: Node, one: GraphEndpoint, other: GraphEndpoint) -> str:
+    """Where two types of one name differ, as the rest of a sentence; nothing where the names differ."""
+    if one.type_name != other.type_name:
+        return ""
+    try:
+        schemas = [
+            type_support(await node.get_type(end.type_name, end.type_hash)).schema for end in (one, other)
+        ]
+        ours, theirs = map(msgspec.msgpack.encode, schemas)
+        found = difference(ours, theirs, (one.node.full_name, other.node.full_name))
+    except ConfigurationError:
+        found = None
+    found = found or f"their definitions differ ({one.type_hash} and {other.type_hash})"
+    return f"; {one.node.full_name} and {other.node.full_name} both call it {one.type_name}, but {found}"
+
+
+def not_published(topic: str, graph: Graph) -> None:
+    """Say it, and which topic may have been meant."""
+    from bus_cli.suggestions import near_topic
+
+    complain(f"WARNING: topic [{topic}] does not appear to be published yet{near_topic(topic, graph)}")
+
+
+async def wait_for_class(node: Node, topic: str) -> type[msgspec.Struct]:
+    """The class for `topic`'s messages, as soon as somebody has the topic."""
+    graph = await node.graph()
+    found = await find_class(node, graph, topic)
+    if found is None:
+        not_published(topic, graph)
+    while found is None:
+        await asyncio.sleep(_LOOK_S)
+        found = await find_class(node, await node.graph(), topic)
+    return found
+
+
+async def for_ever() -> int:
+    """Until a signal ends the verb, or a callback fails."""
+    code: int = await asyncio.get_running_loop().create_future()
+    return code
+
+
+def positive_int(text: str) -> int:
+    """For argparse."""
+    if not (text.isascii() and text.isdigit() and 0 < len(text) < 10 and int(text)):
+        raise ArgumentTypeError("value must be a positive integer")
+    return int(text)
+
+
+def unsigned_int(text: str) -> int:
+    """For argparse."""
+    if not (text.isascii() and text.isdigit() and len(text) < 10):
+        raise ArgumentTypeError("value must be non-negative integer")
+    return int(text)
+
+
+def positive(text: str) -> float:
+    """For argparse."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < 1e9:
+        raise ArgumentTypeError("value must be a positive number")
+    return value

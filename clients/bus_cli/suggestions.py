@@ -1,0 +1,130 @@
+"""What may have been meant by a word that does not exist: names, commands and verbs.
+
+A name's `near_...` is the end of a verb's message, "" where nothing is near. Names come from the graph, and
+from the definitions and packages on this machine. Slow, and needed for mistakes only: import it late.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+from bus.base.suggest import did_you_mean, nearest
+from bus.names import is_hidden_topic
+
+if TYPE_CHECKING:
+    from bus.graph import Graph
+    from bus.types.definitions import Kind
+
+__all__ = [
+    "near_interface_package",
+    "near_node",
+    "near_package",
+    "near_service",
+    "near_topic",
+    "near_type",
+    "no_command",
+    "no_verb",
+    "types_called",
+]
+
+_EXAMPLES = "example_interfaces/"
+
+_NOT_YET = {
+    "action": "programs can't serve or call actions; bus interface shows their definitions",
+    "bag": "to record, write what bus topic echo --json prints into a file",
+    "component": "several nodes in one process are several bus.Node in one main()",
+    "control": "",
+    "extension_points": "",
+    "extensions": "",
+    "launch": "start each program with bus run",
+    "lifecycle": "",
+    "multicast": "the bus does not leave its machine",
+    "plugin": "",
+    "security": "who may do what stands in busd.toml, under [[access]]",
+    "test": "",
+    "trace": "",
+}
+"""Commands of ros2, and what there is instead."""
+
+_MOST = 3
+"""Commands that are offered at once."""
+
+_OTHER_NAMES = {"wtf": "doctor", "msg": "interface show", "srv": "interface show"}
+
+
+def near_topic(name: str, graph: "Graph") -> str:
+    return _near(name, (topic for topic in graph.topics() if not is_hidden_topic(topic)))
+
+
+def near_service(name: str, graph: "Graph") -> str:
+    return _near(name, (service for service in graph.services() if not is_hidden_topic(service)))
+
+
+def near_node(name: str, graph: "Graph") -> str:
+    return _near(name, {node.full_name for node in graph.nodes})
+
+
+def near_type(text: str, kind: "Kind | None" = "msg", graph: "Graph | None" = None) -> str:
+    """Of the types that are defined here and, for messages, of those on the bus."""
+    from bus.types.definitions import names
+
+    found = dict.fromkeys(names(kind))
+    if graph is not None and kind == "msg":
+        found |= dict.fromkeys(name for types in graph.topics().values() for name in types if "/msg/" in name)
+    if text in found:
+        return ""
+    if "/" in text:
+        return did_you_mean(text, found, 0.75)
+    shorts = {name.rpartition("/")[2] for name in found}
+    called = types_called(text, found) or types_called(nearest(text, sorted(shorts), 0.75) or "", found)
+    return f"; did you mean {_listed(called)}?" if called else ""
+
+
+def near_package(name: str) -> str:
+    """Of the packages that have programs or a manifest."""
+    from bus_ros.packages import nearest
+
+    near = nearest(name)
+    return f"; did you mean '{near}'?" if near else ""
+
+
+def near_interface_package(name: str) -> str:
+    """Of the packages that have definitions."""
+    from bus.types.definitions import packages
+
+    return did_you_mean(name, packages())
+
+
+def types_called(short: str, among: Iterable[str]) -> list[str]:
+    """The full names that end in `short`. ROS's examples count where there are no others."""
+    found = [name for name in among if name.rpartition("/")[2].lower() == short.lower()]
+    return [name for name in found if not name.startswith(_EXAMPLES)] or found
+
+
+def no_command(word: str, commands: Mapping[str, tuple[str, Iterable[str]]]) -> str:
+    """Of `bus WORD`."""
+    if word in _NOT_YET:
+        instead = _NOT_YET[word]
+        return f"bus {word}: not there yet{'; ' if instead else ''}{instead}"
+    meant = [f"bus {command} {word}" for command, (_, verbs) in commands.items() if word in verbs][:_MOST]
+    if not meant and (near := _OTHER_NAMES.get(word) or nearest(word, commands)):
+        meant = [f"bus {near}"]
+    hint = f"did you mean {_listed(meant)}?" if meant else "bus --help lists what there is"
+    return f"bus: there is no command '{word}'; {hint}"
+
+
+def no_verb(command: str, word: str, verbs: Iterable[str]) -> str:
+    """Of `bus COMMAND WORD`."""
+    verbs = list(verbs)
+    near = nearest(word, verbs)
+    hint = f"did you mean '{command} {near}'?" if near else f"there are {', '.join(verbs)}"
+    return f"{command}: there is no verb '{word}'; {hint}"
+
+
+def _near(name: str, among: Iterable[str]) -> str:
+    """As they were typed, names may lack their slash."""
+    full = name if name.startswith("/") else f"/{name}"
+    return did_you_mean(full, set(among) - {full})
+
+
+def _listed(texts: list[str]) -> str:
+    return " or ".join(f"'{text}'" for text in texts)

@@ -1,0 +1,73 @@
+"""`bus topic delay`: the time between a message's `header.stamp` and its arrival here."""
+
+from argparse import ArgumentParser, Namespace
+from time import time_ns
+from typing import Any
+
+from bus_cli.completion import completed_by, topics
+from bus_cli.output import CommandError, print_json, say
+from bus_cli.qosargs import add_qos_arguments, given_profile
+from bus_cli.stats import Delays
+from bus_cli.stream import for_ever, open_node, positive_int, run_stream, wait_for_class
+
+_WINDOW = 10000
+_PERIOD_S = 1.0
+_NS = 1e-9
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    completed_by(parser.add_argument("topic_name", help="Topic name to calculate the delay for"), topics)
+    parser.add_argument(
+        "-w",
+        "--window",
+        type=positive_int,
+        default=_WINDOW,
+        help=f"window size, in # of messages, for calculating delay (default: {_WINDOW})",
+    )
+    add_qos_arguments(parser, "subscribe", "sensor_data")
+
+
+def main(args: Namespace) -> int:
+    return run_stream(_measure(args))
+
+
+async def _measure(args: Namespace) -> int:
+    async with open_node(args) as node:
+        topic = node.resolve_topic_name(args.topic_name)
+        delays = Delays(args.window)
+
+        def hear(message: Any) -> None:
+            stamp = message.header.stamp
+            delays.add(time_ns() - stamp.sec * 1_000_000_000 - stamp.nanosec)
+
+        message_type = await wait_for_class(node, topic)
+        if "header" not in message_type.__struct_fields__:
+            raise CommandError("msg does not have header")
+        await node.create_subscription(message_type, topic, given_profile(args), hear)
+        node.create_timer(_PERIOD_S, lambda: _print(topic, delays, as_json=args.json))
+        return await for_ever()
+
+
+def _print(topic: str, delays: Delays, *, as_json: bool) -> None:
+    if delays.is_empty:
+        return
+    found = delays.due()
+    if found is None:
+        if not as_json:
+            say("no new messages")
+        return
+    mean, least, most, deviation = (value * _NS for value in found[:4])
+    if as_json:
+        print_json(
+            {
+                "topic": topic,
+                "delay_s": mean,
+                "min_s": least,
+                "max_s": most,
+                "std_dev_s": deviation,
+                "window": found.window,
+            }
+        )
+        return
+    say(f"average delay: {mean:.3f}")
+    say(f"\tmin: {least:.3f}s max: {most:.3f}s std dev: {deviation:.5f}s window: {found.window}")

@@ -1,0 +1,218 @@
+"""`bus topic echo`: messages as text, as they come, and on stderr why none come."""
+
+import asyncio
+import sys
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable
+from typing import Any
+
+from msgspec.structs import replace
+
+from bus.events import MessageLost, SubscriptionEvents
+from bus.subscription import MessageInfo
+from bus.types.support import type_support
+from bus_cli.completion import completed_by, topics, types
+from bus_cli.fields import FieldPath
+from bus_cli.filter import compile_filter
+from bus_cli.output import CommandError, complain, dropped_text, print_json, say
+from bus_cli.qosargs import add_qos_arguments, choose_profile
+from bus_cli.render import View, to_csv, to_text, to_yaml
+from bus_cli.silence import Silence
+from bus_cli.stream import (
+    find_class,
+    not_published,
+    open_node,
+    positive,
+    run_stream,
+    unsigned_int,
+)
+
+_TRUNCATE_LENGTH = 128
+_INFO = (
+    "source_timestamp",
+    "received_timestamp",
+    "publication_sequence_number",
+    "reception_sequence_number",
+)
+_CLEAR = "\033[2J\033[H"
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    completed_by(
+        parser.add_argument("topic_name", help="Name of the topic to listen to (e.g. '/chatter')"), topics
+    )
+    completed_by(
+        parser.add_argument(
+            "message_type",
+            nargs="?",
+            help="Type of the message (e.g. 'std_msgs/msg/String'); default: the topic's",
+        ),
+        types,
+    )
+    add_qos_arguments(parser, "subscribe", "sensor_data")
+    parser.add_argument(
+        "--csv",
+        action="store_true",
+        help="Output all recursive fields separated by commas (e.g. for plotting)",
+    )
+    parser.add_argument(
+        "--field",
+        action="append",
+        metavar="PATH",
+        help="Echo a selected field of a message, such as pose.pose.position or ranges[0]; may be repeated",
+    )
+    parser.add_argument(
+        "-f",
+        "--full-length",
+        action="store_true",
+        help="Output all elements for arrays, bytes, and string with a length > '--truncate-length', by "
+        "default they are truncated after '--truncate-length' elements with '...'",
+    )
+    parser.add_argument(
+        "-l",
+        "--truncate-length",
+        type=unsigned_int,
+        metavar="N",
+        help=f"The length to truncate arrays, bytes, and string to (default: {_TRUNCATE_LENGTH}; JSON: all)",
+    )
+    parser.add_argument("--no-arr", action="store_true", help="Don't print array fields of messages")
+    parser.add_argument("--no-str", action="store_true", help="Don't print string fields of messages")
+    parser.add_argument("--flow-style", action="store_true", help="Print collections in the flow style")
+    parser.add_argument("--no-lost-messages", action="store_true", help="Don't report when a message is lost")
+    parser.add_argument("--raw", action="store_true", help="Echo the raw binary representation")
+    parser.add_argument(
+        "--filter",
+        metavar="EXPR",
+        help="print only messages for which EXPR is true; m is the message: \"m.data != ''\"",
+    )
+    parser.add_argument("--once", action="store_true", help="Print the first message received and then exit")
+    parser.add_argument("--timeout", metavar="N", type=positive, help="Exit after N seconds")
+    parser.add_argument(
+        "-i", "--include-message-info", action="store_true", help="Shows the associated message info"
+    )
+    parser.add_argument(
+        "-c", "--clear-screen", action="store_true", help="Clear the screen before each message"
+    )
+    parser.add_argument("-n", "--node-name", metavar="NAME", help="Name of the node (default: a hidden one)")
+
+
+def main(args: Namespace) -> int:
+    return run_stream(_echo(args))
+
+
+async def _echo(args: Namespace) -> int:
+    passes = compile_filter(args.filter) if args.filter else None
+    async with open_node(args, args.node_name) as node:
+        topic = node.resolve_topic_name(args.topic_name)
+        graph = await node.graph()
+        message_type = await find_class(node, graph, topic, args.message_type)
+        if message_type is None:
+            not_published(topic, graph)
+            raise CommandError("Could not determine the type for the passed topic")
+        profile = choose_profile(graph, topic, args)
+        write = _raw(args) if args.raw else _writer(args, type_support(message_type).schema)
+        done = asyncio.get_running_loop().create_future()
+        silence = Silence(node, topic)
+
+        def hear(message: Any, info: MessageInfo) -> None:
+            if done.done():
+                return
+            silence.hear()
+            if passes is None or passes(message):
+                silence.show()
+                write(message, info)
+                if args.once:
+                    done.set_result(None)
+
+        events = SubscriptionEvents(message_lost=None if args.no_lost_messages else _lost_notice(args))
+        subscription = await node.create_subscription(
+            message_type, topic, profile, hear, events=events, raw=args.raw
+        )
+        watching = asyncio.create_task(silence.watch(subscription))
+        try:
+            await asyncio.wait_for(done, args.timeout)
+        except TimeoutError:
+            if args.once:
+                raise CommandError(f"no message on '{topic}' within {args.timeout:g} s") from None
+        finally:
+            watching.cancel()
+    return 0
+
+
+def _writer(args: Namespace, schema: dict[str, Any]) -> Callable[[Any, MessageInfo], None]:
+    """What writes a message in the format of the options."""
+    paths = [FieldPath(text, schema) for text in args.field or ()]
+    length = args.truncate_length
+    if length is None and not args.json:
+        length = _TRUNCATE_LENGTH
+    view = View(
+        truncate_length=None if args.full_length else length,
+        no_arr=args.no_arr,
+        no_str=args.no_str,
+        octets=args.json,
+    )
+    # As in ros2, a text that was asked for by itself is not cut.
+    whole = replace(view, truncate_length=args.truncate_length)
+    clear = _CLEAR if args.clear_screen and sys.stdout.isatty() else ""
+
+    def write(message: Any, info: MessageInfo) -> None:
+        if paths:
+            parts = {
+                path.text: (whole if path.node == "string" else view).plain(
+                    schema, path.node, path.pick(message)
+                )
+                for path in paths
+            }
+        else:
+            parts = view.plain(schema, schema["root"], message)
+        about = _about(info) if args.include_message_info else None
+        if args.json:
+            print_json(parts if about is None else {"info": about, "message": parts})
+        elif args.csv:
+            sys.stdout.write(clear)
+            say(to_csv([*(about or {}).values(), parts]))
+        else:
+            head = "" if about is None else f"{_info_text(about)}---\n"
+            shown = parts.values() if paths else [parts]
+            body = "".join(to_text(part, flow_style=args.flow_style) for part in shown)
+            sys.stdout.write(clear)
+            say(f"{head}{body}---")
+
+    return write
+
+
+def _raw(args: Namespace) -> Callable[[Any, MessageInfo], None]:
+    """What writes a message as it travelled."""
+
+    def write(payload: memoryview, info: MessageInfo) -> None:
+        about = _about(info) if args.include_message_info else None
+        if args.json:
+            print_json({**({} if about is None else {"info": about}), "raw": payload.hex()})
+        else:
+            head = "" if about is None else f"{_info_text(about)}---\n"
+            say(f"{head}{bytes(payload)!r}\n---")
+
+    return write
+
+
+def _about(info: MessageInfo) -> dict[str, int]:
+    return {name: getattr(info, name) for name in _INFO}
+
+
+def _info_text(about: dict[str, int]) -> str:
+    return to_yaml(dict(sorted(about.items())))
+
+
+def _lost_notice(args: Namespace) -> Callable[[MessageLost], None]:
+    def notice(lost: MessageLost) -> None:
+        text = (
+            f"A message was lost!!!\n\ttotal count change:{lost.total_count_change}"
+            f"\n\ttotal count: {dropped_text(lost.reasons)}---"
+        )
+        # What a program reads must stay CSV or JSON.
+        if args.csv or args.json:
+            complain(text)
+        else:
+            say(text)
+
+    return notice

@@ -1,0 +1,122 @@
+"""`bus topic info`: a topic's type and endpoints; with -v their QoS, losses and matches."""
+
+from argparse import ArgumentParser, Namespace
+from functools import cache
+from typing import Any
+
+from bus.graph import EndpointStatistics, Graph, GraphEndpoint
+from bus.process.address import socket_path
+from bus.qos import History, describe_profile
+from bus_cli.completion import completed_by, topics
+from bus_cli.mismatch import Describe, mismatch
+from bus_cli.output import CommandError, dropped_text, print_json, say, size_text
+from bus_cli.query import Query, full_topic_name
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    completed_by(
+        parser.add_argument("topic_name", help="Name of the topic to get info (e.g. '/chatter')"), topics
+    )
+    parser.add_argument(
+        "-v",
+        "--verbose",
+        action="store_true",
+        help="Prints detailed information like the node name, node namespace, topic type, topic type hash, "
+        "GID, QoS profile, message counts, queue, drops and matches of the publishers and subscriptions",
+    )
+
+
+def main(args: Namespace) -> int:
+    topic = full_topic_name(args.topic_name)
+    with Query(socket_path(args.socket, args.domain)) as query:
+        graph = query.graph(statistics=args.verbose)
+        there = [*graph.publishers_of(topic), *graph.subscriptions_of(topic)] if args.verbose else []
+        describe = cache(query.description)
+        matches = {one.id: _matches(graph, one, describe) for one in there}
+    types = graph.topics().get(topic)
+    if types is None:
+        from bus_cli.suggestions import near_topic
+
+        raise CommandError(f"Unknown topic '{args.topic_name}'{near_topic(topic, graph)}")
+    sides = (("Publisher", graph.publishers_of(topic)), ("Subscription", graph.subscriptions_of(topic)))
+    if args.json:
+        record: dict[str, Any] = {"topic": topic, "types": types}
+        for name, endpoints in sides:
+            record[f"{name.lower()}_count"] = len(endpoints)
+            if args.verbose:
+                record[f"{name.lower()}s"] = [
+                    _record(endpoint, matches[endpoint.id]) for endpoint in endpoints
+                ]
+        print_json(record)
+        return 0
+    end = "\n\n" if args.verbose else "\n"
+    say(f"Type: {types[0] if len(types) == 1 else types}", end=end)
+    for name, endpoints in sides:
+        say(f"{name} count: {len(endpoints)}", end=end)
+        if args.verbose:
+            for endpoint in endpoints:
+                say("\n".join(_block(endpoint, matches[endpoint.id])), end=end)
+    return 0
+
+
+def _block(endpoint: GraphEndpoint, matches: list[dict[str, str]]) -> list[str]:
+    counters = endpoint.statistics or EndpointStatistics()
+    lines = [
+        f"Node name: {endpoint.node.name}",
+        f"Node namespace: {endpoint.node.namespace}",
+        f"Topic type: {endpoint.type_name}",
+        f"Topic type hash: {endpoint.type_hash}",
+        f"Endpoint type: {endpoint.kind.upper()}",
+        f"GID: {endpoint.gid.hex('.')}",
+        *describe_profile(endpoint.qos),
+        f"Messages: {counters.samples} ({size_text(counters.bytes)})",
+    ]
+    if endpoint.kind == "subscription":
+        bound = f" of {endpoint.qos.depth}" if endpoint.qos.history is History.KEEP_LAST else ""
+        lines.append(f"Queue: {counters.queued}{bound}")
+    lines.append(f"Dropped: {dropped_text(counters.dropped)}")
+    if endpoint.kind == "subscription":
+        lines.append(f"Expected: {counters.expected}")
+    lines.append(f"Matches: {sum('route' in match for match in matches)}")
+    for match in matches:
+        how = f"route: {match['route']}" if "route" in match else f"no match: {match['reason']}"
+        lines.append(f"  {match['node']} ({how})")
+    return lines
+
+
+def _matches(graph: Graph, endpoint: GraphEndpoint, describe: Describe) -> list[dict[str, str]]:
+    """Every endpoint on the other side, with the route of the match or the reason why there is none."""
+    routes = {(match.publisher, match.subscription): match.route for match in graph.matches}
+    found = []
+    is_publisher = endpoint.kind == "publisher"
+    for other in (
+        graph.subscriptions_of(endpoint.topic) if is_publisher else graph.publishers_of(endpoint.topic)
+    ):
+        publisher, subscription = (endpoint, other) if is_publisher else (other, endpoint)
+        route = routes.get((publisher.id, subscription.id))
+        if route is None:
+            how = {"reason": mismatch(publisher, subscription, describe) or "unknown"}
+        else:
+            how = {"route": route}
+        found.append({"node": other.node.full_name, **how})
+    return found
+
+
+def _record(endpoint: GraphEndpoint, matches: list[dict[str, str]]) -> dict[str, Any]:
+    from msgspec import to_builtins
+
+    qos, counters = endpoint.qos, endpoint.statistics or EndpointStatistics()
+    return {
+        "node": endpoint.node.full_name,
+        "pid": endpoint.node.pid,
+        "type": endpoint.type_name,
+        "type_hash": endpoint.type_hash,
+        "gid": endpoint.gid.hex("."),
+        "qos": {name: to_builtins(getattr(qos, name)) for name in qos.__struct_fields__},
+        "messages": counters.samples,
+        "bytes": counters.bytes,
+        "queued": counters.queued,
+        "dropped": counters.dropped,
+        **({"expected": counters.expected} if endpoint.kind == "subscription" else {}),
+        "matches": matches,
+    }

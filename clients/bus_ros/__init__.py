@@ -1,0 +1,1 @@
+"""Programs written for ROS 2, on busd: `rclpy`, classes made of definitions, and how they are started."""

@@ -1,0 +1,280 @@
+"""Makes `import rclpy` and `from std_msgs.msg import String` work without ROS 2; importing it is enough.
+
+Owns: the names that ROS 2 has and where they lead, and how a module of message classes behaves. Must not
+know: what is behind these modules, which are imported only when a program asks for them.
+
+Only what can't be imported is filled in, so that a machine with ROS 2 goes on as it is; `install(force=True)`
+(or BUS_RCLPY_FORCE=1 in the environment) puts ours before what is there.
+
+    rclpy, rclpy.*                           the same modules as bus_ros.rclpy, bus_ros.rclpy.*
+    <pkg>.msg, .srv, .action                 classes made of the definitions that bus.types.definitions finds
+    <pkg>                                    an empty package, where there is no real one
+    rosidl_runtime_py, rosidl_parser, ament_index_python
+"""
+
+import os
+import sys
+from collections.abc import Sequence
+from functools import partial
+from importlib import import_module
+from importlib.machinery import ModuleSpec, PathFinder
+from types import FrameType, ModuleType
+from typing import Any, Final, NoReturn
+
+__all__ = ["install"]
+
+_KINDS: Final = ("msg", "srv", "action")
+
+_ALIASES: Final = {
+    "rosidl_parser.definition": "bus_ros.rosidl.definition",
+    "rosidl_runtime_py.convert": "bus_ros.rosidl.runtime",
+    "rosidl_runtime_py.set_message": "bus_ros.rosidl.runtime",
+    "rosidl_runtime_py.utilities": "bus_ros.rosidl.runtime",
+    "ament_index_python.packages": "bus_ros.rosidl.ament_index",
+}
+_PACKAGES: Final = {
+    "rosidl_parser": "",
+    "rosidl_runtime_py": "bus_ros.rosidl.runtime",
+    "ament_index_python": "bus_ros.rosidl.ament_index",
+}
+"""Packages, and the module whose names they have."""
+
+_MISSING: Final = frozenset(
+    (
+        *("ament_package", "cv_bridge", "domain_coordinator", "image_geometry", "laser_geometry", "launch"),
+        *("launch_pytest", "launch_ros", "launch_testing", "launch_xml", "launch_yaml", "message_filters"),
+        *("nav2_simple_commander", "ros2bag", "ros2cli", "ros2launch", "ros2node", "ros2param", "ros2pkg"),
+        *("ros2run", "ros2service", "ros2topic", "rosbag2_py", "rosidl_adapter", "rosidl_generator_py"),
+        *("rpyutils", "rqt_gui", "rqt_gui_py", "sensor_msgs_py", "sros2", "tf2_geometry_msgs", "tf2_kdl"),
+        *("tf2_py", "tf2_ros", "tf2_sensor_msgs", "tf_transformations", "turtle_tf2_py"),
+    )
+)
+"""Of ROS 2, and not here."""
+
+
+def install(*, force: bool = False) -> None:
+    """Put the finders where Python looks for modules; more than once does nothing more.
+
+    `force`: ours before what can be imported. Modules that are imported already stay as they are.
+    """
+    _last.is_forced = _first.is_forced = force
+    for finder in (_first, _last):
+        if finder in sys.meta_path:
+            sys.meta_path.remove(finder)
+    sys.meta_path.insert(0, _first)
+    sys.meta_path.append(_last)
+
+
+class _First:
+    """Asked before all others: for everything of ours where that is forced, else only for `<pkg>.msg`.
+
+    That one would be hidden by a folder of definitions, which for Python is a package with nothing in it.
+    """
+
+    is_forced = False
+
+    def find_spec(
+        self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        root, _, rest = name.partition(".")
+        if self.is_forced:
+            is_ours = root == "rclpy" or root in _PACKAGES or rest.partition(".")[0] in _KINDS
+            return _spec(name) if is_ours else None
+        if rest and root == "rclpy" and sys.modules.get("rclpy") is sys.modules.get("bus_ros.rclpy"):
+            return _spec(name)  # its __path__ would have others load the same file a second time
+        if rest not in _KINDS or root == "bus":
+            return None
+        found = PathFinder.find_spec(name, path)
+        return _spec(name) if found is not None and found.origin is None else None
+
+
+class _Last:
+    """Asked when nobody else has the module."""
+
+    is_forced = False
+
+    def find_spec(
+        self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        found = _spec(name)
+        if found is None:
+            _refuse(name)
+        return found
+
+
+_first: Final = _First()
+_last: Final = _Last()
+
+
+def _spec(name: str) -> ModuleSpec | None:
+    root, _, rest = name.partition(".")
+    if root == "bus":
+        return None
+    if root == "rclpy":
+        if rest and sys.modules.get("rclpy") is not sys.modules.get("bus_ros.rclpy"):
+            return None  # a part that the real one hasn't
+        return _alias(name, f"bus.{name}")
+    if name in _ALIASES:
+        return _alias(name, _ALIASES[name]) if _is_ours(root) else None
+    if name in _PACKAGES:
+        return _made(name, _Filled(partial(_fill_package, _PACKAGES[name])), is_package=True)
+    kind, _, part = rest.partition(".")
+    if rest and (kind not in _KINDS or "." in part):
+        return None
+
+    from bus.types import definitions
+
+    if not hasattr(definitions, "names"):
+        return None  # it is being imported, and what it imports looks for a module that isn't there
+    if not rest:
+        is_known = root.isidentifier() and definitions.names(None, root)
+        return _made(name, _Filled(_fill_empty), is_package=True) if is_known else None
+    known = [full.rpartition("/")[2] for full in definitions.names(kind, root)]  # type: ignore[arg-type]
+    if part:
+        from bus_ros.rosidl.classes import module_of
+
+        if not _is_ours(f"{root}.{kind}"):
+            return None
+        known = [short for short in known if module_of(f"{root}/{kind}/{short}") == name]
+    if not known:
+        return None
+    return _made(name, _Filled(partial(_fill_types, root, kind, known)), is_package=not part)
+
+
+def _made(name: str, loader: Any, *, is_package: bool) -> ModuleSpec:
+    # No subclass of the abstract Loader: it takes 40 ms to import.
+    return ModuleSpec(name, loader, is_package=is_package)
+
+
+def _is_ours(name: str) -> bool:
+    return isinstance(getattr(sys.modules.get(name), "__loader__", None), _Filled)
+
+
+def _refuse(name: str) -> None:
+    """Say what a person can't know who looks for a part of ROS 2."""
+    root, _, rest = name.partition(".")
+    if root == "rclpy":
+        if not rest or sys.modules.get("rclpy") is not sys.modules.get("bus_ros.rclpy"):
+            return
+        text = f"busd has no '{name}': it isn't built yet, or rclpy has no such module either"
+    elif rest:
+        return
+    elif root in _MISSING:
+        text = f"busd has no '{name}', which is a part of ROS 2"
+    elif root.endswith(("_msgs", "_interfaces")):
+        text = (
+            f"busd has no '{name}': there are no definitions of that package in the workspace, in "
+            "AMENT_PREFIX_PATH or in BUS_INTERFACE_PATH"
+        )
+    else:
+        return
+    raise ModuleNotFoundError(text, name=name)
+
+
+# --- aliases
+
+
+class _Alias:
+    """Loads a module that is there under another name: both names are the same module."""
+
+    def __init__(self, target: str) -> None:
+        self._target = target
+        self._spec: ModuleSpec | None = None
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        module = import_module(self._target)
+        self._spec = module.__spec__
+        return module
+
+    def exec_module(self, module: ModuleType) -> None:
+        module.__spec__ = self._spec  # which the import has changed
+
+
+def _alias(name: str, target: str) -> ModuleSpec | None:
+    path = import_module(target.rpartition(".")[0]).__path__
+    if target not in sys.modules and PathFinder.find_spec(target, path) is None:
+        return None
+    return _made(name, _Alias(target), is_package=False)
+
+
+# --- modules made here
+
+
+class _Filled:
+    """Loads a module that has no file: `fill` puts its names in."""
+
+    def __init__(self, fill: Any) -> None:
+        self._fill = fill
+
+    def create_module(self, spec: ModuleSpec) -> None:
+        return None
+
+    def exec_module(self, module: ModuleType) -> None:
+        self._fill(module)
+
+
+def _fill_empty(module: ModuleType) -> None:
+    """Its parts come when they are imported, or asked for: `import std_msgs; std_msgs.msg.Bool`.
+
+    In ROS 2 a part is there once anything has imported it, and rclpy imports those of many packages.
+    """
+    vars(module).update(__getattr__=partial(_part, module.__name__))
+
+
+def _part(package: str, name: str) -> ModuleType:
+    if name in _KINDS and _spec(f"{package}.{name}") is not None:
+        return import_module(f"{package}.{name}")
+    raise AttributeError(f"module '{package}' has no attribute '{name}'")
+
+
+def _fill_package(source: str, module: ModuleType) -> None:
+    if source:
+        names = vars(import_module(source))
+        vars(module).update({name: names[name] for name in names["__all__"]}, __all__=names["__all__"])
+
+
+def _fill_types(package: str, kind: str, known: list[str], module: ModuleType) -> None:
+    """Classes are made when a program asks for them: most packages have many more than it needs."""
+    vars(module).update(
+        __all__=known,
+        __dir__=lambda: sorted({*vars(module), *known}),
+        __getattr__=partial(_type, module, package, kind, known),
+    )
+
+
+def _type(module: ModuleType, package: str, kind: str, known: list[str], name: str) -> Any:
+    whole, _, part = name.rpartition("_")
+    if name not in known and not (whole in known and part in _parts(kind)):
+        _no_type(module, known, name)
+    from bus_ros.rosidl import action_class, message_class, service_class
+
+    makers: dict[str, Any] = {"msg": message_class, "srv": service_class, "action": action_class}
+    make = makers[kind] if name in known else message_class
+    made = make(f"{package}/{kind}/{name}")
+    setattr(module, name, made)
+    return made
+
+
+def _parts(kind: str) -> tuple[str, ...]:
+    from bus.types.idl import PARTS
+
+    return PARTS.get(kind, ())
+
+
+def _no_type(module: ModuleType, known: list[str], name: str) -> NoReturn:
+    if not name.startswith("__") and _is_import(sys._getframe(2)):
+        from bus.base.suggest import did_you_mean
+
+        text = f"cannot import name '{name}' from '{module.__name__}'{did_you_mean(name, known)}"
+        raise ImportError(text, name=module.__name__)
+    raise AttributeError(f"module '{module.__name__}' has no attribute '{name}'")
+
+
+def _is_import(frame: FrameType) -> bool:
+    """Whether it stands in `from ... import ...`, whose error is ImportError."""
+    from opcode import opmap
+
+    return frame.f_lasti >= 0 and frame.f_code.co_code[frame.f_lasti] == opmap.get("IMPORT_FROM")
+
+
+install(force=os.environ.get("BUS_RCLPY_FORCE") == "1")

@@ -1,0 +1,154 @@
+"""Clients of the facade: a native one, whose answers complete futures."""
+
+from collections import deque
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from bus.errors import BusError, ServiceUnavailable
+from bus_ros.rclpy.engine import Engine, Waiter, deadline_after
+from bus_ros.rclpy.entity import Entity, Work
+from bus_ros.rclpy.exceptions import InvalidHandle
+from bus_ros.rclpy.qos import QoSProfile
+from bus_ros.rclpy.task import Future
+
+if TYPE_CHECKING:  # most programs have no clients
+    from bus.client import ServiceClient
+
+__all__ = ["Client"]
+
+
+class Client(Entity):
+    """Made by `Node.create_client`."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        srv_type: Any,
+        srv_name: str,
+        qos_profile: QoSProfile,
+        callback_group: Any,
+        node: Any,
+    ) -> None:
+        self.srv_type = srv_type
+        self.srv_name = srv_name
+        self.qos_profile = qos_profile
+        self.native: ServiceClient | None = None
+        self._engine = engine
+        self._futures: dict[int, Future[Any]] = {}
+        self._answers: deque[tuple[Future[Any], Any]] = deque()
+        self._callers: list[Waiter] = []  # who wait for answers themselves
+        super().__init__(node, callback_group)
+        self.held_group = None  # an answer completes a future and calls nobody; and the group may await it
+
+    @property
+    def service_name(self) -> str:
+        assert self.native is not None
+        return self.native.service_name
+
+    def call(self, request: Any, timeout_sec: float | None = None) -> Any:
+        """Call the service and wait for the answer; None where `timeout_sec` is over first.
+
+        Others may spin or not. Raises TypeError for what is no request, and what the service raised.
+        """
+        future = self.call_async(request)
+        engine = self._engine
+        with engine.loop:
+            waiter = Waiter(engine, self.node.context)
+            self._callers.append(waiter)
+        future.call_when_done(lambda: engine.call(waiter.set))
+        deadline_ns = deadline_after(timeout_sec)
+        try:
+            while not future.done():
+                with engine.loop:
+                    waiter.is_set = not self.node.context.ok()  # ended before it knew of us?
+                    is_over = not self._answers and not waiter.wait(deadline_ns)
+                    work = self.take(1)
+                if work is not None:
+                    work[0](*work[1])
+                elif is_over or not self.node.context.ok():
+                    break
+        finally:
+            with engine.loop:
+                self._callers.remove(waiter)
+        if not future.done():
+            self.remove_pending_request(future)
+            return None
+        return future.result()
+
+    def call_async(self, request: Any) -> Future[Any]:
+        """Call the service; returns a future of the answer, which stays open where no answer comes.
+
+        Raises TypeError for what is no request, InvalidHandle after the client, or its node, was destroyed.
+        """
+        if not isinstance(request, self.srv_type.Request):
+            raise TypeError(f"expected a {self.srv_type.Request.__name__}, got {type(request).__name__}")
+        native = self.native
+        assert native is not None
+        if self.is_destroyed:
+            raise InvalidHandle(f"the client of service '{self.service_name}' is destroyed")
+        with self._engine.loop:
+            future: Future[Any] = Future(executor=self.node.own_executor)
+            number = native.send_request(request)
+            if number:
+                self._futures[number] = future
+        if not number:
+            raise RuntimeError(f"no room to call service '{self.service_name}'")
+        return future
+
+    def get_pending_request(self, sequence_number: int) -> Future[Any]:
+        """Raises KeyError where no such call waits."""
+        return self._futures[sequence_number]
+
+    def remove_pending_request(self, future: Future[Any]) -> None:
+        """Wait for this answer no more."""
+        native = self.native
+        assert native is not None
+        with self._engine.loop:
+            for number, one in tuple(self._futures.items()):
+                if one is future:
+                    del self._futures[number]
+                    native.forget(number)
+
+    def service_is_ready(self) -> bool:
+        """Whether somebody serves."""
+        native = self.native
+        assert native is not None
+        with self._engine.loop:
+            return native.service_is_ready()
+
+    def wait_for_service(self, timeout_sec: float | None = None) -> bool:
+        """Wait until somebody serves, `timeout_sec` at most (None, below zero: for ever); returns whether."""
+        native = self.native
+        assert native is not None
+        with suppress(TimeoutError):
+            self._engine.run(native.wait_for_service, timeout_sec, context=self.node.context)
+        return self.service_is_ready()
+
+    def destroy(self) -> None:
+        """Wait for no more answers."""
+        self.node.destroy_client(self)
+
+    def __enter__(self) -> "Client":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.destroy()
+
+    # --- for the native client and the executor, under the guard
+
+    def on_response(self, number: int, outcome: Any) -> None:
+        future = self._futures.pop(number, None)
+        if future is None or isinstance(outcome, ServiceUnavailable):
+            return  # as in ROS, a call whose service has gone waits on
+        self._answers.append((future, outcome))
+        self.notify()
+        for waiter in self._callers:
+            waiter.set()
+
+    def take(self, most: int) -> Work | None:
+        if not self._answers:
+            return None
+        future, outcome = self._answers.popleft()
+        # Where nobody spun when it was called; else what a callback raises would not come out of `spin`.
+        future._set_executor(self.node.own_executor)
+        return (future.set_exception if isinstance(outcome, BusError) else future.set_result), (outcome,)

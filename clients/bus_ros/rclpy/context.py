@@ -1,0 +1,181 @@
+"""Contexts: what `rclpy.init` begins and `rclpy.shutdown` ends. Owns the arguments, and who is told."""
+
+import sys
+from collections.abc import Callable, Sequence
+from threading import Lock, Thread
+from types import TracebackType
+from typing import Any
+from weakref import WeakSet
+
+from bus.errors import ConfigurationError
+from bus.logger import configure, get_logger
+from bus.parameters import file
+from bus.process.address import domain_id
+from bus.process.ros_args import Arguments, UnknownArguments
+from bus_ros.rclpy import engine as engines
+from bus_ros.rclpy.exceptions import NotInitializedException, RCLInvalidROSArgsError, UnknownROSArgsError
+
+__all__ = ["Context", "get_default_context"]
+
+
+class Context:
+    """A life of the facade, from `init` to `shutdown`. In a `with`, entering begins and leaving ends it."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._is_valid = False
+        self.was_ended_by_signal = False
+        self.domain_id: int | None = None
+        """As given to `init`; None = as the environment says."""
+        self._callbacks: list[Callable[[], object]] = []
+        self._sleepers: WeakSet[Any] = WeakSet()
+        self._nodes: WeakSet[Any] = WeakSet()
+        self.arguments: tuple[str, ...] = ()
+        self.parameters: tuple[file.Section, ...] = ()
+        _contexts.add(self)
+
+    @property
+    def handle(self) -> "Context":
+        return self
+
+    def __enter__(self) -> "Context":
+        if not self._is_valid:
+            self.init()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.try_shutdown()
+
+    def init(
+        self,
+        args: Sequence[str] | None = None,
+        *,
+        initialize_logging: bool = True,
+        domain_id: int | None = None,
+    ) -> None:
+        """Begin. `args`: the command line, by default the program's own; those after --ros-args are obeyed.
+
+        Raises RuntimeError where it has begun already; RCLInvalidROSArgsError or UnknownROSArgsError, which
+        are RuntimeErrors, for ROS arguments that can't be used.
+        """
+        words = tuple(sys.argv[1:] if args is None else args)
+        arguments, parameters = parse_arguments(words)
+        if domain_id is not None and domain_id < 0:
+            raise RuntimeError(f"Domain id ({domain_id}) should not be lower than zero.")
+        with self._lock:
+            if self._is_valid:
+                raise RuntimeError("Context.init() must only be called once")
+            self.arguments = words
+            self.parameters = parameters
+            self.domain_id = domain_id
+            self.was_ended_by_signal = False
+            self._is_valid = True
+        if initialize_logging:
+            configure(arguments)
+
+    def ok(self) -> bool:
+        """Whether it has begun and not ended."""
+        return self._is_valid
+
+    def get_domain_id(self) -> int:
+        """The bus it is on: `--domain` of busd. Raises NotInitializedException."""
+        if not self._is_valid:
+            raise NotInitializedException("cannot get the domain id")
+        return domain_id(self.domain_id)
+
+    def shutdown(self) -> None:
+        """End: whoever spins returns. Once more is an error, unless a signal was first.
+
+        Raises RuntimeError where it has not begun or has ended.
+        """
+        if not self._end() and not self._forgive():
+            raise RuntimeError("Context must be initialized before it can be shutdown")
+
+    def try_shutdown(self) -> None:
+        """End, where that has not happened."""
+        self._end()
+
+    def on_shutdown(self, callback: Callable[[], object]) -> None:
+        """Call `callback` when it ends."""
+        if not callable(callback):
+            raise TypeError(f"callback must be callable, not {type(callback).__name__}")
+        with self._lock:
+            self._callbacks.append(callback)
+
+    @classmethod
+    def all(cls) -> "list[Context]":
+        """Those that are in use."""
+        return list(_contexts)
+
+    def nodes(self) -> list[Any]:
+        """Those that were made in it and are still held by somebody."""
+        return list(self._nodes)
+
+    def track_node(self, node: Any) -> None:
+        self._nodes.add(node)
+
+    def wake_at_end(self, sleeper: Any) -> None:
+        """Call its `wake_up` at the end; it is not kept alive. Under the engine's guard."""
+        self._sleepers.add(sleeper)
+
+    def end_by_signal(self) -> None:
+        """In a signal's handler: end, but leave what takes locks to others."""
+        if self._is_valid:
+            self._is_valid = False
+            self.was_ended_by_signal = True
+            if engine := engines.current():
+                engine.loop.call_soon_threadsafe(self._wake_all)
+                engine.nudge()
+            if self._callbacks:
+                Thread(target=self._call_back, name="rclpy shutdown", daemon=True).start()
+
+    def _forgive(self) -> bool:
+        """After a signal, programs shut down what is shut down already; that is no mistake of theirs."""
+        forgiven, self.was_ended_by_signal = self.was_ended_by_signal, False
+        return forgiven
+
+    def _end(self) -> bool:
+        with self._lock:
+            was_valid, self._is_valid = self._is_valid, False
+        if was_valid:
+            if engine := engines.current():
+                engine.call(self._wake_all)
+            self._call_back()
+        return was_valid
+
+    def _wake_all(self) -> None:
+        for sleeper in tuple(self._sleepers):
+            sleeper.wake_up()
+
+    def _call_back(self) -> None:
+        with self._lock:
+            callbacks, self._callbacks = self._callbacks, []
+        for callback in callbacks:
+            try:
+                callback()
+            except Exception as error:
+                get_logger("rclpy").error(f"a shutdown callback raised {type(error).__name__}: {error}")
+
+
+def parse_arguments(words: Sequence[str]) -> tuple[Arguments, tuple[file.Section, ...]]:
+    """A command line, and what it says of parameters.
+
+    Raises UnknownROSArgsError, and RCLInvalidROSArgsError for others that can't be used.
+    """
+    try:
+        arguments = Arguments.parse(words)
+        return arguments, file.load(arguments.parameters) if arguments.parameters else ()
+    except ConfigurationError as error:
+        kind = UnknownROSArgsError if isinstance(error, UnknownArguments) else RCLInvalidROSArgsError
+        raise kind(f"Failed to parse ROS arguments: {error}") from None
+
+
+_contexts: WeakSet[Context] = WeakSet()
+_default = Context()
+
+
+def get_default_context(*, shutting_down: bool = False) -> Context:
+    """The context of whoever names none."""
+    return _default

@@ -1,0 +1,232 @@
+"""Callbacks for what happens to endpoints besides messages, and their values, as rclpy.event_handler.
+
+Owns the translation of the bus's events. Must not know executors: who makes the endpoint says how a callback
+is put in line.
+"""
+
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Any, NamedTuple, TypeAlias
+
+from bus import events
+from bus.base.callbacks import ignore
+from bus_ros.rclpy.exceptions import UnsupportedEventTypeError
+from bus_ros.rclpy.qos_policies import QoSPolicyKind
+
+__all__ = [
+    "IncompatibleTypeInfo",
+    "PublisherEventCallbacks",
+    "QoSLivelinessChangedInfo",
+    "QoSLivelinessLostInfo",
+    "QoSMessageLostInfo",
+    "QoSOfferedDeadlineMissedInfo",
+    "QoSOfferedIncompatibleQoSInfo",
+    "QoSPublisherEventType",
+    "QoSPublisherMatchedInfo",
+    "QoSRequestedDeadlineMissedInfo",
+    "QoSRequestedIncompatibleQoSInfo",
+    "QoSSubscriptionEventType",
+    "QoSSubscriptionMatchedInfo",
+    "SubscriptionEventCallbacks",
+    "UnsupportedEventTypeError",
+    "publisher_events",
+    "subscription_events",
+]
+
+
+class QoSPublisherEventType(IntEnum):
+    RCL_PUBLISHER_OFFERED_DEADLINE_MISSED = 0
+    RCL_PUBLISHER_LIVELINESS_LOST = 1
+    RCL_PUBLISHER_OFFERED_INCOMPATIBLE_QOS = 2
+    RCL_PUBLISHER_INCOMPATIBLE_TYPE = 3
+    RCL_PUBLISHER_MATCHED = 4
+
+
+class QoSSubscriptionEventType(IntEnum):
+    RCL_SUBSCRIPTION_REQUESTED_DEADLINE_MISSED = 0
+    RCL_SUBSCRIPTION_LIVELINESS_CHANGED = 1
+    RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS = 2
+    RCL_SUBSCRIPTION_MESSAGE_LOST = 3
+    RCL_SUBSCRIPTION_INCOMPATIBLE_TYPE = 4
+    RCL_SUBSCRIPTION_MATCHED = 5
+
+
+# In all of these, `..._change` counts since the event before.
+
+
+class QoSRequestedDeadlineMissedInfo(NamedTuple):
+    """No message came within the deadline."""
+
+    total_count: int
+    total_count_change: int
+
+
+class QoSOfferedDeadlineMissedInfo(NamedTuple):
+    """Nothing was published within the deadline."""
+
+    total_count: int
+    total_count_change: int
+
+
+class QoSLivelinessChangedInfo(NamedTuple):
+    """Publishers that show that they live, and those that don't any more."""
+
+    alive_count: int
+    not_alive_count: int
+    alive_count_change: int
+    not_alive_count_change: int
+
+
+class QoSLivelinessLostInfo(NamedTuple):
+    """This publisher did not show in time that it lives."""
+
+    total_count: int
+    total_count_change: int
+
+
+class QoSMessageLostInfo(NamedTuple):
+    """Messages that were dropped before they could be taken."""
+
+    total_count: int
+    total_count_change: int
+
+
+class QoSRequestedIncompatibleQoSInfo(NamedTuple):
+    """Endpoints of this topic that can't match; a policy in which the last of them differs."""
+
+    total_count: int
+    total_count_change: int
+    last_policy_kind: QoSPolicyKind
+
+
+QoSOfferedIncompatibleQoSInfo = QoSRequestedIncompatibleQoSInfo
+
+
+class IncompatibleTypeInfo(NamedTuple):
+    """Endpoints of this topic that have another type."""
+
+    total_count: int
+    total_count_change: int
+
+
+class QoSPublisherMatchedInfo(NamedTuple):
+    """Matches ever made, and those that there are."""
+
+    total_count: int
+    total_count_change: int
+    current_count: int
+    current_count_change: int
+
+
+class QoSSubscriptionMatchedInfo(NamedTuple):
+    """Matches ever made, and those that there are."""
+
+    total_count: int
+    total_count_change: int
+    current_count: int
+    current_count_change: int
+
+
+Callback: TypeAlias = Callable[[Any], Any] | None
+Enqueue: TypeAlias = Callable[[Callable[[Any], Any], Any], Any]
+"""`enqueue(callback, info)` has the executor call `callback(info)`."""
+
+
+class SubscriptionEventCallbacks:
+    """A subscription's callbacks, each called with the value of its event.
+
+    `use_default_callbacks`: where there is none for incompatible QoS or types, a warning is logged.
+    """
+
+    def __init__(
+        self,
+        *,
+        deadline: Callback = None,
+        incompatible_qos: Callback = None,
+        liveliness: Callback = None,
+        message_lost: Callback = None,
+        incompatible_type: Callback = None,
+        matched: Callback = None,
+        use_default_callbacks: bool = True,
+    ) -> None:
+        self.deadline = deadline
+        self.incompatible_qos = incompatible_qos
+        self.liveliness = liveliness
+        self.message_lost = message_lost
+        self.incompatible_type = incompatible_type
+        self.matched = matched
+        self.use_default_callbacks = use_default_callbacks
+
+
+class PublisherEventCallbacks:
+    """A publisher's callbacks, each called with the value of its event.
+
+    `use_default_callbacks`: where there is none for incompatible QoS or types, a warning is logged.
+    """
+
+    def __init__(
+        self,
+        *,
+        deadline: Callback = None,
+        liveliness: Callback = None,
+        incompatible_qos: Callback = None,
+        incompatible_type: Callback = None,
+        matched: Callback = None,
+        use_default_callbacks: bool = True,
+    ) -> None:
+        self.deadline = deadline
+        self.liveliness = liveliness
+        self.incompatible_qos = incompatible_qos
+        self.incompatible_type = incompatible_type
+        self.matched = matched
+        self.use_default_callbacks = use_default_callbacks
+
+
+def subscription_events(callbacks: SubscriptionEventCallbacks, enqueue: Enqueue) -> events.SubscriptionEvents:
+    """The bus's events of a subscription with these callbacks."""
+    silent = None if callbacks.use_default_callbacks else ignore
+    return events.SubscriptionEvents(
+        matched=_on(callbacks.matched, enqueue, lambda e: QoSSubscriptionMatchedInfo(*_matched(e))),
+        incompatible_qos=_on(callbacks.incompatible_qos, enqueue, _incompatible_qos, silent),
+        incompatible_type=_on(callbacks.incompatible_type, enqueue, _incompatible_type, silent),
+        deadline_missed=_on(callbacks.deadline, enqueue, lambda e: QoSRequestedDeadlineMissedInfo(*e)),
+        liveliness_changed=_on(callbacks.liveliness, enqueue, lambda e: QoSLivelinessChangedInfo(*e)),
+        message_lost=_on(callbacks.message_lost, enqueue, lambda e: QoSMessageLostInfo(*e[:2])),
+    )
+
+
+def publisher_events(callbacks: PublisherEventCallbacks, enqueue: Enqueue) -> events.PublisherEvents:
+    """The bus's events of a publisher with these callbacks."""
+    silent = None if callbacks.use_default_callbacks else ignore
+    return events.PublisherEvents(
+        matched=_on(callbacks.matched, enqueue, lambda e: QoSPublisherMatchedInfo(*_matched(e))),
+        incompatible_qos=_on(callbacks.incompatible_qos, enqueue, _incompatible_qos, silent),
+        incompatible_type=_on(callbacks.incompatible_type, enqueue, _incompatible_type, silent),
+        deadline_missed=_on(callbacks.deadline, enqueue, lambda e: QoSOfferedDeadlineMissedInfo(*e)),
+        liveliness_lost=_on(callbacks.liveliness, enqueue, lambda e: QoSLivelinessLostInfo(*e)),
+    )
+
+
+def _on(
+    callback: Callback, enqueue: Enqueue, convert: Callable[[Any], Any], otherwise: Callback = None
+) -> Callback:
+    """What the bus calls; None = what it does itself: a warning where something is incompatible."""
+    if callback is None:
+        return otherwise
+    return lambda event: enqueue(callback, convert(event))
+
+
+def _matched(event: events.MatchedChange) -> tuple[int, int, int, int]:
+    return event.total_count, event.total_count_change, event.current_count, event.current_count_change
+
+
+def _incompatible_qos(event: events.IncompatibleQoS) -> QoSRequestedIncompatibleQoSInfo:
+    try:
+        kind = QoSPolicyKind[event.policy]
+    except KeyError:  # a busd newer than this library
+        kind = QoSPolicyKind.INVALID
+    return QoSRequestedIncompatibleQoSInfo(event.total_count, event.total_count_change, kind)
+
+
+def _incompatible_type(event: events.IncompatibleType) -> IncompatibleTypeInfo:
+    return IncompatibleTypeInfo(event.total_count, event.total_count_change)

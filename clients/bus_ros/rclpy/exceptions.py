@@ -1,0 +1,181 @@
+"""The exceptions of rclpy.exceptions, and of rclpy's C extension that programs name. Knows nothing else."""
+
+from typing import Any
+
+from bus.errors import ConfigurationError
+from bus.parameters.values import UNDECLARED
+
+__all__ = [
+    "InvalidHandle",
+    "InvalidNamespaceException",
+    "InvalidNodeNameException",
+    "InvalidParameterException",
+    "InvalidParameterTypeException",
+    "InvalidParameterValueException",
+    "InvalidServiceNameException",
+    "InvalidTopicNameException",
+    "NameValidationException",
+    "NoTypeSupportImportedException",
+    "NodeNameNonExistentError",
+    "NotInitializedException",
+    "ParameterAlreadyDeclaredException",
+    "ParameterException",
+    "ParameterImmutableException",
+    "ParameterNotDeclaredException",
+    "ParameterUninitializedException",
+    "RCLError",
+    "RCLInvalidROSArgsError",
+    "ROSInterruptException",
+    "TimerCancelledError",
+    "UnknownROSArgsError",
+    "UnsupportedEventTypeError",
+]
+
+
+class RCLError(RuntimeError):
+    """What ROS's C layer would refuse."""
+
+
+class RCLInvalidROSArgsError(RCLError):
+    """A ROS argument of the command line can't be understood."""
+
+
+class UnknownROSArgsError(RuntimeError):
+    """The command line has ROS arguments that don't exist."""
+
+
+class NodeNameNonExistentError(RCLError):
+    """No node of that name is in the graph."""
+
+
+class UnsupportedEventTypeError(RCLError):
+    """The middleware has no such event; busd has them all, so it is never raised."""
+
+
+class TimerCancelledError(RCLError):
+    """A timer was asked for its next call after it was cancelled."""
+
+
+class InvalidHandle(RuntimeError):
+    """An object was used after it was destroyed."""
+
+
+class NotInitializedException(Exception):
+    """A context was used before `rclpy.init()`, or after its shutdown."""
+
+    def __init__(self, message: str | None = None) -> None:
+        detail = f" msg:{message}" if message else ""
+        super().__init__(f"rclpy.init() has not been called.{detail}")
+
+
+class NoTypeSupportImportedException(Exception):
+    """A message class can't be put on the wire."""
+
+    def __init__(self) -> None:
+        super().__init__("no type_support imported")
+
+
+class ROSInterruptException(Exception):
+    """What was waited for can't come any more, because the context was shut down."""
+
+    def __init__(self) -> None:
+        super().__init__("rclpy.shutdown() has been called")
+
+
+class NameValidationException(Exception):
+    """A name of a topic, service, node or namespace breaks a rule; the text has a caret under the place."""
+
+    def __init__(self, name_type: str, name: str, error_msg: str, invalid_index: int) -> None:
+        super().__init__(f"Invalid {name_type}: {error_msg}:\n  '{name}'\n   {' ' * invalid_index}^")
+
+
+class _NameException(NameValidationException):
+    """One kind of name."""
+
+    kind = ""
+
+    def __init__(self, name: str, error_msg: str, invalid_index: int) -> None:
+        super().__init__(self.kind, name, error_msg, invalid_index)
+
+    @classmethod
+    def of(cls, name: str, error: ConfigurationError) -> "_NameException":
+        """What `bus.names` found wrong with `name`, said as rclpy says it."""
+        # Texts of bus.names: "Invalid <kind>: <rule>:\n  '<name>'\n   ^"
+        rule = str(error).partition(": ")[2].partition(":\n")[0]
+        return cls(name, rule or str(error), error.index or 0)
+
+
+class InvalidNamespaceException(_NameException):
+    kind = "namespace"
+
+
+class InvalidNodeNameException(_NameException):
+    kind = "node name"
+
+
+class InvalidTopicNameException(_NameException):
+    kind = "topic name"
+
+
+class InvalidServiceNameException(_NameException):
+    kind = "service name"
+
+
+class ParameterException(Exception):
+    """Base of what can be wrong with parameters; the text ends with their names."""
+
+    def __init__(self, error_msg: str, parameters: str | list[str]) -> None:
+        super().__init__(f"{error_msg}: {parameters}")
+
+
+class ParameterNotDeclaredException(ParameterException):
+    """A parameter was used that nobody declared, in a node that asks for declarations."""
+
+    def __init__(self, parameters: str | list[str]) -> None:
+        super().__init__(UNDECLARED, parameters)
+
+
+class ParameterAlreadyDeclaredException(ParameterException):
+    """A parameter was declared twice."""
+
+    def __init__(self, parameters: str | list[str]) -> None:
+        super().__init__("Parameter(s) already declared", parameters)
+
+
+class InvalidParameterException(ParameterException):
+    """A parameter's name is not allowed."""
+
+    def __init__(self, parameter_name: str) -> None:
+        super().__init__("Invalid parameter name", parameter_name)
+
+
+class InvalidParameterTypeException(ParameterException):
+    """A value's type is not the parameter's; `desired_parameter` is a Parameter."""
+
+    def __init__(self, desired_parameter: Any, expected_type: object) -> None:
+        super().__init__(
+            f"Trying to set parameter '{desired_parameter.name}' to '{desired_parameter.value}'"
+            f" of type '{desired_parameter.type_.name}', expecting type '{expected_type}'",
+            desired_parameter.name,
+        )
+
+
+class InvalidParameterValueException(ParameterException):
+    """A callback, or the parameter's descriptor, refuses a value."""
+
+    def __init__(self, parameter: str, value: object, reason: str) -> None:
+        super().__init__(f"Invalid parameter value ({value}) for parameter. Reason: {reason}", parameter)
+
+
+class ParameterImmutableException(ParameterException):
+    """A read-only parameter was to be changed."""
+
+    def __init__(self, parameter_name: str) -> None:
+        super().__init__("Attempted to modify read-only parameter", parameter_name)
+
+
+class ParameterUninitializedException(ParameterException):
+    """A parameter was read that was declared by its type only and has no value yet."""
+
+    def __init__(self, parameter_name: str) -> None:
+        super().__init__(f"The parameter '{parameter_name}' is not initialized", parameter_name)

@@ -1,0 +1,37 @@
+"""Guard conditions: a callback that any thread can have called by an executor."""
+
+from collections.abc import Callable
+from typing import Any
+
+from bus.base.callbacks import is_async
+from bus_ros.rclpy.engine import engine
+from bus_ros.rclpy.entity import Entity, Work
+
+__all__ = ["GuardCondition"]
+
+
+class GuardCondition(Entity):
+    """Made by `Node.create_guard_condition`."""
+
+    is_single = True
+
+    def __init__(self, callback: Callable[[], object], callback_group: Any, node: Any) -> None:
+        self.callback = callback
+        self.is_async = is_async(callback)
+        self._is_triggered = False
+        super().__init__(node, callback_group)
+
+    def trigger(self) -> None:
+        """Have the callback called; several times before that are one. From any thread."""
+        engine().call(self._trigger)
+
+    def destroy(self) -> None:
+        self.node.destroy_guard_condition(self)
+
+    def take(self, most: int) -> Work | None:
+        was_triggered, self._is_triggered = self._is_triggered, False
+        return (self.callback, ()) if was_triggered else None
+
+    def _trigger(self) -> None:
+        self._is_triggered = True
+        self.notify()

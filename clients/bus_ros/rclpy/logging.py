@@ -1,0 +1,75 @@
+"""Loggers by name and their levels, as rclpy.logging. Lines, levels and handlers are `bus.logger`'s."""
+
+import logging
+import os
+from pathlib import Path
+
+from bus.logger import TOP_NAME, Severity, set_default_level
+from bus_ros.rclpy.impl.logging_severity import LoggingSeverity
+from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger
+
+__all__ = [
+    "LoggingSeverity",
+    "clear_config",
+    "get_logger",
+    "get_logger_effective_level",
+    "get_logger_level",
+    "get_logging_directory",
+    "get_logging_severity_from_string",
+    "initialize",
+    "set_logger_level",
+    "shutdown",
+]
+
+
+def get_logger(name: str) -> RcutilsLogger:
+    """The logger of that name; raises ValueError for an empty one."""
+    if not name:
+        raise ValueError("Logger name must not be empty.")
+    return RcutilsLogger(name)
+
+
+def initialize() -> None:
+    """Nothing is to be done: logging works from the first call."""
+
+
+def shutdown() -> None:
+    """Nothing is to be done: each line is written at once."""
+
+
+def clear_config() -> None:
+    """Forget the level of every logger."""
+    set_default_level(Severity.UNSET)
+    for name in list(logging.root.manager.loggerDict):
+        if name.startswith(f"{TOP_NAME}."):
+            logging.getLogger(name).setLevel(logging.NOTSET)
+
+
+def set_logger_level(name: str, level: int | LoggingSeverity, detailed_error: bool = False) -> None:
+    """Log this severity and above; an empty name = the default of all. Raises ValueError for no severity."""
+    RcutilsLogger(name).set_level(level)
+
+
+def get_logger_effective_level(name: str) -> LoggingSeverity:
+    """The lowest severity that is logged under that name."""
+    return RcutilsLogger(name).get_effective_level()
+
+
+def get_logger_level(name: str) -> LoggingSeverity:
+    """The level that was set for just this name; UNSET where none was."""
+    return LoggingSeverity(logging.getLogger(f"{TOP_NAME}.{name}" if name else TOP_NAME).level)
+
+
+def get_logging_severity_from_string(log_severity: str) -> LoggingSeverity:
+    """Of `INFO`, in any case; raises RuntimeError for what is no severity."""
+    try:
+        return LoggingSeverity[log_severity.upper()]
+    except KeyError:
+        raise RuntimeError(f"Failed to get log severity from name '{log_severity}'") from None
+
+
+def get_logging_directory() -> Path:
+    """Where ROS 2 keeps log files: $ROS_LOG_DIR, $ROS_HOME/log or ~/.ros/log. busd writes none."""
+    if chosen := os.environ.get("ROS_LOG_DIR"):
+        return Path(chosen).expanduser()
+    return Path(os.environ.get("ROS_HOME") or "~/.ros").expanduser() / "log"

@@ -1,0 +1,125 @@
+"""`rclpy.parameter_client`: reads and changes the parameters of another node.
+
+Owns: calls to requests of the six services. Must not know: how services are carried. Each call returns the
+Future of the service's response.
+"""
+
+from collections.abc import Callable, Sequence
+from math import inf
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from bus_ros.rclpy.parameter import Parameter, parameter_dict_from_yaml_file
+from bus_ros.rclpy.qos import QoSProfile, qos_profile_services_default
+
+__all__ = ["AsyncParameterClient"]
+
+_Callback = Callable[[Any], None]
+
+
+class AsyncParameterClient:
+    """The parameters of the node `remote_node_name`, asked for by `node`.
+
+    A `callback` of a call gets its Future when that is done.
+    """
+
+    def __init__(
+        self,
+        node: Any,
+        remote_node_name: str,
+        qos_profile: QoSProfile = qos_profile_services_default,
+        callback_group: Any = None,
+    ) -> None:
+        from bus_ros.rosidl import service_class
+
+        self.remote_node_name = remote_node_name
+
+        def create(service: str, topic: str) -> Any:
+            return node.create_client(
+                service_class(f"rcl_interfaces/srv/{service}"),
+                f"{remote_node_name}/{topic}",
+                qos_profile=qos_profile,
+                callback_group=callback_group,
+            )
+
+        self._get_parameter_client = create("GetParameters", "get_parameters")
+        self._list_parameter_client = create("ListParameters", "list_parameters")
+        self._set_parameter_client = create("SetParameters", "set_parameters")
+        self._get_parameter_types_client = create("GetParameterTypes", "get_parameter_types")
+        self._describe_parameters_client = create("DescribeParameters", "describe_parameters")
+        self._set_parameters_atomically_client = create(
+            "SetParametersAtomically", "set_parameters_atomically"
+        )
+        self._clients = (
+            self._get_parameter_client,
+            self._list_parameter_client,
+            self._set_parameter_client,
+            self._get_parameter_types_client,
+            self._describe_parameters_client,
+            self._set_parameters_atomically_client,
+        )
+
+    def services_are_ready(self) -> bool:
+        """Whether all six would be heard at once."""
+        return all(client.service_is_ready() for client in self._clients)
+
+    def wait_for_services(self, timeout_sec: float | None = None) -> bool:
+        """Wait until they are, at most `timeout_sec` seconds; returns whether they are."""
+        end_s = inf if timeout_sec is None else monotonic() + timeout_sec
+        for client in self._clients:
+            left_s = None if end_s == inf else max(0.0, end_s - monotonic())
+            if not client.wait_for_service(left_s):
+                return False
+        return True
+
+    def list_parameters(
+        self,
+        prefixes: list[str] | None = None,
+        depth: int | None = None,
+        callback: _Callback | None = None,
+    ) -> Any:
+        """Names below any of `prefixes` (none = all), at most `depth` levels down (none = all)."""
+        return _call(self._list_parameter_client, callback, prefixes=prefixes or [], depth=depth or 0)
+
+    def get_parameters(self, names: list[str], callback: _Callback | None = None) -> Any:
+        return _call(self._get_parameter_client, callback, names=names)
+
+    def set_parameters(self, parameters: Sequence[Any], callback: _Callback | None = None) -> Any:
+        """Each for itself; they are Parameters, or messages of them."""
+        return _call(self._set_parameter_client, callback, parameters=_messages(parameters))
+
+    def set_parameters_atomically(self, parameters: Sequence[Any], callback: _Callback | None = None) -> Any:
+        """All or none."""
+        return _call(self._set_parameters_atomically_client, callback, parameters=_messages(parameters))
+
+    def delete_parameters(self, names: list[str], callback: _Callback | None = None) -> Any:
+        """Undeclare them; a node refuses that for those with a static type."""
+        unset = [Parameter(name, Parameter.Type.NOT_SET) for name in names]
+        return self.set_parameters(unset, callback)
+
+    def describe_parameters(self, names: list[str], callback: _Callback | None = None) -> Any:
+        return _call(self._describe_parameters_client, callback, names=names)
+
+    def get_parameter_types(self, names: list[str], callback: _Callback | None = None) -> Any:
+        return _call(self._get_parameter_types_client, callback, names=names)
+
+    def load_parameter_file(
+        self, parameter_file: str | Path, use_wildcard: bool = False, callback: _Callback | None = None
+    ) -> Any:
+        """Set what the file says of this node, and with `use_wildcard` of all nodes. Raises RuntimeError."""
+        found = parameter_dict_from_yaml_file(
+            parameter_file, use_wildcard, target_nodes=[self.remote_node_name]
+        )
+        return self.set_parameters(list(found.values()), callback)
+
+
+def _messages(parameters: Sequence[Any]) -> list[Any]:
+    return [one.to_parameter_msg() if isinstance(one, Parameter) else one for one in parameters]
+
+
+def _call(client: Any, callback: _Callback | None, **fields: Any) -> Any:
+    future = client.call_async(client.srv_type.Request(**fields))
+    if callback is not None:
+        future.add_done_callback(callback)
+    return future

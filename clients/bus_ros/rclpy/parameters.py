@@ -1,0 +1,282 @@
+"""The parameters of one node: declared, read, set, described, and the callbacks around a change.
+
+Owns: rclpy's calls, results and exceptions; the values and the rules for changing them are those of
+`bus.parameters.values`. Must not know: nodes, the bus, files and command lines. Message classes are made when
+one is first needed.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
+from typing import Any, TypeAlias
+
+from bus.parameters.values import WRONG_TYPE, Change, Declared, ParameterStore, Rules
+from bus.parameters.values import ParameterType as ValueType
+from bus_ros.rclpy.exceptions import (
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    ParameterAlreadyDeclaredException,
+    ParameterImmutableException,
+    ParameterNotDeclaredException,
+    ParameterUninitializedException,
+)
+from bus_ros.rclpy.parameter import (
+    PARAMETER_SEPARATOR_STRING,
+    Parameter,
+    parameter_message,
+    parameter_value_to_python,
+)
+from bus_ros.rclpy.parameter_rules import check_declaration, describe, with_required
+from bus_ros.rclpy.validate_parameter_name import validate_parameter_name
+
+__all__ = ["NodeParameters"]
+
+PreSet: TypeAlias = Callable[[list[Parameter]], list[Parameter]]
+OnSet: TypeAlias = Callable[[list[Parameter]], Any]
+PostSet: TypeAlias = Callable[[list[Parameter]], None]
+
+
+class NodeParameters:
+    """The parameters of a node.
+
+    `overrides` are the values of the command line by name (`bus.parameters.file.overrides`); those of the
+    node's constructor, `parameter_overrides`, go before them. `on_change` is told each change, before the
+    post-set callbacks. Raises what `declare_parameters` raises where overrides are to be declared at once.
+    """
+
+    def __init__(
+        self,
+        *,
+        overrides: Mapping[str, Any] | None = None,
+        parameter_overrides: Iterable[Parameter] | None = None,
+        allow_undeclared_parameters: bool = False,
+        automatically_declare_parameters_from_overrides: bool = False,
+        on_change: Callable[[Change[Parameter]], object] | None = None,
+    ) -> None:
+        self._allow_undeclared = allow_undeclared_parameters
+        self._store: ParameterStore[Parameter] = ParameterStore(on_change)
+        self._declared = self._store.declared
+        self._overrides: dict[str, Any] = dict(overrides or {})
+        self._overrides.update({one.name: one.value for one in parameter_overrides or ()})
+        if automatically_declare_parameters_from_overrides:
+            for name, value in self._overrides.items():
+                # rclpy gives them a static type too.
+                self._declare(name, value, None, ignore_override=True)
+
+    # --- declaring
+
+    def declare_parameter(
+        self, name: str, value: Any = None, descriptor: Any = None, ignore_override: bool = False
+    ) -> Parameter:
+        """Declare one; `value` is a default, or a Parameter.Type for one that must come from outside.
+
+        Raises ParameterAlreadyDeclaredException, InvalidParameterException (the name),
+        InvalidParameterTypeException, InvalidParameterValueException (a callback or a range refuses),
+        TypeError for a value that no parameter can have.
+        """
+        only_a_name = value is None and descriptor is None
+        entry = (name,) if only_a_name else (name, value, descriptor)
+        return self.declare_parameters("", [entry], ignore_override)[0]
+
+    def declare_parameters(
+        self, namespace: str, parameters: Iterable[Sequence[Any]], ignore_override: bool = False
+    ) -> list[Parameter]:
+        """Declare several: each (name), (name, value) or (name, value, descriptor), `namespace.` in front.
+
+        Those before one that fails stay declared. Raises as `declare_parameter`, and ValueError for a type
+        that contradicts its descriptor.
+        """
+        prefix = f"{namespace}{PARAMETER_SEPARATOR_STRING}" if namespace else ""
+        entries = [check_declaration(index, entry) for index, entry in enumerate(parameters)]
+        known = [prefix + name for name, *_ in entries if prefix + name in self._declared]
+        if known:
+            raise ParameterAlreadyDeclaredException(known)
+        return [
+            self._declare(prefix + name, value, descriptor, ignore_override=ignore_override)
+            for name, value, descriptor in entries
+        ]
+
+    def undeclare_parameter(self, name: str) -> None:
+        """Raises ParameterNotDeclaredException, ParameterImmutableException."""
+        if self._find(name).rules.is_read_only:
+            raise ParameterImmutableException(name)
+        del self._declared[name]
+
+    def has_parameter(self, name: str) -> bool:
+        return name in self._declared
+
+    # --- reading
+
+    def get_parameter(self, name: str) -> Parameter:
+        """Raises ParameterNotDeclaredException; ParameterUninitializedException where it has no value."""
+        declared = self._declared.get(name)
+        if declared is None:
+            if self._allow_undeclared:
+                return Parameter(name, ValueType.NOT_SET)
+            raise ParameterNotDeclaredException(name)
+        if declared.parameter.type_ is ValueType.NOT_SET and not declared.rules.is_dynamic:
+            raise ParameterUninitializedException(name)
+        return declared.parameter
+
+    def get_parameters(self, names: Iterable[str]) -> list[Parameter]:
+        """Raises as `get_parameter`; TypeError where a name is no text."""
+        return [self.get_parameter(name) for name in _texts("names", names)]
+
+    def get_parameter_or(self, name: str, alternative_value: Parameter | None = None) -> Parameter:
+        """The alternative (default: a parameter that is not set) where it is not declared or has no value."""
+        declared = self._declared.get(name)
+        if declared is None or declared.parameter.type_ is ValueType.NOT_SET:
+            return alternative_value or Parameter(name, ValueType.NOT_SET)
+        return declared.parameter
+
+    def get_parameters_by_prefix(self, prefix: str) -> dict[str, Parameter]:
+        """Those below `prefix`, by what comes after it; "" = all."""
+        start = f"{prefix}{PARAMETER_SEPARATOR_STRING}" if prefix else ""
+        return {
+            name[len(start) :]: declared.parameter
+            for name, declared in tuple(self._declared.items())
+            if name.startswith(start)
+        }
+
+    def get_parameter_type(self, name: str) -> ValueType:
+        """Raises ParameterNotDeclaredException."""
+        if name not in self._declared and self._allow_undeclared:
+            return ValueType.NOT_SET
+        return self._find(name).parameter.type_
+
+    def get_parameter_types(self, names: Iterable[str]) -> list[ValueType]:
+        """Raises as `get_parameter_type`; TypeError where a name is no text."""
+        return [self.get_parameter_type(name) for name in _texts("names", names)]
+
+    def list_parameters(self, prefixes: list[str], depth: int) -> Any:
+        """Names below any of `prefixes` (none = all), at most `depth` levels down (0 = all).
+
+        Returns rcl_interfaces/msg/ListParametersResult. Raises TypeError, ValueError for what is neither.
+        """
+        if not isinstance(prefixes, list):
+            raise TypeError("The prefixes argument must be a list")
+        _texts("prefixes", prefixes)
+        if depth < 0:
+            raise ValueError("The depth argument must not be negative")
+        found, above = self._store.find_below(prefixes, depth)
+        return parameter_message("ListParametersResult")(names=found, prefixes=above)
+
+    # --- setting
+
+    def set_parameters(self, parameter_list: Iterable[Parameter]) -> list[Any]:
+        """Set each by itself; returns a rcl_interfaces/msg/SetParametersResult for each.
+
+        Raises ParameterNotDeclaredException, and those before it are set.
+        """
+        return [self.set_parameters_atomically([parameter]) for parameter in parameter_list]
+
+    def set_parameters_atomically(self, parameter_list: Iterable[Parameter]) -> Any:
+        """Set all or none; returns a SetParametersResult. One without a value is undeclared.
+
+        Raises ParameterNotDeclaredException, TypeError for what is no Parameter.
+        """
+        wanted = list(parameter_list)
+        if not all(isinstance(one, Parameter) for one in wanted):
+            raise TypeError(f"parameter must be instance of type '{Parameter!r}'")
+        wanted = self._store.prepare(wanted)
+        unknown = self._store.unknown(wanted)
+        if unknown and not self._allow_undeclared:
+            raise ParameterNotDeclaredException(unknown)
+        outcome = self._store.set(wanted)
+        return parameter_message("SetParametersResult")(**outcome._asdict())
+
+    # --- describing
+
+    def describe_parameter(self, name: str) -> Any:
+        """Its rcl_interfaces/msg/ParameterDescriptor. Raises ParameterNotDeclaredException."""
+        if name not in self._declared and self._allow_undeclared:
+            return parameter_message("ParameterDescriptor")()
+        return describe(self._find(name))
+
+    def describe_parameters(self, names: Iterable[str]) -> list[Any]:
+        """Raises as `describe_parameter`; TypeError where a name is no text."""
+        return [self.describe_parameter(name) for name in _texts("names", names)]
+
+    def set_descriptor(self, name: str, descriptor: Any, alternative_value: Any = None) -> Any:
+        """Replace a parameter's descriptor; returns the value (a ParameterValue) that it has then.
+
+        `alternative_value`, a ParameterValue, is set where the present one does not fit. Raises
+        ParameterNotDeclaredException, ParameterImmutableException, InvalidParameterValueException.
+        """
+        if name not in self._declared and self._allow_undeclared:
+            return Parameter(name, ValueType.NOT_SET).get_parameter_value()
+        declared = self._find(name)
+        if declared.rules.is_read_only:
+            raise ParameterImmutableException(name)
+        rules, descriptor = Rules.of(descriptor), copy(descriptor)
+        parameter = declared.parameter
+        reason = rules.find_fault(parameter, is_known=True)
+        if reason and alternative_value is not None:
+            parameter = Parameter(name, value=parameter_value_to_python(alternative_value))
+            reason = rules.find_fault(parameter, is_known=True)
+        if reason:
+            raise InvalidParameterValueException(name, parameter.value, reason)
+        if parameter is declared.parameter:
+            self._declared[name] = Declared(parameter, rules.with_type_of(parameter), descriptor)
+        else:
+            successful, reason = self._store.declare(parameter, rules, descriptor)
+            if not successful:
+                raise InvalidParameterValueException(name, parameter.value, reason)
+        return parameter.get_parameter_value()
+
+    # --- callbacks
+
+    def add_pre_set_parameters_callback(self, callback: PreSet) -> None:
+        """Before a change: gets what is to be set, returns what shall be set instead."""
+        self._store.pre_set.insert(0, callback)
+
+    def add_on_set_parameters_callback(self, callback: OnSet) -> None:
+        """May refuse a change: returns a SetParametersResult. The one that was added last is asked first."""
+        self._store.on_set.insert(0, callback)
+
+    def add_post_set_parameters_callback(self, callback: PostSet) -> None:
+        """After a change: gets what was set."""
+        self._store.post_set.insert(0, callback)
+
+    def remove_pre_set_parameters_callback(self, callback: PreSet) -> None:
+        """Raises ValueError where it was not added."""
+        self._store.pre_set.remove(callback)
+
+    def remove_on_set_parameters_callback(self, callback: OnSet) -> None:
+        """Raises ValueError where it was not added."""
+        self._store.on_set.remove(callback)
+
+    def remove_post_set_parameters_callback(self, callback: PostSet) -> None:
+        """Raises ValueError where it was not added."""
+        self._store.post_set.remove(callback)
+
+    # --- inside
+
+    def _find(self, name: str) -> Declared[Parameter]:
+        declared = self._declared.get(name)
+        if declared is None:
+            raise ParameterNotDeclaredException(name)
+        return declared
+
+    def _declare(self, name: str, value: Any, descriptor: Any, *, ignore_override: bool) -> Parameter:
+        validate_parameter_name(name)
+        rules = Rules.of(descriptor)
+        if isinstance(value, ValueType):
+            rules, value = with_required(rules, name, value), None
+        elif not rules.is_dynamic and value is not None:
+            rules = rules.with_type_of(Parameter(name, value=value))
+        if not ignore_override and name in self._overrides:
+            value = self._overrides[name]
+        parameter = Parameter(name, value=value)
+        successful, reason = self._store.declare(parameter, rules, copy(descriptor))
+        if successful:
+            return self._declared[name].parameter
+        if reason.startswith(WRONG_TYPE):
+            raise InvalidParameterTypeException(parameter, rules.type_.name)
+        raise InvalidParameterValueException(name, value, reason)
+
+
+def _texts(what: str, values: Iterable[str]) -> list[str]:
+    texts = list(values)
+    if not all(isinstance(text, str) for text in texts):
+        raise TypeError(f"All {what} must be instances of type str")
+    return texts

@@ -1,0 +1,124 @@
+"""Publishers of the facade: a native one, used under the guard from whichever thread publishes."""
+
+from typing import Any, Generic, TypeVar
+
+from bus.errors import ConnectionClosed
+from bus.publisher import Publisher as NativePublisher
+from bus_ros.rclpy.duration import Duration
+from bus_ros.rclpy.engine import Engine
+from bus_ros.rclpy.exceptions import InvalidHandle
+from bus_ros.rclpy.qos import QoSProfile
+
+__all__ = ["Publisher"]
+
+M = TypeVar("M")
+
+ROOM_S = 10.0
+"""How long `publish` waits for room where the QoS is reliable + keep all."""
+
+
+class Publisher(Generic[M]):
+    """Made by `Node.create_publisher`."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        native: NativePublisher[Any],
+        msg_type: type[M],
+        qos_profile: QoSProfile,
+        node: Any,
+    ) -> None:
+        self.msg_type = msg_type
+        self.qos_profile = qos_profile
+        self.node = node
+        self._engine = engine
+        self._loop = engine.loop
+        self._guard = engine.loop.guard
+        self.native = native
+
+    @property
+    def topic(self) -> str:
+        return self.native.topic_name
+
+    @property
+    def topic_name(self) -> str:
+        return self.native.topic_name
+
+    def publish(self, msg: M | bytes) -> None:
+        """Publish a message, or one that is serialized already; from any thread.
+
+        Where the QoS is reliable + keep all and there is no room, it waits for up to ROOM_S seconds, then
+        raises RuntimeError. Raises TypeError for a message of another class, or with a wrong field;
+        InvalidHandle after it, or its node, was destroyed.
+        """
+        if msg.__class__ is not self.msg_type:
+            self._publish_other(msg)
+            return
+        try:
+            native = self.native
+            with self._guard:
+                is_taken = native._sender.publish(msg)
+                if is_taken is not True:
+                    is_taken = native._publish_on(msg, is_taken)
+        except ConnectionClosed as error:
+            raise self._why_closed(error) from None
+        if self._loop.is_interrupted:
+            self._loop.check()
+        if not is_taken:
+            self._wait_for_room(msg)
+
+    def get_subscription_count(self) -> int:
+        """Subscriptions matched now."""
+        with self._loop:
+            return self.native.get_subscription_count()
+
+    def assert_liveliness(self) -> None:
+        """A sign of life, where the QoS is manual by topic."""
+        self._engine.call(self.native.assert_liveliness)
+
+    def wait_for_all_acked(self, timeout: Duration | None = None) -> bool:
+        """Wait until all that was published is handed over; returns whether it is."""
+        try:
+            self._engine.run(self.native.flush, None if timeout is None else timeout.nanoseconds / 1e9)
+        except TimeoutError:
+            return False
+        return True
+
+    def destroy(self) -> None:
+        """No more publishing."""
+        self.node.destroy_publisher(self)
+
+    def __enter__(self) -> "Publisher[M]":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.destroy()
+
+    # --- inside
+
+    def _publish_other(self, msg: Any) -> None:
+        """Bytes, or a message of a class of the user's own below the topic's."""
+        if not isinstance(msg, bytes):
+            if not isinstance(msg, self.msg_type):
+                raise TypeError(f"Expected {self.msg_type}, got {type(msg)}")
+            msg = self.native._support.encode(msg)
+        try:
+            with self._loop:
+                is_taken = self.native.publish_encoded(msg)
+        except ConnectionClosed as error:
+            raise self._why_closed(error) from None
+        if not is_taken:
+            raise RuntimeError(f"no room to publish on '{self.topic_name}'")
+
+    def _why_closed(self, error: ConnectionClosed) -> Exception:
+        is_destroyed = self not in self.node.publishers
+        return InvalidHandle(f"the publisher on '{self.topic_name}' is destroyed") if is_destroyed else error
+
+    def _wait_for_room(self, msg: M) -> None:
+        try:
+            self._engine.run(lambda: self.native.send(msg), ROOM_S)
+        except TimeoutError:
+            raise RuntimeError(
+                f"failed to publish on '{self.topic_name}': the subscriptions have taken nothing for"
+                f" {ROOM_S:g} s, and keep_all keeps all"
+            ) from None

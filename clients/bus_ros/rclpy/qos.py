@@ -1,0 +1,365 @@
+"""QoS profiles as rclpy has them: mutable, with "system default" and "best available" among the policies.
+
+Owns the profiles, their presets, and what they mean on the bus (`to_native`, `from_native`). Must not know
+how a policy is carried out: that is `bus.qos`'s and the library's.
+"""
+
+import warnings
+from enum import Enum, IntEnum
+from typing import Any, Generic, TypeVar, overload
+
+from bus import qos as native
+from bus_ros.rclpy.duration import Duration, Infinite
+from bus_ros.rclpy.qos_policies import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    LivelinessPolicy,
+    QoSPolicyEnum,
+    QoSPolicyKind,
+    ReliabilityPolicy,
+    qos_policy_name_from_kind,
+)
+
+__all__ = [
+    "DurabilityPolicy",
+    "HistoryPolicy",
+    "InvalidQoSProfileException",
+    "LivelinessPolicy",
+    "QoSCompatibility",
+    "QoSDurabilityPolicy",
+    "QoSHistoryPolicy",
+    "QoSLivelinessPolicy",
+    "QoSPolicyEnum",
+    "QoSPolicyKind",
+    "QoSPresetProfiles",
+    "QoSProfile",
+    "QoSReliabilityPolicy",
+    "ReliabilityPolicy",
+    "from_native",
+    "profile_of",
+    "qos_check_compatible",
+    "qos_policy_name_from_kind",
+    "qos_profile_action_status_default",
+    "qos_profile_best_available",
+    "qos_profile_default",
+    "qos_profile_parameter_events",
+    "qos_profile_parameters",
+    "qos_profile_rosout_default",
+    "qos_profile_sensor_data",
+    "qos_profile_services_default",
+    "qos_profile_system_default",
+    "qos_profile_unknown",
+    "to_native",
+]
+
+QoSHistoryPolicy = HistoryPolicy
+QoSReliabilityPolicy = ReliabilityPolicy
+QoSDurabilityPolicy = DurabilityPolicy
+QoSLivelinessPolicy = LivelinessPolicy
+
+P = TypeVar("P", bound=QoSPolicyEnum)
+V = TypeVar("V")
+
+_UNSPECIFIED = Duration()
+_BEST_AVAILABLE = Duration(nanoseconds=2**63 - 2)
+"""rmw's mark in a deadline or lease that is to match the other side's."""
+
+
+class InvalidQoSProfileException(Exception):
+    """A profile that says too little."""
+
+    def __init__(self, *args: object) -> None:
+        super().__init__("Invalid QoSProfile", *args)
+
+
+class _Policy(Generic[P]):
+    """A field that holds an enum and takes its numbers too."""
+
+    def __init__(self, kind: type[P]) -> None:
+        self._kind = kind
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._slot = f"_{name}"
+
+    @overload
+    def __get__(self, profile: None, owner: type) -> "_Policy[P]": ...
+    @overload
+    def __get__(self, profile: object, owner: type) -> P: ...
+    def __get__(self, profile: object | None, owner: type) -> "P | _Policy[P]":
+        if profile is None:
+            return self
+        value: P = getattr(profile, self._slot)
+        return value
+
+    def __set__(self, profile: object, value: P | int) -> None:
+        assert isinstance(value, int), f"{self._slot[1:]} must be a {self._kind.__name__}, not {value!r}"
+        setattr(profile, self._slot, self._kind(value))
+
+
+class _Value(Generic[V]):
+    """A field that holds a value of one class."""
+
+    def __init__(self, kind: type[V]) -> None:
+        self._kind = kind
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._slot = f"_{name}"
+
+    @overload
+    def __get__(self, profile: None, owner: type) -> "_Value[V]": ...
+    @overload
+    def __get__(self, profile: object, owner: type) -> V: ...
+    def __get__(self, profile: object | None, owner: type) -> "V | _Value[V]":
+        if profile is None:
+            return self
+        value: V = getattr(profile, self._slot)
+        return value
+
+    def __set__(self, profile: object, value: V) -> None:
+        assert isinstance(value, self._kind), (
+            f"{self._slot[1:]} must be a {self._kind.__name__}, not {value!r}"
+        )
+        setattr(profile, self._slot, value)
+
+
+class QoSProfile:
+    """The policies of one endpoint. Each can be set afterwards, until an endpoint is made of it.
+
+    A deadline, lifespan or lease of `Duration()` says nothing: no limit. Raises InvalidQoSProfileException
+    without history and depth, AssertionError for a value of the wrong class, ValueError for a number that
+    is no policy's.
+    """
+
+    __slots__ = (  # noqa: RUF023 - the order of the text
+        "_history",
+        "_depth",
+        "_reliability",
+        "_durability",
+        "_lifespan",
+        "_deadline",
+        "_liveliness",
+        "_liveliness_lease_duration",
+        "_avoid_ros_namespace_conventions",
+    )  # fmt: skip
+
+    history = _Policy(HistoryPolicy)
+    depth = _Value(int)
+    reliability = _Policy(ReliabilityPolicy)
+    durability = _Policy(DurabilityPolicy)
+    lifespan = _Value(Duration)
+    deadline = _Value(Duration)
+    liveliness = _Policy(LivelinessPolicy)
+    liveliness_lease_duration = _Value(Duration)
+    avoid_ros_namespace_conventions = _Value(bool)
+
+    def __init__(self, **kwargs: Any) -> None:
+        unknown = [name for name in kwargs if f"_{name}" not in self.__slots__]
+        assert not unknown, f"Invalid arguments passed to constructor: {unknown}"
+        if "history" not in kwargs and "depth" not in kwargs:
+            raise InvalidQoSProfileException("History and/or depth settings are required.")
+        self.history = kwargs.get("history", HistoryPolicy.KEEP_LAST)
+        if self.history is HistoryPolicy.KEEP_LAST:
+            if "depth" not in kwargs:
+                raise InvalidQoSProfileException("History set to KEEP_LAST without a depth setting.")
+            if kwargs["depth"] == 0:
+                warnings.warn(
+                    "A zero depth with KEEP_LAST doesn't make sense; no data could be stored. "
+                    "This will be interpreted as SYSTEM_DEFAULT",
+                    stacklevel=2,
+                )
+        self.depth = kwargs.get("depth", native.default.depth)
+        self.reliability = kwargs.get("reliability", ReliabilityPolicy.RELIABLE)
+        self.durability = kwargs.get("durability", DurabilityPolicy.VOLATILE)
+        self.lifespan = kwargs.get("lifespan", _UNSPECIFIED)
+        self.deadline = kwargs.get("deadline", _UNSPECIFIED)
+        self.liveliness = kwargs.get("liveliness", LivelinessPolicy.SYSTEM_DEFAULT)
+        self.liveliness_lease_duration = kwargs.get("liveliness_lease_duration", _UNSPECIFIED)
+        self.avoid_ros_namespace_conventions = kwargs.get("avoid_ros_namespace_conventions", False)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, QoSProfile):
+            return False
+        return all(getattr(self, slot) == getattr(other, slot) for slot in self.__slots__)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __str__(self) -> str:
+        fields = ", ".join(f"{slot[1:]}={getattr(self, slot)!s}" for slot in self.__slots__)
+        return f"{type(self).__name__}({fields})"
+
+    __repr__ = __str__
+
+
+qos_profile_unknown = QoSProfile(
+    history=HistoryPolicy.UNKNOWN,
+    depth=0,
+    reliability=ReliabilityPolicy.UNKNOWN,
+    durability=DurabilityPolicy.UNKNOWN,
+    liveliness=LivelinessPolicy.UNKNOWN,
+)
+qos_profile_default = QoSProfile(depth=10)
+qos_profile_system_default = QoSProfile(
+    history=HistoryPolicy.SYSTEM_DEFAULT,
+    depth=0,
+    reliability=ReliabilityPolicy.SYSTEM_DEFAULT,
+    durability=DurabilityPolicy.SYSTEM_DEFAULT,
+)
+qos_profile_sensor_data = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+qos_profile_services_default = QoSProfile(depth=10)
+qos_profile_parameters = QoSProfile(depth=1000)
+qos_profile_parameter_events = QoSProfile(depth=1000)
+qos_profile_rosout_default = QoSProfile(
+    depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL, lifespan=Duration(seconds=10)
+)
+qos_profile_action_status_default = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+qos_profile_best_available = QoSProfile(
+    depth=10,
+    reliability=ReliabilityPolicy.BEST_AVAILABLE,
+    durability=DurabilityPolicy.BEST_AVAILABLE,
+    deadline=_BEST_AVAILABLE,
+    liveliness=LivelinessPolicy.BEST_AVAILABLE,
+    liveliness_lease_duration=_BEST_AVAILABLE,
+)
+
+
+class QoSPresetProfiles(Enum):
+    """The presets by name."""
+
+    UNKNOWN = qos_profile_unknown
+    DEFAULT = qos_profile_default
+    SYSTEM_DEFAULT = qos_profile_system_default
+    SENSOR_DATA = qos_profile_sensor_data
+    SERVICES_DEFAULT = qos_profile_services_default
+    PARAMETERS = qos_profile_parameters
+    PARAMETER_EVENTS = qos_profile_parameter_events
+    ROSOUT_DEFAULT = qos_profile_rosout_default
+    ACTION_STATUS_DEFAULT = qos_profile_action_status_default
+    BEST_AVAILABLE = qos_profile_best_available
+
+    @classmethod
+    def short_keys(cls) -> list[str]:
+        """The names for a command line: in lower case."""
+        return [name.lower() for name in cls.__members__]
+
+    @classmethod
+    def get_from_short_key(cls, name: str) -> QoSProfile:
+        """The profile of such a name, in any case; raises KeyError."""
+        return cls[name.upper()].value
+
+
+def profile_of(qos_or_depth: QoSProfile | int) -> QoSProfile:
+    """What `create_publisher(..., 10)` means: an int is keep last with that depth.
+
+    Raises ValueError for a negative depth, TypeError for what is neither.
+    """
+    if isinstance(qos_or_depth, QoSProfile):
+        return qos_or_depth
+    if not isinstance(qos_or_depth, int):
+        raise TypeError(f"Expected QoSProfile or int, but received {type(qos_or_depth)!r}")
+    if qos_or_depth < 0:
+        raise ValueError("depth must be greater than or equal to zero")
+    return QoSProfile(depth=qos_or_depth)
+
+
+_HISTORIES = {
+    HistoryPolicy.SYSTEM_DEFAULT: native.History.KEEP_LAST,
+    HistoryPolicy.KEEP_LAST: native.History.KEEP_LAST,
+    HistoryPolicy.KEEP_ALL: native.History.KEEP_ALL,
+}
+_RELIABILITIES = {
+    ReliabilityPolicy.SYSTEM_DEFAULT: native.Reliability.RELIABLE,
+    ReliabilityPolicy.RELIABLE: native.Reliability.RELIABLE,
+    ReliabilityPolicy.BEST_EFFORT: native.Reliability.BEST_EFFORT,
+}
+_DURABILITIES = {
+    DurabilityPolicy.SYSTEM_DEFAULT: native.Durability.VOLATILE,
+    DurabilityPolicy.VOLATILE: native.Durability.VOLATILE,
+    DurabilityPolicy.TRANSIENT_LOCAL: native.Durability.TRANSIENT_LOCAL,
+}
+_LIVELINESSES = {
+    LivelinessPolicy.SYSTEM_DEFAULT: native.Liveliness.AUTOMATIC,
+    LivelinessPolicy.AUTOMATIC: native.Liveliness.AUTOMATIC,
+    LivelinessPolicy.MANUAL_BY_TOPIC: native.Liveliness.MANUAL_BY_TOPIC,
+}
+
+# "Best available" is what matches every peer, known now or not: a publisher offers the most, a subscription
+# asks for the least. rmw looks at the peers of the moment instead, and never again.
+_BEST_OFFER = (
+    native.Reliability.RELIABLE,
+    native.Durability.TRANSIENT_LOCAL,
+    native.Liveliness.MANUAL_BY_TOPIC,
+)
+_LEAST_REQUEST = (
+    native.Reliability.BEST_EFFORT,
+    native.Durability.VOLATILE,
+    native.Liveliness.AUTOMATIC,
+)
+
+
+def to_native(profile: QoSProfile | int, *, for_publisher: bool = False) -> native.QoSProfile:
+    """What the profile means on the bus; `for_publisher` matters for "best available" only.
+
+    Raises InvalidQoSProfileException for a policy that is unknown, ValueError for values out of range.
+    """
+    profile = profile_of(profile)
+    best = _BEST_OFFER if for_publisher else _LEAST_REQUEST
+    try:
+        return native.QoSProfile(
+            depth=profile.depth if profile.depth or profile.history is HistoryPolicy.KEEP_ALL else 10,
+            history=_HISTORIES[profile.history],
+            reliability=best[0]
+            if profile.reliability is ReliabilityPolicy.BEST_AVAILABLE
+            else _RELIABILITIES[profile.reliability],
+            durability=best[1]
+            if profile.durability is DurabilityPolicy.BEST_AVAILABLE
+            else _DURABILITIES[profile.durability],
+            deadline=_seconds(profile.deadline),
+            lifespan=_seconds(profile.lifespan),
+            liveliness=best[2]
+            if profile.liveliness is LivelinessPolicy.BEST_AVAILABLE
+            else _LIVELINESSES[profile.liveliness],
+            liveliness_lease_duration=_seconds(profile.liveliness_lease_duration),
+        )
+    except KeyError as error:
+        raise InvalidQoSProfileException(f"{error.args[0]!r} is no choice for an endpoint") from None
+
+
+def from_native(profile: native.QoSProfile) -> QoSProfile:
+    """The profile as rclpy shows what the graph knows: no limit is `Infinite`."""
+    return QoSProfile(
+        history=HistoryPolicy[profile.history.name],
+        depth=profile.depth,
+        reliability=ReliabilityPolicy[profile.reliability.name],
+        durability=DurabilityPolicy[profile.durability.name],
+        lifespan=_duration(profile.lifespan_ns),
+        deadline=_duration(profile.deadline_ns),
+        liveliness=LivelinessPolicy[profile.liveliness.name],
+        liveliness_lease_duration=_duration(profile.lease_ns),
+    )
+
+
+def _seconds(duration: Duration) -> float | None:
+    if duration == _UNSPECIFIED or duration >= _BEST_AVAILABLE:
+        return None
+    return duration.nanoseconds / 1e9
+
+
+def _duration(duration_ns: int) -> Duration:
+    return Duration(nanoseconds=duration_ns) if duration_ns else Infinite
+
+
+class QoSCompatibility(IntEnum):
+    """Whether a publisher and a subscription match; busd is never in doubt, so WARNING doesn't occur."""
+
+    OK = 0
+    WARNING = 1
+    ERROR = 2
+
+
+def qos_check_compatible(
+    publisher_qos: QoSProfile, subscription_qos: QoSProfile
+) -> tuple[QoSCompatibility, str]:
+    """Whether the two would match, and the reasons why not, in rmw's words."""
+    found = native.check_compatible(to_native(publisher_qos, for_publisher=True), to_native(subscription_qos))
+    verdict = QoSCompatibility.ERROR if found else QoSCompatibility.OK
+    return verdict, native.describe_incompatibilities(found)

@@ -1,0 +1,144 @@
+"""QoS that the user may override by parameters: `qos_overrides./topic.publisher.depth` and the like.
+
+Owns their names, their values and how they change a profile. Must not know how parameters are kept.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
+from bus_ros.rclpy.duration import Duration
+from bus_ros.rclpy.exceptions import ParameterAlreadyDeclaredException
+from bus_ros.rclpy.qos import QoSPolicyKind, QoSProfile
+from bus_ros.rclpy.qos_policies import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    LivelinessPolicy,
+    QoSPolicyEnum,
+    ReliabilityPolicy,
+)
+
+if TYPE_CHECKING:
+    from bus_ros.rclpy.node import Node
+
+__all__ = [
+    "InvalidQosOverridesError",
+    "QoSOverridingOptions",
+    "QosCallbackResult",  # noqa: F822 - made by __getattr__
+    "declare_qos_parameters",
+]
+
+
+class InvalidQosOverridesError(Exception):
+    """The callback of the options refuses the profile that the parameters make."""
+
+
+class QoSOverridingOptions:
+    """Which policies of an endpoint have a parameter.
+
+    `callback(profile)` is given the result and returns a QosCallbackResult; `entity_id` tells endpoints of
+    one topic apart.
+    """
+
+    def __init__(
+        self,
+        policy_kinds: Iterable[QoSPolicyKind],
+        *,
+        callback: Callable[[QoSProfile], Any] | None = None,
+        entity_id: str | None = None,
+    ) -> None:
+        self._policy_kinds = policy_kinds
+        self._callback = callback
+        self._entity_id = entity_id
+
+    @property
+    def policy_kinds(self) -> Iterable[QoSPolicyKind]:
+        return self._policy_kinds
+
+    @property
+    def callback(self) -> Callable[[QoSProfile], Any] | None:
+        return self._callback
+
+    @property
+    def entity_id(self) -> str | None:
+        return self._entity_id
+
+    @classmethod
+    def with_default_policies(
+        cls, *, callback: Callable[[QoSProfile], Any] | None = None, entity_id: str | None = None
+    ) -> "QoSOverridingOptions":
+        """History, depth and reliability."""
+        kinds = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY)
+        return cls(kinds, callback=callback, entity_id=entity_id)
+
+
+_ENUMS: dict[QoSPolicyKind, type[QoSPolicyEnum]] = {
+    QoSPolicyKind.DURABILITY: DurabilityPolicy,
+    QoSPolicyKind.HISTORY: HistoryPolicy,
+    QoSPolicyKind.LIVELINESS: LivelinessPolicy,
+    QoSPolicyKind.RELIABILITY: ReliabilityPolicy,
+}
+_DURATIONS = (QoSPolicyKind.LIFESPAN, QoSPolicyKind.DEADLINE, QoSPolicyKind.LIVELINESS_LEASE_DURATION)
+
+
+def declare_qos_parameters(
+    entity_type: str, node: "Node", topic_name: str, qos: QoSProfile, options: QoSOverridingOptions
+) -> QoSProfile:
+    """Declare the parameters of a "publisher" or a "subscription" and return `qos`, changed by their values.
+
+    Raises InvalidQosOverridesError where the callback refuses the profile, RuntimeError for a value that is
+    no choice of its policy.
+    """
+    from bus_ros.rosidl import message_class  # late: few programs have overrides
+
+    descriptor_class: Any = message_class("rcl_interfaces/msg/ParameterDescriptor")
+    suffix = "" if options.entity_id is None else f"_{options.entity_id}"
+    what = f"for {entity_type} `{topic_name}` with id `{options.entity_id}`"
+    for kind in options.policy_kinds:
+        if kind is QoSPolicyKind.INVALID or (
+            kind is QoSPolicyKind.LIFESPAN and entity_type == "subscription"
+        ):
+            continue
+        policy = kind.name.lower()
+        name = f"qos_overrides.{topic_name}.{entity_type}{suffix}.{policy}"
+        descriptor = descriptor_class(description=f"{policy} {what}", read_only=True)
+        try:
+            parameter: Any = node.declare_parameter(name, _parameter_value(qos, kind), descriptor)
+        except ParameterAlreadyDeclaredException:
+            parameter = node.get_parameter(name)
+        _override(qos, kind, parameter.value)
+    if options.callback is not None:
+        result = options.callback(qos)
+        if not result.successful:
+            raise InvalidQosOverridesError(f"Provided QoS overrides {what}, are not valid: {result.reason}")
+    return qos
+
+
+def _parameter_value(qos: QoSProfile, kind: QoSPolicyKind) -> str | int | bool:
+    value: Any = getattr(qos, kind.name.lower())
+    if kind in _ENUMS:
+        if value.name == "UNKNOWN":
+            raise ValueError("User provided QoS profile is invalid")
+        return str(value.short_key)
+    if kind in _DURATIONS:
+        return int(value.nanoseconds)
+    return value  # type: ignore[no-any-return]
+
+
+def _override(qos: QoSProfile, kind: QoSPolicyKind, value: Any) -> None:
+    policy = kind.name.lower()
+    if kind in _ENUMS:
+        try:
+            value = _ENUMS[kind][value.upper()]
+        except KeyError:
+            raise RuntimeError(f"Unexpected QoS override for policy `{policy}`: `{value}`") from None
+    elif kind in _DURATIONS:
+        value = Duration(nanoseconds=value)
+    setattr(qos, policy, value)
+
+
+def __getattr__(name: str) -> Any:
+    if name == "QosCallbackResult":  # a message class, and made as late as all of them
+        from bus_ros.rosidl import message_class
+
+        return message_class("rcl_interfaces/msg/SetParametersResult")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

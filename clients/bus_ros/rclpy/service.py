@@ -1,0 +1,119 @@
+"""Services of the facade: a native server, whose requests wait here until an executor has time for them."""
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from bus.base.callbacks import is_async
+from bus.errors import PayloadTooLarge
+from bus.service import RequestId, ServiceServer
+from bus_ros.rclpy.engine import Engine
+from bus_ros.rclpy.entity import Entity, Work
+from bus_ros.rclpy.qos import QoSProfile
+
+__all__ = ["Service"]
+
+MOST_WAITING = 1000
+"""Requests that wait for an executor; beyond, the oldest are refused."""
+
+
+class Service(Entity):
+    """Made by `Node.create_service`."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        srv_type: Any,
+        srv_name: str,
+        callback: Callable[[Any, Any], Any],
+        callback_group: Any,
+        qos_profile: QoSProfile,
+        node: Any,
+    ) -> None:
+        self.srv_type = srv_type
+        self.srv_name = srv_name
+        self.callback = callback
+        self.qos_profile = qos_profile
+        self.is_async = is_async(callback)
+        self.native: ServiceServer | None = None
+        self._engine = engine
+        self._waiting: deque[tuple[Any, RequestId]] = deque()
+        super().__init__(node, callback_group)
+
+    @property
+    def service_name(self) -> str:
+        assert self.native is not None
+        return self.native.service_name
+
+    def send_response(self, response: Any, header: RequestId) -> None:
+        """Answer the request that came with `header`. Raises TypeError for what is no response."""
+        if not isinstance(response, self.srv_type.Response):
+            raise TypeError(
+                f"the callback of service '{self.service_name}' must return"
+                f" a {self.srv_type.Response.__name__}, not {type(response).__name__}"
+            )
+        self._respond(header, response)
+
+    def destroy(self) -> None:
+        """Take no more requests."""
+        self.node.destroy_service(self)
+
+    def __enter__(self) -> "Service":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.destroy()
+
+    # --- for the executor and the native server, under the guard
+
+    def on_request(self, request: Any, request_id: RequestId) -> None:
+        if len(self._waiting) >= MOST_WAITING:
+            _, oldest = self._waiting.popleft()
+            self._refuse(oldest, RuntimeError("too many requests wait: nobody spins the server"))
+        self._waiting.append((request, request_id))
+        self.notify()
+
+    def take(self, most: int) -> Work | None:
+        if not self._waiting:
+            return None
+        return (self._answer_async if self.is_async else self._answer), self._waiting.popleft()
+
+    def _answer(self, request: Any, request_id: RequestId) -> None:
+        try:
+            response = self.callback(request, self.srv_type.Response())
+            self._answer_with(response, request_id)
+        except Exception as error:
+            self._refuse(request_id, error)
+            raise
+
+    async def _answer_async(self, request: Any, request_id: RequestId) -> None:
+        try:
+            response = await self.callback(request, self.srv_type.Response())
+            self._answer_with(response, request_id)
+        except Exception as error:
+            self._refuse(request_id, error)
+            raise
+
+    def _answer_with(self, response: Any, request_id: RequestId) -> None:
+        try:
+            self.send_response(response, request_id)
+        except PayloadTooLarge as error:
+            # The client may have asked for that much: it is told, and the server goes on for the others.
+            self._refuse(request_id, error)
+            text = f"no answer of service '{self.service_name}' to one request: {error}"
+            self.node.get_logger().warning(text, throttle_duration_sec=1.0)
+
+    def _refuse(self, request_id: RequestId, error: Exception) -> None:
+        """In ROS the client would wait for ever."""
+        native = self.native
+        assert native is not None
+        with self._engine.loop:
+            native.respond(request_id, None, f"{type(error).__name__}: {error}")
+
+    def _respond(self, request_id: RequestId, response: Any) -> None:
+        native = self.native
+        assert native is not None
+        with self._engine.loop:
+            has_room = native.respond(request_id, response)
+        if not has_room:
+            raise RuntimeError(f"no room for a response of service '{self.service_name}'")

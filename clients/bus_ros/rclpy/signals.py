@@ -1,0 +1,102 @@
+"""SIGINT and SIGTERM, as rclpy handles them: both end the contexts, and SIGINT raises KeyboardInterrupt."""
+
+import signal
+import threading
+from collections.abc import Callable
+from enum import IntEnum
+from types import FrameType
+from typing import Any
+
+from bus_ros.rclpy import engine as engines
+from bus_ros.rclpy.context import Context
+
+__all__ = [
+    "SignalHandlerOptions",
+    "get_current_signal_handlers_options",
+    "install_signal_handlers",
+    "uninstall_signal_handlers",
+]
+
+
+class SignalHandlerOptions(IntEnum):
+    """Which signals `rclpy.init` handles."""
+
+    NO = 0
+    SIGINT = 1
+    SIGTERM = 2
+    ALL = 3
+
+
+_installed = SignalHandlerOptions.NO
+_before: dict[int, Any] = {}
+_came: int | None = None
+
+
+def install_signal_handlers(options: SignalHandlerOptions = SignalHandlerOptions.ALL) -> None:
+    """Handle signals, for all contexts. Nothing happens but in the main thread."""
+    global _installed, _came
+    if threading.current_thread() is not threading.main_thread():
+        return
+    _came = None
+    for option, number, handler in _HANDLERS:
+        if options & option and number not in _before:
+            _before[number] = signal.signal(number, handler)
+            _installed = SignalHandlerOptions(_installed | option)
+
+
+def uninstall_signal_handlers() -> None:
+    """Give the signals back to whom they belonged."""
+    global _installed
+    if threading.current_thread() is not threading.main_thread():
+        return
+    for _, number, handler in _HANDLERS:
+        if number in _before:
+            before = _before.pop(number)
+            if signal.getsignal(number) is handler:
+                signal.signal(number, before)
+    _installed = SignalHandlerOptions.NO
+
+
+def get_current_signal_handlers_options() -> SignalHandlerOptions:
+    """What is handled now."""
+    return _installed
+
+
+def last_signal() -> int | None:
+    """The one that ended the contexts since handlers were installed; None where there was none."""
+    return _came
+
+
+def _on_sigint(number: int, frame: FrameType | None) -> None:
+    _end_contexts(number)
+    engine = engines.current()
+    if engine is not None and engine.is_busy(frame):
+        engine.interrupt()
+        return
+    if engine is not None:
+        engine.loop.is_interrupted = False  # one that waits, and this one, are one
+    before = _before.get(number)
+    if callable(before):
+        before(number, frame)
+    else:
+        raise KeyboardInterrupt
+
+
+def _on_sigterm(number: int, frame: FrameType | None) -> None:
+    _end_contexts(number)
+    before = _before.get(number)
+    if callable(before):
+        before(number, frame)
+
+
+def _end_contexts(number: int) -> None:
+    global _came
+    _came = number
+    for context in Context.all():
+        context.end_by_signal()
+
+
+_HANDLERS: tuple[tuple[SignalHandlerOptions, int, Callable[[int, FrameType | None], None]], ...] = (
+    (SignalHandlerOptions.SIGINT, signal.SIGINT, _on_sigint),
+    (SignalHandlerOptions.SIGTERM, signal.SIGTERM, _on_sigterm),
+)

@@ -1,0 +1,176 @@
+"""Subscriptions of the facade: a native one, whose messages an executor takes when it has time for them."""
+
+from collections.abc import Callable
+from enum import Enum
+from time import monotonic_ns
+from typing import Any, Generic, TypedDict, TypeVar
+
+from bus.base.callbacks import is_async, takes_info
+from bus.subscription import Subscription as NativeSubscription
+from bus_ros.rclpy.engine import Engine
+from bus_ros.rclpy.entity import Entity, Work
+from bus_ros.rclpy.qos import QoSProfile
+
+__all__ = ["MessageInfo", "Subscription"]
+
+M = TypeVar("M")
+
+_TURN_NS = 2_500_000
+
+
+class MessageInfo(TypedDict):
+    """What a callback of two arguments gets as the second. Times in nanoseconds since 1970."""
+
+    source_timestamp: int
+    received_timestamp: int
+    publication_sequence_number: int
+    reception_sequence_number: int
+
+
+class Subscription(Entity, Generic[M]):
+    """Made by `Node.create_subscription`."""
+
+    class CallbackType(Enum):
+        """How many arguments the callback takes."""
+
+        MessageOnly = 0
+        WithMessageInfo = 1
+
+    def __init__(
+        self,
+        engine: Engine,
+        native: NativeSubscription[Any],
+        msg_type: type[M],
+        callback: Callable[..., Any],
+        callback_group: Any,
+        qos_profile: QoSProfile,
+        raw: bool,
+        node: Any,
+    ) -> None:
+        self.msg_type = msg_type
+        self.callback = callback
+        self.qos_profile = qos_profile
+        self.raw = raw
+        self.is_async = is_async(callback)
+        self._engine = engine
+        self.native = native
+        self._receiver = native._receiver
+        self._take_messages = native._receiver.take_messages
+        self._wants_info = takes_info(callback)
+        self._batch = 1  # of messages to be taken at once
+        self._takes_one = self.is_async or self._wants_info
+        super().__init__(node, callback_group)
+        self._handed_to: Any = None  # the executor that may be handed a message as it comes
+        with engine.loop:
+            native._on_arrival = self._look
+
+    @property
+    def topic(self) -> str:
+        return self.native.topic_name
+
+    @property
+    def topic_name(self) -> str:
+        return self.native.topic_name
+
+    def get_publisher_count(self) -> int:
+        """Publishers matched now."""
+        with self._engine.loop:
+            return self.native.get_publisher_count()
+
+    def destroy(self) -> None:
+        """No more calls."""
+        self.node.destroy_subscription(self)
+
+    def __enter__(self) -> "Subscription[M]":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.destroy()
+
+    # --- for the executor
+
+    def leave(self) -> None:
+        self._handed_to = None
+        if self._receiver.reader is not None:
+            self._receiver.reader.forget_callback()
+
+    def take(self, most: int) -> Work | None:
+        if self._takes_one:
+            taken = self.native.take()
+            if taken is None:
+                return None
+            return self.callback, (taken[0], _info(taken[1])) if self._wants_info else taken[:1]
+        receiver = self._receiver
+        if receiver.ahead:
+            return self.callback, receiver.ahead.popleft()[:1]
+        if self._batch == 2 and not receiver.has_more:
+            self._batch = 1  # the one before was alone
+            return None
+        number = min(self._batch, most)
+        messages = self._take_messages(number)
+        if not messages:
+            self._batch = 1
+            single = receiver.take()
+            return None if single is None else (self.callback, single[:1])
+        if number == 1:
+            self._batch = 2
+            return self.callback, (messages[0],)
+        return self._call_with, (messages, self.node.own_executor)
+
+    def _call_with(self, messages: list[Any], executor: Any) -> None:
+        """Call back for all, unless that takes long or the executor loses the node.
+
+        A callback that proves fast gets more at a time, which saves the rest.
+        """
+        callback, node, context = self.callback, self.node, self.node.context
+        end_ns = monotonic_ns() + _TURN_NS
+        left = iter(messages)
+        try:
+            for message in left:
+                callback(message)
+                if monotonic_ns() > end_ns or node.own_executor is not executor:
+                    break
+                if self.is_destroyed or not context._is_valid:
+                    break
+        finally:
+            if rest := list(left):
+                self._engine.call(self._put_back, rest)
+        if len(messages) == self._batch:
+            self._batch = min(2 * self._batch, 64) if monotonic_ns() < end_ns else 1
+
+    def _look(self) -> None:
+        """Something has come. The next time, an executor that just waits for it may be handed it."""
+        executor = self.node.own_executor
+        if executor is not self._handed_to and not self._takes_one and self.native.qos.deadline is None:
+            self.leave()
+            if executor is not None and self._receiver.reader is not None and not self.is_destroyed:
+                self._handed_to = executor
+                self._receiver.call_back(self._hand, _raise, executor.ready, executor.waiter.shut)
+        self.notify()
+
+    def _hand(self, message: Any) -> None:
+        """The native reader took it, while the executor's thread runs the loop and has nothing else to do."""
+        self._batch = 2
+        self._receiver.ahead.append((message, 0, 0, None, 0))
+        if not self.is_queued:
+            executor = self._handed_to
+            self.is_queued = executor.waiter.is_set = True
+            executor.ready.append(self)
+
+    def _put_back(self, messages: list[Any]) -> None:
+        self._batch = 1
+        self._receiver.put_back(messages)
+        self.notify()
+
+
+def _raise(error: Exception) -> None:
+    raise error
+
+
+def _info(info: Any) -> MessageInfo:
+    return MessageInfo(
+        source_timestamp=info.source_timestamp,
+        received_timestamp=info.received_timestamp,
+        publication_sequence_number=info.publication_sequence_number,
+        reception_sequence_number=info.reception_sequence_number,
+    )

@@ -1,0 +1,252 @@
+"""Futures and tasks: what will be known later, and the callbacks that executors run.
+
+Owns their state and who is told when they are done. Must not know executors: a task is given the function
+that puts it in line again. All methods may be called from any thread.
+"""
+
+import sys
+import warnings
+import weakref
+from collections.abc import Callable, Coroutine, Generator, Iterable
+from threading import Lock
+from types import CoroutineType
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from bus.base.printable import printable
+
+if TYPE_CHECKING:
+    from bus_ros.rclpy.executors import Executor
+
+__all__ = ["Future", "Task"]
+
+T = TypeVar("T")
+
+_PENDING, _CANCELLED, _FINISHED = range(3)
+
+
+class Future(Generic[T]):
+    """A result that will come: `await future` in an async callback, or add a callback.
+
+    Callbacks are tasks of the executor, where the future has one; else they run in the thread that is done.
+    """
+
+    def __init__(self, *, executor: "Executor | None" = None) -> None:
+        self._state = _PENDING
+        self._result: T | None = None
+        self._exception: BaseException | None = None
+        self._is_exception_seen = False
+        self._callbacks: list[Callable[[Future[T]], Any]] = []
+        self._waiters: list[Callable[[], Any]] = []
+        self._lock = Lock()
+        self._executor: weakref.ref[Executor] | None = None
+        if executor is not None:
+            self._set_executor(executor)
+
+    def __del__(self) -> None:
+        # The constructor of a subclass may have failed before ours ran.
+        error = getattr(self, "_exception", None)
+        if error is not None and not self._is_exception_seen and sys.stderr is not None:
+            text = printable(f"The following exception was never retrieved: {error}")
+            print(text, file=sys.stderr)
+
+    def __await__(self) -> Generator[Any, None, T | None]:
+        while not self.done():
+            yield self
+        return self.result()
+
+    def cancel(self) -> None:
+        """Give it up, unless it is done. Who waits is told; the result is None."""
+        self._finish(_CANCELLED)
+
+    def cancelled(self) -> bool:
+        return self._state == _CANCELLED
+
+    def done(self) -> bool:
+        """Whether there is a result or an exception, or it was cancelled."""
+        return self._state != _PENDING
+
+    def result(self) -> T | None:
+        """The result, None while there is none; raises the exception that was set."""
+        error = self.exception()
+        if error is not None:
+            raise error
+        return self._result
+
+    def exception(self) -> BaseException | None:
+        """The exception that was set."""
+        self._is_exception_seen = True
+        return self._exception
+
+    def set_result(self, result: T) -> None:
+        with self._lock:
+            self._result = result
+        self._finish(_FINISHED)
+
+    def set_exception(self, exception: BaseException) -> None:
+        with self._lock:
+            self._exception = exception
+            self._is_exception_seen = False
+        self._finish(_FINISHED)
+
+    def add_done_callback(self, callback: "Callable[[Future[T]], Any]") -> None:
+        """Call `callback(future)` once it is done; where it is done already, at once or by the executor.
+
+        What a callback raises is a warning, but for one that is called at once: then it is raised here.
+        """
+        with self._lock:
+            if self._state == _PENDING:
+                self._callbacks.append(callback)
+                return
+        executor = self._get_executor()
+        if executor is not None:
+            executor.create_task(callback, self)
+        else:
+            callback(self)
+
+    def remove_done_callback(self, callback: "Callable[[Future[T]], Any]") -> bool:
+        """Whether it was there."""
+        with self._lock:
+            if callback not in self._callbacks:
+                return False
+            self._callbacks.remove(callback)
+            return True
+
+    def call_when_done(self, waiter: Callable[[], Any]) -> None:
+        """For executors and threads that wait: call `waiter()`, which must be quick, where it gets done.
+
+        Unlike callbacks, these need no executor. Where it is done already, at once.
+        """
+        with self._lock:
+            if self._state == _PENDING:
+                self._waiters.append(waiter)
+                return
+        waiter()
+
+    def forget_waiter(self, waiter: Callable[[], Any]) -> None:
+        """Undo `call_when_done`, once; nothing happens where it was called already."""
+        with self._lock:
+            if waiter in self._waiters:
+                self._waiters.remove(waiter)
+
+    def _finish(self, state: int) -> None:
+        with self._lock:
+            if state == _CANCELLED and self._state != _PENDING:
+                return
+            self._state = state
+            callbacks, self._callbacks = self._callbacks, []
+            waiters, self._waiters = self._waiters, []
+        for waiter in waiters:
+            waiter()
+        executor = self._get_executor()
+        for callback in callbacks:
+            if executor is not None:
+                executor.create_task(callback, self)
+                continue
+            try:
+                callback(self)
+            except Exception as error:  # there may be more callbacks
+                warnings.warn(f"Unhandled exception in done callback: {error}", stacklevel=3)
+
+    def _get_executor(self) -> "Executor | None":
+        return None if self._executor is None else self._executor()
+
+    def _set_executor(self, executor: "Executor | None") -> None:
+        """Who runs the callbacks from now on; it is not kept alive."""
+        self._executor = None if executor is None else weakref.ref(executor)
+
+
+class Task(Future[T]):
+    """A function or a coroutine that an executor runs: each call of the task is one step.
+
+    A coroutine's step ends where it awaits something that is not there yet. `reschedule()` is called when it
+    is, in any thread, and the executor shall call the task again. What the handler raises becomes the task's
+    exception; KeyboardInterrupt and its like go through.
+    """
+
+    def __init__(
+        self,
+        handler: Callable[..., Any] | Coroutine[Any, Any, Any],
+        args: Iterable[Any] | None = None,
+        kwargs: dict[str, Any] | None = None,
+        executor: "Executor | None" = None,
+        reschedule: Callable[[], Any] | None = None,
+    ) -> None:
+        super().__init__(executor=executor)
+        self._handler: Any = handler
+        self._args = args or ()
+        self._kwargs = kwargs or {}
+        self.reschedule = reschedule
+        self._executing = False
+        self._task_lock = Lock()
+
+    def __call__(self) -> None:
+        """Run the function, or take the coroutine one step further. Nothing where it is done or being run."""
+        if self._state != _PENDING or not self._task_lock.acquire(blocking=False):
+            return
+        awaited: Future[Any] | None = None
+        try:
+            self._executing = True
+            awaited = self._step()
+        except Exception as error:
+            self._handler = None
+            self.set_exception(error)
+        finally:
+            self._executing = False
+            self._task_lock.release()
+        if self._state != _PENDING:
+            self._forget_handler()
+        elif awaited is not None:
+            # After the lock is free: the step that this causes may begin at once, in another thread.
+            awaited.call_when_done(self._wake)
+        else:
+            self._wake()
+
+    def executing(self) -> bool:
+        """Whether a step runs at this moment."""
+        return self._executing
+
+    def cancel(self) -> None:
+        """Give it up; a coroutine that waits is closed."""
+        super().cancel()
+        self._forget_handler()
+
+    def _step(self) -> Future[Any] | None:
+        """What the coroutine awaits now; None = it only yields to others, or it is done."""
+        if not isinstance(self._handler, CoroutineType):  # a function, `def` or `async def`
+            result = self._handler(*self._args, **self._kwargs)
+            if not isinstance(result, CoroutineType):
+                self.set_result(result)
+                return None
+            self._handler = result
+        coroutine = self._handler
+        try:
+            awaited = coroutine.send(None)
+            if awaited is None or isinstance(awaited, Future):
+                return awaited
+            # Into the coroutine, so that the traceback shows which await it was.
+            coroutine.throw(
+                TypeError(
+                    f"a callback can await rclpy's futures and other callbacks only, not {awaited!r}:"
+                    " no asyncio loop runs in an executor"
+                )
+            )
+        except StopIteration as end:
+            self.set_result(end.value)
+            return None
+        return None
+
+    def _wake(self) -> None:
+        if self.reschedule is not None:
+            self.reschedule()
+
+    def _forget_handler(self) -> None:
+        """Drop what is not needed any more, unless a step is being made: it does so at its end."""
+        if not self._task_lock.acquire(blocking=False):
+            return
+        try:
+            handler, self._handler = self._handler, None
+            self._args, self._kwargs = (), {}
+            if isinstance(handler, CoroutineType):
+                handler.close()
+        finally:
+            self._task_lock.release()

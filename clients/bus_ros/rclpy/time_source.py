@@ -1,0 +1,131 @@
+"""Feeds simulated time from `/clock` to a node's clocks, while its parameter `use_sim_time` is true.
+
+Must not know how parameters are kept or messages arrive: both go through the node.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+from bus_ros.rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from bus_ros.rclpy.clock import Clock, ROSClock
+from bus_ros.rclpy.qos import QoSProfile, ReliabilityPolicy
+from bus_ros.rclpy.time import Time
+
+if TYPE_CHECKING:
+    from bus_ros.rclpy.node import Node
+
+__all__ = ["CLOCK_TOPIC", "USE_SIM_TIME_NAME", "TimeSource"]
+
+CLOCK_TOPIC = "/clock"
+USE_SIM_TIME_NAME = "use_sim_time"
+
+
+class TimeSource:
+    """The source of time of one node, for all clocks that are attached."""
+
+    def __init__(self, *, node: "Node | None" = None) -> None:
+        self._node: Any = None
+        self._subscription: Any = None
+        # A callback that sleeps in the node's own group must not stop the clock it sleeps by.
+        self._group = MutuallyExclusiveCallbackGroup()
+        self._clocks: list[ROSClock] = []
+        self._last: Time | None = None
+        self._is_active = False
+        if node is not None:
+            self.attach_node(node)
+
+    @property
+    def ros_time_is_active(self) -> bool:
+        """Whether the clocks show the simulation's time."""
+        return self._is_active
+
+    @ros_time_is_active.setter
+    def ros_time_is_active(self, enabled: bool) -> None:
+        if enabled == self._is_active:
+            return
+        self._is_active = enabled
+        for clock in self._clocks:
+            clock._set_ros_time_is_active(enabled)
+        if enabled:
+            self._subscribe()
+        else:
+            self._unsubscribe()
+
+    def attach_node(self, node: "Node") -> None:
+        """Follow this node's `use_sim_time`, which is declared where it is not; raises TypeError."""
+        from bus_ros.rclpy.node import Node
+
+        if not isinstance(node, Node):
+            raise TypeError("Node must be of type rclpy.node.Node")
+        if self._node is not None:
+            self.detach_node()
+        self._node = node
+        if not node.has_parameter(USE_SIM_TIME_NAME):
+            node.declare_parameter(USE_SIM_TIME_NAME, False)
+        self._follow(node.get_parameter(USE_SIM_TIME_NAME).value)
+        node.add_post_set_parameters_callback(self._on_parameters)
+        if self._is_active:
+            self._subscribe()
+
+    def detach_node(self) -> None:
+        """The clocks stay as they are, without news."""
+        self._unsubscribe()
+        if self._node is not None:
+            self._node.remove_post_set_parameters_callback(self._on_parameters)
+            self._node = None
+
+    def attach_clock(self, clock: Clock) -> None:
+        """Raises TypeError for what is no clock, ValueError for a clock of another type than ROS_TIME."""
+        if not isinstance(clock, Clock):
+            raise TypeError("Clock must be of type rclpy.clock.Clock")
+        if not isinstance(clock, ROSClock):
+            raise ValueError("Only clocks with type ROS_TIME can be attached.")
+        if self._last is not None:
+            clock.set_ros_time_override(self._last)
+        clock._set_ros_time_is_active(self._is_active)
+        self._clocks.append(clock)
+
+    def detach_clock(self, clock: Clock) -> None:
+        """Nothing happens where the clock is not attached."""
+        if isinstance(clock, ROSClock) and clock in self._clocks:
+            self._clocks.remove(clock)
+
+    def clock_callback(self, msg: Any) -> None:
+        """A rosgraph_msgs.msg.Clock has come."""
+        try:
+            self._last = Time.from_msg(msg.clock)
+        except ValueError as error:  # from whoever publishes there; it shall not end this program
+            self._node.get_logger().error(f"'{CLOCK_TOPIC}' has no time: {error}", throttle_duration_sec=1.0)
+            return
+        for clock in self._clocks:
+            clock.set_ros_time_override(self._last)
+
+    def _on_parameters(self, parameters: list[Any]) -> None:
+        for parameter in parameters:
+            if parameter.name == USE_SIM_TIME_NAME:
+                self._follow(parameter.value)
+
+    def _follow(self, value: object) -> None:
+        if isinstance(value, bool):
+            self.ros_time_is_active = value
+        else:
+            self._node.get_logger().error(
+                f"Invalid type for parameter '{USE_SIM_TIME_NAME}' {type(value).__name__} should be bool"
+            )
+
+    def _subscribe(self) -> None:
+        if self._node is None or self._subscription is not None:
+            return
+        from bus_ros.rosidl import message_class  # late: for simulations only
+
+        self._subscription = self._node.create_subscription(
+            message_class("rosgraph_msgs/msg/Clock"),
+            CLOCK_TOPIC,
+            self.clock_callback,
+            QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT),
+            callback_group=self._group,
+        )
+
+    def _unsubscribe(self) -> None:
+        subscription, self._subscription = self._subscription, None
+        if subscription is not None:
+            self._node.destroy_subscription(subscription)

@@ -1,0 +1,236 @@
+"""Timers and rates. A timer keeps its phase and skips what it missed, as ROS 2's do (rcl/timer.c)."""
+
+from collections.abc import Callable
+from time import monotonic_ns
+from typing import Any
+
+from bus.base.callbacks import is_async
+from bus_ros.rclpy.clock import ANY_JUMP, CHANGES_OF_SOURCE, Clock, JumpHandle, ROSClock, TimeJump
+from bus_ros.rclpy.engine import Engine, Waiter, engine
+from bus_ros.rclpy.entity import Entity, Work
+from bus_ros.rclpy.exceptions import InvalidHandle, ROSInterruptException
+
+__all__ = ["Rate", "Timer"]
+
+NEVER_NS = 1 << 62
+_GRACE_NS = 10_000_000
+"""For so long the sleepers of a rate leave its timer to an executor that waits for it."""
+
+
+def _now_ns(clock: Clock) -> int:
+    """Of the machine's clocks, the one that nobody sets: setting the date must not stall a timer."""
+    return clock.now().nanoseconds if clock.ros_time_is_active else monotonic_ns()
+
+
+class Timer(Entity):
+    """Calls `callback()` every `timer_period_ns`, first after one period; made by `Node.create_timer`."""
+
+    is_single = True
+    is_timer = True
+
+    def __init__(
+        self,
+        callback: Callable[..., object] | None,
+        callback_group: Any,
+        timer_period_ns: int,
+        clock: Clock,
+        *,
+        node: Any,
+        autostart: bool = True,
+    ) -> None:
+        self.callback = callback
+        self.clock = clock
+        self.is_async = callback is not None and is_async(callback)
+        self.is_simulated = clock.ros_time_is_active
+        self._period_ns = timer_period_ns
+        self._last_ns = self._now_ns()
+        self._next_ns = self._last_ns + timer_period_ns
+        self._is_canceled = not autostart
+        self.sleepers: list[Waiter] = []
+        """Of a rate: who looks again at each change."""
+        super().__init__(node, callback_group)
+        self._left_ns = timer_period_ns
+        self._jumps: JumpHandle | None = None
+        if isinstance(clock, ROSClock):
+            self._jumps = clock.create_jump_callback(
+                ANY_JUMP, pre_callback=self._before, post_callback=self._after
+            )
+
+    @property
+    def timer_period_ns(self) -> int:
+        """Setting it holds from the next `reset` on, or from the next call."""
+        return self._period_ns
+
+    @timer_period_ns.setter
+    def timer_period_ns(self, value: int) -> None:
+        self._period_ns = int(value)
+
+    # These raise InvalidHandle where the timer is destroyed.
+
+    def cancel(self) -> None:
+        """No more calls, until `reset`."""
+        self._check()
+        self._is_canceled = True
+
+    def reset(self) -> None:
+        """The next call comes one period from now."""
+        self._check()
+        self._is_canceled = False
+        self._next_ns = self._now_ns() + self._period_ns
+        engine().call(self.rearm)
+
+    def is_canceled(self) -> bool:
+        self._check()
+        return self._is_canceled
+
+    def is_ready(self) -> bool:
+        """Whether a call is due."""
+        self._check()
+        return not self._is_canceled and self._now_ns() >= self._next_ns
+
+    def time_since_last_call(self) -> int:
+        """Nanoseconds."""
+        self._check()
+        return self._now_ns() - self._last_ns
+
+    def time_until_next_call(self) -> int | None:
+        """Nanoseconds, below zero where it is late; None where it is canceled."""
+        self._check()
+        return None if self._is_canceled else self._next_ns - self._now_ns()
+
+    def destroy(self) -> None:
+        self.node.destroy_timer(self)
+
+    def forget_clock(self) -> None:
+        """It is destroyed."""
+        self.wake_sleepers()
+        if self._jumps is not None:
+            self._jumps.unregister()
+
+    # --- at a jump of the clock (rcl/timer.c, _rcl_timer_time_jump)
+
+    def _before(self) -> None:
+        self._left_ns = self._next_ns - self._now_ns()
+
+    def _after(self, jump: TimeJump) -> None:
+        self.is_simulated = self.clock.ros_time_is_active
+        now_ns = self._now_ns()
+        if jump.clock_change in CHANGES_OF_SOURCE:
+            self._last_ns, self._next_ns = now_ns, now_ns + self._left_ns
+        elif now_ns < self._last_ns:
+            self._last_ns, self._next_ns = now_ns, now_ns + self._period_ns
+        engine().call(self.rearm)
+
+    # --- for the executor, under the guard
+
+    def due_ns(self) -> int:
+        """When a call is due, on the monotonic clock; NEVER_NS where that can't be told."""
+        if self._is_canceled or self.is_destroyed or self.is_queued:
+            return NEVER_NS
+        if self.is_simulated:
+            return 0 if self._now_ns() >= self._next_ns else NEVER_NS  # the executor is told of each change
+        return self._next_ns
+
+    def take(self, most: int) -> Work | None:
+        now_ns = self._now_ns() if self.is_simulated else monotonic_ns()
+        if self._is_canceled or now_ns < self._next_ns or self.callback is None:
+            return None
+        self._next_ns += self._period_ns
+        if self._next_ns <= now_ns and self._period_ns:
+            self._next_ns += ((now_ns - self._next_ns) // self._period_ns + 1) * self._period_ns
+        self._last_ns = now_ns
+        return self.callback, ()
+
+    def wake_ns(self) -> int:
+        """When to look at it again, on the monotonic clock; 0 = when it is told: by the simulation's time."""
+        return 0 if self.is_simulated or self._is_canceled else self._next_ns
+
+    def wake_sleepers(self) -> None:
+        """Something has changed: they look again."""
+        for waiter in self.sleepers:
+            waiter.set()
+
+    def rearm(self) -> None:
+        """The executor, and who sleeps, must look at the time anew."""
+        self.wake_sleepers()
+        executor = self.node.own_executor
+        if executor is not None:
+            executor.look_at_timers()
+
+    def _now_ns(self) -> int:
+        return _now_ns(self.clock)
+
+    def _check(self) -> None:
+        if self.is_destroyed:
+            raise InvalidHandle("cannot use Destroyable because destruction was requested")
+
+
+class Rate:
+    """`sleep` ends when the rate's timer fires; made by `Node.create_rate`.
+
+    The timer is one of its node: an executor that works for the node fires it, in a group of its own. Where
+    nobody spins, or all threads are in callbacks, a sleeper fires it itself.
+    """
+
+    def __init__(self, timer: Timer, *, context: Any) -> None:
+        self._timer = timer
+        self._context = context
+        self._has_fired = False  # and no sleep has ended by it
+        self._is_destroyed = False
+        timer.callback = self._fire
+
+    def sleep(self) -> None:
+        """Where the timer has fired since the last sleep, do not block.
+
+        Raises ROSInterruptException where the context ends meanwhile, or has ended; RuntimeError where the
+        rate is destroyed, InvalidHandle where its node is. A destruction meanwhile ends the sleep.
+        """
+        self._check()
+        timer, mover = self._timer, engine()
+        with mover.loop:
+            waiter = Waiter(mover, self._context)
+            timer.sleepers.append(waiter)
+            try:
+                self._wait(waiter, mover)
+            finally:
+                timer.sleepers.remove(waiter)
+                if not timer.sleepers:
+                    self._has_fired = False
+        if not self._context.ok():
+            raise ROSInterruptException
+
+    def destroy(self) -> None:
+        """No more sleep; those who sleep return."""
+        self._is_destroyed = True
+        engine().call(self._timer.wake_sleepers)
+
+    def _check(self) -> None:
+        if not self._context.ok():
+            raise ROSInterruptException
+        if self._is_destroyed:
+            raise RuntimeError("Rate cannot sleep because it has been destroyed")
+        if self._timer.is_destroyed:
+            raise InvalidHandle("Rate cannot sleep because the timer has been destroyed")
+
+    def _wait(self, waiter: Waiter, mover: Engine) -> None:
+        timer, is_left_to_executor = self._timer, False
+        while not (self._has_fired or self._is_destroyed or timer.is_destroyed) and self._context.ok():
+            deadline_ns = timer.wake_ns()
+            if timer.is_ready():
+                executor = timer.node.own_executor
+                if is_left_to_executor or executor is None or not executor.is_looking():
+                    timer.take(1)
+                    self._tell_sleepers()
+                    return
+                is_left_to_executor = True
+                deadline_ns = monotonic_ns() + _GRACE_NS
+            waiter.is_set = False
+            if not waiter.wait(deadline_ns) and mover.loop.is_interrupted and mover.is_main():
+                return  # KeyboardInterrupt comes where the guard ends
+
+    def _fire(self) -> None:
+        engine().call(self._tell_sleepers)
+
+    def _tell_sleepers(self) -> None:
+        self._has_fired = True
+        self._timer.wake_sleepers()

@@ -1,0 +1,96 @@
+"""What the graph knows of one endpoint, as `get_publishers_info_by_topic` returns it. Values only."""
+
+from enum import IntEnum
+
+from bus.graph import GraphEndpoint
+from bus_ros.rclpy.qos import HistoryPolicy, QoSProfile, from_native, qos_profile_unknown
+from bus_ros.rclpy.type_hash import TypeHash
+
+__all__ = ["EndpointTypeEnum", "TopicEndpointInfo", "TopicEndpointTypeEnum"]
+
+
+class EndpointTypeEnum(IntEnum):
+    """What kind of endpoint; numbers are rmw's."""
+
+    INVALID = 0
+    PUBLISHER = 1
+    SUBSCRIPTION = 2
+    CLIENT = 3
+    SERVER = 4
+
+
+TopicEndpointTypeEnum = EndpointTypeEnum
+
+
+class TopicEndpointInfo:
+    """One publisher or subscription; its str() is the block that `topic info -v` prints."""
+
+    __slots__ = (
+        "endpoint_gid",
+        "endpoint_type",
+        "node_name",
+        "node_namespace",
+        "qos_profile",
+        "topic_type",
+        "topic_type_hash",
+    )
+
+    def __init__(
+        self,
+        node_name: str = "",
+        node_namespace: str = "",
+        topic_type: str = "",
+        topic_type_hash: TypeHash | None = None,
+        endpoint_type: EndpointTypeEnum | int = EndpointTypeEnum.INVALID,
+        endpoint_gid: list[int] | None = None,
+        qos_profile: QoSProfile = qos_profile_unknown,
+    ) -> None:
+        self.node_name = node_name
+        self.node_namespace = node_namespace
+        self.topic_type = topic_type
+        self.topic_type_hash = TypeHash() if topic_type_hash is None else topic_type_hash
+        self.endpoint_type = EndpointTypeEnum(endpoint_type)
+        self.endpoint_gid = [] if endpoint_gid is None else endpoint_gid
+        self.qos_profile = qos_profile
+
+    @classmethod
+    def from_graph(cls, endpoint: GraphEndpoint) -> "TopicEndpointInfo":
+        """Of what the bus knows."""
+        return cls(
+            node_name=endpoint.node.name,
+            node_namespace=endpoint.node.namespace,
+            topic_type=endpoint.type_name,
+            topic_type_hash=TypeHash.parse(endpoint.type_hash),
+            endpoint_type=EndpointTypeEnum[endpoint.kind.upper()],
+            endpoint_gid=list(endpoint.gid),
+            qos_profile=from_native(endpoint.qos),
+        )
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, TopicEndpointInfo):
+            return False
+        return all(getattr(self, slot) == getattr(other, slot) for slot in self.__slots__)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __str__(self) -> str:
+        qos = self.qos_profile
+        depth = f" ({qos.depth})" if qos.history is HistoryPolicy.KEEP_LAST else ""
+        return "\n".join(
+            [
+                f"Node name: {self.node_name}",
+                f"Node namespace: {self.node_namespace}",
+                f"Topic type: {self.topic_type}",
+                f"Topic type hash: {self.topic_type_hash}",
+                f"Endpoint type: {self.endpoint_type.name}",
+                f"GID: {'.'.join(f'{part:02x}' for part in self.endpoint_gid)}",
+                "QoS profile:",
+                f"  Reliability: {qos.reliability.name}",
+                f"  History (Depth): {qos.history.name}{depth}",
+                f"  Durability: {qos.durability.name}",
+                f"  Lifespan: {qos.lifespan}",
+                f"  Deadline: {qos.deadline}",
+                f"  Liveliness: {qos.liveliness.name}",
+                f"  Liveliness lease duration: {qos.liveliness_lease_duration}",
+            ]
+        )

@@ -1,0 +1,60 @@
+"""The default context, and what is asked of it or of a command line. Must not know executors or nodes."""
+
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from bus_ros.rclpy.constants import S_TO_NS
+
+if TYPE_CHECKING:
+    from bus_ros.rclpy.context import Context
+
+__all__ = [
+    "get_default_context",
+    "get_rmw_implementation_identifier",
+    "ok",
+    "remove_ros_args",
+    "shutdown",
+    "timeout_sec_to_nsec",
+    "try_shutdown",
+]
+
+
+def get_default_context(*, shutting_down: bool = False) -> "Context":
+    """The context of all calls that are given none; `shutting_down`: whoever asks is going to end it."""
+    from bus_ros.rclpy import context  # late: a parser of arguments needs none
+
+    return context.get_default_context(shutting_down=shutting_down)
+
+
+def ok(*, context: "Context | None" = None) -> bool:
+    """Whether it is initialized and not shut down."""
+    return (context or get_default_context()).ok()
+
+
+def shutdown(*, context: "Context | None" = None) -> None:
+    """Shut it down; raises RuntimeError where that was done already, or nobody has initialized it."""
+    (context or get_default_context(shutting_down=True)).shutdown()
+
+
+def try_shutdown(*, context: "Context | None" = None) -> None:
+    """Shut it down, unless that was done already."""
+    (context or get_default_context(shutting_down=True)).try_shutdown()
+
+
+def remove_ros_args(args: Sequence[str] | None = None) -> list[str]:
+    """The command line (`sys.argv`) without `--ros-args ... --`; raises ValueError for a malformed one."""
+    from bus.process import ros_args
+
+    return ros_args.remove_ros_args(sys.argv if args is None else args)
+
+
+def get_rmw_implementation_identifier() -> str:
+    return "rmw_busd"
+
+
+def timeout_sec_to_nsec(timeout_sec: float | None) -> int:
+    """None and negative numbers mean for ever: -1."""
+    if timeout_sec is None or timeout_sec < 0:
+        return -1
+    return int(float(timeout_sec) * S_TO_NS)

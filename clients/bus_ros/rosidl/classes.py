@@ -1,0 +1,224 @@
+"""The rosidl-style classes of messages, services and actions, made of their definitions when first asked for.
+
+Owns: one class per name, its constructor and setters, which are compiled as dataclasses does it. Must not
+know: the wire, import hooks.
+
+    >>> message_class("std_msgs/msg/String")(data="hi")
+    std_msgs.msg.String(data='hi')
+"""
+
+import os
+import re
+from collections.abc import Callable
+from operator import attrgetter
+from threading import RLock
+from typing import Any, Final, NoReturn
+
+from bus.errors import ConfigurationError
+from bus.types.definitions import check_size, find_message, full_name
+from bus.types.idl import INTEGERS, PARTS, Field, Type
+from bus_ros.rosidl import fields, numbers
+from bus_ros.rosidl.message import RosMessage
+
+__all__ = ["action_class", "message_class", "module_of", "service_class"]
+
+# Classes may be asked for in several threads, and each must be made once.
+_lock: Final = RLock()
+_classes: Final[dict[str, type[RosMessage]]] = {}
+_wholes: Final[dict[str, type]] = {}
+_open: Final[list[str]] = []
+
+
+def message_class(name: str) -> type[RosMessage]:
+    """The class of `std_msgs/msg/String`, or of a part: `std_srvs/srv/SetBool_Request`.
+
+    Raises ConfigurationError where there is no such definition, or a malformed one.
+    """
+    made = _classes.get(name)
+    if made is None:
+        with _lock:
+            if name in _open:
+                raise ConfigurationError(f"{name} contains itself: {' -> '.join([*_open, name])}")
+            _open.append(name)
+            try:
+                made = _classes.get(name) or _classes.setdefault(name, _make(name))
+            finally:
+                _open.remove(name)
+    return made
+
+
+def service_class(name: str) -> type:
+    """The class of `std_srvs/srv/SetBool`, which holds its `Request` and `Response`; errors as above."""
+    return _whole(name, "srv", "Service")
+
+
+def action_class(name: str) -> type:
+    """The class of `example_interfaces/action/Fibonacci`: `Goal`, `Result`, `Feedback`; errors as above."""
+    return _whole(name, "action", "Action")
+
+
+def module_of(name: str) -> str:
+    """The module in which rosidl puts a type: `std_msgs.msg._string` for `std_msgs/msg/String`."""
+    package, kind, short = name.split("/")
+    if kind in PARTS and short.rpartition("_")[2] in PARTS[kind]:
+        short = short.rpartition("_")[0]
+    parted = re.sub(r"(.)([A-Z][a-z]+)", r"\1_\2", short)
+    snake = re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", parted).lower()
+    return f"{package}.{kind}._{snake}"
+
+
+def _whole(name: str, kind: str, what: str) -> type:
+    name = full_name(name)
+    made = _wholes.get(name)
+    if f"/{kind}/" not in name:
+        raise ConfigurationError(f"{name} is no {what.lower()}")
+    if made is None:
+        parts = {part: message_class(f"{name}_{part}") for part in PARTS[kind]}
+
+        def __init__(self: object) -> NoReturn:
+            raise NotImplementedError(f"{what} classes can not be instantiated")
+
+        namespace = {"__init__": __init__, "__type_name__": name, "__module__": module_of(name), **parts}
+        with _lock:
+            made = _wholes.setdefault(name, type(name.rpartition("/")[2], (), namespace))
+    return made
+
+
+def _make(name: str) -> type[RosMessage]:
+    definition = find_message(name)
+    nested = {
+        field.name: message_class(field.type.base) for field in definition.fields if "/" in field.type.base
+    }
+    checks = {field.name: fields.checker(field, nested.get(field.name)) for field in definition.fields}
+    functions = _functions(name, definition.fields, nested, checks)
+    namespace: dict[str, Any] = {
+        "__slots__": [f"_{field.name}" for field in definition.fields],
+        "__module__": module_of(name),
+        "__init__": functions["__init__"],
+        "__type_name__": name,
+        "__definition__": definition,
+        "__nested__": nested,
+        "__checks__": checks,
+        "_fields_and_field_types": {field.name: fields.type_text(field.type) for field in definition.fields},
+    }
+    for index, field in enumerate(definition.fields):
+        get, text = attrgetter(f"_{field.name}"), f"Message field '{field.name}'."
+        namespace[field.name] = property(get, functions[f"set{index}"], doc=text)
+        if field.default is not None:
+            namespace[f"{field.name.upper()}__DEFAULT"] = _plain_default(field)
+    namespace |= {constant.name: constant.value for constant in definition.constants}
+    cls: Any = type(name.rpartition("/")[2], (RosMessage,), namespace)
+    cls.__generated__ = cls
+    made: type[RosMessage] = cls
+    return made
+
+
+def _functions(
+    name: str,
+    members: tuple[Field, ...],
+    nested: dict[str, type[RosMessage]],
+    checks: dict[str, fields.Check],
+) -> dict[str, Any]:
+    """`__init__`, and a setter for each field."""
+    is_checked = os.environ.get("ROS_PYTHON_CHECK_FIELDS") != "0"
+    names: dict[str, Any] = {"known": frozenset(field.name for field in members), "strange": _strange}
+    setters: list[str] = []
+    given, bare = ["  if not known.issuperset(given): strange(given, known)"], []
+    for index, field in enumerate(members):
+        check_size(name, field)
+        condition: str | None = "True"
+        if is_checked:
+            condition = _doubt(field.type, names, nested.get(field.name))
+            names[f"check{index}"] = checks[field.name]
+        elif (convert := fields.loose(field.type)) is None:
+            condition = None
+        else:
+            names[f"check{index}"] = convert
+        setters.append(f"def set{index}(self, value):")
+        if condition is not None:
+            setters.append(f" if {condition}: value = check{index}(value)")
+        setters.append(f" self._{field.name} = value")
+        default = _default(index, field, nested.get(field.name), names)
+        given.append(f"  if {field.name!r} in given: set{index}(self, given[{field.name!r}])")
+        given.append(f"  else: self._{field.name} = {default}")
+        bare.append(f"  self._{field.name} = {default}")
+    names["strange"] = _strange if is_checked else _ignored
+    lines = [*setters, "def __init__(self, /, **given):", " if given:", *given]
+    if bare:
+        lines += [" else:", *bare]
+    exec(compile("\n".join(lines), f"<class of {name}>", "exec"), names)
+    return names
+
+
+def _strange(given: dict[str, Any], known: frozenset[str]) -> None:
+    unknown = sorted(given.keys() - known - {"check_fields"})
+    if unknown:
+        raise AssertionError(f"Invalid arguments passed to constructor: {', '.join(unknown)}")
+
+
+def _ignored(given: dict[str, Any], known: frozenset[str]) -> None:
+    """Nothing is checked."""
+
+
+def _doubt(type_: Type, names: dict[str, Any], nested: type[RosMessage] | None) -> str:
+    """A condition under which a value has to be looked at more closely."""
+    if type_.array or type_.base == "byte" or type_.string_bound is not None:
+        return "True"
+    if nested is not None:
+        names[f"class_{nested.__name__}_{id(nested)}"] = nested
+        return f"value.__class__ is not class_{nested.__name__}_{id(nested)}"
+    if type_.base == "float32":
+        most = fields.FLOAT32_MOST
+        return f"value.__class__ is not float or not -{most!r} <= value <= {most!r}"
+    if type_.base in numbers.CODES and type_.base != "float64":
+        least, greatest = INTEGERS[type_.base]
+        return f"value.__class__ is not int or not {least} <= value <= {greatest}"
+    kind = {"bool": "bool", "float64": "float"}.get(type_.base, "str")
+    return f"value.__class__ is not {kind}"
+
+
+def _default(index: int, field: Field, nested: type[RosMessage] | None, names: dict[str, Any]) -> str:
+    """An expression for the value of a field that nobody set."""
+    type_, name = field.type, f"default{index}"
+    if nested is not None:
+        names[name] = nested
+        if type_.array == "fixed":
+            return f"[{name}() for _ in range({type_.size})]"
+        return "[]" if type_.array else f"{name}()"
+    if not type_.array:
+        names[name] = _plain_default(field)
+        return name
+    if type_.base in numbers.CODES:
+        names[name] = _numbers(type_, field.default)
+        return f"{name}()"
+    values = _plain_default(field)
+    if not values:
+        return "[]"
+    names[name] = values
+    return f"{name}.copy()"
+
+
+def _numbers(type_: Type, default: tuple[Any, ...] | None) -> Callable[[], Any]:
+    code, values = numbers.CODES[type_.base], list(default or ())
+    if type_.array != "fixed":
+        return lambda: numbers.sequence(code, values)
+    # Not before such a message is made: it takes numpy.
+    zeros = values or [0] * type_.size
+    return lambda: numbers.fixed(code)(zeros)
+
+
+def _plain_default(field: Field) -> Any:
+    type_ = field.type
+    if type_.array:
+        if field.default is not None:
+            return list(field.default)
+        return [_zero(type_.base)] * (type_.size if type_.array == "fixed" else 0)
+    return _zero(type_.base) if field.default is None else field.default
+
+
+def _zero(base: str) -> Any:
+    if base == "byte":
+        return b"\x00"
+    if base == "bool":
+        return False
+    return "" if base.endswith("string") else 0.0 if base.startswith("float") else 0

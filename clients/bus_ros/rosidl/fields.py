@@ -1,0 +1,269 @@
+"""What a field of a message may hold: its type as text and as a value, and the checks of what is assigned.
+
+Owns: the assertions and their texts, which are rosidl's, and what is stored for a value. An integer is no
+float, as in ROS; a scalar of numpy counts as the Python value that it stands for. Must not know: how classes
+are made, the wire.
+"""
+
+from array import array
+from collections import UserString
+from collections.abc import Callable, Sequence, Set
+from math import isinf
+from typing import Any, Final, TypeAlias
+
+from bus.types.idl import INTEGERS, Field, Type
+from bus_ros.rosidl import definition, numbers
+
+__all__ = ["FLOAT32_MOST", "Check", "checker", "is_numeric", "loose", "slot_type", "type_text"]
+
+Check: TypeAlias = Callable[[Any], Any]
+"""Takes what is assigned, returns what is stored; raises AssertionError."""
+
+FLOAT32_MOST: Final = 3.4028234663852886e38
+_FLOAT32_TEXT: Final = 3.402823466e38
+"""As rosidl has it, which refuses the greatest numbers of single precision; here they are right."""
+_FLOAT64_TEXT: Final = 1.7976931348623157e308
+
+_IDL_NAMES: Final = {
+    "bool": "boolean",
+    "byte": "octet",
+    "char": "uint8",
+    "float32": "float",
+    "float64": "double",
+}
+_CLASSES: Final[dict[str, type]] = {"bool": bool, "float32": float, "float64": float}
+_OCTETS: Final = (bytes, bytearray, memoryview)
+
+
+def is_numeric(type_: Type) -> bool:
+    """Whether it is an array or a sequence of numbers."""
+    return type_.array != "" and type_.base in numbers.CODES
+
+
+def type_text(type_: Type) -> str:
+    """As `get_fields_and_field_types` has it: `sequence<double>`, `geometry_msgs/Point`."""
+    text = _IDL_NAMES.get(type_.base, type_.base)
+    if "/" in text:
+        text = f"{text.split('/')[0]}/{text.split('/')[-1]}"
+    if type_.string_bound is not None:
+        text += f"<{type_.string_bound}>"
+    match type_.array:
+        case "fixed":
+            return f"{text}[{type_.size}]"
+        case "bounded":
+            return f"sequence<{text}, {type_.size}>"
+        case "unbounded":
+            return f"sequence<{text}>"
+    return text
+
+
+def slot_type(type_: Type) -> definition.AbstractType:
+    """As `SLOT_TYPES` has it."""
+    element: definition.AbstractNestableType
+    if "/" in type_.base:
+        *namespaces, name = type_.base.split("/")
+        element = definition.NamespacedType(namespaces, name)
+    elif type_.base == "string":
+        bound = type_.string_bound
+        element = definition.UnboundedString() if bound is None else definition.BoundedString(bound)
+    elif type_.base == "wstring":
+        bound = type_.string_bound
+        element = definition.UnboundedWString() if bound is None else definition.BoundedWString(bound)
+    else:
+        element = definition.BasicType(_IDL_NAMES.get(type_.base, type_.base))
+    match type_.array:
+        case "fixed":
+            return definition.Array(element, type_.size)
+        case "bounded":
+            return definition.BoundedSequence(element, type_.size)
+        case "unbounded":
+            return definition.UnboundedSequence(element)
+    return element
+
+
+def loose(type_: Type) -> Check | None:
+    """What is done to a value where nothing is checked; None for nothing."""
+    if not is_numeric(type_):
+        return None
+    code = numbers.CODES[type_.base]
+    if type_.array == "fixed":
+        return lambda value: value if numbers.is_array(value) else numbers.fixed(code)(value)
+    return lambda value: value if value.__class__ is array else numbers.sequence(code, value)
+
+
+def checker(field: Field, message_class: type | None) -> Check:
+    """The check of one field; `message_class` is that of the messages in it."""
+    type_ = field.type
+    expected = message_class or _class_of(type_.base)
+    if not type_.array:
+        return _scalar(field.name, type_, expected)
+    if type_.base in numbers.CODES:
+        return _numeric(field.name, type_, expected)
+    return _several(field.name, type_, expected)
+
+
+def _class_of(base: str) -> type:
+    return bytes if base == "byte" else str if base.endswith("string") else _CLASSES.get(base, int)
+
+
+def _scalar(name: str, type_: Type, expected: type) -> Check:
+    begin = f"The '{name}' field must be "
+    if "/" in type_.base:
+        return _instance(f"{begin}a sub message of type '{expected.__name__}'", expected)
+    if type_.base == "byte":
+
+        def octet(value: Any) -> Any:
+            if not isinstance(value, _OCTETS) or len(value) != 1:
+                raise AssertionError(f"{begin}of type 'bytes' or 'ByteString' with length 1")
+            return value
+
+        return octet
+    if type_.string_bound is not None:
+        bound = type_.string_bound
+
+        def bounded(value: Any) -> Any:
+            if not isinstance(value, str | UserString) or len(value) > bound:
+                raise AssertionError(f"{begin}string value not longer than {bound}")
+            return str(value)
+
+        return bounded
+    of_class = _instance(f"{begin}of type '{expected.__name__}'", expected)
+    if expected is int:
+        return _integer(begin, type_.base, of_class)
+    return _float32(begin, of_class) if type_.base == "float32" else of_class
+
+
+def _instance(text: str, expected: type) -> Check:
+    def instance(value: Any) -> Any:
+        value = numbers.plain(value)
+        if not isinstance(value, expected):
+            raise AssertionError(text)
+        return value
+
+    return instance
+
+
+def _integer(begin: str, base: str, of_class: Check) -> Check:
+    least, most = INTEGERS[base]
+    what = "an unsigned integer" if least == 0 else "an integer"
+
+    def integer(value: Any) -> Any:
+        value = of_class(value)
+        if not least <= value <= most:
+            raise AssertionError(f"{begin}{what} in [{least}, {most}]")
+        return int(value) if value is True or value is False else value
+
+    return integer
+
+
+def _float32(begin: str, of_class: Check) -> Check:
+    def float32(value: Any) -> Any:
+        value = of_class(value)
+        if abs(value) > FLOAT32_MOST and not isinf(value):
+            raise AssertionError(f"{begin}a float in [{-_FLOAT32_TEXT}, {_FLOAT32_TEXT}]")
+        return value
+
+    return float32
+
+
+def _several(name: str, type_: Type, expected: type) -> Check:
+    """Of texts, booleans, octets or messages: a list, or whatever sequence was given."""
+    text = _text(name, type_, expected)
+    only, of_class = frozenset((expected,)), _OCTETS if expected is bytes else expected
+
+    def several(value: Any) -> Any:
+        if numbers.is_array(value):
+            value = value.tolist()
+        elif isinstance(value, bytes) and expected is bytes:
+            value = [value[index : index + 1] for index in range(len(value))]
+        if not _is_collection(value) or not _fits(type_, len(value)):
+            raise AssertionError(text)
+        if not only.issuperset(map(type, value)) and not all(isinstance(item, of_class) for item in value):
+            raise AssertionError(text)
+        if expected is bytes and any(len(item) != 1 for item in value):
+            raise AssertionError(text)
+        if type_.string_bound is not None and any(len(item) > type_.string_bound for item in value):
+            raise AssertionError(text)
+        return value
+
+    return several
+
+
+def _numeric(name: str, type_: Type, expected: type) -> Check:
+    """Of numbers: an array."""
+    text = _text(name, type_, expected)
+    code = numbers.CODES[type_.base]
+    only = frozenset((expected,))
+    is_fixed = type_.array == "fixed"
+
+    def made_of(value: Any) -> Any:
+        is_array = numbers.is_array(value) or isinstance(value, memoryview | array)
+        if not is_array and not _is_collection(value):
+            raise AssertionError(text)
+        try:
+            is_plain = is_array or isinstance(value, bytes | bytearray) or only.issuperset(map(type, value))
+            if not is_plain:
+                value = [numbers.plain(item) for item in value]
+            if not (is_plain or all(isinstance(item, expected) for item in value)):
+                raise AssertionError(text)
+            made = numbers.sequence(code, value if isinstance(value, Sequence) or is_array else list(value))
+        except (OverflowError, TypeError, ValueError):
+            raise AssertionError(text) from None
+        if not _fits(type_, len(made)) or (code == "f" and _has_overflowed(made, value)):
+            raise AssertionError(text)
+        return numbers.fixed(code)(made) if is_fixed else made
+
+    def sequence(value: Any) -> Any:
+        if not isinstance(value, array):
+            return made_of(value)
+        if value.typecode != code:
+            raise AssertionError(f"The '{name}' array.array() must have the type code of '{code}'")
+        if not _fits(type_, len(value)):
+            raise AssertionError(f"The '{name}' array.array() must have a size <= {type_.size}")
+        return value
+
+    def fixed(value: Any) -> Any:
+        if not numbers.is_array(value):
+            return made_of(value)
+        dtype = numbers.numpy().dtype(code)
+        if value.dtype != dtype:
+            raise AssertionError(f"The '{name}' numpy.ndarray() must have the dtype of 'numpy.{dtype}'")
+        if value.size != type_.size:
+            raise AssertionError(f"The '{name}' numpy.ndarray() must have a size of {type_.size}")
+        return value if value.ndim == 1 else value.ravel()
+
+    return fixed if is_fixed else sequence
+
+
+def _has_overflowed(made: "array[float]", value: Any) -> bool:
+    """Whether there is an infinity that was a large number before."""
+    return any(isinf(new) and not isinf(old) for new, old in zip(made, value, strict=False))
+
+
+def _is_collection(value: object) -> bool:
+    return isinstance(value, Sequence | Set) and not isinstance(value, str | UserString)
+
+
+def _fits(type_: Type, length: int) -> bool:
+    match type_.array:
+        case "fixed":
+            return length == type_.size
+        case "bounded":
+            return length <= type_.size
+    return True
+
+
+def _text(name: str, type_: Type, expected: type) -> str:
+    parts = [f"The '{name}' field must be a set or sequence"]
+    if type_.array != "unbounded":
+        parts.append(f"with length {'' if type_.array == 'fixed' else '<= '}{type_.size}")
+    if type_.string_bound is not None:
+        parts.append(f"and each string value not longer than {type_.string_bound}")
+    parts.append(f"and each value of type '{expected.__name__}'")
+    if expected is float:
+        most = _FLOAT32_TEXT if type_.base == "float32" else _FLOAT64_TEXT
+        parts.append(f"and each {_IDL_NAMES[type_.base]} in [{-most:f}, {most:f}]")
+    elif expected is int:
+        least, most = INTEGERS[type_.base]
+        parts.append(f"and each {'unsigned ' if least == 0 else ''}integer in [{least}, {most}]")
+    return " ".join(parts)

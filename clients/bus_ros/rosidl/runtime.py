@@ -1,0 +1,215 @@
+"""Messages as plain values and back, and classes by their names; programs import it as `rosidl_runtime_py`.
+
+Owns: the conversions. Must not know: how classes are made, topics.
+"""
+
+import sys
+from array import array
+from collections import OrderedDict
+from typing import Any
+
+from bus.errors import ConfigurationError
+from bus.types.definitions import definition_path, full_name, packages
+from bus_ros.rosidl import numbers
+from bus_ros.rosidl.classes import action_class, message_class, service_class
+from bus_ros.rosidl.fields import type_text
+from bus_ros.rosidl.message import RosMessage
+
+__all__ = [
+    "get_action",
+    "get_interface",
+    "get_message",
+    "get_service",
+    "message_to_csv",
+    "message_to_ordereddict",
+    "message_to_yaml",
+    "set_message_fields",
+]
+
+
+def get_interface(identifier: str) -> type:
+    """The class of `std_msgs/msg/String`, `std_srvs/srv/SetBool` or `example_interfaces/action/Fibonacci`.
+
+    Raises ValueError for what is no such name, ModuleNotFoundError for an unknown package, AttributeError for
+    an unknown type, ConfigurationError for a malformed definition.
+    """
+    name = full_name(identifier)
+    if name.count("/") != 2 or not all(name.split("/")):
+        raise ValueError(f"Expected the full name of an interface, got '{identifier}'")
+    package, kind, short = name.split("/")
+    makers = {"msg": message_class, "srv": service_class, "action": action_class}
+    if kind not in makers:
+        raise ValueError(f"Expected the full name of an interface, got '{identifier}'")
+    try:
+        definition_path(name)
+    except ConfigurationError as error:
+        if package not in packages():
+            raise ModuleNotFoundError(f"No module named '{package}'", name=package) from None
+        text = f"module '{package}.{kind}' has no attribute '{short}': {error}"
+        raise AttributeError(text) from None
+    return makers[kind](name)
+
+
+def get_message(identifier: str) -> type:
+    """The class of `std_msgs/msg/String`; raises as `get_interface`."""
+    return _of_kind(identifier, "msg", "message")
+
+
+def get_service(identifier: str) -> type:
+    """The class of `std_srvs/srv/SetBool`; raises as `get_interface`."""
+    return _of_kind(identifier, "srv", "service")
+
+
+def get_action(identifier: str) -> type:
+    """The class of `example_interfaces/action/Fibonacci`; raises as `get_interface`."""
+    return _of_kind(identifier, "action", "action")
+
+
+def message_to_ordereddict(
+    msg: Any, *, truncate_length: int | None = None, no_arr: bool = False, no_str: bool = False
+) -> "OrderedDict[str, Any]":
+    """The fields of a message as plain values.
+
+    Texts and arrays are cut after `truncate_length` characters or elements; `no_arr` and `no_str` say only
+    what would be there.
+    """
+    if isinstance(msg, bytes):
+        return OrderedDict(bytes=msg)
+    converted: OrderedDict[str, Any] = OrderedDict()
+    for field in msg.__definition__.fields:
+        value = getattr(msg, field.name)
+        if no_arr and field.type.array:
+            converted[field.name] = _array_text(field.type, len(value))
+        elif no_str and isinstance(value, str):
+            converted[field.name] = f"<string length: <{len(value)}>>"
+        else:
+            converted[field.name] = _plain(value, truncate_length, no_arr, no_str)
+    return converted
+
+
+def message_to_yaml(
+    msg: Any,
+    *,
+    truncate_length: int | None = None,
+    no_arr: bool = False,
+    no_str: bool = False,
+    flow_style: bool = False,
+) -> str:
+    """The fields of a message as YAML, with a line end at the end."""
+    import yaml
+
+    values = message_to_ordereddict(msg, truncate_length=truncate_length, no_arr=no_arr, no_str=no_str)
+    text: str = yaml.safe_dump(
+        _without_order(values),
+        allow_unicode=True,
+        width=sys.maxsize,
+        default_flow_style=flow_style,
+        sort_keys=False,
+    )
+    return text
+
+
+def message_to_csv(
+    msg: Any, *, truncate_length: int | None = None, no_arr: bool = False, no_str: bool = False
+) -> str:
+    """The values of a message in one line, with commas between them."""
+    if isinstance(msg, bytes):
+        return str(msg)
+    values = message_to_ordereddict(msg, truncate_length=truncate_length, no_arr=no_arr, no_str=no_str)
+    return ",".join(_flat(values))
+
+
+def set_message_fields(
+    msg: Any, values: dict[str, Any], expand_header_auto: bool = False, expand_time_now: bool = False
+) -> list[Any]:
+    """Set the fields of a message from plain values, nested ones too.
+
+    Returns what sets the stamps that are to be filled in later: a Header given as `auto`, a Time as `now`;
+    each is a function of one Time. Raises TypeError for what is no dictionary, AttributeError for an unknown
+    field, AssertionError or ValueError for a wrong value.
+    """
+    if not isinstance(values, dict):
+        raise TypeError(f"Value '{values}' is expected to be a dictionary but is a {type(values).__name__}")
+    stamps: list[Any] = []
+    for name, value in values.items():
+        current = getattr(msg, name)
+        nested = msg.__nested__.get(name)
+        if nested is None:
+            setattr(msg, name, _as_type_of(current, value))
+        elif not isinstance(current, RosMessage):
+            items = [_made(nested, item, stamps, expand_header_auto, expand_time_now) for item in value]
+            setattr(msg, name, items)
+        elif expand_header_auto and value == "auto" and nested.__type_name__ == "std_msgs/msg/Header":
+            stamps.append(lambda stamp, header=current: setattr(header, "stamp", stamp))
+        elif expand_time_now and value == "now" and nested.__type_name__ == "builtin_interfaces/msg/Time":
+            stamps.append(lambda stamp, owner=msg, field=name: setattr(owner, field, stamp))
+        elif isinstance(value, nested):
+            setattr(msg, name, value)
+        else:
+            stamps += set_message_fields(current, value, expand_header_auto, expand_time_now)
+    return stamps
+
+
+def _made(cls: type[RosMessage], value: Any, stamps: list[Any], auto: bool, now: bool) -> RosMessage:
+    if isinstance(value, cls):
+        return value
+    made = cls()
+    stamps += set_message_fields(made, value, auto, now)
+    return made
+
+
+def _as_type_of(current: Any, value: Any) -> Any:
+    """A value for a field that now holds `current`: a whole number may stand for a float."""
+    if isinstance(current, array):
+        return value if isinstance(value, array) else numbers.sequence(current.typecode, value)
+    if numbers.is_array(current):
+        return numbers.numpy().array(value, dtype=current.dtype)
+    if type(value) is type(current):
+        return value
+    if isinstance(current, bytes) and isinstance(value, int):
+        return bytes((value,))
+    if isinstance(current, bool | bytes):
+        return value  # a text is no truth value: the setter says so
+    return type(current)(value)
+
+
+def _of_kind(identifier: str, kind: str, what: str) -> type:
+    if f"/{kind}/" not in full_name(identifier):
+        raise ValueError(f"Expected the full name of a {what}, got '{identifier}'")
+    return get_interface(identifier)
+
+
+def _array_text(type_: Any, length: int) -> str:
+    if type_.array == "fixed":
+        return f"<array type: {type_text(type_)}>"
+    element = type_text(type_._replace(array=""))
+    return f"<sequence type: {element}, length: {length}>"
+
+
+def _plain(value: Any, limit: int | None, no_arr: bool, no_str: bool) -> Any:
+    if isinstance(value, RosMessage):
+        return message_to_ordereddict(value, truncate_length=limit, no_arr=no_arr, no_str=no_str)
+    if isinstance(value, bytes | bytearray | memoryview):
+        value = bytes(value).decode("latin-1")
+    if isinstance(value, str):
+        return value if limit is None or len(value) <= limit else f"{value[:limit]}..."
+    if not isinstance(value, list | tuple | set | array) and not numbers.is_array(value):
+        return value
+    items = value.tolist() if hasattr(value, "tolist") else list(value)
+    kept = items if limit is None else items[:limit]
+    shown = [_plain(item, limit, no_arr, no_str) for item in kept]
+    return shown if len(kept) == len(items) else [*shown, "..."]
+
+
+def _without_order(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _without_order(item) for name, item in value.items()}
+    return [_without_order(item) for item in value] if isinstance(value, list) else value
+
+
+def _flat(value: Any) -> list[str]:
+    if isinstance(value, dict):
+        return [text for item in value.values() for text in _flat(item)]
+    if isinstance(value, list):
+        return [text for item in value for text in _flat(item)]
+    return [str(value)]

@@ -1,0 +1,105 @@
+"""The TypeSupport of a rosidl-style class: on the bus it is the native class of the same name.
+
+Owns: name, hash and schema (the native ones), and errors that name the field. Must not know: topics.
+"""
+
+import os
+from collections.abc import Iterator
+from functools import cache, cached_property
+from operator import truth
+from typing import Any
+
+import msgspec
+
+from bus.errors import ConfigurationError, MessageTypeError
+from bus.types.check import plan
+from bus.types.classes import message_class as native_class
+from bus.types.support import ENCODE_ERRORS, TypeSupport, hash_and_description, wrong_class
+from bus_ros.rosidl.message import RosMessage
+from bus_ros.rosidl.wire import codec
+
+__all__ = ["RosTypeSupport", "support_of"]
+
+
+class RosTypeSupport(TypeSupport[Any]):
+    """Everything about one rosidl-style class; get it from `bus.types.support.type_support(cls)`.
+
+    Setters have checked all that was assigned, so `is_valid` says True, and `encode` finds what has been put
+    into lists meanwhile. Where setters check nothing, `is_valid` decodes what would be sent.
+    """
+
+    def __init__(self, cls: type[RosMessage]) -> None:
+        native = native_class(cls.__type_name__)
+        names = tuple(field.name for field in cls.__definition__.fields)
+        if native.__struct_fields__ != names:
+            raise ConfigurationError(
+                f"the definition of {cls.__type_name__} here has other fields than the one of ROS 2: "
+                f"{', '.join(names)}"
+            )
+        self.cls = cls
+        self.name = cls.__type_name__
+        self.hash, self.description = hash_and_description(native)
+        self.encode, self.decode = codec(cls, native)
+        # A message without a method of its own for that is always true, and this is a function of C.
+        self.is_valid = truth if os.environ.get("ROS_PYTHON_CHECK_FIELDS") != "0" else self._survives
+
+    @cached_property
+    def plan(self) -> Any:
+        return plan(native_class(self.name), dict(_kinds(self.cls)))
+
+    def _survives(self, message: Any) -> bool:
+        try:
+            self.decode(self.encode(message))
+        except (*ENCODE_ERRORS, msgspec.DecodeError):
+            return False
+        return True
+
+    def explain(self, message: Any) -> MessageTypeError | None:
+        """The error that names the wrong field and its path, or None if the message is right."""
+        if not isinstance(message, self.cls):
+            return wrong_class(self.cls, message)
+        try:
+            self.decode(self.encode(message))
+        except (*ENCODE_ERRORS, msgspec.DecodeError) as error:
+            path, text = next(_mistakes(message, "$"), ("$", str(error)))
+            return MessageTypeError(f"{self.name}: {text} - at `{path}`")
+        return None
+
+
+@cache
+def support_of(cls: type[RosMessage]) -> RosTypeSupport:
+    """That of a class that was made of a definition."""
+    return RosTypeSupport(cls)
+
+
+def _kinds(cls: type[RosMessage]) -> Iterator[tuple[type, type]]:
+    """The native classes of this class and of those within it, each with its own."""
+    yield native_class(cls.__type_name__), cls
+    for nested in cls.__nested__.values():
+        yield from _kinds(nested)
+
+
+def _mistakes(message: RosMessage, path: str) -> Iterator[tuple[str, str]]:
+    """Path of what a field can't hold, and what is wrong with it."""
+    for field in message.__definition__.fields:
+        here = f"{path}.{field.name}"
+        try:
+            value = getattr(message, field.name)
+        except AttributeError:
+            yield here, f"The '{field.name}' field was deleted"
+            continue
+        if field.name in message.__nested__:
+            if isinstance(value, RosMessage):
+                yield from _mistakes(value, here)
+            elif field.type.array:
+                for index, item in enumerate(value):
+                    if isinstance(item, RosMessage):
+                        yield from _mistakes(item, f"{here}[{index}]")
+        try:
+            message.__checks__[field.name](value)
+            if isinstance(value, str):
+                value.encode()
+        except AssertionError as error:
+            yield here, str(error)
+        except UnicodeEncodeError as error:
+            yield here, f"The '{field.name}' field is no text: {error}"
