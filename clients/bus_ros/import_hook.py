@@ -113,7 +113,7 @@ def _spec(name: str) -> ModuleSpec | None:
     if root == "rclpy":
         if rest and sys.modules.get("rclpy") is not sys.modules.get("bus_ros.rclpy"):
             return None  # a part that the real one hasn't
-        return _alias(name, f"bus.{name}")
+        return _alias(name, f"bus_ros.{name}")
     if name in _ALIASES:
         return _alias(name, _ALIASES[name]) if _is_ours(root) else None
     if name in _PACKAGES:

@@ -17,7 +17,7 @@ TARGETS: dict[str, Target] = {
     "frames": wire_targets.frames,
     "session": wire_targets.session,
     "runs": wire_targets.runs,
-    "inbox": wire_targets.inbox,
+    "receiver": wire_targets.receiver,
     "outbox": wire_targets.outbox,
     "control": broker_targets.control,
     "broker": broker_targets.broker,

@@ -102,7 +102,7 @@ def names_in(cell: str) -> list[str]:
 
 
 def load(module: str) -> Any:
-    return import_module(f"bus.{module}")
+    return import_module(f"bus_ros.{module}")
 
 
 def find(path: str) -> Any:
@@ -114,7 +114,7 @@ def modules() -> Iterator[str]:
     yield "rclpy"
     for found in pkgutil.walk_packages(bus_ros.rclpy.__path__, "bus_ros.rclpy."):
         if found.name != "bus_ros.rclpy.impl":  # a package with nothing in it
-            yield found.name.removeprefix("bus.")
+            yield found.name.removeprefix("bus_ros.")
 
 
 def public_names(module: str) -> set[str]:
@@ -126,7 +126,7 @@ def members(cls: type) -> set[str]:
     """Public attributes of the class, and those that its methods assign."""
     found: set[str] = set()
     for part in cls.__mro__:
-        if part.__module__.startswith("bus."):
+        if part.__module__.startswith(("bus.", "bus_ros.")):
             found.update(vars(part), getattr(part, "__annotations__", ()))
             found.update(re.findall(r"\bself\.(\w+)(?:: [^=\n]+)? = ", inspect.getsource(part)))
     return {name for name in found if not name.startswith("_")}
