@@ -22,8 +22,8 @@ def pass_on(broker: Broker, peers: Mapping[PeerId, PeerConnection], connection: 
     reader, runs, is_all = session.reader, 0, False
     taker: Stream | None = None  # of the runs that are readdressed and not yet sent
     while (front := reader.front()) is not None and meter.left > 0 and not session.descriptors:
-        endpoint, source, first_seq, count, size = front
-        if source or (way := broker.passage(now_ns, connection.id, endpoint)) is None:
+        endpoint, only_for, first_seq, count, size = front
+        if only_for or (way := broker.passage(now_ns, connection.id, endpoint)) is None:
             break
         publisher, subscription = way
         if (owner := peers.get(subscription.flush.peer)) is None:  # the core has yet to forget it

@@ -261,7 +261,7 @@ class Process:
     def _is_passed_on(self, run: Run) -> bool:
         """Do what the daemon's shell does with a run for one subscription that has nothing else waiting."""
         world, broker = self.world, self.world.broker
-        if run.source or run.is_replay or run.is_resumed:
+        if run.only_for or run.is_replay or run.is_resumed:
             return False
         way = broker.passage(world.now_ns, self.id, run.endpoint)
         taker = world.processes.get(way[1].flush.peer) if way is not None else None

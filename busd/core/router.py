@@ -78,7 +78,7 @@ class Router:
             raise RemoteProtocolError(
                 f"data frame of {run.count} samples, a run has {MAX_RUN_SAMPLES} at most"
             )
-        if run.source:
+        if run.only_for:
             self._catch_up(now_ns, publisher, run, out)
             return None
         gap = run.first_seq - publisher.next_seq
@@ -267,7 +267,7 @@ class Router:
     def _catch_up(self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect]) -> None:
         """A run for one subscription, of samples that the others had before; as `route`."""
         self._meter.left -= FRAME + run.count // SAMPLES_PER_UNIT
-        number = EndpointId(run.source)
+        number = EndpointId(run.only_for)
         subscription = publisher.matches.get(number)
         if subscription is None or number in publisher.shared or number in publisher.leaving:
             return  # it has left, or was never rerouted

@@ -95,7 +95,7 @@ def _decode_plainly(stream: bytes) -> tuple[list[Any], bool]:
 def _shown(item: Any) -> Any:
     if not isinstance(item, Run):
         return item
-    head = item.endpoint, item.source, item.first_seq, item.count
+    head = item.endpoint, item.source or item.only_for, item.first_seq, item.count
     return *head, bytes(item.body), item.is_replay, item.is_resumed
 
 

@@ -93,6 +93,26 @@ class TestWhatComesOut:
         frames = [data(record(size)), control(b"between"), data(record(size))]
         assert len(values(feed(reader(), b"".join(frames)))) == 3
 
+    @pytest.mark.parametrize("is_broker", [False, True])
+    @pytest.mark.parametrize("size", [3, BUFFER_BYTES])
+    @pytest.mark.parametrize("flags", [0, REPLAY, RESUMED])
+    def test_one_number_has_a_meaning_for_each_way(self, is_broker: bool, size: int, flags: int) -> None:
+        limits = {"max_control_bytes": MAX_CONTROL, "max_data_bytes": 2 * BUFFER_BYTES}
+        made = FrameReader(**limits, is_broker=is_broker)
+        (run,) = feed(made, data(record(size), flags=flags))
+        assert (run.endpoint, run.source, run.only_for) == ((7, 0, 8) if is_broker else (7, 8, 0))
+
+    @pytest.mark.parametrize("is_broker", [False, True])
+    def test_also_at_the_front(self, is_broker: bool) -> None:
+        made = FrameReader(max_control_bytes=MAX_CONTROL, max_data_bytes=MAX_DATA, is_broker=is_broker)
+        frame = data(record(3))
+        made.get_buffer()[: len(frame)] = frame
+        made.came(len(frame))
+        front = made.front()
+        assert front is not None
+        run = made.take(front)
+        assert (run.source, run.only_for) == ((0, 8) if is_broker else (8, 0))
+
     def test_frames_before_a_bad_one_come_out_first(self) -> None:
         items = feed(reader(), control(b"good") + b"\xff" * 32)
         assert next(items) == b"good"

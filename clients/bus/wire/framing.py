@@ -42,7 +42,7 @@ _unpack_data_head = DATA_HEAD.unpack_from
 
 
 Front: TypeAlias = tuple[int, int, int, int, int]
-"""Of a data frame: endpoint, source, first number, samples, bytes of the whole frame."""
+"""Of a data frame: endpoint, `source` or `only_for`, first number, samples, bytes of the whole frame."""
 
 
 class FrameReader:
@@ -50,11 +50,13 @@ class FrameReader:
 
     `max_control_bytes` and `max_data_bytes` bound the body of a frame of each kind. What a frame takes that
     is too long for the common buffer can be charged to an account (`charge_to`) until it is whole.
+    `is_broker`: a client sends them, so that a run says `only_for` where a broker's says `source`.
     """
 
-    def __init__(self, *, max_control_bytes: int, max_data_bytes: int) -> None:
+    def __init__(self, *, max_control_bytes: int, max_data_bytes: int, is_broker: bool = False) -> None:
         self.max_control_bytes = max_control_bytes
         self.max_data_bytes = max_data_bytes
+        self._is_broker = is_broker
         self._buffer = bytearray(BUFFER_BYTES)
         self._view = memoryview(self._buffer)
         self._end = 0  # bytes of a part of a frame at the start of the buffer
@@ -117,7 +119,7 @@ class FrameReader:
         left = self._stop - start
         if left < DATA_HEAD_BYTES or self._large is not None:
             return None
-        length, word, endpoint, source, first_seq, number, rest = _unpack_short(self._view, start)
+        length, word, endpoint, address, first_seq, number, rest = _unpack_short(self._view, start)
         size = length + LENGTH_BYTES
         if (
             word != DATA
@@ -128,14 +130,17 @@ class FrameReader:
             or rest
         ):
             return None
-        return endpoint, source, first_seq, number, size
+        return endpoint, address, first_seq, number, size
 
     def take(self, front: Front) -> Run:
         """The run that `front` has just told of."""
-        endpoint, source, first_seq, number, size = front
+        endpoint, address, first_seq, number, size = front
         start = self._start
         self._start = stop = start + size
-        return Run(endpoint, source, first_seq, number, self._view[start + DATA_HEAD_BYTES : stop].tobytes())
+        run = Run(endpoint, address, first_seq, number, self._view[start + DATA_HEAD_BYTES : stop].tobytes())
+        if address and self._is_broker:
+            run.source, run.only_for = 0, address
+        return run
 
     def readdress(self, front: Front, endpoint: int, source: int) -> None:
         """The frame that `front` has just told of becomes one from `source` to `endpoint`, where it lies."""
@@ -157,6 +162,7 @@ class FrameReader:
             return self._cut_large()
         frames: list[bytes | Run] = []
         view, start, end = self._view, self._start, self._stop
+        is_broker = self._is_broker
         self._start = self._stop = 0
         most = DATA_HEAD_BYTES - LENGTH_BYTES + self.max_data_bytes
         try:
@@ -166,7 +172,7 @@ class FrameReader:
                     return frames
                 if end - start >= DATA_HEAD_BYTES:
                     # The short way, for a whole data frame without fault: one look and no call.
-                    length, word, endpoint, source, first_seq, number, rest = _unpack_short(view, start)
+                    length, word, endpoint, address, first_seq, number, rest = _unpack_short(view, start)
                     stop = start + LENGTH_BYTES + length
                     body = start + DATA_HEAD_BYTES
                     if (
@@ -178,7 +184,9 @@ class FrameReader:
                         and not rest
                     ):
                         payload = view[body:stop].tobytes()
-                        run = Run(endpoint, source, first_seq, number, payload)
+                        run = Run(endpoint, address, first_seq, number, payload)
+                        if address and is_broker:
+                            run.source, run.only_for = 0, address
                         if word != DATA:
                             run.is_replay = word != _RESUMED_WORD
                             run.is_resumed = word >= _RESUMED_WORD
@@ -188,7 +196,7 @@ class FrameReader:
                 stop = start + self._check_head(view, start)
                 if stop > end:
                     break
-                frames.append(_parse(view, start, stop))
+                frames.append(_parse(view, start, stop, is_broker))
                 start = stop
             if start != end:
                 self._keep(start, end)
@@ -203,7 +211,7 @@ class FrameReader:
                 return []
             whole = memoryview(self._large)
             self._forget_large()
-            return [_parse(whole, 0, len(whole))]
+            return [_parse(whole, 0, len(whole), self._is_broker)]
         except RemoteProtocolError as error:
             self.fault = error
             return []
@@ -268,11 +276,11 @@ class FrameReader:
         return LENGTH_BYTES + int(length)
 
 
-def _parse(view: memoryview, start: int, stop: int) -> bytes | Run:
+def _parse(view: memoryview, start: int, stop: int, is_broker: bool) -> bytes | Run:
     """The frame from `start` to `stop`, as a copy; a long body stays where it is, in a buffer of its own."""
     if view[start + LENGTH_BYTES] == CONTROL:
         return view[start + FRAME_HEAD_BYTES : stop].tobytes()
-    _, _, flags, _, endpoint, source, first_seq, count, zero = _unpack_data_head(view, start)
+    _, _, flags, _, endpoint, address, first_seq, count, zero = _unpack_data_head(view, start)
     if zero:
         raise RemoteProtocolError(f"data frame with {zero:#x} where there must be zero")
     if not count:
@@ -282,6 +290,8 @@ def _parse(view: memoryview, start: int, stop: int) -> bytes | Run:
     body: Buffer = view[start + DATA_HEAD_BYTES : stop]
     if stop <= BUFFER_BYTES:
         body = bytes(body)
-    run = Run(endpoint, source, first_seq, count, body, bool(flags & REPLAY))
+    run = Run(endpoint, address, first_seq, count, body, bool(flags & REPLAY))
     run.is_resumed = bool(flags & RESUMED)
+    if is_broker:
+        run.source, run.only_for = 0, address
     return run

@@ -18,8 +18,9 @@ Owns offsets, sizes and numbers of the wire. Everything is little-endian.
                 u32            i64
 
 A data frame carries a *run*: samples of one publisher with consecutive sequence numbers. `endpoint` is the
-publisher on the way to the broker and the subscription on the way from it; `source` is the publisher (on the
-way to the broker: 0). Stamps are CLOCK_MONOTONIC, which all processes of a machine share.
+publisher on the way to the broker and the subscription on the way from it. `source` is the publisher; on the
+way to the broker, `only_for` stands there: the one subscription that the run is for, or 0 for all. Stamps are
+CLOCK_MONOTONIC, which all processes of a machine share.
 """
 
 import struct

@@ -44,6 +44,7 @@ class Run(msgspec.Struct, eq=False, gc=False):
 
     endpoint: int
     source: int
+    """The publisher; 0 on the way to the broker, where `endpoint` is the publisher."""
     first_seq: int
     count: int
     body: Buffer
@@ -56,6 +57,8 @@ class Run(msgspec.Struct, eq=False, gc=False):
     """What the subscription knows of the publisher."""
     is_resumed: bool = False
     """The numbers missing before it went by another route and are not lost."""
+    only_for: int = 0
+    """On the way to the broker: the one subscription that it is for; 0: all that are routed."""
 
     def after(self, seq: int) -> "Run":
         """What is left behind number `seq`, which is one of its own and not the last."""

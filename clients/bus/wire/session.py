@@ -77,6 +77,7 @@ class Session:
         self.reader = FrameReader(
             max_control_bytes=MAX_CONTROL_BYTES if role is Role.BROKER else MAX_SNAPSHOT_BYTES,
             max_data_bytes=RUN_BYTES + RECORD_HEAD_BYTES + max_message_bytes,
+            is_broker=role is Role.BROKER,
         )
         self.peer: Hello | None = None
         self._role = role

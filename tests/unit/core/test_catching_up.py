@@ -71,7 +71,8 @@ class TestAlone:
 
     def test_subscriptions_are_not_told_how_it_came(self) -> None:
         pair = rerouted()
-        run = Run(pair.publisher.id, pair.subscription.id, 1, 1, frame_record(b"x", 0), is_resumed=True)
+        run = Run(pair.publisher.id, 0, 1, 1, frame_record(b"x", 0), is_resumed=True)
+        run.only_for = pair.subscription.id
         (effect,) = pair.world.broker.route(pair.world.now_ns, pair.talker.id, run)
         assert isinstance(effect, Flush)
         assert not effect.queue.runs[0].is_resumed
@@ -80,7 +81,8 @@ class TestAlone:
         pair = Pair(QoSProfile(depth=9, durability="transient_local"))
         pair.listener.has_read = 5
         pair.subscription.refuse(pair.publisher)
-        run = Run(pair.publisher.id, pair.subscription.id, 2, 1, frame_record(b"2", 0), is_replay=True)
+        run = Run(pair.publisher.id, 0, 2, 1, frame_record(b"2", 0), is_replay=True)
+        run.only_for = pair.subscription.id
         pair.world.carry_out(pair.world.broker.route(pair.world.now_ns, pair.talker.id, run))
         pair.publisher.catch_up(pair.subscription)
         pair.publisher.publish(*"123456")
