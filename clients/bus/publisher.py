@@ -29,6 +29,7 @@ from bus.types.large_fields import (
     bytes_fields,
     check_field,
     encode_around,
+    in_bytes,
     long_field,
     text_fields,
     with_field,
@@ -152,7 +153,7 @@ class Publisher(Endpoint[M]):
         """
         if isinstance(payload, str):
             raise TypeError(f"an encoded message on '{self.topic_name}' must be bytes, not text")
-        return self._sender.write(payload) or self._put(payload)
+        return self._sender.write(payload) or self._put(in_bytes(payload))
 
     def loan(self, message: M, field: str, size: int) -> Loan | None:
         """A place for `size` bytes that are to be the field `field` of `message`, to be filled by the caller.

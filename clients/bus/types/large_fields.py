@@ -109,6 +109,12 @@ def joined(parts: Sequence[Buffer | str]) -> Buffer:
     return b"".join(part.encode() if isinstance(part, str) else part for part in parts)
 
 
+def in_bytes(payload: Buffer) -> Buffer:
+    """The same memory; its length is in bytes, whatever its items are."""
+    view = memoryview(payload)
+    return payload if view.nbytes == len(payload) else view.cast("B")
+
+
 def check_field(cls: type[msgspec.Struct], name: str) -> None:
     """Raises MessageTypeError where `name` is no field of bytes."""
     names = bytes_fields(cls)
