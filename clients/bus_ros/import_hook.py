@@ -191,8 +191,9 @@ class _Alias:
 
 
 def _alias(name: str, target: str) -> ModuleSpec | None:
-    path = import_module(target.rpartition(".")[0]).__path__
-    if target not in sys.modules and PathFinder.find_spec(target, path) is None:
+    from importlib.util import find_spec  # late: most programs that import messages need none
+
+    if target not in sys.modules and find_spec(target) is None:
         return None
     return _made(name, _Alias(target), is_package=False)
 

@@ -18,6 +18,7 @@ import bus
 import bus_ros.rclpy
 from bus.msg.std_msgs import String
 from bus.service_host import SERVICE_QOS
+from bus_ros import aliases
 from bus_ros.rclpy.entity import Entity
 from bus_ros.rclpy.node import Node
 
@@ -29,6 +30,10 @@ INSIDE = {
     "rclpy.event_handler": {"publisher_events", "subscription_events"},
     "rclpy.parameter": {"ValueType", "parameter_message"},
     "rclpy.qos": {"from_native", "profile_of", "to_native"},
+    "rclpy.validate_topic_name": {
+        *("expand_topic_name", "topic_or_service_is_hidden", "validate_full_topic_name"),
+        *("validate_namespace", "validate_node_name", "validate_parameter_name"),
+    },
 }
 """Public names of a module that rclpy hasn't: the facade's modules use them among themselves."""
 
@@ -115,6 +120,7 @@ def modules() -> Iterator[str]:
     for found in pkgutil.walk_packages(bus_ros.rclpy.__path__, "bus_ros.rclpy."):
         if found.name != "bus_ros.rclpy.impl":  # a package with nothing in it
             yield found.name.removeprefix("bus_ros.")
+    yield from (f"rclpy.{name}" for name in aliases.MODULES)
 
 
 def public_names(module: str) -> set[str]:

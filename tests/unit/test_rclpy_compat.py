@@ -149,6 +149,31 @@ def test_rclpy_has_the_same_modules_under_both_names(tmp_path: Path) -> None:
     assert run(code, tmp_path) == ["True True bus_ros.rclpy bus_ros.rclpy", "True True False"]
 
 
+def test_modules_that_only_have_names_of_others(tmp_path: Path) -> None:
+    code = """
+        import inspect, pickle, sys
+        from rclpy.qos_event import SubscriptionEventCallbacks
+        from rclpy.validate_node_name import validate_node_name
+        from rclpy.experimental.events_executor import EventsExecutor
+        from rclpy.clock_type import *
+        import rclpy.event_handler, rclpy.experimental, rclpy.constants
+        import bus_ros.rclpy.qos_event as same
+        assert same is rclpy.qos_event is sys.modules["rclpy.qos_event"]
+        assert SubscriptionEventCallbacks is rclpy.event_handler.SubscriptionEventCallbacks
+        assert EventsExecutor is rclpy.experimental.EventsExecutor is rclpy.executors.EventsExecutor
+        print(inspect.signature(validate_node_name), inspect.getsource(validate_node_name).splitlines()[0])
+        print(pickle.loads(pickle.dumps(validate_node_name)) is validate_node_name, rclpy.constants.S_TO_NS)
+        print(pickle.loads(pickle.dumps(ClockType.ROS_TIME)), rclpy.qos_event.__spec__.name)
+        print(inspect.getdoc(same))
+    """
+    assert run(code, tmp_path) == [
+        "(node_name: str) -> bool def validate_node_name(node_name: str) -> bool:",
+        "True 1000000000",
+        "1 bus_ros.rclpy.qos_event",
+        "Names of `rclpy.event_handler`, where programs of ROS 2 look for them, too.",
+    ]
+
+
 def test_the_c_extension_is_there_without_an_import(tmp_path: Path) -> None:
     code = """
         import rclpy
@@ -225,6 +250,7 @@ def test_a_part_of_a_package_is_there_when_it_is_asked_for(tmp_path: Path) -> No
         ("from std_msgs import Bool", "ImportError: cannot import name 'Bool' from 'std_msgs'"),
         ("import std_msgs.other", "ModuleNotFoundError: No module named 'std_msgs.other'"),
         ("import rclpy.no_such_part", "ModuleNotFoundError: busd has no 'rclpy.no_such_part'"),
+        ("import rclpy.experimental.part", "ModuleNotFoundError: busd has no 'rclpy.experimental.part'"),
         ("import bus.no_such_part", "ModuleNotFoundError: No module named 'bus.no_such_part'"),
     ],
 )

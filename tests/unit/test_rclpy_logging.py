@@ -4,20 +4,20 @@ import itertools
 import logging as python_logging
 import re
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from bus.logger import LogEntry
-from bus_ros.rclpy import _rclpy_pybind11, logging
+from bus_ros.rclpy import logging
 from bus_ros.rclpy.clock import ROSClock
-from bus_ros.rclpy.clock_type import ClockType
 from bus_ros.rclpy.impl import rcutils_logger
 from bus_ros.rclpy.impl.implementation_singleton import rclpy_implementation
 from bus_ros.rclpy.impl.rcutils_logger import Once, RcutilsLogger, SkipFirst, Throttle
 from bus_ros.rclpy.logging import LoggingSeverity
-from bus_ros.rclpy.time import Time
+from bus_ros.rclpy.time import ClockType, Time
 
 _numbers = itertools.count()
 
@@ -201,6 +201,6 @@ def test_directory(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_names_that_programs_import() -> None:
     assert all(issubclass(one, rcutils_logger.LoggingFilter) for one in (Once, SkipFirst, Throttle))
-    assert rclpy_implementation.RCLError is _rclpy_pybind11.RCLError
+    assert rclpy_implementation.RCLError is import_module("bus_ros.rclpy._rclpy_pybind11").RCLError
     logging.initialize()
     logging.shutdown()

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from bus_ros.rclpy import action, constants, lifecycle, signals, utilities
+from bus_ros.rclpy import action, duration, lifecycle, signals, utilities
 from bus_ros.rclpy.action import client as action_client
 from bus_ros.rclpy.action import server as action_server
 from bus_ros.rclpy.callback_groups import (
@@ -89,7 +89,7 @@ def test_arguments(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_timeouts() -> None:
     assert utilities.timeout_sec_to_nsec(None) == utilities.timeout_sec_to_nsec(-0.1) == -1
     assert utilities.timeout_sec_to_nsec(1.5) == 1_500_000_000
-    assert constants.S_TO_NS == 1_000_000_000
+    assert duration.S_TO_NS == 1_000_000_000
     assert utilities.get_rmw_implementation_identifier() == "rmw_busd"
 
 

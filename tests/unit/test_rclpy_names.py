@@ -16,18 +16,20 @@ from bus_ros.rclpy.exceptions import (
     InvalidTopicNameException,
     NameValidationException,
 )
-from bus_ros.rclpy.expand_topic_name import expand_topic_name
 from bus_ros.rclpy.type_hash import TypeHash
 from bus_ros.rclpy.type_support import (
     check_for_type_support,
     check_is_valid_msg_type,
     check_is_valid_srv_type,
 )
-from bus_ros.rclpy.validate_full_topic_name import validate_full_topic_name
-from bus_ros.rclpy.validate_namespace import validate_namespace
-from bus_ros.rclpy.validate_node_name import validate_node_name
-from bus_ros.rclpy.validate_parameter_name import validate_parameter_name
-from bus_ros.rclpy.validate_topic_name import validate_topic_name
+from bus_ros.rclpy.validate_topic_name import (
+    expand_topic_name,
+    validate_full_topic_name,
+    validate_namespace,
+    validate_node_name,
+    validate_parameter_name,
+    validate_topic_name,
+)
 from bus_ros.rosidl import message_class, service_class
 
 

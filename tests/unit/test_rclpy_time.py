@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 
 from bus_ros.rclpy import time as time_module
-from bus_ros.rclpy.clock_type import ClockType
 from bus_ros.rclpy.duration import Duration, Infinite
-from bus_ros.rclpy.time import Time
+from bus_ros.rclpy.time import ClockType, Time
 from bus_ros.rosidl import message_class
 
 ROS = ClockType.ROS_TIME

@@ -9,6 +9,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
+from bus_ros import aliases
 from bus_ros.rclpy.main import (
     InitContextManager,
     create_node,
@@ -38,6 +39,8 @@ __all__ = [
     "spin_until_future_complete",
     "try_shutdown",
 ]
+
+aliases.install()
 
 
 def __getattr__(name: str) -> Any:

@@ -13,10 +13,9 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary, ref
 
-from bus_ros.rclpy.clock_type import ClockType
 from bus_ros.rclpy.duration import Duration
 from bus_ros.rclpy.exceptions import NotInitializedException
-from bus_ros.rclpy.time import Time
+from bus_ros.rclpy.time import ClockType, Time
 
 if TYPE_CHECKING:
     from bus_ros.rclpy.context import Context

@@ -4,9 +4,10 @@ import math
 from functools import cache
 from typing import Any
 
-from bus_ros.rclpy.constants import S_TO_NS
-
 __all__ = ["Duration", "Infinite"]
+
+S_TO_NS = 1_000_000_000
+"""Nanoseconds in a second."""
 
 _LEAST, _MOST = -(2**63), 2**63 - 1
 

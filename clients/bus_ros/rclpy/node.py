@@ -14,7 +14,6 @@ from bus_ros.rclpy.clock import Clock, ROSClock
 from bus_ros.rclpy.context import Context, get_default_context, parse_arguments
 from bus_ros.rclpy.engine import current, engine
 from bus_ros.rclpy.exceptions import NotInitializedException
-from bus_ros.rclpy.expand_topic_name import expand_topic_name
 from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger
 from bus_ros.rclpy.node_entities import EntityMaker
 from bus_ros.rclpy.node_graph import GraphQueries
@@ -24,9 +23,12 @@ from bus_ros.rclpy.parameters import NodeParameters
 from bus_ros.rclpy.publisher import Publisher
 from bus_ros.rclpy.qos import QoSProfile, qos_profile_parameter_events
 from bus_ros.rclpy.time_source import TimeSource
-from bus_ros.rclpy.validate_namespace import validate_namespace
-from bus_ros.rclpy.validate_node_name import validate_node_name
-from bus_ros.rclpy.validate_topic_name import validate_topic_name
+from bus_ros.rclpy.validate_topic_name import (
+    expand_topic_name,
+    validate_namespace,
+    validate_node_name,
+    validate_topic_name,
+)
 
 __all__ = ["Node"]
 

@@ -26,7 +26,7 @@ from bus_ros.rclpy.parameter import (
     parameter_value_to_python,
 )
 from bus_ros.rclpy.parameter_rules import check_declaration, describe, with_required
-from bus_ros.rclpy.validate_parameter_name import validate_parameter_name
+from bus_ros.rclpy.validate_topic_name import validate_parameter_name
 
 __all__ = ["NodeParameters"]
 

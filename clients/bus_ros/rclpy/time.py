@@ -1,11 +1,10 @@
 """Points in time, each of one kind of clock, with the arithmetic of rclpy.time. Must not know clocks."""
 
+from enum import IntEnum
 from functools import cache
 from typing import TYPE_CHECKING, Any, overload
 
-from bus_ros.rclpy.clock_type import ClockType
-from bus_ros.rclpy.constants import S_TO_NS
-from bus_ros.rclpy.duration import Duration
+from bus_ros.rclpy.duration import S_TO_NS, Duration
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -13,6 +12,18 @@ if TYPE_CHECKING:
 __all__ = ["ClockType", "Duration", "Time"]
 
 _END_NS = 2**63
+
+
+class ClockType(IntEnum):
+    """What a clock's time is counted from, and whether it can jump. Numbers are rcl_clock_type_t's."""
+
+    UNINITIALIZED = 0
+    ROS_TIME = 1
+    """As SYSTEM_TIME, or the simulation's time while `use_sim_time` is set."""
+    SYSTEM_TIME = 2
+    """Since 1970; jumps when the machine's date is set."""
+    STEADY_TIME = 3
+    """Since some moment in the past; never jumps."""
 
 
 class Time:

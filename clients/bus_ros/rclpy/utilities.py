@@ -4,7 +4,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from bus_ros.rclpy.constants import S_TO_NS
+from bus_ros.rclpy.duration import S_TO_NS
 
 if TYPE_CHECKING:
     from bus_ros.rclpy.context import Context

@@ -1,19 +1,82 @@
-"""Checks the name of a topic or service as people type it. The rules are those of `bus.names`."""
+"""Checks names, and makes full ones of them, with rclpy's exceptions. The rules are those of `bus.names`.
+
+rclpy has a module for each function; those are in the table of `bus_ros.aliases`.
+"""
 
 from bus import names
 from bus.errors import ConfigurationError
-from bus_ros.rclpy.exceptions import InvalidServiceNameException, InvalidTopicNameException
+from bus_ros.rclpy.exceptions import (
+    InvalidNamespaceException,
+    InvalidNodeNameException,
+    InvalidParameterException,
+    InvalidServiceNameException,
+    InvalidTopicNameException,
+)
 
-__all__ = ["TOPIC_SEPARATOR_STRING", "validate_topic_name"]
+__all__ = [
+    "TOPIC_SEPARATOR_STRING",
+    "expand_topic_name",
+    "topic_or_service_is_hidden",
+    "validate_full_topic_name",
+    "validate_namespace",
+    "validate_node_name",
+    "validate_parameter_name",
+    "validate_topic_name",
+]
 
 TOPIC_SEPARATOR_STRING = "/"
 
 
 def validate_topic_name(name: str, *, is_service: bool = False) -> bool:
-    """True, or raises InvalidTopicNameException (InvalidServiceNameException for a service)."""
+    """As people type it. True, or raises InvalidTopicNameException (InvalidServiceNameException)."""
     try:
         names.validate_topic_name(name)
     except ConfigurationError as error:
         kind = InvalidServiceNameException if is_service else InvalidTopicNameException
         raise kind.of(name, error) from None
     return True
+
+
+def validate_full_topic_name(name: str, *, is_service: bool = False) -> bool:
+    """As it stands in the graph; returns and raises as `validate_topic_name`."""
+    try:
+        names.validate_full_topic_name(name)
+    except ConfigurationError as error:
+        kind = InvalidServiceNameException if is_service else InvalidTopicNameException
+        raise kind.of(name, error) from None
+    return True
+
+
+def validate_node_name(node_name: str) -> bool:
+    """True, or raises InvalidNodeNameException."""
+    try:
+        names.validate_node_name(node_name)
+    except ConfigurationError as error:
+        raise InvalidNodeNameException.of(node_name, error) from None
+    return True
+
+
+def validate_namespace(namespace: str) -> bool:
+    """True, or raises InvalidNamespaceException."""
+    try:
+        names.validate_namespace(namespace)
+    except ConfigurationError as error:
+        raise InvalidNamespaceException.of(namespace, error) from None
+    return True
+
+
+def validate_parameter_name(name: str) -> bool:
+    """True, or raises InvalidParameterException: ROS 2 allows all names but the empty one."""
+    if not name:
+        raise InvalidParameterException(name)
+    return True
+
+
+def expand_topic_name(topic_name: str, node_name: str, node_namespace: str) -> str:
+    """With `~` and `{node}` put in and the namespace in front; raises ValueError for a wrong name."""
+    return names.expand_topic_name(topic_name, node_name, node_namespace)
+
+
+def topic_or_service_is_hidden(name: str) -> bool:
+    """Whether a token of the name begins with `_`."""
+    return names.is_hidden_topic(name)

@@ -1,0 +1,80 @@
+"""Modules of rclpy that only have names of another one: a table, and how they are made when imported.
+
+Owns: the table, and the finder that makes `bus_ros.rclpy.qos_event` and the like. Must not know: what the
+names are, and under which name programs import rclpy.
+"""
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+from typing import Final
+
+__all__ = ["MODULES", "install"]
+
+_PACKAGE: Final = "bus_ros.rclpy."
+
+_EVENTS: Final = (
+    *("PublisherEventCallbacks", "QoSLivelinessChangedInfo", "QoSLivelinessLostInfo", "QoSMessageLostInfo"),
+    *("QoSOfferedDeadlineMissedInfo", "QoSOfferedIncompatibleQoSInfo", "QoSPublisherEventType"),
+    *("QoSRequestedDeadlineMissedInfo", "QoSRequestedIncompatibleQoSInfo", "QoSSubscriptionEventType"),
+    *("SubscriptionEventCallbacks", "UnsupportedEventTypeError"),
+)
+_ERRORS: Final = (
+    *("InvalidHandle", "NodeNameNonExistentError", "RCLError", "RCLInvalidROSArgsError"),
+    *("TimerCancelledError", "UnknownROSArgsError", "UnsupportedEventTypeError"),
+)
+
+MODULES: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
+    "_rclpy_pybind11": ("exceptions", _ERRORS),
+    "clock_type": ("time", ("ClockType",)),
+    "constants": ("duration", ("S_TO_NS",)),
+    "endpoint_info": ("topic_endpoint_info", ("EndpointTypeEnum", "TopicEndpointInfo")),  # of Rolling
+    "expand_topic_name": ("validate_topic_name", ("expand_topic_name",)),
+    "experimental": ("executors", ("EventsExecutor",)),
+    "experimental.events_executor": ("executors", ("EventsExecutor",)),
+    "qos_event": ("event_handler", _EVENTS),  # of Humble
+    "topic_or_service_is_hidden": ("validate_topic_name", ("topic_or_service_is_hidden",)),
+    "validate_full_topic_name": ("validate_topic_name", ("validate_full_topic_name",)),
+    "validate_namespace": ("validate_topic_name", ("validate_namespace",)),
+    "validate_node_name": ("validate_topic_name", ("validate_node_name",)),
+    "validate_parameter_name": ("validate_topic_name", ("validate_parameter_name",)),
+}
+"""Of each: the module that has the names, and the names."""
+
+
+def install() -> None:
+    """Let Python find these modules."""
+    if _Finder not in sys.meta_path:
+        sys.meta_path.append(_Finder)
+
+
+class _Finder:
+    @staticmethod
+    def find_spec(
+        name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        short = name.removeprefix(_PACKAGE)
+        if short == name or short not in MODULES:
+            return None
+        is_package = any(other.startswith(f"{short}.") for other in MODULES)
+        return ModuleSpec(name, _Loader, is_package=is_package)  # type: ignore[arg-type]
+
+
+class _Loader:
+    """No subclass of the abstract one, which takes 40 ms to import."""
+
+    @staticmethod
+    def create_module(spec: ModuleSpec) -> None:
+        return None
+
+    @staticmethod
+    def exec_module(module: ModuleType) -> None:
+        target, names = MODULES[module.__name__.removeprefix(_PACKAGE)]
+        source = vars(import_module(_PACKAGE + target))
+        vars(module).update(
+            {name: source[name] for name in names},
+            __all__=list(names),
+            __doc__=f"Names of `rclpy.{target}`, where programs of ROS 2 look for them, too.",
+        )
