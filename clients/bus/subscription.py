@@ -117,6 +117,7 @@ class Subscription(Endpoint[M]):
         self._dispatcher: Dispatcher[M] | None = None
         if callback is not None:
             self._dispatcher = Dispatcher(
+                link,
                 callback,
                 self._receiver,
                 make_info=self._info,

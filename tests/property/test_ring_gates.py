@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+from time import monotonic_ns
 from types import SimpleNamespace
 from typing import Any
 
@@ -39,10 +40,16 @@ class World:
     def __init__(self, qos: QoSProfile) -> None:
         self.loop = asyncio.get_running_loop()
         self.shm_context = ShmContext(lambda owners: None)
-        link: Any = SimpleNamespace(guard=None, loop=self.loop, report=lambda _: None, is_quiet=lambda: True)
+        port: Any = SimpleNamespace(
+            is_shared=False,
+            now_ns=monotonic_ns,
+            later=self.loop.call_later,
+            report=lambda _: None,
+            is_quiet=lambda: True,
+        )
         support = type_support(Int32)
         owner: Any = SimpleNamespace(qos=qos, _support=support, topic_name="/t", _id=0)
-        self.route = ShmSender(link, self.shm_context, owner)
+        self.route = ShmSender(port, self.shm_context, owner)
 
     def close(self) -> None:
         self.route.close()

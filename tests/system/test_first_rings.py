@@ -12,7 +12,7 @@ import pytest
 
 import bus
 from benchmarks.adapters.holding import usage_of
-from bus.delivery import ring_size, shm_sender
+from bus.delivery import shm_sender
 from bus.msg.rcl_interfaces import Log
 from bus.msg.std_msgs import Int32, String
 from bus.shm import segments
@@ -53,10 +53,12 @@ def none_early(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def later(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     """Makes all that was published seem to be long ago."""
-    clock = ring_size.monotonic_ns
+    laps_slowly = shm_sender.laps_slowly
 
     def pass_by() -> None:
-        monkeypatch.setattr(ring_size, "monotonic_ns", lambda: clock() + 10**12)
+        monkeypatch.setattr(
+            shm_sender, "laps_slowly", lambda writer, now_ns: laps_slowly(writer, now_ns + 10**12)
+        )
 
     return pass_by
 

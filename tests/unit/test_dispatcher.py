@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -34,7 +35,12 @@ class World:
         source = self.receiver.sources[1] = PublisherProxy(1, b"1" * 16, 0, 0, needs_ack=False)
         source.is_new = False
         self.seq = 0
+        loop = asyncio.get_running_loop()
+        port: Any = SimpleNamespace(
+            soon=loop.call_soon, start=lambda work, name: loop.create_task(work, name=name).cancel
+        )
         self.dispatcher: Dispatcher[int] = Dispatcher(
+            port,
             callback or self.call,
             self.receiver,
             make_info=lambda taken: "info",

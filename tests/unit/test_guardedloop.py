@@ -315,7 +315,7 @@ class TestInterrupts:
         guard = loop.guard
         try:
             loop.guard = Guard()
-            assert loop.holder == 0
+            assert not loop.is_mine()
         finally:
             loop.guard = guard
             signal.signal(signal.SIGUSR1, before)

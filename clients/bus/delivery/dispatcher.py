@@ -4,12 +4,12 @@ Calls of one subscription never overlap. A plain callback for one message that c
 reader's to call (`Readers.deliver`): both look at one flag, whether a call is under way.
 """
 
-import asyncio
 from collections.abc import Awaitable, Callable
 from time import monotonic_ns
 from typing import Any, Generic, TypeVar
 
 from bus.base.callbacks import is_async, takes_info
+from bus.delivery.port import Port
 from bus.delivery.receiver import Receiver, Taken
 from bus.errors import ConnectionClosed
 from bus.wire.runs import Run
@@ -37,6 +37,7 @@ class Dispatcher(Generic[M]):
 
     def __init__(
         self,
+        port: Port,
         callback: Callable[..., Any],
         receiver: Receiver[M],
         *,
@@ -52,14 +53,14 @@ class Dispatcher(Generic[M]):
         self._receive = receive
         self._on_error = on_error
         self._wants_info = takes_info(callback)
-        self._loop = asyncio.get_running_loop()
+        self._port = port
         self._has_ended = False
         self._calls: Any = _Calls() if receiver.reader is None else receiver.reader
         """Its `is_busy`: a call is under way, or the next turn is scheduled."""
-        self._task: asyncio.Task[None] | None = None
+        self._cancel: Callable[[], object] | None = None
         if is_async(callback):
-            self._task = asyncio.create_task(self._run(), name=f"callback of {name}")
-        self.is_plain = self._task is None and not self._wants_info and not is_timed
+            self._cancel = port.start(self._run(), f"callback of {name}")
+        self.is_plain = self._cancel is None and not self._wants_info and not is_timed
         """It wants the message and nothing else."""
         if self.is_plain and receiver.reader is not None:
             receiver.call_back(callback, on_error)
@@ -67,15 +68,15 @@ class Dispatcher(Generic[M]):
     @property
     def is_async(self) -> bool:
         """Then it takes messages itself, by `receive`."""
-        return self._task is not None
+        return self._cancel is not None
 
     def end(self) -> None:
         """Call back no more."""
         self._has_ended = True
         if self._receiver.reader is not None:
             self._receiver.reader.forget_callback()
-        if self._task is not None and self._task is not asyncio.current_task():
-            self._task.cancel()
+        if self._cancel is not None:
+            self._cancel()
 
     def deliver(self, run: Run) -> bool:
         """Call back for a run that has just come, where that is all there is to it; else it is to be put.
@@ -133,7 +134,7 @@ class Dispatcher(Generic[M]):
                     # Let timers and sockets have their turn: a slow callback must not see stale messages.
                     # Until then nobody else dispatches, or the turns would add up.
                     is_scheduled = True
-                    self._loop.call_soon(self._dispatch_on)
+                    self._port.soon(self._dispatch_on)
                     return
                 # A callback that proves fast gets more at a time, which saves looking at the clock.
                 calls, number = 0, min(2 * number, _MOST_IN_A_TURN)
@@ -141,7 +142,7 @@ class Dispatcher(Generic[M]):
             self._on_error(error)
         except BaseException:  # the event loop may go on; what it has left over shall then, too
             is_scheduled = True
-            self._loop.call_soon(self._dispatch_on)
+            self._port.soon(self._dispatch_on)
             raise
         finally:
             state.is_busy = is_scheduled

@@ -3,7 +3,7 @@
 Knows of a ring what its writer tells. Must not know how rings are made, nor who reads them.
 """
 
-from time import monotonic_ns
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from bus.shm.segments import RECORD_HEAD_BYTES
@@ -35,7 +35,8 @@ _GROW_AGAIN_NS = 1_000_000_000
 class RingSize:
     """Of the rings of one publisher, which `keeps_all` or the last ones."""
 
-    def __init__(self, *, keeps_all: bool) -> None:
+    def __init__(self, now_ns: Callable[[], int], *, keeps_all: bool) -> None:
+        self._now_ns = now_ns
         self._usual_capacity = _LONG_CAPACITY if keeps_all else _CAPACITY
         self._most_bytes = self._usual_capacity  # for depth's sake; for a message that has no place, more
         self._no_growth_ns = 0  # until then, after it could not grow
@@ -53,7 +54,7 @@ class RingSize:
             2 * writer.capacity, _power_of_two(4 * (size + RECORD_HEAD_BYTES)), self._usual_capacity
         )
         if not must:
-            if capacity > self._most_bytes or monotonic_ns() < self._no_growth_ns:
+            if capacity > self._most_bytes or self._now_ns() < self._no_growth_ns:
                 return None
             capacity = max(capacity, self._capacity_for(writer, keep))
         usual, most = capacity >> 7, capacity // _LEAST_RECORD_BYTES
@@ -61,7 +62,7 @@ class RingSize:
 
     def failed(self) -> None:
         """There was no memory for it: for depth's sake it is not asked for again for a while."""
-        self._no_growth_ns = monotonic_ns() + _GROW_AGAIN_NS
+        self._no_growth_ns = self._now_ns() + _GROW_AGAIN_NS
 
     def _capacity_for(self, writer: "Writer", keep: int) -> int:
         """What a ring that is full needs for all its depth, if it goes on like that.
@@ -82,9 +83,9 @@ def is_filled_by_few(writer: "Writer") -> bool:
     return writer.latest - writer.oldest < _FEW_RECORDS and 2 * writer.capacity <= _LONG_CAPACITY_MOST
 
 
-def laps_slowly(writer: "Writer") -> bool:
+def laps_slowly(writer: "Writer", now_ns: int) -> bool:
     """Whether something in the ring is older than a lap may take."""
-    return writer.seq_since(monotonic_ns() - int(LAP_S * 1e9)) > writer.oldest
+    return writer.seq_since(now_ns - int(LAP_S * 1e9)) > writer.oldest
 
 
 def _power_of_two(number: int) -> int:

@@ -4,13 +4,11 @@ Samples are written to the ring, where memory is shared, and go to the broker wh
 broker keeps the history. What other threads publish joins here. Does not know messages, only their encoding.
 """
 
-import asyncio
 from collections.abc import Callable, Sequence
-from threading import get_ident
-from time import monotonic_ns
 from typing import TYPE_CHECKING, Any, Literal
 
 from bus.base.descriptor import Descriptor
+from bus.delivery.port import RETURN_S, Owner, Port, Timer
 from bus.delivery.shm_sender import ShmSender
 from bus.delivery.socket_sender import QUEUE_BYTES, Sample, SocketSender
 from bus.delivery.thread_queue import ThreadQueue
@@ -23,11 +21,8 @@ from bus.errors import (
     SharedMemoryError,
     again,
 )
-from bus.link.declarations import Endpoint
-from bus.link.link import RETURN_S, Link
 from bus.loan import Loan
 from bus.logger import Logger
-from bus.process.waiters import Waiters
 from bus.qos import History, Liveliness, QoSProfile
 from bus.types.large_fields import joined
 from bus.wire import messages as m
@@ -43,40 +38,40 @@ _LOOK_S = 1.0
 
 
 class Sender:
-    """`owner` is the publisher that the link knows; without a `ring` all goes by socket.
+    """`owner` is the publisher that the port knows; without a `ring` all goes by socket.
 
     `sends` is to have the quick way, too.
     """
 
     def __init__(
         self,
-        link: Link,
-        owner: Endpoint,
+        port: Port,
+        owner: Owner,
         logger: Logger,
         ring: ShmSender | None,
         sends: "Sends | None" = None,
     ) -> None:
         qos = owner.qos
-        self._link = link
+        self._port = port
         self._owner = owner
         self._logger = logger
         self._is_manual = qos.liveliness is Liveliness.MANUAL_BY_TOPIC
         self._has_deadline = qos.deadline is not None
         self._depth = 0 if qos.history is History.KEEP_ALL else qos.depth
-        self.last_ns = monotonic_ns()
+        self.last_ns = port.now_ns()
         """When the last sample came, where there is a deadline."""
-        self._room = Waiters(link.loop)
+        self._room = port.waiters()
         self._from_threads = ThreadQueue(QUEUE_BYTES)
-        self._socket = SocketSender(link, owner, self._from_threads)
+        self._socket = SocketSender(port, owner, self._from_threads)
         self._ring = ring
         self._by_socket: set[int] = set()  # the matches of that route
         self._last_by_socket_ns = 0
         self._is_returning = False  # there were some before the broker left
-        self._return: asyncio.TimerHandle | None = None
+        self._return: Timer | None = None
         self._totals: tuple[int, int] | None = None  # at the end
         self._refusal: BusError | None = None
         self._is_lent = False
-        self._bursts = BurstWatch(link.loop, owner.topic_name, logger, is_awaitable=link.guard is None)
+        self._bursts = BurstWatch(port.soon, owner.topic_name, logger, is_awaitable=not port.is_shared)
         self._socket.on_replaced = lambda count: self._bursts.note_replaced(count, self._depth)
         self.publish: Callable[[Any], bool | int | bytes] = _not_so_quick
         """The quick way for a message: True or NOTED; False: nothing was done; bytes: it is to be `put`."""
@@ -130,8 +125,8 @@ class Sender:
 
         False: there is no room until lossless subscriptions have taken more.
         """
-        stamp_ns = monotonic_ns()
-        if get_ident() != self._link.thread:
+        stamp_ns = self._port.now_ns()
+        if not self._port.owns_thread():
             return self._put_from_thread(bytes(joined(parts)), stamp_ns)
         self._check_loan()
         return not self._from_threads.late and self._put_now(parts, stamp_ns)
@@ -141,7 +136,7 @@ class Sender:
 
         In the ring itself, where there is one. Until it ends, nothing else can be published.
         """
-        if get_ident() != self._link.thread:
+        if not self._port.owns_thread():
             raise LocalProtocolError("a loan can only be had on the event loop's thread")
         self._check_loan()
         if self._from_threads.late:
@@ -158,8 +153,8 @@ class Sender:
         self._set_quick()
 
         def finish(is_wanted: bool) -> bool:
-            if get_ident() != self._link.thread:
-                self._link.loop.call_soon_threadsafe(finish, False)
+            if not self._port.owns_thread():
+                self._port.soon_threadsafe(finish, False)
                 if is_wanted:
                     raise LocalProtocolError("a loan can only be published on the event loop's thread")
                 return False
@@ -186,8 +181,8 @@ class Sender:
             await self.wait_for_room()
             self._put_late()
         self._socket.hand_over()
-        self._link.flush()
-        await self._link.wait_for_drain(self._socket.queue)
+        self._port.flush()
+        await self._port.wait_for_drain(self._socket.queue)
 
     async def wait_for_room(self) -> None:
         """After `put` gave False: wait until it is worth trying again."""
@@ -198,7 +193,7 @@ class Sender:
             return
         ring = self._ring
         if ring is not None and not ring.wait_for_room(self.release_waiters):
-            await asyncio.sleep(0)
+            await self._port.turn()
             return
         while not await self._room.wait(None if ring is None else _LOOK_S):
             if ring is not None and ring.let_the_dead_go():
@@ -248,7 +243,7 @@ class Sender:
         if self._ring is not None:
             self._ring.declared(answer)
         if self._is_returning:
-            self._return = self._link.loop.call_later(RETURN_S, self._returned)
+            self._return = self._port.later(RETURN_S, self._returned)
         self.release_waiters()
 
     def disconnected(self) -> None:
@@ -384,7 +379,7 @@ class Sender:
 
     def _put_lent(self, ring: ShmSender | None, place: memoryview) -> bool:
         """Publish what was filled, in `ring` where it was lent there."""
-        stamp_ns = monotonic_ns()
+        stamp_ns = self._port.now_ns()
         if ring is None:
             return self._put_now((bytes(place),), stamp_ns)
         ring.publish_lent()
@@ -411,7 +406,7 @@ class Sender:
         depth = self._depth if self._ring is None and self._depth else 1 << 30
         if self._from_threads.put(payload, stamp_ns, depth):
             try:
-                self._link.loop.call_soon_threadsafe(self._collect_from_threads)
+                self._port.soon_threadsafe(self._collect_from_threads)
             except RuntimeError:
                 raise ConnectionClosed(f"the event loop of '{self._owner.topic_name}' has ended") from None
         return True
@@ -441,7 +436,7 @@ class Sender:
                 self._socket.replaced += 1
             self._from_threads.forget_oldest()
         if late and self._ring is not None and not self._ring.wait_for_room(self.release_waiters):
-            self._link.loop.call_soon(self.release_waiters)
+            self._port.soon(self.release_waiters)
         self._choose_routes()
 
 

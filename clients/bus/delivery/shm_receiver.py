@@ -4,15 +4,11 @@ Owns the slots that its matches have. What is taken, and what is lost on the way
 counts; `bus.delivery.receiver` takes from it.
 """
 
-import asyncio
 from collections.abc import Callable
-from time import monotonic_ns
 
 from bus.base.descriptor import Descriptor
+from bus.delivery.port import RETURN_S, Owner, Port, ShmPort, Timer
 from bus.delivery.sequence import PublisherProxy
-from bus.link.declarations import Endpoint
-from bus.link.link import RETURN_S, Link
-from bus.link.shm_context import ShmContext
 from bus.qos import Durability, History, QoSProfile
 from bus.shm import core, segments
 from bus.transport.memory import keep_freed_memory
@@ -43,17 +39,17 @@ class _Ring:
 
 
 class ShmReceiver:
-    """`owner` is the subscription that the link knows, and is given to it when something has come.
+    """`owner` is the subscription that the port knows, and is given to it when something has come.
 
     `on_missed(count)` hears of samples in rings that were never seen here, because their publishers went on
     in them while the broker was lost.
     """
 
     def __init__(
-        self, link: Link, shm_context: ShmContext, owner: Endpoint, on_missed: Callable[[int], None]
+        self, port: Port, shm_context: ShmPort, owner: Owner, on_missed: Callable[[int], None]
     ) -> None:
         qos = owner.qos
-        self._link = link
+        self._port = port
         self._shm_context = shm_context
         self._owner = owner
         self._on_missed = on_missed
@@ -63,14 +59,14 @@ class ShmReceiver:
         self._positions: dict[bytes, int] = {}  # the next numbers of publishers whose rings were left
         self._declared_ns = _ALL
         self._lost_ns = _ALL  # when the broker was lost
-        self._return: asyncio.TimerHandle | None = None
+        self._return: Timer | None = None
         self.reader = core().Reader(shm_context.readers, owner, _depth(qos), tells_cursor=self._is_lossless)
 
     def declared(self) -> None:
         """A broker knows the subscription now."""
-        self._declared_ns = monotonic_ns()
+        self._declared_ns = self._port.now_ns()
         if self._lost_ns != _ALL:
-            self._return = self._link.loop.call_later(RETURN_S, self._finish_stale)
+            self._return = self._port.later(RETURN_S, self._finish_stale)
 
     def take_up(
         self, matched: m.Matched, known_seq: int | None, drain: Callable[[], None]
@@ -117,7 +113,7 @@ class ShmReceiver:
             self._refuse(source, str(error) or "no memory")
         else:
             attach = m.Attach(subscription=self._owner._id, source=source.number, slot=slot)
-            self._link.send_about(self._owner, attach)
+            self._port.send_about(self._owner, attach)
 
     def replace(self, source: PublisherProxy, descriptors: tuple[Descriptor, ...]) -> None:
         """The publisher goes on in another ring; or say why that can't be read."""
@@ -181,7 +177,7 @@ class ShmReceiver:
 
     def disconnected(self) -> None:
         """The broker is gone; the rings are read on."""
-        self._lost_ns = monotonic_ns()
+        self._lost_ns = self._port.now_ns()
         self._cancel_return()
         self.sweep()  # the reader knows no position in what it has left
         for ring in self._rings.values():
@@ -278,7 +274,7 @@ class ShmReceiver:
 
     def _refuse(self, source: PublisherProxy, text: str) -> None:
         refusal = m.RefuseRoute(endpoint=self._owner._id, other=source.number, text=text[:1000])
-        self._link.send_about(self._owner, refusal)
+        self._port.send_about(self._owner, refusal)
 
 
 def _depth(qos: QoSProfile) -> int:

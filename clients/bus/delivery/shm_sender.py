@@ -4,7 +4,6 @@ Decides what the ring itself leaves open: when to grow, when to give up depth, w
 written once, however many read it. On the event loop's thread only.
 """
 
-import asyncio
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -14,6 +13,7 @@ from itertools import count
 from typing import ClassVar
 
 from bus.base.descriptor import Descriptor
+from bus.delivery.port import RETURN_S, Owner, Port, ReaderProcess, ShmPort, Timer
 from bus.delivery.ring_size import (
     EARLY,
     FIRST_CAPACITY,
@@ -25,9 +25,6 @@ from bus.delivery.ring_size import (
     laps_slowly,
 )
 from bus.errors import PayloadTooLarge, SharedMemoryError
-from bus.link.declarations import Endpoint
-from bus.link.link import RETURN_S, Link
-from bus.link.shm_context import ReaderProcess, ShmContext
 from bus.logger import Logger, get_logger
 from bus.qos import Durability, History, Liveliness, QoSProfile
 from bus.shm import core, segments
@@ -77,9 +74,9 @@ class ShmSender:
 
     _early: ClassVar[int] = 0  # those that grew at their first match
 
-    def __init__(self, link: Link, shm_context: ShmContext, owner: Endpoint) -> None:
+    def __init__(self, port: Port, shm_context: ShmPort, owner: Owner) -> None:
         qos = owner.qos
-        self._link = link
+        self._port = port
         self._shm_context = shm_context
         self._owner = owner
         self._core = core()
@@ -88,12 +85,12 @@ class ShmSender:
         keeps_all = qos.history is History.KEEP_ALL
         self._depth = 1 if keeps_all else qos.depth
         self._keeps_history = keeps_all and qos.durability is Durability.TRANSIENT_LOCAL
-        self._size = RingSize(keeps_all=keeps_all)
+        self._size = RingSize(port.now_ns, keeps_all=keeps_all)
         self.descriptor, memory = segments.make_ring(FIRST_CAPACITY, FIRST_INDEX, 1)
         self._announced: Descriptor | None = None
         self.writer = self._core.Writer(memory, self._depth)
         self.writer.is_noted = False
-        self.writer.is_guarded = link.guard is not None
+        self.writer.is_guarded = port.is_shared
         support = owner._support
         self.writer.prepare(*support.steps)
         if text_fields(support.cls):
@@ -108,22 +105,22 @@ class ShmSender:
         # Without a match, but messages may still be held; by where it told of itself.
         self._left: dict[tuple[ReaderProcess, int], _Gate] = {}
         self._here: set[bytes] = set()  # the matches with subscriptions of this event loop
-        self._forget: asyncio.Handle | None = None
-        self._return: asyncio.TimerHandle | None = None
-        self._rest: asyncio.TimerHandle | None = None  # while it runs, laps of the first ring don't matter
+        self._forget: Timer | None = None
+        self._return: Timer | None = None
+        self._rest: Timer | None = None  # while it runs, laps of the first ring don't matter
         self._why_not = ""  # the ring could not grow
         self._is_early = False
         self._guard = 0
         self._set_hold()
 
     @classmethod
-    def make(cls, link: Link, owner: Endpoint, logger: Logger) -> "ShmSender | None":
+    def make(cls, port: Port, owner: Owner, logger: Logger) -> "ShmSender | None":
         """None where nothing is shared, or no memory or descriptor is left; the log says so."""
-        if link.shm_context is None:
+        if port.shm_context is None:
             return None
         try:
             check_room()
-            return cls(link, link.shm_context, owner)
+            return cls(port, port.shm_context, owner)
         except OSError as error:
             if error.errno == EMFILE:  # and all that come after it
                 text = f"publishers go by socket, '{owner.topic_name}' first: {error.strerror}"
@@ -179,8 +176,8 @@ class ShmSender:
             raise PayloadTooLarge(self._owner.topic_name, size_bytes=size, limit_bytes=self.writer.most)
         if status == self._core.SHORT and self._watches_laps:
             # All the depth is there still: a larger ring is only to give up records less often.
-            if laps_slowly(self.writer) or not self._grow(size, must=False):
-                self._rest = self._link.loop.call_later(LAP_S, self._watch_laps)
+            if laps_slowly(self.writer, self._port.now_ns()) or not self._grow(size, must=False):
+                self._rest = self._port.later(LAP_S, self._watch_laps)
                 self._set_hold()
             return False
         if self._grow(size, must=status != self._core.SHORT):
@@ -194,7 +191,7 @@ class ShmSender:
     def _make_way(self) -> bool:
         """Something is held by those who have not read it. Returns whether to try again now."""
         writer = self.writer
-        if self._is_lossless and self._guard != writer.latest and self._link.is_quiet():
+        if self._is_lossless and self._guard != writer.latest and self._port.is_quiet():
             # All matches made so far are known here; later ones start after `latest`.
             self._guard = writer.latest
             self._set_hold()
@@ -215,7 +212,7 @@ class ShmSender:
     def wait_for_room(self, on_room: Callable[[], None]) -> bool:
         """After `put` gave False: call `on_room` when that may have changed. False: try again after a turn of
         the loop, in which what the broker said is read."""
-        if not (self._link.is_quiet() and self.writer.wait_for_room()):
+        if not (self._port.is_quiet() and self.writer.wait_for_room()):
             return False
 
         def look() -> None:
@@ -339,10 +336,10 @@ class ShmSender:
         self._size.allow(answer.ring_bytes)
         self.writer.most = answer.max_message_bytes
         if self._announced is not self.descriptor:  # it grew before the broker knew the publisher
-            self._link.send_about(self._owner, m.ReplaceRing(publisher=self._owner._id), (self.announce(),))
+            self._port.send_about(self._owner, m.ReplaceRing(publisher=self._owner._id), (self.announce(),))
         self._set_hold()
         if self._gates:
-            self._return = self._link.loop.call_later(RETURN_S, self._drop_stale)
+            self._return = self._port.later(RETURN_S, self._drop_stale)
 
     def let_the_dead_go(self) -> bool:
         """Wait no more for processes that have ended, where no broker says so; whether there were any."""
@@ -370,9 +367,9 @@ class ShmSender:
 
     def _written(self, status: bool | int) -> None:
         if status is not True:  # for the first time since the counters were reported
-            self._link.report(self._owner)
+            self._port.report(self._owner)
         if self._is_manual:  # the broker does not see it
-            self._link.send_about(self._owner, m.AssertLiveliness(publisher=self._owner._id))
+            self._port.send_about(self._owner, m.AssertLiveliness(publisher=self._owner._id))
 
     def _drop_stale(self) -> None:
         for gid, gate in tuple(self._gates.items()):
@@ -398,7 +395,7 @@ class ShmSender:
             self._forget.cancel()
         self._forget = None
         if self._left:
-            self._forget = self._link.loop.call_later(seconds, self._forget_left)
+            self._forget = self._port.later(seconds, self._forget_left)
 
     def _forget_depth(self, gate: _Gate) -> None:
         self._depths[gate.depth] -= 1
@@ -457,5 +454,5 @@ class ShmSender:
         self._set_hold()
         self._shm_context.wake_waiting(self)
         if self._owner._id:
-            self._link.send_about(self._owner, m.ReplaceRing(publisher=self._owner._id), (self.announce(),))
+            self._port.send_about(self._owner, m.ReplaceRing(publisher=self._owner._id), (self.announce(),))
         return True

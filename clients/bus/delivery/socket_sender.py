@@ -10,16 +10,14 @@ A publisher that keeps the newest waits for its reliable ones too, a shorter tim
 has room: so that nothing is lost when busd restarts and the publisher is back first.
 """
 
-import asyncio
 from collections import deque
 from collections.abc import Callable
 from typing import TypeAlias
 
 from bus.delivery.allowance import STEP_BYTES, begin, extend
 from bus.delivery.open_run import open_run
+from bus.delivery.port import RETURN_S, Owner, Port, Timer
 from bus.delivery.thread_queue import ThreadQueue
-from bus.link.declarations import Endpoint
-from bus.link.link import RETURN_S, Link
 from bus.qos import Durability, History, QoSProfile, Reliability
 from bus.types.large_fields import bytes_fields
 from bus.wire import messages as m
@@ -51,13 +49,13 @@ _pack_record = RECORD_HEAD.pack
 class SocketSender:
     """The numbers of samples are given here, unless `resume` sets them.
 
-    `owner` is the publisher that the link knows. `is_active`: samples are to go this way.
+    `owner` is the publisher that the port knows. `is_active`: samples are to go this way.
     """
 
-    def __init__(self, link: Link, owner: Endpoint, from_threads: ThreadQueue) -> None:
+    def __init__(self, port: Port, owner: Owner, from_threads: ThreadQueue) -> None:
         qos = owner.qos
         depth = 0 if qos.history is History.KEEP_ALL else qos.depth
-        self._link = link
+        self._port = port
         self._owner = owner
         self._from_threads = from_threads
         self.is_active = True
@@ -75,8 +73,8 @@ class SocketSender:
         self.replaced = 0
         self._is_resumed = False
         self.run = open_run()
-        if link.guard is not None:
-            self.run.is_mine = link.guard.owns
+        if port.is_shared:
+            self.run.is_mine = port.owns_thread
         self.run.most = depth or UNBOUNDED
         self.add = self.run.add
         support = owner._support
@@ -98,7 +96,7 @@ class SocketSender:
         self._keeps_some = qos.is_lossless or self.keeps_history
         self._takers: dict[int, bytes] = {}  # matches by this route that are waited for
         self._awaited: set[bytes] = set()  # those of them that a broker before had
-        self._return: asyncio.TimerHandle | None = None
+        self._return: Timer | None = None
 
     def can_take(self, size: int) -> bool:
         """Whether a sample of `size` bytes may be taken now, before a keep-all subscription takes something.
@@ -120,22 +118,22 @@ class SocketSender:
 
     def _begun(self, stamp_ns: int) -> None:
         """A run has its first sample, of this stamp: it leaves now, or is gathered with those that follow."""
-        link = self._link
-        if stamp_ns - link.last_sent_ns < _GATHER_NS:
+        port = self._port
+        if stamp_ns - port.last_sent_ns < _GATHER_NS:
             run, room = self.run, RUN_BYTES
             if self._is_windowed:
                 room = self._room()
                 run.most = run.samples + max(0, self._samples_left())
             run.budget = max(0, min(room, RUN_BYTES, self._max_bytes) - run.size)
-            link.gather(self._owner)
+            port.gather(self._owner)
         else:
-            link.last_sent_ns = stamp_ns
+            port.last_sent_ns = stamp_ns
             try:
                 self.hand_over()
             except MemoryError:
                 if not self.run.samples:
                     raise
-                link.gather(self._owner)  # it was taken: it leaves with what follows, or when the turn ends
+                port.gather(self._owner)  # it was taken: it leaves with what follows, or when the turn ends
 
     def skip(self, count: int) -> None:
         """Samples that were replaced before they came here; the gap in the numbers tells of them."""
@@ -171,10 +169,10 @@ class SocketSender:
                 count = len(parts) // 2
                 flags = REPLAY if is_replay else 0
                 head = data_head(owner._id, seq + 1 - count, count, size, flags=flags, only_for=subscription)
-                self._link.send_about(owner, head + b"".join(parts))
+                self._port.send_about(owner, head + b"".join(parts))
                 parts.clear()
                 size = 0
-        self._link.send_about(owner, m.CaughtUp(publisher=owner._id, subscription=subscription))
+        self._port.send_about(owner, m.CaughtUp(publisher=owner._id, subscription=subscription))
 
     def hand_over(self) -> None:
         """End the open run and send it, or queue it where the broker does not take it now."""
@@ -195,13 +193,13 @@ class SocketSender:
             or self.queue.runs
             or self._awaited
             # Nothing waits: past the queues, most of what one message costs at a moderate rate.
-            or not self._link.send_now(frame)
+            or not self._port.send_now(frame)
         ):
             body = memoryview(frame)[DATA_HEAD_BYTES:]
             self._queue_run(Run(0, 0, first_seq, samples, body, is_resumed=is_resumed))
         if not self.is_noted:
             self.is_noted = True
-            self._link.report(owner)
+            self._port.report(owner)
 
     def _keep(self, run: Run) -> None:
         """Of what is handed over, remember what may be needed again."""
@@ -249,9 +247,9 @@ class SocketSender:
         self._forget_flying(self.first_seq_to_send() - 1)
         if self._awaited:
             wait_s = _SHORT_RETURN_S if self._kept is None else RETURN_S
-            self._return = self._link.loop.call_later(wait_s, self._go_on)
+            self._return = self._port.later(wait_s, self._go_on)
         elif self.queue.runs:
-            self._link.make_ready(self.queue)
+            self._port.make_ready(self.queue)
 
     def matched(self, other: int, gid: bytes, qos: QoSProfile, *, is_here: bool) -> None:
         """A subscription is matched, by this route if it `is_here`."""
@@ -315,16 +313,16 @@ class SocketSender:
             if run.first_seq >= first_seq:
                 break
             head = data_head(self._owner._id, run.first_seq, run.count, len(run.body), only_for=subscription)
-            self._link.send_about(self._owner, head + run.body)
+            self._port.send_about(self._owner, head + run.body)
 
     def _go_on(self) -> None:
         """All are back, or were long enough away."""
         self._stop_waiting()
         self._awaited.clear()
         if self._owner._id and self.queue.runs:
-            self._link.make_ready(self.queue)
-            self._link.flush()
-            self._link.wrote()
+            self._port.make_ready(self.queue)
+            self._port.flush()
+            self._port.wrote()
 
     def _stop_waiting(self) -> None:
         if self._return is not None:
@@ -356,5 +354,5 @@ class SocketSender:
             self.on_replaced(replaced)
             runs[0].is_resumed |= is_resumed  # the gap before it is mostly of that kind
         if self._owner._id and not self._awaited:
-            self._link.make_ready(self.queue)
-            self._link.flush()
+            self._port.make_ready(self.queue)
+            self._port.flush()

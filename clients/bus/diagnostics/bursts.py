@@ -4,7 +4,6 @@ A loop of `publish` that awaits nothing is the commonest way to lose messages un
 short queue faster than anybody empties it. Reads counters that exist anyway; a message costs nothing more.
 """
 
-import asyncio
 from collections.abc import Callable
 from time import monotonic
 
@@ -17,12 +16,15 @@ _REST_S = 60.0
 
 
 class BurstWatch:
-    """Watches one publisher. `is_awaitable`: its user may await, which a user of rclpy can't."""
+    """Watches one publisher. `soon(call, *args)` makes a call after this turn of the event loop.
+
+    `is_awaitable`: its user may await, which a user of rclpy can't.
+    """
 
     def __init__(
-        self, loop: asyncio.AbstractEventLoop, topic: str, logger: Logger, *, is_awaitable: bool
+        self, soon: Callable[..., object], topic: str, logger: Logger, *, is_awaitable: bool
     ) -> None:
-        self._loop = loop
+        self._soon = soon
         self._topic = topic
         self._logger = logger
         self._is_awaitable = is_awaitable
@@ -32,7 +34,7 @@ class BurstWatch:
     def note_replaced(self, count: int, depth: int) -> None:
         """Some were replaced in the publisher's own queue."""
         if not self._replaced:
-            self._loop.call_soon(self._end_turn)
+            self._soon(self._end_turn)
         self._replaced += count
         if self._replaced >= MANY:
             self._say(
@@ -45,7 +47,7 @@ class BurstWatch:
 
         `least_depth`: the least that a subscription keeps; 0 where none may lose any.
         """
-        self._loop.call_soon(self._end_watch, published() - 1, published, least_depth)
+        self._soon(self._end_watch, published() - 1, published, least_depth)
 
     def _end_watch(self, before: int, published: Callable[[], int], least_depth: Callable[[], int]) -> None:
         count = published() - before

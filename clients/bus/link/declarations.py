@@ -42,10 +42,14 @@ _ABOUT: dict[Any, str] = (
 _log = get_logger("bus")
 
 
-class Declared(Protocol):
-    """What the broker gives an id to."""
+class Known(Protocol):
+    """What the broker may know, by an id; 0: it does not at the moment."""
 
     _id: int
+
+
+class Declared(Known, Protocol):
+    """What the broker gives an id to."""
 
     def _declaration(self, request: int, node: int) -> m.Message: ...
 
@@ -59,14 +63,23 @@ class Node(Declared, Protocol):
     def full_name(self) -> str: ...
 
 
-class Endpoint(Declared, Protocol):
+class Counted(Known, Protocol):
+    """An endpoint, as the link sees it that sends its samples and reports its counters."""
+
+    _refusal: BusError | None
+
+    def _hand_over(self) -> None: ...
+
+    def _totals(self) -> m.Report: ...
+
+
+class Endpoint(Declared, Counted, Protocol):
     """A publisher or a subscription, as the link sees it."""
 
     _kind: str
     topic_name: str
     qos: QoSProfile
     _support: TypeSupport[Any]
-    _refusal: BusError | None
 
     def _disconnected(self) -> None: ...
 
@@ -75,15 +88,11 @@ class Endpoint(Declared, Protocol):
 
     def _handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None: ...
 
-    def _hand_over(self) -> None: ...
-
     _receive_lone: Callable[[Run], bool]
 
     def _receive_run(self, run: Run) -> None: ...
 
     def _wake(self) -> None: ...
-
-    def _totals(self) -> m.Report: ...
 
     def _end(self, reason: BusError) -> None: ...
 

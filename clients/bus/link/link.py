@@ -7,7 +7,7 @@ declares everything again.
 import asyncio
 import os
 import weakref
-from collections.abc import Awaitable, Callable, Collection, Iterable
+from collections.abc import Awaitable, Callable, Collection, Coroutine, Iterable
 from threading import get_ident
 from time import monotonic_ns, time_ns
 from typing import Any, ClassVar, TypeVar
@@ -15,7 +15,7 @@ from typing import Any, ClassVar, TypeVar
 from bus.base.descriptor import Descriptor
 from bus.errors import BrokerUnavailable, BusError, ConnectionClosed, ForkError, RemoteProtocolError, again
 from bus.link.connection import Connection
-from bus.link.declarations import Declarations, Declared, Endpoint, Node, lease_s
+from bus.link.declarations import Counted, Declarations, Endpoint, Known, Node, lease_s
 from bus.link.reach import NotNow, Patience
 from bus.link.reports import Reports
 from bus.link.shm_context import ShmContext
@@ -29,9 +29,6 @@ from bus.wire.session import Carried
 
 A = TypeVar("A", bound=m.Message)
 T = TypeVar("T")
-
-RETURN_S = 10.0
-"""How long a new broker is given until those who were matched before count as gone."""
 
 _SHORTEST_BEAT_S = 0.01
 _USERS_TURN_NS = 5_000_000_000
@@ -49,8 +46,13 @@ class Link:
     def __init__(self, path: str) -> None:
         self.path = path
         self.loop = asyncio.get_running_loop()
-        self._thread = get_ident()
         self.guard = self.loop if isinstance(self.loop, GuardedLoop) else None
+        self.is_shared = self.guard is not None
+        self.owns_thread = _is_thread(get_ident()) if self.guard is None else self.guard.owns
+        self.now_ns = monotonic_ns
+        self.soon = self.loop.call_soon
+        self.soon_threadsafe = self.loop.call_soon_threadsafe
+        self.later = self.loop.call_later
         self.wall_offset_ns = time_ns() - monotonic_ns()
         self.last_sent_ns = 0  # when a publisher last sent past the gathering
         self.failure: BusError | None = None
@@ -61,16 +63,11 @@ class Link:
         self._declarations = Declarations()
         self.shm_context = ShmContext.make(self._deliver)
         self._is_receiving = False
-        self._gathered: set[Endpoint] = set()
+        self._gathered: set[Counted] = set()
         self._reports = Reports(self.loop, self._report)
         self._drains = Waiters(self.loop)
         self._observers: list[Callable[[], None]] = []
         Link._links.add(self)
-
-    @property
-    def thread(self) -> int:
-        """Who may use what belongs to the link: the event loop's thread, or that with the guard; 0: none."""
-        return self._thread if self.guard is None else self.guard.holder
 
     @property
     def broker(self) -> tuple[int, int]:
@@ -157,7 +154,7 @@ class Link:
             self.send_about(node, m.DestroyNode(node=node._id))
 
     def send_about(
-        self, what: Declared, message: m.Message | bytes, descriptors: tuple[Descriptor, ...] = ()
+        self, what: Known, message: m.Message | bytes, descriptors: tuple[Descriptor, ...] = ()
     ) -> None:
         """Send a message (or frame) about `what`; nothing where the broker does not know it at the moment."""
         if what._id and message and self._connection is not None:
@@ -194,10 +191,10 @@ class Link:
 
     # --- samples out
 
-    def gather(self, publisher: Endpoint) -> None:
+    def gather(self, publisher: Counted) -> None:
         """`publisher` has begun a run, which leaves with the others when the turn of the loop ends."""
         if not self._gathered:
-            self.loop.call_soon(self.hand_over)
+            self.soon(self.hand_over)
         self._gathered.add(publisher)
 
     def send_now(self, frame: Buffer) -> bool:
@@ -224,7 +221,7 @@ class Link:
             if not is_chosen or self.is_writing:
                 await self._drains.wait()
 
-    def report(self, endpoint: Endpoint) -> None:
+    def report(self, endpoint: Counted) -> None:
         self._reports.add(endpoint)  # the broker is told soon
 
     @property
@@ -244,7 +241,7 @@ class Link:
         if self._drains:
             self.loop.call_soon(self._drains.release)  # they look again after the next choice
 
-    def _report(self, endpoint: Endpoint, frames: bytes) -> None:
+    def _report(self, endpoint: Counted, frames: bytes) -> None:
         now_ns = monotonic_ns()
         self.wall_offset_ns = time_ns() - now_ns  # the wall clock may have been set
         if (connection := self._connection) is not None:
@@ -252,6 +249,25 @@ class Link:
                 connection.note_standstill(now_ns)
             connection.turn_ns = now_ns
         self.send_about(endpoint, frames)
+
+    # --- the event loop, for delivery
+
+    async def turn(self) -> None:
+        """Let the loop have a turn."""
+        await asyncio.sleep(0)
+
+    def waiters(self) -> Waiters:
+        return Waiters(self.loop)
+
+    def start(self, work: Coroutine[Any, Any, None], name: str) -> Callable[[], None]:
+        """Run `work` as a task; returns what cancels it, unless the task itself calls that."""
+        task = self.loop.create_task(work, name=name)
+
+        def cancel() -> None:
+            if task is not asyncio.current_task():
+                task.cancel()
+
+        return cancel
 
     # --- what comes in
 
@@ -460,6 +476,10 @@ class Link:
         if connection is not None and (most_s := connection.hello.lease_s):
             shortest_s = self._declarations.shortest_lease_s() or most_s
             connection.beat(max(min(shortest_s, most_s) / 3, _SHORTEST_BEAT_S))
+
+
+def _is_thread(number: int) -> Callable[[], bool]:
+    return lambda: get_ident() == number
 
 
 def _forked() -> None:

@@ -7,7 +7,7 @@ and twice a second each would cost more than their messages. So a thousand are t
 import asyncio
 from collections.abc import Callable, Iterable
 
-from bus.link.declarations import Endpoint
+from bus.link.declarations import Counted
 from bus.wire import messages as m
 
 _REPORT_S = 0.5
@@ -21,26 +21,26 @@ class Reports:
     There are no frames where the broker knows none of them at the moment.
     """
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, send: Callable[[Endpoint, bytes], None]) -> None:
+    def __init__(self, loop: asyncio.AbstractEventLoop, send: Callable[[Counted, bytes], None]) -> None:
         self._loop = loop
         self._send = send
-        self._due: set[Endpoint] = set()
-        self._going: set[Endpoint] = set()  # their turn has come
+        self._due: set[Counted] = set()
+        self._going: set[Counted] = set()  # their turn has come
         self._timer: asyncio.TimerHandle | None = None
         self._has_ended = False
 
-    def add(self, endpoint: Endpoint) -> None:
+    def add(self, endpoint: Counted) -> None:
         """Its counters have changed; the broker is told soon."""
         self._due.add(endpoint)
         if self._timer is None:
             self._arm()
 
-    def add_all(self, endpoints: Iterable[Endpoint]) -> None:
+    def add_all(self, endpoints: Iterable[Counted]) -> None:
         self._due.update(endpoints)
         if self._timer is None:
             self._arm()
 
-    def send_last(self, endpoint: Endpoint) -> None:
+    def send_last(self, endpoint: Counted) -> None:
         """The endpoint goes: what is not yet told is told now."""
         if endpoint in self._due or endpoint in self._going:
             self._tell([endpoint])
@@ -78,7 +78,7 @@ class Reports:
             elif self._due:
                 self._arm()
 
-    def _tell(self, endpoints: list[Endpoint]) -> None:
+    def _tell(self, endpoints: list[Counted]) -> None:
         if not endpoints:
             return
         told = [(endpoint, endpoint._totals()) for endpoint in endpoints]

@@ -109,11 +109,6 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         """Give the guard away, without looking for interrupts."""
         self.guard.release()
 
-    @property
-    def holder(self) -> int:
-        """The thread that asks, where it holds the guard; else 0."""
-        return get_ident() if self.is_mine() else 0
-
     def is_mine(self) -> bool:
         """Whether this thread holds the guard."""
         return bool(self.guard._is_owned())
