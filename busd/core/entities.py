@@ -275,10 +275,15 @@ class Publisher(Endpoint):
 
     def statistics(self) -> EndpointStatistics:
         mine = self.report
+        reported = mine.samples if mine else 0
+        at_ns = mine.at_ns if mine else 0
+        if self.samples > reported:  # more has come since: that was counted here
+            at_ns = self.node.peer.last_heard_ns
         return EndpointStatistics(
-            samples=max(self.samples, mine.samples if mine else 0),
+            samples=max(self.samples, reported),
             bytes=max(self.bytes, mine.bytes if mine else 0),
             dropped=mine.dropped if mine else {},
+            at_ns=at_ns,
         )
 
 
@@ -401,6 +406,7 @@ class Subscription(Endpoint):
             queued=self.queue.count + (mine.queued if mine else 0),
             dropped=dropped,
             expected=min(max(self.expected + (mine.expected - mine.repeated if mine else 0), 0), MAX_COUNT),
+            at_ns=mine.at_ns if mine else 0,
         )
 
 

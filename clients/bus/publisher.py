@@ -7,6 +7,7 @@ by shared memory, and goes to the broker while there are others (`bus.delivery`)
 import asyncio
 import contextlib
 from collections.abc import Callable
+from time import monotonic_ns
 from typing import Any, TypeVar
 
 import msgspec
@@ -66,6 +67,8 @@ class PublisherStatistics(msgspec.Struct, frozen=True):
     """Calls of `publish` that found no room (reliable + keep all)."""
     subscriptions: int
     """Subscriptions matched now."""
+    at_ns: int = 0
+    """When this was counted: nanoseconds of the monotonic clock (`time.monotonic_ns`)."""
 
 
 class Publisher(Endpoint[M]):
@@ -245,6 +248,7 @@ class Publisher(Endpoint[M]):
             replaced=self._sender.replaced,
             refused=self._refused,
             subscriptions=len(self._matches),
+            at_ns=monotonic_ns(),
         )
 
     # --- for the link
@@ -316,6 +320,7 @@ class Publisher(Endpoint[M]):
             bytes=size,
             queued=sender.queued,
             dropped={"replaced": sender.replaced} if sender.replaced else {},
+            at_ns=monotonic_ns(),
         )
 
     def _end(self, reason: Any) -> None:

@@ -292,6 +292,7 @@ class Subscription(Endpoint[M]):
             dropped=self._counters.dropped_here,
             expected=self._counters.expected_here,
             repeated=receiver.sources.known,
+            at_ns=monotonic_ns(),
         )
 
     def _end(self, reason: Any) -> None:

@@ -7,6 +7,7 @@ the hex that the failing test prints.
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 from bus.qos import QoSProfile
@@ -50,6 +51,9 @@ HEARING = m.EndpointRecord(
     gid=GID,
     qos=QoSProfile(),
     statistics=m.EndpointStatistics(samples=3, bytes=99, queued=1, dropped={"replaced": 2}, expected=6),
+)
+COUNTED = msgspec.structs.replace(
+    ENDPOINT, statistics=m.EndpointStatistics(samples=3, bytes=99, at_ns=1_000_000_007)
 )
 MATCH = m.MatchRecord(publisher=2, subscription=3)
 
@@ -108,6 +112,7 @@ FROM_CLIENT: dict[str, m.Message] = {
     "report_expected": m.Report(
         endpoint=3, samples=10, bytes=400, queued=2, dropped={"undecodable": 1}, expected=13, repeated=2
     ),
+    "report_at": m.Report(endpoint=3, samples=10, bytes=400, at_ns=1_000_000_007),
     "get_graph": m.GetGraph(request=4, statistics=True),
     "get_type": m.GetType(request=5, type_name="std_msgs/msg/String", type_hash="RIHS01_df66"),
     "observe": m.Observe(request=6),
@@ -184,6 +189,7 @@ FROM_BROKER: dict[str, m.Message] = {
     "credit": m.Credit(publisher=2, seq=300),
     "graph": m.Graph(request=4, revision=9, nodes=(NODE,), endpoints=(ENDPOINT,), matches=(MATCH,), pid=1),
     "graph_expected": m.Graph(request=4, revision=9, nodes=(), endpoints=(HEARING,), matches=()),
+    "graph_at": m.Graph(request=4, revision=9, nodes=(), endpoints=(COUNTED,), matches=()),
     "graph_changed": m.GraphChanged(
         revision=10,
         nodes_added=(NODE,),

@@ -4,6 +4,7 @@ Puts together what its process has counted (`bus.delivery.receiver`) and what th
 before it, have told. Must not know where messages come from.
 """
 
+from time import monotonic_ns
 from typing import Any
 
 import msgspec
@@ -35,6 +36,8 @@ class SubscriptionStatistics(msgspec.Struct, frozen=True):
     expected: int = 0
     """Messages that its publishers have published to it since they were matched, history included: by their
     sequence numbers. Publishers that have gone, count on."""
+    at_ns: int = 0
+    """When this was counted: nanoseconds of the monotonic clock (`time.monotonic_ns`)."""
 
 
 class DropCounters:
@@ -117,6 +120,7 @@ class DropCounters:
             dropped=self.dropped,
             publishers=publishers,
             expected=self.expected,
+            at_ns=monotonic_ns(),
         )
 
 

@@ -144,7 +144,10 @@ class Ack(Message, frozen=True, tag="ack"):
 
 
 class Report(Message, frozen=True, tag="report"):
-    """Totals that only the endpoint's process knows; sent when they change, twice a second at most."""
+    """Totals that only the endpoint's process knows; sent when they change, twice a second at most.
+
+    `at_ns`: when they were counted, on the monotonic clock.
+    """
 
     endpoint: int
     samples: Count
@@ -153,6 +156,7 @@ class Report(Message, frozen=True, tag="report"):
     dropped: Drops = field(default_factory=dict)
     expected: Count = 0
     repeated: Count = 0
+    at_ns: Count = 0
 
 
 class GetGraph(Message, frozen=True, tag="graph?"):

@@ -37,6 +37,9 @@ class EndpointStatistics(msgspec.Struct, frozen=True, omit_defaults=True, gc=Fal
     """Messages lost, by reason."""
     expected: int = 0
     """Messages published to a subscription since its matches began."""
+    at_ns: int = 0
+    """When `samples` and `bytes` were counted: nanoseconds of the monotonic clock, which all processes of the
+    machine share (`time.monotonic_ns`); 0 where its process has not said. The way to a rate."""
 
 
 class EndpointRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):

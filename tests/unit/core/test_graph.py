@@ -148,6 +148,21 @@ class TestStatistics:
             samples=9, bytes=90, dropped={"replaced": 8}
         )
 
+    def test_say_when_they_were_counted(self) -> None:
+        line = Line()
+        line.publisher.publish("x")
+        here_ns = line.publisher.statistics().at_ns
+        assert here_ns == line.world.now_ns, "what the broker has counted itself"
+        line.talker.tell(m.Report(endpoint=line.publisher.id, samples=1, bytes=1, at_ns=here_ns - 5))
+        assert line.publisher.statistics().at_ns == here_ns - 5, "what the process has counted"
+        line.world.now_ns += 100
+        line.publisher.publish("x")
+        assert line.publisher.statistics().at_ns == here_ns + 100, "the broker has counted more since"
+
+        assert line.subscription.statistics().at_ns == 0, "a process that does not say"
+        line.listener.tell(m.Report(endpoint=line.subscription.id, samples=1, bytes=1, at_ns=7))
+        assert line.subscription.statistics().at_ns == 7
+
     def test_of_a_subscription_both_parts_together(self) -> None:
         line = Line(requested=QoSProfile(depth=1))
         line.listener.is_blocked = True
