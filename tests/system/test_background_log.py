@@ -14,11 +14,11 @@ import pytest
 from bus.errors import BrokerUnavailable
 from bus.link import autostart
 from bus.process.logfile import MARK, MOST_BYTES, open_log
+from cli import BUS, bus
 from conftest import WAIT_S
 from neighbours import wait_until
 from raw_peer import RawPeer
 from system.test_autostart import daemons
-from system.test_cli_tool import BUS, bus
 from unit.test_logfile import every_kind, lines, look, thing
 from users import GUEST, needs_users
 

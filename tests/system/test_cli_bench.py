@@ -14,8 +14,8 @@ from bus import shm
 from bus.graph import Graph
 from bus.msg.std_msgs import String
 from bus.node import Node
+from cli import Result, bus, start
 from programs import on_one_loop
-from system.test_cli_tool import Result, bus, start
 
 FEW = ("--count", "50", "--warm-up", "0.02")
 LONG = ("--seconds", "600", "--warm-up", "0")

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from bus_cli.doctor import daemon as module
+from cli import LISTENER, bus, script
 from conftest import Daemon
-from system.test_cli_tool import LISTENER, bus, script
 
 
 def test_a_daemon_that_is_stopped(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,8 @@ from contextlib import AbstractContextManager, ExitStack
 import msgspec
 import pytest
 
-from system.test_cli_tool import BUS, TALKER, WAIT_S, Result, Running, bus, script, start, without_hint
+from cli import BUS, TALKER, Result, Running, bus, script, start, without_hint
+from conftest import WAIT_S
 
 # Publishes when it is told to, what a line of its input says: a Python expression.
 TELLER = """

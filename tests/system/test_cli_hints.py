@@ -2,7 +2,7 @@
 
 import signal
 
-from system.test_cli_tool import LISTENER, Result, bus, script, start
+from cli import LISTENER, Result, bus, script, start
 
 WHEEL = """
 import asyncio, sys, bus, msgspec

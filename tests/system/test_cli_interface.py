@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from system.test_cli_tool import bus, start
+from cli import bus, start
 
 WHEEL = """\
 # A wheel.

@@ -15,8 +15,8 @@ from urllib.request import Request, urlopen
 
 import pytest
 
-from conftest import Daemon
-from system.test_cli_tool import LISTENER, TALKER, WAIT_S, Running, bus, script, start
+from cli import LISTENER, TALKER, Running, bus, script, start
+from conftest import WAIT_S, Daemon
 
 pytest.importorskip("prometheus_client")
 

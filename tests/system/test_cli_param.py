@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from bus.parameters.file import read_file
-from system.test_cli_tool import TALKER, Result, Running, bus, script
+from cli import TALKER, Result, Running, bus, script
 
 # A node with parameters, whose name is the first argument. It serves them itself, so that this doesn't need
 # the facade's engine.

@@ -7,7 +7,7 @@ import time
 
 import msgspec
 
-from system.test_cli_tool import LISTENER, Result, Running, bus, script, start, without_hint
+from cli import LISTENER, Result, Running, bus, script, start, without_hint
 
 STRING = "std_msgs/msg/String"
 

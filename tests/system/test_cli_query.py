@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import msgspec
 import pytest
 
-from system.test_cli_tool import LISTENER, TALKER, Result, bus, script, start
+from cli import LISTENER, TALKER, Result, bus, script, start
 
 HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
 ENDPOINT = f"""\

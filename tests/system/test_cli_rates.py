@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import msgspec
 import pytest
 
-from system.test_cli_tool import TALKER, Result, Running, bus, script, start
+from cli import TALKER, Result, Running, bus, script, start
 
 T = TypeVar("T")
 

@@ -9,7 +9,7 @@ import pytest
 from bus_cli.completion import topics
 from bus_cli.main import make_parser
 from bus_cli.service.definitions import services
-from system.test_cli_tool import Result, bus, script, start
+from cli import Result, bus, script, start
 
 SERVER = """
 import asyncio, bus

@@ -12,12 +12,12 @@ import pytest
 import bus
 from bus.qos import parameter_events
 from bus.types.classes import message_class, service_class
+from cli import Running, script
+from cli import bus as cli
 from conftest import WAIT_S, Daemon
 from neighbours import with_limits
 from programs import on_one_loop
 from semantics import node, until
-from system.test_cli_tool import Running, script
-from system.test_cli_tool import bus as cli
 
 __all__ = ["node"]
 

@@ -14,9 +14,9 @@ import pytest
 import yaml
 
 from bus.base.printable import printable
+from cli import BUS, Running, bus, script
 from conftest import WAIT_S
 from neighbours import wait_until
-from system.test_cli_tool import BUS, Running, bus, script
 
 HOSTILE = "\x1b]0;PWNED\x07\x1b[31mred\x9b2J\u202elive\u2028[FATAL] [0.0] [you]: forged\rover\nand\tout\x7f"
 
