@@ -18,6 +18,7 @@ import hypothesis
 import pytest
 
 from bus import shm
+from forks import Fork, Forks
 
 # What is slow here is the machine.
 hypothesis.settings.register_profile(
@@ -39,25 +40,27 @@ TEST_S = 6 * WAIT_S
 
 
 class Daemon:
-    """A busd process on a socket of its own."""
+    """A busd process on a socket of its own: a fork, or without `forks` a Python that is started."""
 
-    def __init__(self, path: Path, *arguments: str) -> None:
+    def __init__(self, path: Path, *arguments: str, forks: Forks | None = None) -> None:
         self.path = path
         self.arguments = arguments
+        self.forks = forks
         self.log = path.with_suffix(".stderr")
         self.process = self._start()
 
-    def _start(self) -> subprocess.Popen[bytes]:
+    def _start(self) -> subprocess.Popen[bytes] | Fork:
+        words = ["-m", "busd", "--socket", str(self.path), *self.arguments]
+        process: subprocess.Popen[bytes] | Fork
         with self.log.open("ab") as log:
-            process = subprocess.Popen(
-                [sys.executable, "-m", "busd", "--socket", str(self.path), *self.arguments],
-                stderr=log,
-                env=dict(os.environ),
-            )
+            if self.forks is None or not self.forks.can_run():
+                process = subprocess.Popen([sys.executable, *words], stderr=log)
+            else:
+                process = self.forks.run(words, stderr=log.fileno())
         self._wait_until_ready(process)
         return process
 
-    def _wait_until_ready(self, process: subprocess.Popen[bytes]) -> None:
+    def _wait_until_ready(self, process: subprocess.Popen[bytes] | Fork) -> None:
         end = time.monotonic() + WAIT_S
         while time.monotonic() < end:
             with socket.socket(socket.AF_UNIX) as probe:
@@ -67,7 +70,7 @@ class Daemon:
                 except OSError:
                     if process.poll() is not None:
                         raise RuntimeError(f"busd ended: {self.log.read_text()}") from None
-                    time.sleep(0.01)
+                    time.sleep(0.005)
         raise TimeoutError("busd did not become ready")
 
     @property
@@ -111,13 +114,19 @@ def route(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> st
     return str(request.param)
 
 
+@pytest.fixture(scope="session")
+def forks() -> Iterator[Forks]:
+    with Forks() as forks:
+        yield forks
+
+
 @pytest.fixture
-def start_daemon(socket_path: Path) -> Iterator[Callable[..., Daemon]]:
+def start_daemon(socket_path: Path, forks: Forks) -> Iterator[Callable[..., Daemon]]:
     """Starts the test's daemon with the given arguments; at the end it must have no traceback in its log."""
     daemons: list[Daemon] = []
 
     def start(*arguments: str) -> Daemon:
-        daemons.append(Daemon(socket_path, *arguments))
+        daemons.append(Daemon(socket_path, *arguments, forks=forks))
         return daemons[-1]
 
     yield start

@@ -351,4 +351,4 @@ def _be(role: Role, channel: socket.socket) -> NoReturn:
 
 if __name__ == "__main__":
     type_support(Parcel)
-    serve(int(sys.argv[1]), Role, _be)
+    serve(int(sys.argv[1]), Role, lambda role, received: _be(role, socket.socket(fileno=received[0])))

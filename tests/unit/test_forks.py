@@ -1,0 +1,93 @@
+"""A program that is forked is as one that is started: to itself, to others, and when it ends."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from forks import Fork, Forks
+
+Run = Callable[..., Fork]
+
+
+@pytest.fixture
+def run(forks: Forks, tmp_path: Path) -> Run:
+    """Begins a program of that source; what it prints goes to files named after the streams."""
+
+    def run(source: str, *arguments: str) -> Fork:
+        program = tmp_path / "program.py"
+        program.write_text(source)
+        with (tmp_path / "stdout").open("wb") as out, (tmp_path / "stderr").open("wb") as errors:
+            return forks.run([str(program), *arguments], stdout=out.fileno(), stderr=errors.fileno())
+
+    return run
+
+
+def test_it_sees_what_it_was_given(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FRUIT", "pear")
+    monkeypatch.chdir(tmp_path)
+    source = "import os, sys\nprint(__name__, sys.argv, os.environ['FRUIT'], os.getcwd(), sys.stdin.read())"
+    assert run(source, "a", "b c").wait(60) == 0
+    words = [str(tmp_path / "program.py"), "a", "b c"]
+    assert (tmp_path / "stdout").read_text() == f"__main__ {words} pear {tmp_path} \n"
+
+
+def test_it_has_the_descriptors_of_its_streams_only(run: Run, tmp_path: Path) -> None:
+    assert run("import os\nprint(sorted(map(int, os.listdir('/proc/self/fd')))[:-1])").wait(60) == 0
+    assert (tmp_path / "stdout").read_text() == "[0, 1, 2]\n"
+
+
+def test_others_see_its_command_line_and_environment(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FRUIT", "pear")
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as started:
+        program = run("import signal\nprint('ready', flush=True)\nsignal.pause()", "word")
+        while not (tmp_path / "stdout").read_text():
+            assert program.poll() is None
+        seen = Path(f"/proc/{program.pid}/cmdline").read_bytes().split(b"\0")
+        assert seen == [os.fsencode(word) for word in [*program.args, ""]]
+        assert b"FRUIT=pear" in Path(f"/proc/{program.pid}/environ").read_bytes().split(b"\0")
+        names = [Path(f"/proc/{pid}/comm").read_text() for pid in (program.pid, started.pid)]
+        assert names[0] == names[1]
+        started.communicate(b"\n")
+    program.kill()
+    assert program.wait(60) == -signal.SIGKILL
+
+
+@pytest.mark.parametrize(
+    ("source", "status", "said"),
+    [
+        ("import sys; sys.exit(3)", 3, ""),
+        ("import atexit, os; atexit.register(os.write, 2, b'bye')", 0, "bye"),
+        ("1 / 0", 1, "ZeroDivisionError: division by zero\n"),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGINT)", -signal.SIGINT, "KeyboardInterrupt\n"),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGTERM)", -signal.SIGTERM, ""),
+    ],
+    ids=["status", "atexit", "exception", "interrupt", "signal"],
+)
+def test_it_ends_as_programs_do(run: Run, tmp_path: Path, source: str, status: int, said: str) -> None:
+    assert run(source).wait(60) == status
+    text = (tmp_path / "stderr").read_text()
+    assert text.endswith(said) if said else not text
+
+
+def test_one_that_runs_is_waited_for_no_longer_than_asked(run: Run) -> None:
+    program = run("import signal\nsignal.pause()")
+    with pytest.raises(subprocess.TimeoutExpired):
+        program.wait(0.001)
+    program.terminate()
+    assert program.wait(60) == -signal.SIGTERM
+
+
+def test_an_interpreter_that_would_start_otherwise_is_not_forked(
+    forks: Forks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONASYNCIODEBUG", "1")
+    assert forks.can_run()
+    monkeypatch.setenv("PYTHONPATH", "/somewhere/else")
+    assert not forks.can_run()
