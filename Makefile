@@ -93,7 +93,7 @@ sanitize: ## the ring as C programs under the sanitizers, and broken on purpose 
 	$(MAKE) -C tests/native test sanitize
 
 fuzz: $(FUZZ_STAMP) ## fuzz all that takes input, guided by coverage (SECONDS=60; atheris, and clang for the C parts)
-	PYTHONPATH=tests $(BIN)/python -m fuzz --seconds $(or $(SECONDS),60)
+	PYTHONPATH=tests:tests/world $(BIN)/python -m fuzz --seconds $(or $(SECONDS),60)
 
 # Where atheris can't be had, the fuzzers in Python are left out, and the run says so.
 $(FUZZ_STAMP): $(TOOLS)

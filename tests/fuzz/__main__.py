@@ -181,7 +181,7 @@ def _longest(name: str) -> int:
 
 def _call(name: str, program: list[str], options: Iterable[str], *, limit_s: float) -> tuple[str, int]:
     """Run a fuzzer with these options of libFuzzer; its log and its exit status."""
-    ours = [str(ROOT / folder) for folder in ("tests", "clients", "")]
+    ours = [str(ROOT / folder) for folder in ("tests", "tests/world", "clients", "")]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join((*ours, *sys.path))}
     try:
         done = subprocess.run(
