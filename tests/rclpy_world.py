@@ -19,7 +19,7 @@ from typing import Any, TypeAlias
 import pytest
 
 import bus_ros.rclpy as rclpy
-from bus_ros.rclpy import engine as engines
+from bus_ros import engine as engines
 from bus_ros.rclpy.callback_groups import CallbackGroup
 from bus_ros.rclpy.context import Context
 from bus_ros.rclpy.executors import EventsExecutor, Executor, MultiThreadedExecutor, SingleThreadedExecutor

@@ -11,7 +11,7 @@ pytestmark = pytest.mark.usefixtures("daemon")
 
 PROGRAM = """\
 import rclpy, signal
-from rclpy.engine import engine
+from bus_ros.engine import engine
 from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import String
 
@@ -64,8 +64,8 @@ async def test_one_that_waits_at_the_end(tmp_path: Path) -> None:
             import atexit
             atexit.register(lambda: print(engines.current()))  # after what rclpy has registered
             import rclpy, signal
-            from rclpy import engine as engines
-            from rclpy.engine import engine
+            from bus_ros import engine as engines
+            from bus_ros.engine import engine
             rclpy.init()
             nodes = [rclpy.create_node(name) for name in ('one', 'other')]
             engine().loop.guard.acquire()

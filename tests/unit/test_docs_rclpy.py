@@ -19,7 +19,7 @@ import bus_ros.rclpy
 from bus.msg.std_msgs import String
 from bus.service_host import SERVICE_QOS
 from bus_ros import aliases
-from bus_ros.rclpy.entity import Entity
+from bus_ros.entity import Entity
 from bus_ros.rclpy.node import Node
 
 DOCS = Path(__file__).parents[2] / "docs"

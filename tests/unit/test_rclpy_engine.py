@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
-from bus_ros.rclpy import engine as engines
+from bus_ros import engine as engines
+from bus_ros.engine import Engine, Waiter
 from bus_ros.rclpy.context import Context
-from bus_ros.rclpy.engine import Engine, Waiter
 from conftest import WAIT_S
 from neighbours import wait_until
 

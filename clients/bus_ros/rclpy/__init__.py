@@ -5,25 +5,32 @@ here work on the default context and on one executor for all. Submodules are the
 asked for.
 """
 
+import _thread
+import atexit
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from importlib.util import find_spec
+from time import sleep
+from types import TracebackType
 from typing import Any
 
+from bus.process.termination import die_at_exit
 from bus_ros import aliases
-from bus_ros.rclpy.main import (
-    InitContextManager,
-    create_node,
-    get_global_executor,
-    get_rmw_implementation_identifier,
-    init,
-    ok,
-    shutdown,
-    spin,
-    spin_once,
-    spin_until_future_complete,
-    try_shutdown,
-)
-from bus_ros.rclpy.utilities import get_default_context
+from bus_ros import engine as engines
+from bus_ros.rclpy import signals
+from bus_ros.rclpy.context import Context, get_default_context
+from bus_ros.rclpy.exceptions import ROSInterruptException
+from bus_ros.rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from bus_ros.rclpy.node import Node
+from bus_ros.rclpy.parameter import Parameter
+from bus_ros.rclpy.signals import SignalHandlerOptions
+from bus_ros.rclpy.task import Future
+from bus_ros.rclpy.utilities import get_rmw_implementation_identifier, ok
 
 __all__ = [
     "InitContextManager",
@@ -42,14 +49,203 @@ __all__ = [
 
 aliases.install()
 
+_executor: Executor | None = None
+_ENDS = (ExternalShutdownException, ROSInterruptException)
+"""What the end of the context raises where somebody waits."""
+_SOON_S = 0.001
+
+
+class InitContextManager:
+    """What `init` returns: leaving the `with` shuts down, where that has not happened."""
+
+    def __init__(self, context: Context) -> None:
+        self.context = context
+
+    def __enter__(self) -> "InitContextManager":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try_shutdown(context=self.context)
+
+
+def init(
+    *,
+    args: Sequence[str] | None = None,
+    context: Context | None = None,
+    domain_id: int | None = None,
+    signal_handler_options: SignalHandlerOptions | None = None,
+) -> InitContextManager:
+    """Begin, before nodes are made. `args`: the command line, by default the program's own.
+
+    With the default context, Ctrl-C raises KeyboardInterrupt out of `spin` and out of the program's own code,
+    and SIGTERM raises ExternalShutdownException out of `spin`; `signal_handler_options` says otherwise.
+
+    Raises RuntimeError where that was done already, or for ROS arguments that can't be used.
+    """
+    is_default = context is None or context is get_default_context()
+    context = context or get_default_context()
+    context.init(args, domain_id=domain_id)
+    if signal_handler_options is None:
+        signal_handler_options = SignalHandlerOptions.ALL if is_default else SignalHandlerOptions.NO
+    signals.install_signal_handlers(signal_handler_options)
+    if sys.excepthook is sys.__excepthook__:
+        sys.excepthook = _say_what_ended_it
+    if threading.excepthook is threading.__excepthook__:
+        threading.excepthook = _say_what_ended_a_thread
+    if sys.unraisablehook is sys.__unraisablehook__:
+        sys.unraisablehook = _say_what_was_ignored
+    return InitContextManager(context)
+
+
+def shutdown(*, context: Context | None = None, uninstall_handlers: bool | None = None) -> None:
+    """End. Raises RuntimeError where it has ended already, but for once after a signal."""
+    _end(context, uninstall_handlers, (context or get_default_context()).shutdown)
+
+
+def try_shutdown(*, context: Context | None = None, uninstall_handlers: bool | None = None) -> None:
+    """End, where that has not happened."""
+    _end(context, uninstall_handlers, (context or get_default_context()).try_shutdown)
+
+
+def create_node(
+    node_name: str,
+    *,
+    context: Context | None = None,
+    cli_args: Sequence[str] | None = None,
+    namespace: str | None = None,
+    use_global_arguments: bool = True,
+    enable_rosout: bool = True,
+    start_parameter_services: bool = True,
+    parameter_overrides: list[Parameter] | None = None,
+    allow_undeclared_parameters: bool = False,
+    automatically_declare_parameters_from_overrides: bool = False,
+    enable_logger_service: bool = False,
+) -> Node:
+    """A `Node`."""
+    return Node(
+        node_name,
+        context=context,
+        cli_args=cli_args,
+        namespace=namespace,
+        use_global_arguments=use_global_arguments,
+        enable_rosout=enable_rosout,
+        start_parameter_services=start_parameter_services,
+        parameter_overrides=parameter_overrides,
+        allow_undeclared_parameters=allow_undeclared_parameters,
+        automatically_declare_parameters_from_overrides=automatically_declare_parameters_from_overrides,
+        enable_logger_service=enable_logger_service,
+    )
+
+
+def get_global_executor() -> Executor:
+    """The executor of whoever names none."""
+    global _executor
+    if _executor is None or _executor.is_shutdown:
+        _executor = SingleThreadedExecutor()
+    return _executor
+
+
+def spin(node: Node, executor: Executor | None = None) -> None:
+    """Call the node's callbacks until the context is shut down; see `Executor.spin`."""
+    with _working_for(node, executor or get_global_executor()) as executor:
+        executor.spin()
+
+
+def spin_once(node: Node, *, executor: Executor | None = None, timeout_sec: float | None = None) -> None:
+    """Wait for one callback of the node and call it; see `Executor.spin_once`."""
+    with _working_for(node, executor or get_global_executor()) as executor:
+        executor.spin_once(timeout_sec=timeout_sec)
+
+
+def spin_until_future_complete(
+    node: Node, future: Future[Any], executor: Executor | None = None, timeout_sec: float | None = None
+) -> None:
+    """Call the node's callbacks until `future` is done; see `Executor.spin_until_future_complete`."""
+    with _working_for(node, executor or get_global_executor()) as executor:
+        executor.spin_until_future_complete(future, timeout_sec)
+
+
+@contextmanager
+def _working_for(node: Node, executor: Executor) -> Iterator[Executor]:
+    """Have it work for the node; where it did so before, in a callback that spins, it goes on doing so."""
+    if not isinstance(node, Node):
+        raise TypeError(f"a node is needed here, not {node!r:.80}")
+    is_new = executor.add_node(node)
+    try:
+        yield executor
+    finally:
+        if is_new:
+            executor.remove_node(node)
+
+
+def _end(context: Context | None, uninstall_handlers: bool | None, end: Any) -> None:
+    global _executor
+    is_default = context is None or context is get_default_context()
+    try:
+        end()
+    finally:
+        if uninstall_handlers or (uninstall_handlers is None and is_default):
+            signals.uninstall_signal_handlers()
+        if is_default and _executor is not None:
+            _executor.shutdown()
+            _executor = None
+
+
+def _say_what_ended_it(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    """Ctrl-C and SIGTERM are no mistakes of the program's: it dies by the signal, without a traceback."""
+    number = signals.last_signal()
+    if issubclass(kind, _ENDS) and number is not None:
+        die_at_exit(number)
+    elif not issubclass(kind, KeyboardInterrupt):  # by which Python ends like that itself
+        sys.__excepthook__(kind, error, trace)
+
+
+def _say_what_ended_a_thread(end: threading.ExceptHookArgs) -> None:
+    if not issubclass(end.exc_type, _ENDS):
+        threading.__excepthook__(end)
+
+
+def _say_what_was_ignored(what: "sys.UnraisableHookArgs") -> None:
+    """An interrupt in the midst of a destructor would be lost; one where Python waits for its threads at the
+    end needs no word."""
+    if not issubclass(what.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(what)
+    elif what.object is not threading:
+        _thread.start_new_thread(_interrupt_soon, ())  # here it would be lost, too
+
+
+def _interrupt_soon() -> None:
+    sleep(_SOON_S)
+    if main := threading.main_thread().ident:
+        signal.pthread_kill(main, signal.SIGINT)
+
+
+@atexit.register
+def _leave() -> None:
+    """What was published is handed over, and the graph left in order, also where the program did not."""
+    with suppress(ValueError):  # not in the main thread
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # who is impatient waits for CLOSE_S at most
+    if engine := engines.current():
+        engine.loop.is_interrupted = False
+    # The program's daemon threads go on; what they raise now is because of this.
+    threading.excepthook = lambda _: None
+    for context in Context.all():
+        for node in context.nodes():
+            node.destroy_node()
+    engines.end()
+
+
+def _forked() -> None:
+    global _executor
+    _executor = None
+
+
+os.register_at_fork(after_in_child=_forked)
+
 
 def __getattr__(name: str) -> Any:
-    if name == "Parameter":
-        return import_module("bus_ros.rclpy.parameter").Parameter
-    if name == "Node":
-        return import_module("bus_ros.rclpy.node").Node
-    if name == "Context":
-        return import_module("bus_ros.rclpy.context").Context
     if not name.startswith("_") and find_spec(f"bus_ros.rclpy.{name}") is not None:
         return import_module(f"bus_ros.rclpy.{name}")
     raise AttributeError(f"module 'rclpy' has no attribute {name!r}")

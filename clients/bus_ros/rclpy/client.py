@@ -5,8 +5,8 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from bus.errors import BusError, ServiceUnavailable
-from bus_ros.rclpy.engine import Engine, Waiter, deadline_after
-from bus_ros.rclpy.entity import Entity, Work
+from bus_ros.engine import Engine, Waiter, deadline_after
+from bus_ros.entity import Entity, Work
 from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.qos import QoSProfile
 from bus_ros.rclpy.task import Future

@@ -12,7 +12,7 @@ from bus.logger import configure, get_logger
 from bus.parameters import file
 from bus.process.address import domain_id
 from bus.process.ros_args import Arguments, UnknownArguments
-from bus_ros.rclpy import engine as engines
+from bus_ros import engine as engines
 from bus_ros.rclpy.exceptions import NotInitializedException, RCLInvalidROSArgsError, UnknownROSArgsError
 
 __all__ = ["Context", "get_default_context"]

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 from bus import events
 from bus.base.callbacks import ignore
 from bus_ros.rclpy.exceptions import UnsupportedEventTypeError
-from bus_ros.rclpy.qos_policies import QoSPolicyKind
+from bus_ros.rclpy.qos import QoSPolicyKind
 
 __all__ = [
     "IncompatibleTypeInfo",

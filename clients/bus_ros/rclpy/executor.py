@@ -1,7 +1,7 @@
 """What all executors share: their nodes, the queue of what is ready, and how a thread waits for it.
 
 Owns the order of calls, and which callback groups are busy. A thread that spins runs the event loop while it
-waits (`bus_ros.rclpy.engine`); calls are made without the guard. Must not know in which thread they are made.
+waits (`bus_ros.engine`); calls are made without the guard. Must not know in which thread they are made.
 """
 
 from collections import deque
@@ -10,9 +10,9 @@ from time import monotonic_ns
 from types import TracebackType
 from typing import Any, TypeAlias
 
+from bus_ros.engine import Waiter, deadline_after, engine
+from bus_ros.entity import Entity, Work
 from bus_ros.rclpy.context import Context, get_default_context
-from bus_ros.rclpy.engine import Waiter, deadline_after, engine
-from bus_ros.rclpy.entity import Entity, Work
 from bus_ros.rclpy.task import Future, Task
 from bus_ros.rclpy.timer import NEVER_NS
 

@@ -7,9 +7,9 @@ from threading import get_ident
 from time import monotonic_ns
 from typing import Any
 
+from bus_ros.engine import Waiter, deadline_after
+from bus_ros.entity import Work
 from bus_ros.rclpy.context import Context
-from bus_ros.rclpy.engine import Waiter, deadline_after
-from bus_ros.rclpy.entity import Work
 from bus_ros.rclpy.executor import (
     MOST_AT_ONCE,
     ConditionReachedException,

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from typing import Any
 
 from bus.base.callbacks import is_async
-from bus_ros.rclpy.engine import engine
-from bus_ros.rclpy.entity import Entity, Work
+from bus_ros.engine import engine
+from bus_ros.entity import Entity, Work
 
 __all__ = ["GuardCondition"]
 

@@ -10,9 +10,9 @@ from bus.parameters import file
 from bus.parameters.messages import event_message
 from bus.parameters.values import Change
 from bus.qos import QoSProfile as NativeProfile
+from bus_ros.engine import current, engine
 from bus_ros.rclpy.clock import Clock, ROSClock
 from bus_ros.rclpy.context import Context, get_default_context, parse_arguments
-from bus_ros.rclpy.engine import current, engine
 from bus_ros.rclpy.exceptions import NotInitializedException
 from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger
 from bus_ros.rclpy.node_entities import EntityMaker

@@ -14,6 +14,8 @@ from bus.events import PublisherEvents, SubscriptionEvents
 from bus.node import Node as NativeNode
 from bus.qos import QoSProfile as NativeProfile
 from bus.service_host import SERVICE_QOS
+from bus_ros.engine import Engine
+from bus_ros.entity import Calls, Entity
 from bus_ros.rclpy.callback_groups import (
     CallbackGroup,
     MutuallyExclusiveCallbackGroup,
@@ -22,8 +24,6 @@ from bus_ros.rclpy.callback_groups import (
 from bus_ros.rclpy.client import Client
 from bus_ros.rclpy.clock import Clock
 from bus_ros.rclpy.context import Context
-from bus_ros.rclpy.engine import Engine
-from bus_ros.rclpy.entity import Calls, Entity
 from bus_ros.rclpy.exceptions import InvalidHandle, InvalidServiceNameException, InvalidTopicNameException
 from bus_ros.rclpy.guard_condition import GuardCondition
 from bus_ros.rclpy.publisher import Publisher

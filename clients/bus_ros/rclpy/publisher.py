@@ -4,8 +4,8 @@ from typing import Any, Generic, TypeVar
 
 from bus.errors import ConnectionClosed
 from bus.publisher import Publisher as NativePublisher
+from bus_ros.engine import Engine
 from bus_ros.rclpy.duration import Duration
-from bus_ros.rclpy.engine import Engine
 from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.qos import QoSProfile
 

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from bus_ros.rclpy.duration import Duration
 from bus_ros.rclpy.exceptions import ParameterAlreadyDeclaredException
-from bus_ros.rclpy.qos import QoSPolicyKind, QoSProfile
-from bus_ros.rclpy.qos_policies import (
+from bus_ros.rclpy.qos import (
     DurabilityPolicy,
     HistoryPolicy,
     LivelinessPolicy,
     QoSPolicyEnum,
+    QoSPolicyKind,
+    QoSProfile,
     ReliabilityPolicy,
 )
 

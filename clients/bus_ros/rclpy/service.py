@@ -7,8 +7,8 @@ from typing import Any
 from bus.base.callbacks import is_async
 from bus.errors import PayloadTooLarge
 from bus.service import RequestId, ServiceServer
-from bus_ros.rclpy.engine import Engine
-from bus_ros.rclpy.entity import Entity, Work
+from bus_ros.engine import Engine
+from bus_ros.entity import Entity, Work
 from bus_ros.rclpy.qos import QoSProfile
 
 __all__ = ["Service"]

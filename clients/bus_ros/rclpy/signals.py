@@ -7,7 +7,7 @@ from enum import IntEnum
 from types import FrameType
 from typing import Any
 
-from bus_ros.rclpy import engine as engines
+from bus_ros import engine as engines
 from bus_ros.rclpy.context import Context
 
 __all__ = [

@@ -7,8 +7,8 @@ from typing import Any, Generic, TypedDict, TypeVar
 
 from bus.base.callbacks import is_async, takes_info
 from bus.subscription import Subscription as NativeSubscription
-from bus_ros.rclpy.engine import Engine
-from bus_ros.rclpy.entity import Entity, Work
+from bus_ros.engine import Engine
+from bus_ros.entity import Entity, Work
 from bus_ros.rclpy.qos import QoSProfile
 
 __all__ = ["MessageInfo", "Subscription"]

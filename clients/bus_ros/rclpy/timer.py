@@ -5,9 +5,9 @@ from time import monotonic_ns
 from typing import Any
 
 from bus.base.callbacks import is_async
+from bus_ros.engine import Engine, Waiter, engine
+from bus_ros.entity import Entity, Work
 from bus_ros.rclpy.clock import ANY_JUMP, CHANGES_OF_SOURCE, Clock, JumpHandle, ROSClock, TimeJump
-from bus_ros.rclpy.engine import Engine, Waiter, engine
-from bus_ros.rclpy.entity import Entity, Work
 from bus_ros.rclpy.exceptions import InvalidHandle, ROSInterruptException
 
 __all__ = ["Rate", "Timer"]
