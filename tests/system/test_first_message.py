@@ -53,30 +53,24 @@ _UNUSED = {
     "pathlib",
     "urllib.parse",
     "yaml",
-    *(
-        "bus.graph",
-        "bus.types.idl",
-        "bus.types.definitions",
-        "bus.types.classes",
-        "bus.process.logfile",
-        "bus.process.mistakes",
-    ),
-    *(
-        "bus.client",
-        "bus.service",
-        "bus.types.service",
-        "bus.parameters.values",
-        "bus.parameters.store",
-        "bus.parameters.time_source",
-    ),
-    *(
-        "bus.types.schema",
-        "bus.types.diff",
-        "bus.types.hash",
-        "bus.base.suggest",
-        "bus.blocking",
-        "bus.process.foreground",
-    ),
+    "bus.graph",
+    "bus.types.idl",
+    "bus.types.definitions",
+    "bus.types.classes",
+    "bus.process.logfile",
+    "bus.process.mistakes",
+    "bus.client",
+    "bus.service",
+    "bus.types.service",
+    "bus.parameters.values",
+    "bus.parameters.store",
+    "bus.parameters.time_source",
+    "bus.types.schema",
+    "bus.types.diff",
+    "bus.types.hash",
+    "bus.base.suggest",
+    "bus.blocking",
+    "bus.process.foreground",
 }
 """What neither end needs, and what takes a while to import."""
 
@@ -101,7 +95,7 @@ def _modules(program: str) -> set[str]:
 def test_a_talker_imports_only_what_it_uses() -> None:
     modules = _modules(_TALKER) - _modules(_LIBRARIES)
     assert not modules & (_UNUSED | _RECEIVING)
-    assert len({name for name in modules if name.partition(".")[0] == "bus"}) <= 76
+    assert len({name for name in modules if name.partition(".")[0] == "bus"}) <= 85  # a tenth are folders
 
 
 @pytest.mark.usefixtures("daemon")
