@@ -53,6 +53,7 @@ class AccessTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     groups: _Names = ()
     allow: bool = True
     shared_memory: bool = False
+    """Of earlier versions; between users everything goes by socket."""
 
     def rule(self, key: str) -> AccessRule:
         """Raises ConfigurationError, naming the `key` and what is wrong, also for a name that nobody has."""
@@ -62,8 +63,6 @@ class AccessTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         for field in ("topics", "actions"):
             if not getattr(self, field):
                 raise ConfigurationError(f"{key}.{field}: expected one entry at least")
-        if self.shared_memory and not self.allow:
-            raise ConfigurationError(f"{key}: shared_memory = true means nothing with allow = false")
         for pattern in _listed(self.topics):
             compiled(pattern, f"{key}.topics")
         names = [name for name in users if name != _EVERYBODY]
@@ -75,8 +74,8 @@ class AccessTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
             gids=frozenset(group_id(name, f"{key}.groups") for name in groups),
             is_for_all=_EVERYBODY in users,
             allow=self.allow,
-            shared_memory=self.shared_memory,
             names={uid: name for uid, name in uids.items() if name != str(uid)},
+            ignored=(f"{key}.shared_memory = true",) if self.shared_memory else (),
         )
 
 
@@ -91,7 +90,16 @@ def group_id(name: str | int, key: str) -> int:
 
 
 def find_doubts(rules: Sequence[AccessRule], path: Path) -> list[str]:
-    """What contradicts itself between the rules and the socket that now listens at `path`."""
+    """What means nothing in the rules, or contradicts the socket that now listens at `path`."""
+    doubts = [
+        f"{text} means nothing any more: between users everything goes by socket; remove it"
+        for rule in rules
+        for text in rule.ignored
+    ]
+    return doubts + _doubts_of_the_socket(rules, path)
+
+
+def _doubts_of_the_socket(rules: Sequence[AccessRule], path: Path) -> list[str]:
     try:
         if str(path).startswith("@"):  # an abstract socket, which the kernel lets everybody reach
             mode, folder = 0o666, 0o755

@@ -67,9 +67,6 @@ class PeerHost(Protocol):
     is_background: bool
     began_ns: int
 
-    @property
-    def capabilities(self) -> tuple[str, ...]: ...
-
     def may_read(self, connection: "PeerConnection") -> bool: ...
 
     def may_write(self, connection: "PeerConnection") -> bool: ...
@@ -92,7 +89,6 @@ def greeting(host: PeerHost) -> bytes:
             program="busd",
             lease_s=host.limits.lease_s,
             background=host.is_background,
-            capabilities=host.capabilities,
             release=RELEASE,
             began_ns=host.began_ns,
         )

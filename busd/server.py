@@ -12,7 +12,6 @@ from typing import Any, TypeAlias
 
 from bus.base.ids import PeerId
 from bus.errors import ConfigurationError, RemoteProtocolError
-from bus.wire.layout import GUESTS
 from bus.wire.messages import (
     Done,
     GetGraph,
@@ -146,10 +145,6 @@ class Server:
         self._arm_timer()
 
     # --- PeerHost
-
-    @property
-    def capabilities(self) -> tuple[str, ...]:
-        return (GUESTS,) if self._broker.has_guests else ()
 
     def may_read(self, connection: PeerConnection) -> bool:
         """Whether the connection's socket may be read now; if not, it gets its turn."""

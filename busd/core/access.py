@@ -35,12 +35,11 @@ class Verdict(NamedTuple):
     """`rule` is the deciding one's place in the file, from 1; 0: none speaks of it, or none was asked."""
 
     is_allowed: bool
-    shares_memory: bool
     rule: int = 0
 
 
-_FREE = Verdict(is_allowed=True, shares_memory=True)
-_SILENCE = Verdict(is_allowed=False, shares_memory=False)
+_FREE = Verdict(is_allowed=True)
+_SILENCE = Verdict(is_allowed=False)
 
 
 class AccessRule(msgspec.Struct, frozen=True, kw_only=True):
@@ -55,9 +54,10 @@ class AccessRule(msgspec.Struct, frozen=True, kw_only=True):
     gids: frozenset[int] = frozenset()
     is_for_all: bool = False
     allow: bool = True
-    shared_memory: bool = False
     names: dict[int, str] = {}
     """Of the users, as far as the file has them."""
+    ignored: tuple[str, ...] = ()
+    """What the file says in it that means nothing any more."""
 
     def __post_init__(self) -> None:
         for pattern in self.topics:
@@ -89,11 +89,6 @@ class Access:
         self._own_uid = own_uid
         self._free = {own_uid, _ROOT, _UNKNOWN}
         self._remembered: dict[tuple[Subject, Action, str], Verdict] = {}
-
-    @property
-    def shares_memory(self) -> bool:
-        """Whether any rule lets users share memory."""
-        return any(rule.shared_memory for rule in self.rules)
 
     def is_free(self, uid: int) -> bool:
         """Whether no rule is asked for that user."""
@@ -143,5 +138,5 @@ class Access:
     def _decide(self, who: Subject, action: Action, topic: str) -> Verdict:
         for number, rule in enumerate(self.rules, 1):
             if rule.is_for(who) and rule.speaks_of(action, topic):
-                return Verdict(rule.allow, rule.allow and rule.shared_memory, number)
+                return Verdict(rule.allow, number)
         return _SILENCE

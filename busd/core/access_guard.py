@@ -10,7 +10,7 @@ from hashlib import blake2b
 from bus.errors import AccessDenied
 from bus.wire.layout import ACCESS
 from bus.wire.messages import Incompatible
-from busd.core.access import Access, Action, Verdict
+from busd.core.access import Access, Action
 from busd.core.effects import Effect, Note, Send
 from busd.core.entities import Node, Peer, Publisher, Subscription
 from busd.core.graph import Graph
@@ -32,14 +32,13 @@ class Guard:
         self.access = access
         self._told.clear()
 
-    def admit(self, node: Node, action: Action, topic: str, out: list[Effect]) -> Verdict:
+    def admit(self, node: Node, action: Action, topic: str, out: list[Effect]) -> None:
         """Raises AccessDenied where the user of `node` may not do that.
 
         The log and the other end, who may be waiting for that user, learn of it the first time.
         """
         who = node.peer.subject
-        verdict = self.access.decide(who, action, topic)
-        if not verdict.is_allowed:
+        if not self.access.decide(who, action, topic).is_allowed:
             text = self.access.why_not(who, action, topic)
             told = self._told.setdefault(who.uid, set())
             if (action, topic) not in told and len(told) < _MOST_TOLD:
@@ -47,7 +46,6 @@ class Guard:
                 more = f"; no more denials of user {who.uid} are logged" if len(told) == _MOST_TOLD else ""
                 self._tell(node, action, topic, text, more, out)
             raise AccessDenied(text)
-        return verdict
 
     def gid(self, peer: Peer, gid: bytes) -> bytes:
         """What the endpoint that calls itself `gid` is called for others.

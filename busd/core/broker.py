@@ -23,7 +23,7 @@ from typing import Any
 from bus.base.ids import EndpointId, PeerId
 from bus.errors import AccessDenied, BusError, ConfigurationError, QuotaExceeded, RemoteProtocolError
 from bus.wire import messages as m
-from bus.wire.layout import GUESTS, NAMESAKES, SILENCE
+from bus.wire.layout import NAMESAKES, SILENCE
 from bus.wire.runs import Account, Run
 from busd.core.absent import Absentees
 from busd.core.access import Access, Subject
@@ -99,7 +99,7 @@ class Broker:
         self._registry = Registry(
             self.graph, quotas, rules, self._leases, self._router, self._guard, self._absentees
         )
-        routes = self._routes = Routes(self.graph, quotas, self._registry, self._router)
+        routes = Routes(self.graph, quotas, self._registry, self._router)
         questions = self._queries = Queries(
             self.graph, quotas, self._guard, self.routing_times, self.meter, self._absentees, pid=pid
         )
@@ -161,7 +161,6 @@ class Broker:
             uid=uid,
             gids=gids,
             is_guest=not self._guard.access.is_free(uid),
-            may_share=self.has_guests and GUESTS in hello.capabilities,
             hears_of_namesakes=NAMESAKES in hello.capabilities,
             hears_of_silence=SILENCE in hello.capabilities,
             user=user,
@@ -180,11 +179,6 @@ class Broker:
         self._peers[peer.id] = peer
         self._silences.watch(now_ns, peer)
         return peer.id
-
-    @property
-    def has_guests(self) -> bool:
-        """Whether processes that connect now may share memory with those of other users."""
-        return self._guard.access.shares_memory
 
     def why_turned_away(self, uid: int, gids: frozenset[int] | None) -> str:
         """Why a process of that user may not connect; "" where it may."""
@@ -463,8 +457,6 @@ class Broker:
                 continue
             if fault := self._guard.find_fault(peer):
                 self._cut(now_ns, peer, fault)
-            else:
-                self._routes.renew_sharing(now_ns, peer, access, self._out)
         self._out[:] = self._take_effects()  # what went with those, before what is seen of the rest changes
         self._queries.renew(self._out)
 

@@ -96,8 +96,6 @@ class Peer(Holder):
     """All groups of the process; None where they can't be told."""
     is_guest: bool = False
     """Of another user than the daemon's own and root."""
-    may_share: bool = False
-    """With processes of other users: it was told so in the Hello, and knows how to take care."""
     hears_of_namesakes: bool = False
     """It understands the message Namesake."""
     nodes: dict[NodeId, "Node"] = field(default_factory=dict)
@@ -184,8 +182,6 @@ class Endpoint:
     max_message_bytes: int
     report: Report | None = field(default=None, init=False)
     is_lossless: bool = field(init=False)
-    may_share: bool = field(default=True, init=False)
-    """The rules let it share memory with processes of other users."""
 
     kind = ""
 

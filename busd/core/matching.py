@@ -9,7 +9,6 @@ from collections.abc import Callable
 from typing import Any
 
 from bus.qos import check_compatible, describe_incompatibilities
-from bus.wire.layout import SAME_USER
 from bus.wire.messages import (
     Credit,
     Incompatible,
@@ -64,7 +63,6 @@ def connect(
             next_seq=publisher.next_seq,
             at_ns=now_ns,
             descriptors=len(brings),
-            uid=foreign_uid(mine, other) if is_shared else SAME_USER,
         )
         out.append(Send(mine.node.peer.id, message, brings))
     if subscription.node.peer.is_silent and publisher.is_lossless and subscription.is_lossless:
@@ -82,14 +80,8 @@ def connect(
         _begin_routing(now_ns, publisher, subscription, known_seq, out)
 
 
-def foreign_uid(mine: Publisher | Subscription, other: Publisher | Subscription) -> int:
-    """The user of `other`, where it is another one than that of `mine`; else SAME_USER."""
-    uid = other.node.peer.uid
-    return SAME_USER if uid == mine.node.peer.uid else uid
-
-
 def can_share(publisher: Publisher, subscription: Subscription) -> bool:
-    """Whether the match goes by shared memory: both processes can, and belong to one user or may anyway.
+    """Whether the match goes by shared memory: both processes can, and belong to one user.
 
     An older program is not to wait for ever for a process that is silent; by socket busd sees to that.
     """
@@ -99,10 +91,7 @@ def can_share(publisher: Publisher, subscription: Subscription) -> bool:
         and (talker.hears_of_silence or not listener.is_silent)
         and talker.doorbell is not None
         and listener.readers is not None
-        and (
-            talker.uid == listener.uid
-            or all(one.may_share for one in (talker, listener, publisher, subscription))
-        )
+        and talker.uid == listener.uid
     )
 
 

@@ -19,7 +19,6 @@ from bus.qos import History, QoSProfile
 from bus.wire import messages as m
 from bus.wire.runs import RunQueue
 from busd.core.absent import Absentees
-from busd.core.access import Verdict
 from busd.core.access_guard import Guard
 from busd.core.effects import Effect, Note, Send
 from busd.core.entities import (
@@ -123,7 +122,7 @@ class Registry:
         out: list[Effect],
         ring: object | None = None,
     ) -> Work:
-        node, kind, rule, verdict = self._check_endpoint(now_ns, peer, message, out)
+        node, kind, rule = self._check_endpoint(now_ns, peer, message, out)
         qos = self._check_depth(message.topic, rule.cap(message.qos))
         if ring is not None:
             self._quotas.take_descriptors(peer, (ring,))
@@ -144,7 +143,6 @@ class Registry:
             credited=message.next_seq - 1,
             ring=ring,
         )
-        publisher.may_share = verdict.shares_memory
         if message.descriptors and ring is None:
             lost = f"{node.full_name} shares no memory on '{message.topic}': its ring was lost"
             out.append(Note(logging.WARNING, lost))
@@ -164,7 +162,7 @@ class Registry:
     def create_subscription(
         self, now_ns: int, peer: Peer, message: m.CreateSubscription, out: list[Effect]
     ) -> Work:
-        node, kind, rule, verdict = self._check_endpoint(now_ns, peer, message, out)
+        node, kind, rule = self._check_endpoint(now_ns, peer, message, out)
         qos = self._check_depth(message.topic, rule.cap(message.qos))
         number = EndpointId(self._graph.next_id())
         subscription = Subscription(
@@ -178,7 +176,6 @@ class Registry:
             queue=RunQueue(_depth(qos), peer.queued, number),
             last_seqs=message.last_seqs,
         )
-        subscription.may_share = verdict.shares_memory
         publishers = subscription.topic.publishers
         there = tuple(publishers.values())
         self._graph.add_endpoint(subscription)
@@ -262,14 +259,14 @@ class Registry:
         peer: Peer,
         message: m.CreatePublisher | m.CreateSubscription,
         out: list[Effect],
-    ) -> tuple[Node, MessageType, TopicCaps, Verdict]:
+    ) -> tuple[Node, MessageType, TopicCaps]:
         node = self._own_node(peer, message.node)
         names.validate_full_topic_name(message.topic)
         if len(message.gid) != _GID_BYTES:
             raise RemoteProtocolError(f"gid of {len(message.gid)} bytes, a gid has {_GID_BYTES}")
         does_publish = isinstance(message, m.CreatePublisher)
         # First of all: what a limit says depends on what there is, also on a topic that is hidden.
-        verdict = self._guard.admit(node, "publish" if does_publish else "subscribe", message.topic, out)
+        self._guard.admit(node, "publish" if does_publish else "subscribe", message.topic, out)
         topic = self._graph.topic(message.topic)
         others: Iterable[Endpoint]
         others = (topic.subscriptions if does_publish else topic.publishers).values()
@@ -279,7 +276,7 @@ class Registry:
         if kind not in peer.types:
             self._quotas.check_type(peer)  # then it was declared, and there was no room for it
             raise RemoteProtocolError(f"type {message.type_name} was not declared on this connection")
-        return node, kind, rules_for(message.topic, self.rules), verdict
+        return node, kind, rules_for(message.topic, self.rules)
 
     def _check_depth(self, topic: str, qos: QoSProfile) -> QoSProfile:
         if qos.history is History.KEEP_LAST and qos.depth > self._limits.depth:

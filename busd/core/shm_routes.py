@@ -9,12 +9,10 @@ import logging
 from bus.base.ids import EndpointId
 from bus.errors import QuotaExceeded, RemoteProtocolError
 from bus.wire import messages as m
-from busd.core.access import Access
-from busd.core.access_guard import action_of
 from busd.core.effects import Effect, Note, Send
 from busd.core.entities import SOCKET, Peer, Publisher, Subscription
 from busd.core.graph import Graph
-from busd.core.matching import foreign_uid, release, reroute
+from busd.core.matching import release, reroute
 from busd.core.quotas import Quotas
 from busd.core.registry import Registry
 from busd.core.router import Router
@@ -69,7 +67,6 @@ class Routes:
             slot=message.slot,
             process=peer.id,
             pid=peer.pid,
-            uid=foreign_uid(publisher, subscription),
         )
         out.append(Send(publisher.node.peer.id, attached, (peer.readers, peer.doorbell)))
 
@@ -123,16 +120,6 @@ class Routes:
                 replaced = m.RingReplaced(subscription=subscription.id, source=publisher.id)
                 out.append(Send(subscription.node.peer.id, replaced, (ring,)))
                 now_ns = yield TELL
-
-    def renew_sharing(self, now_ns: int, peer: Peer, access: Access, out: list[Effect]) -> None:
-        """Other rules hold: what `peer` may not share with other users any more goes by socket."""
-        for endpoint in peer.endpoints.values():
-            verdict = access.decide(peer.subject, action_of(endpoint), endpoint.topic.name)
-            had, endpoint.may_share = endpoint.may_share, verdict.shares_memory
-            if had and not endpoint.may_share:
-                for other in list[Publisher | Subscription](endpoint.matches.values()):
-                    if other.node.peer.uid != peer.uid:
-                        self._reroute_either(now_ns, endpoint, other, "the access rules have changed", out)
 
     def _may_hold(self, now_ns: int, peer: Peer, descriptors: tuple[object, ...], out: list[Effect]) -> bool:
         """Whether there is room for them; without room all goes by socket."""

@@ -54,7 +54,6 @@ _SOME_MAY = AccessRule(
     topics=("/a", "/b"),
     actions=frozenset({"publish", "observe"}),
     uids=frozenset({STRANGER}),
-    shared_memory=True,
 )
 _ACCESS = ((ALL_MAY,), (), (_SOME_MAY,), (_SOME_MAY, ALL_MAY))
 

@@ -39,7 +39,6 @@ def rules(seen: frozenset[str]) -> tuple[AccessRule, ...]:
             topics=topics,
             actions=frozenset({action}),  # type: ignore[arg-type]
             uids=frozenset({ALICE}),
-            shared_memory=True,
         )
         for topics, action in may
     )

@@ -9,7 +9,6 @@ from typing import TypeAlias
 import pytest
 
 import bus
-from bus import shm
 from bus.errors import AccessDenied, BrokerUnavailable
 from bus.msg.std_msgs import String
 from bus.wire import messages as m
@@ -110,25 +109,18 @@ def lines_of(log: str, text: str) -> list[str]:
 
 
 class TestBetweenUsers:
-    @pytest.mark.parametrize(
-        ("shares", "wished", "route"),
-        [(True, "", "shm"), (False, "", "socket"), (True, "socket", "socket")],
-        ids=["memory shared", "not shared", "by socket"],
-    )
-    def test_what_is_allowed_works(self, guests: Start, shares: bool, wished: str, route: str) -> None:
+    @pytest.mark.parametrize("wished", ["", "socket"])
+    def test_what_is_allowed_works(self, guests: Start, wished: str) -> None:
         """Two processes of two users, neither of them busd's."""
-        if not shm.is_available():
-            route = "socket"
-        more = f"shared_memory = {str(shares).lower()}"
         busd = guests(
-            rule(f"users = [{GUEST}]", "/chat", "publish", more=more),
-            rule(f"users = [{STRANGER}]", "/chat", "subscribe", more=more),
+            rule(f"users = [{GUEST}]", "/chat", "publish"),
+            rule(f"users = [{STRANGER}]", "/chat", "subscribe"),
         )
         environment = {"BUSD_SOCKET": str(busd.path), "BUS_ROUTE": wished}
         with running(program(STRANGER, LISTENER, **environment)) as (listener, _):
             assert listener.readline() == "ready\n"
             with running(program(GUEST, TALKER, "stranger", **environment)) as (talker, _):
-                assert talker.readline() == f"{route}\n"
+                assert talker.readline() == "socket\n"
                 assert listener.readline() == "hello stranger\n"
 
     async def test_nobody_else_is_the_default(self, guests: Start, join: Join) -> None:

@@ -40,7 +40,7 @@ group = "{ROOT_GROUP}"
 users = ["{ROOT}", 1001]
 topics = "/camera/**"
 actions = ["publish", "observe"]
-shared_memory = true
+shared_memory = false
 
 [[access]]
 groups = "{ROOT_GROUP}"
@@ -60,7 +60,6 @@ actions = ["observe"]
             topics=("/camera/**",),
             actions=frozenset({"publish", "observe"}),
             uids=frozenset({0, 1001}),
-            shared_memory=True,
             names={0: ROOT},
         ),
         AccessRule(topics=("/a", "/b/*"), actions=frozenset({"subscribe"}), gids=frozenset({0}), allow=False),
@@ -88,7 +87,6 @@ ACCESS = '[[access]]\nusers = "*"\ntopics = "/a"\nactions = "publish"\n'
         (ACCESS.replace('"publish"', '"x"'), "'x' is no action (known: publish, subscribe, observe)"),
         (ACCESS.replace('actions = "publish"', ""), "access[0]: 'actions' is missing"),
         (ACCESS + ACCESS.replace("topics", "topic"), "unknown key 'access[1].topic'; did you mean 'topics'?"),
-        (ACCESS + "allow = false\nshared_memory = true\n", "shared_memory = true means nothing"),
         ("access = 3\n", "access: expected an array of tables, each under [[access]]"),
         ("[socket]\nmode = 660\n", "socket.mode = 660: expected 0o600, 0o660 or 0o666, in octal"),
         ("[socket]\nmode = 0o440\n", "socket.mode = 288: expected"),
@@ -134,6 +132,13 @@ def test_doubts(
     folder.chmod(folder_mode)
     found = find_doubts(rules, path)
     assert [doubt in text for text in found] == [True] * bool(doubt)
+
+
+def test_what_earlier_versions_had_is_doubted(tmp_path: Path) -> None:
+    """A file that was good yesterday keeps no busd from starting."""
+    config = read(tmp_path, ACCESS + ACCESS + "shared_memory = true\n")
+    (doubt,) = find_doubts(config.access, tmp_path / "none")
+    assert doubt.startswith("access[1].shared_memory = true means nothing any more: between users")
 
 
 def test_doubts_about_an_abstract_socket() -> None:

@@ -113,21 +113,6 @@ def test_knocks_for_two_rings_are_a_look_at_all(
         assert listener.readers.sleep() == []
 
 
-def test_where_others_have_the_doorbell_it_looks_at_all(
-    talker: Talker, listener: Listener, heard: Heard, crowd: list[Talker]
-) -> None:
-    silent, quiet = Talker(), core.Reader(listener.readers, "quiet", 0, tells_cursor=False)
-    quiet.attach(1, segments.map_ring(silent.ring), next(listener.slots))
-    unheard = Heard(quiet)
-    listener.readers.is_wary = True
-    assert listener.readers.sleep() == []
-    silent.write(b"x")
-    talker.write(b"x")
-    assert listener.readers.deliver(True) is None
-    assert (heard.messages, unheard.messages) == ([b"x"], [b"x"])
-    silent.close()
-
-
 def test_what_is_read_since_the_last_look_at_all_is_looked_at(
     talker: Talker, listener: Listener, heard: Heard, crowd: list[Talker]
 ) -> None:

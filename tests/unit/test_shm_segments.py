@@ -340,3 +340,11 @@ def test_no_lie_of_a_reader_is_more_than_an_error(lies: dict[int, int]) -> None:
             talker.writer.remove_gate(slot)
         talker.write(bytes(100))
     talker.close()
+
+
+def test_segments_can_be_opened_by_their_user_alone() -> None:
+    talker, listener = Talker(), Listener()
+    for descriptor in (talker.ring, listener.segment):
+        assert os.fstat(descriptor.number).st_mode & 0o777 == 0o600
+    talker.close()
+    listener.close()

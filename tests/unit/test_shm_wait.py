@@ -182,7 +182,7 @@ def test_news_of_another_reader_that_were_not_rung_for(waiting: Waiting) -> None
     talker.close()
 
 
-@pytest.mark.parametrize("why", ["closed", "writers", "wary", "not noted", "detached"])
+@pytest.mark.parametrize("why", ["closed", "writers", "not noted", "detached"])
 def test_where_it_must_not_wait(waiting: Waiting, why: str) -> None:
     readers, reader = waiting.listener.readers, waiting.listener.reader
     waiting.talker.write(b"x")
@@ -191,8 +191,6 @@ def test_where_it_must_not_wait(waiting: Waiting, why: str) -> None:
             readers.close()
         case "writers":
             readers.has_writers = True
-        case "wary":
-            readers.is_wary = True
         case "not noted":
             reader.is_noted = False
         case "detached":

@@ -27,7 +27,7 @@ from bus.base.ids import PeerId
 from bus.errors import RemoteProtocolError
 from bus.qos import QoSProfile
 from bus.wire import messages as m
-from bus.wire.layout import FRAME_HEAD_BYTES, GUESTS, SILENCE, VERSION
+from bus.wire.layout import FRAME_HEAD_BYTES, SILENCE, VERSION
 from bus.wire.outbox import Outbox
 from bus.wire.runs import Account, Run, RunQueue
 from bus.wire.session import Carried, Role, Session
@@ -205,7 +205,7 @@ class Process:
         self._node: Node | None = None
         self._to_broker = Session(Role.BROKER, max_message_bytes=world.broker.limits.message_bytes)
         self._from_broker = Session(Role.CLIENT)
-        greeting = m.Hello(version=VERSION, capabilities=(GUESTS, SILENCE, *capabilities), program=program)
+        greeting = m.Hello(version=VERSION, capabilities=(SILENCE, *capabilities), program=program)
         (hello,) = feed(self._to_broker, m.encode_frame(greeting))
         self.id = world.broker.attach(world.now_ns, hello, pid=100 + len(world.processes), uid=uid)
         world.processes[self.id] = self

@@ -77,13 +77,8 @@ class ShmPort(Protocol):
 
     # --- the other side
 
-    def reader_process(
-        self, segment: Descriptor, doorbell: Descriptor, pid: int, uid: int, /
-    ) -> ReaderProcess:
+    def reader_process(self, segment: Descriptor, doorbell: Descriptor, pid: int, /) -> ReaderProcess:
         """The process that has this readers' segment. Raises OSError or ValueError, saying what is wrong."""
-
-    def beware(self, uid: int, /) -> bool:
-        """Whether `uid` is another user, who has this process's doorbell then."""
 
     def writer_doorbell(self, doorbell: Descriptor, /) -> Descriptor:
         """One descriptor for all that came of the same doorbell."""

@@ -248,7 +248,6 @@ class ShmReceiver:
                 history=history,
                 lifespan_ns=matched.qos.lifespan_ns,
                 doorbell=-1 if keep is None else keep.number,
-                foreign=self._shm_context.beware(matched.uid),
             )
         except BaseException:
             self._shm_context.give_back(slot)

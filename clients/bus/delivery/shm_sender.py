@@ -267,7 +267,7 @@ class ShmSender:
         if len(descriptors) != attached.descriptors:
             raise OSError(MISSING)
         segment, doorbell = descriptors
-        process = self._shm_context.reader_process(segment, doorbell, attached.pid, attached.uid)
+        process = self._shm_context.reader_process(segment, doorbell, attached.pid)
         first_key = gate.key
         if (gate.process, gate.slot) != (process, attached.slot):  # else it has read on, while busd was away
             before = self._left.pop((process, attached.slot), None)

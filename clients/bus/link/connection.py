@@ -28,7 +28,7 @@ from bus.transport.stream import Stream
 from bus.types.support import TypeSupport
 from bus.wire import messages as m
 from bus.wire.answers import expect
-from bus.wire.layout import GUESTS, LEAVING, NAMESAKES, SILENCE, VERSION
+from bus.wire.layout import LEAVING, NAMESAKES, SILENCE, VERSION
 from bus.wire.outbox import Outbox
 from bus.wire.runs import Buffer
 from bus.wire.session import Role, Session
@@ -124,7 +124,7 @@ class Connection:
         self.send(
             m.Hello(
                 version=VERSION,
-                capabilities=(LEAVING, GUESTS, NAMESAKES, SILENCE),
+                capabilities=(LEAVING, NAMESAKES, SILENCE),
                 pid=os.getpid(),
                 program=_program(),
                 release=RELEASE,
@@ -145,8 +145,6 @@ class Connection:
         if self._stream is None:  # its last word came right behind its Hello
             raise self._refusal(path)
         self.hello = hello
-        if self._shm_context is not None and GUESTS in hello.capabilities:
-            self._shm_context.readers.is_wary = True
 
     def _refusal(self, path: str) -> BrokerUnavailable:
         """Why the connection has ended before it could be used."""

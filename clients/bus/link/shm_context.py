@@ -17,15 +17,12 @@ from bus.base.descriptor import Descriptor
 from bus.logger import get_logger
 from bus.process.shared_loop import GuardedLoop
 from bus.shm import core, is_available, segments
-from bus.wire.layout import SAME_USER
 
 SLOTS = 1020
 """Matches of one process by shared memory; those beyond go by socket."""
 
 _SPIN_NS = 5_000
 _POLL_NS = 20_000
-_WATCH_S = 1.0
-"""The longest that a message waits in a ring where another user hushes the doorbell."""
 
 _log = get_logger("bus")
 
@@ -35,13 +32,11 @@ class ReaderProcess:
 
     __slots__ = ("__weakref__", "bell", "doorbell", "is_here", "pid")
 
-    def __init__(
-        self, segment: Descriptor, doorbell: Descriptor, pid: int, *, foreign: bool, is_here: bool
-    ) -> None:
+    def __init__(self, segment: Descriptor, doorbell: Descriptor, pid: int, *, is_here: bool) -> None:
         self.is_here = is_here
         self.doorbell = doorbell
         self.pid = pid
-        self.bell = core().Bell(segments.map_readers(segment), doorbell.number, foreign=foreign)
+        self.bell = core().Bell(segments.map_readers(segment), doorbell.number)
 
     def is_alive(self) -> bool:
         """Whether the process still runs; also where that can't be found out."""
@@ -71,14 +66,13 @@ class ShmContext:
         self._waiting: dict[Any, Callable[[], None]] = {}
         self._slots = deque(range(SLOTS))  # the longest free first, lest an old gate still knows it
         self._pinned_slots: list[int] = []
-        self._processes: WeakValueDictionary[tuple[int, int, int], ReaderProcess] = WeakValueDictionary()
+        self._processes: WeakValueDictionary[tuple[int, int], ReaderProcess] = WeakValueDictionary()
         self._doorbells: WeakValueDictionary[str, Descriptor] = WeakValueDictionary()
         self._polls: dict[Any, int] = {}
         self._poll_ns = 0
         self._poll_until_ns = 0
         self._is_polling = False
         self._is_look_due = False
-        self._watch: asyncio.TimerHandle | None = None
         self._is_closed = False
         # On a loop that threads share, whoever waits for the news goes on before the rest is seen to.
         self._deferred = self._loop.deferred if isinstance(self._loop, GuardedLoop) else None
@@ -104,8 +98,6 @@ class ShmContext:
             self.readers.close()
             self._loop.remove_reader(self.doorbell.number)
             self._waiting.clear()
-            if self._watch is not None:
-                self._watch.cancel()
             self.doorbell.close()
             self.segment.close()
 
@@ -117,30 +109,17 @@ class ShmContext:
 
     # --- the other side
 
-    def reader_process(
-        self, segment: Descriptor, doorbell: Descriptor, pid: int, uid: int = SAME_USER
-    ) -> ReaderProcess:
+    def reader_process(self, segment: Descriptor, doorbell: Descriptor, pid: int) -> ReaderProcess:
         """What is known of the process that has this readers' segment; one for all its matches.
 
-        `uid` is its user, if it is another one. Raises OSError or ValueError, saying what is wrong with it.
+        Raises OSError or ValueError, saying what is wrong with it.
         """
-        key = uid, *segments.identity(segment)  # nobody passes a segment off as his that is another's
+        key = segments.identity(segment)
         process = self._processes.get(key)
         if process is None:
-            foreign = self.beware(uid)
-            is_here = segments.identity(segment) == segments.identity(self.segment)
-            process = ReaderProcess(segment, doorbell, pid, foreign=foreign, is_here=is_here)
-            self._processes[key] = process
+            is_here = key == segments.identity(self.segment)
+            process = self._processes[key] = ReaderProcess(segment, doorbell, pid, is_here=is_here)
         return process
-
-    def beware(self, uid: int) -> bool:
-        """Whether `uid` is another user. Then he has this process's doorbell, and could hush it.
-
-        So from now on it looks now and then, rung or not.
-        """
-        if uid != SAME_USER and self._watch is None and not self._is_closed:
-            self._watch = self._loop.call_later(_WATCH_S, self._look_unrung)
-        return uid != SAME_USER
 
     def writer_doorbell(self, doorbell: Descriptor) -> Descriptor:
         """One descriptor for all that came of the same doorbell."""
@@ -213,10 +192,6 @@ class ShmContext:
                 self._on_news(owners)
             assert self._deferred is not None
             self._deferred.append((self._turn, (bool(owners), 0)))
-
-    def _look_unrung(self) -> None:
-        self._watch = self._loop.call_later(_WATCH_S, self._look_unrung)
-        self._look_at_all()
 
     def _turn(self, has_news: bool, spin_ns: int) -> None:
         """What has come is delivered: see to the rest, and sleep."""

@@ -48,13 +48,12 @@ class Mapping:
 class Bell:
     """Another process's readers' segment and doorbell, as those who wake it know them.
 
-    `foreign`: it belongs to another user, who could make the doorbell block; it is rung in a way that
-    nobody can hold up, for a few microseconds more. Raises ValueError, saying what is wrong, where `memory`
-    is no readers' segment, and OSError where the system has no such way. The caller keeps `doorbell` open.
+    Raises ValueError, saying what is wrong, where `memory` is no readers' segment. The caller keeps
+    `doorbell` open.
     """
 
     slot_count: int
-    def __init__(self, memory: Mapping, doorbell: int, *, foreign: bool = False) -> None: ...
+    def __init__(self, memory: Mapping, doorbell: int) -> None: ...
 
 class Plan:
     """How to check and encode the messages of one class in one pass; made by `bus.types.check.plan`.
@@ -185,15 +184,11 @@ class Writer:
         """Nothing more will be written: readers are told by the ring itself, and rung."""
 
 class Readers:
-    """This process's readers' segment (`memory`, formatted) and doorbell (`doorbell`, an eventfd).
-
-    `is_wary`: other users may have the doorbell, so that it is read in a way that they can't hold up.
-    """
+    """This process's readers' segment (`memory`, formatted) and doorbell (`doorbell`, an eventfd)."""
 
     slot_count: int
     has_writers: bool
     """Writers wait for room by the same doorbell. May be set."""
-    is_wary: bool
     def __init__(self, memory: Mapping, doorbell: int) -> None: ...
     def deliver(self, may_sleep: bool, /) -> list[Any] | None:
         """The doorbell rang: disarm, and give each reader with news its turn; then read the doorbell.
@@ -254,7 +249,6 @@ class Reader:
         history: int = 0,
         lifespan_ns: int = 0,
         doorbell: int = -1,
-        foreign: bool = False,
     ) -> int:
         """Read a ring from `start` on; or (0) from `history` records before the first that is stamped at or
         after `since_ns` (that is latest + 1 where none is), never from before its oldest. Returns the first
@@ -262,10 +256,8 @@ class Reader:
 
         `slot` must be free (`Readers.is_free`), and its cursor is set. Until the publisher has added its
         gate, large records are copied and not pinned; so allot slots in turn, not the one given back last.
-        `doorbell` is the publisher's, rung where it waits for room; the caller keeps it open. `foreign`: it
-        belongs to another user, who could change what is pinned, so that all is copied before it is decoded.
-        Raises ValueError, saying what is wrong, where `memory` is no ring, and where `source` is attached
-        already; OSError as Bell.
+        `doorbell` is the publisher's, rung where it waits for room; the caller keeps it open. Raises
+        ValueError, saying what is wrong, where `memory` is no ring, and where `source` is attached already.
         """
     def extend(self, source: Any, memory: Mapping) -> None:
         """The ring in which `source` goes on after the present one is closed and taken to its end.

@@ -42,13 +42,6 @@ typedef struct {
     bool is_writable;
 } Mapping;
 
-/* Another process's eventfd, which the caller keeps open; -1: none. `is_foreign`: that process belongs to another
- * user, who is not trusted. */
-struct doorbell {
-    int number;
-    bool is_foreign;
-};
-
 typedef struct {
     PyObject_HEAD
     Mapping *memory;
@@ -57,7 +50,7 @@ typedef struct {
     uint64_t slot_count;
     struct knocks knocks; /* of all writers of this process */
     size_t gates;         /* that these have for it */
-    struct doorbell doorbell;
+    int doorbell;         /* its eventfd, which the caller keeps open */
 } Bell;
 
 /* A bell as one writer rings it. */
@@ -138,7 +131,6 @@ typedef struct {
     bool is_turn_due;   /* the next Reader.wait leaves it to the loop */
     bool is_rung;       /* Reader.wait has seen the doorbell rung, and perhaps nobody has read it since */
     char has_writers;   /* that wait for room, by the same doorbell */
-    char is_wary;       /* of other users, who may have the doorbell */
 } Readers;
 
 /* A ring in which a publisher goes on after the one before. */
@@ -166,7 +158,7 @@ struct feed {
     uint64_t end;            /* newest number that may be taken; MAX_SEQ + 1 while the publisher is there */
     uint64_t finishing;      /* order in which publishers went; 0: there */
     uint64_t lifespan_ns;
-    struct doorbell doorbell; /* of a foreign publisher, nothing is pinned either */
+    int doorbell;            /* of the publisher's process, which the caller keeps open; -1: none */
     unsigned forks;          /* in a child of a fork, the slot is the parent's */
 };
 
@@ -208,15 +200,14 @@ void core_free(void *object);
 /* (message, stamp, number, source, time of receipt), as bus.delivery.receiver.Taken; takes over all but the source. Where one of them
  * is NULL, so is the answer. */
 PyObject *core_with_origin(PyObject *message, PyObject *stamp_ns, uint64_t seq, PyObject *source, PyObject *received_ns);
-/* What a Bell and Readers are made of, from the arguments (memory, doorbell, foreign): a checked segment, borrowed; NULL
+/* What a Bell and Readers are made of, from the arguments (memory, doorbell): a checked segment, borrowed; NULL
  * and an error where it is none. */
 Mapping *core_readers_segment(PyTypeObject *type, PyObject *args, PyObject *kwargs, bool is_written,
-                              uint64_t *slot_count, struct doorbell *doorbell);
+                              uint64_t *slot_count, int *doorbell);
 
 /* core_knock.c */
-int doorbell_prepare(const struct doorbell *doorbell);
-void doorbell_ring(const struct doorbell *doorbell, uint64_t knock);
-uint64_t doorbell_hush(int number, bool is_wary);
+void doorbell_ring(int number, uint64_t knock);
+uint64_t doorbell_clear(int number);
 
 /* The types */
 extern PyType_Spec mapping_spec, bell_spec, writer_spec, readers_spec, reader_spec, view_spec, loan_spec,
@@ -280,7 +271,7 @@ bool readers_have_news_besides(Readers *self, const Reader *reader);
 
 /* core_feed.c */
 struct feed *feed_new(PyObject *source, Mapping *memory, const struct ring_geometry *geometry, struct reader_slot *slot,
-                      const struct doorbell *doorbell);
+                      int doorbell);
 void feed_free(struct feed *feed);
 void feed_extend(struct feed *feed, struct next_ring *next);
 uint64_t feed_newest(const struct feed *feed);

@@ -4,9 +4,9 @@
 static PyObject *bell_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
 {
     uint64_t slot_count;
-    struct doorbell doorbell;
+    int doorbell;
     Mapping *memory = core_readers_segment(type, args, kwargs, false, &slot_count, &doorbell);
-    if (memory == NULL || doorbell_prepare(&doorbell) < 0)
+    if (memory == NULL)
         return NULL;
     Bell *self = core_allocate(type);
     if (self == NULL)

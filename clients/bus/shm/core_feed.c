@@ -19,7 +19,7 @@ static uint32_t new_ticket(const struct ring_reader *ring)
 
 /* The ring was checked and the slot is free. NULL: no memory. Begins with the next record to come. */
 struct feed *feed_new(PyObject *source, Mapping *memory, const struct ring_geometry *geometry, struct reader_slot *slot,
-                      const struct doorbell *doorbell)
+                      int doorbell)
 {
     struct feed *self = PyMem_Calloc(1, sizeof *self);
     if (self == NULL)
@@ -32,11 +32,9 @@ struct feed *feed_new(PyObject *source, Mapping *memory, const struct ring_geome
     self->last = self->ring.header;
     self->end = MAX_SEQ + 1;
     self->forks = core_forks;
-    self->doorbell = *doorbell;
-    if (!doorbell->is_foreign) {
-        self->ticket = new_ticket(&self->ring);
-        ring_ask(slot, self->ticket);
-    }
+    self->doorbell = doorbell;
+    self->ticket = new_ticket(&self->ring);
+    ring_ask(slot, self->ticket);
     return self;
 }
 
@@ -166,11 +164,9 @@ enum ring_status feed_look(struct feed *self, uint64_t depth)
     return RING_EMPTY;
 }
 
-/* Whether the publisher sees pins, and can be trusted to leave alone what is pinned. */
+/* Whether the publisher sees pins. */
 bool feed_may_pin(struct feed *self)
 {
-    if (self->doorbell.is_foreign)
-        return false;
     if (self->ticket != 0 && ring_is_admitted(&self->ring, self->ticket)) {
         self->ticket = 0;
         ring_unpin(self->ring.slot, READER_PINS - 1);
@@ -195,7 +191,7 @@ void feed_room(struct feed *self)
 {
     bell_fence(); /* PAIR(sleep): after the cursor. Counterpart: ring_wait_for_room(). */
     if (bell_is_due(&self->last->room, &self->ring.room_rung, self->ring.next))
-        doorbell_ring(&self->doorbell, KNOCK_ANY);
+        doorbell_ring(self->doorbell, KNOCK_ANY);
 }
 
 /* Shows the cursor, where it has moved. */

@@ -13,7 +13,7 @@ void writer_ring(Writer *self, bool is_for_any)
         const bool is_one = !is_for_any && bell->gates > FEW_RINGS;
         const uint64_t knock = bell_knock(bell->arrival, &bell->knocks, self, is_one ? self->bells[i].knock : KNOCK_ANY);
         if (knock != 0) {
-            doorbell_ring(&bell->doorbell, knock);
+            doorbell_ring(bell->doorbell, knock);
             self->rung++;
         }
     }

@@ -164,17 +164,15 @@ static bool make_room(Reader *self)
 static PyObject *reader_attach(PyObject *object, PyObject *args, PyObject *kwargs)
 {
     static char *names[] = {"source", "memory", "slot", "start", "since_ns",
-                            "history", "lifespan_ns", "doorbell", "foreign", NULL};
+                            "history", "lifespan_ns", "doorbell", NULL};
     Reader *self = (Reader *)object;
     PyObject *source, *memory;
     uint64_t number, start = 0, since_ns = 0, history = 0, lifespan_ns = 0;
-    struct doorbell doorbell = {-1, false};
-    int is_foreign = 0;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOO&|$O&O&O&O&ip", names, &source, &memory, core_as_u64, &number,
+    int doorbell = -1;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOO&|$O&O&O&O&i", names, &source, &memory, core_as_u64, &number,
                                      core_as_u64, &start, core_as_u64, &since_ns, core_as_u64, &history, core_as_u64,
-                                     &lifespan_ns, &doorbell.number, &is_foreign))
+                                     &lifespan_ns, &doorbell))
         return NULL;
-    doorbell.is_foreign = is_foreign != 0;
     if (Py_TYPE(memory) != core_state((PyObject *)self->readers)->mapping)
         return PyErr_Format(PyExc_TypeError, "memory must be a Mapping");
     Mapping *mapping = (Mapping *)memory;
@@ -184,12 +182,12 @@ static PyObject *reader_attach(PyObject *object, PyObject *args, PyObject *kwarg
         return value_error(fault);
     if (find(self, source) != NULL)
         return value_error("source is attached already");
-    if (PyErr_Occurred() || doorbell_prepare(&doorbell) < 0)
+    if (PyErr_Occurred())
         return NULL;
     struct reader_slot *slot = free_slot(self->readers, number);
     if (slot == NULL)
         return NULL;
-    struct feed *feed = make_room(self) ? feed_new(source, mapping, &geometry, slot, &doorbell) : NULL;
+    struct feed *feed = make_room(self) ? feed_new(source, mapping, &geometry, slot, doorbell) : NULL;
     if (feed == NULL)
         return PyErr_NoMemory();
     uint64_t old = 0; /* history does not count against the depth */

@@ -6,16 +6,13 @@
 #define SLICE_NS 50000u /* of a spin, between looks at signals and other threads */
 
 Mapping *core_readers_segment(PyTypeObject *type, PyObject *args, PyObject *kwargs, bool is_written,
-                              uint64_t *slot_count, struct doorbell *doorbell)
+                              uint64_t *slot_count, int *doorbell)
 {
-    static char *names[] = {"memory", "doorbell", "foreign", NULL}, *own_names[] = {"memory", "doorbell", NULL};
+    static char *names[] = {"memory", "doorbell", NULL};
     const CoreState *state = PyType_GetModuleState(type);
     Mapping *memory;
-    int is_foreign = 0;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, is_written ? "O!i" : "O!i|$p", is_written ? own_names : names,
-                                     state->mapping, &memory, &doorbell->number, &is_foreign))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "O!i", names, state->mapping, &memory, doorbell))
         return NULL;
-    doorbell->is_foreign = is_foreign != 0;
     struct readers_geometry geometry;
     const char *fault = readers_check(memory->memory, (uint64_t)memory->size, &geometry);
     if (fault == NULL && is_written && !memory->is_writable)
@@ -31,7 +28,7 @@ Mapping *core_readers_segment(PyTypeObject *type, PyObject *args, PyObject *kwar
 static PyObject *readers_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
 {
     uint64_t slot_count;
-    struct doorbell doorbell;
+    int doorbell;
     Mapping *memory = core_readers_segment(type, args, kwargs, true, &slot_count, &doorbell);
     if (memory == NULL)
         return NULL;
@@ -43,7 +40,7 @@ static PyObject *readers_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
     self->header = (struct readers_header *)memory->memory;
     self->slots = readers_slots(memory->memory);
     self->slot_count = slot_count;
-    self->doorbell = doorbell.number;
+    self->doorbell = doorbell;
     self->feeds = PyMem_Calloc(slot_count, sizeof *self->feeds);
     if (self->feeds == NULL) {
         Py_DECREF((PyObject *)self);
@@ -149,7 +146,7 @@ static PyObject *readers_wake(PyObject *object, PyObject *Py_UNUSED(none))
     PyObject *owners = PyList_New(0);
     if (owners == NULL)
         return NULL;
-    doorbell_hush(self->doorbell, self->is_wary);
+    doorbell_clear(self->doorbell);
     bell_disarm(&self->header->arrival);
     if (collect(self, owners) < 0)
         Py_CLEAR(owners);
@@ -167,9 +164,8 @@ static int tell(Readers *self, const Reader *reader)
 /* An exception goes through: to be called again for the rest, if the event loop goes on. */
 static int interrupted(const Readers *self)
 {
-    const struct doorbell own = {self->doorbell, false};
-    if (own.number >= 0)
-        doorbell_ring(&own, KNOCK_ANY);
+    if (self->doorbell >= 0)
+        doorbell_ring(self->doorbell, KNOCK_ANY);
     return -1;
 }
 
@@ -257,8 +253,8 @@ static PyObject *readers_deliver(PyObject *object, PyObject *may_sleep)
     if (self->doorbell < 0)
         Py_RETURN_NONE;
     const struct feed *feed = NULL;
-    if (self->count > FEW_RINGS && may_sleep == Py_True && !self->is_wary)
-        feed = feed_rung_for(self, doorbell_hush(self->doorbell, self->is_wary));
+    if (self->count > FEW_RINGS && may_sleep == Py_True)
+        feed = feed_rung_for(self, doorbell_clear(self->doorbell));
     if (feed == NULL)
         bell_disarm(&self->header->arrival);
     const int status = feed != NULL ? give_turn(self, feed) : give_turns(self);
@@ -268,7 +264,7 @@ static PyObject *readers_deliver(PyObject *object, PyObject *may_sleep)
         Py_RETURN_NONE;
     if (self->doorbell < 0)
         Py_RETURN_NONE; /* now it may be another file's number, or, in the child of a fork, the parent's doorbell */
-    doorbell_hush(self->doorbell, self->is_wary); /* whoever rang before, published before: the look finds it */
+    doorbell_clear(self->doorbell); /* whoever rang before, published before: the look finds it */
     if (self->told == NULL && may_sleep == Py_True) {
         bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring(). */
         self->had_news = any_news(self);
@@ -390,7 +386,6 @@ static PyMethodDef methods[] = {
 static PyMemberDef members[] = {
     {"slot_count", T_ULONGLONG, offsetof(Readers, slot_count), READONLY, NULL},
     {"has_writers", T_BOOL, offsetof(Readers, has_writers), 0, NULL},
-    {"is_wary", T_BOOL, offsetof(Readers, is_wary), 0, NULL},
     {0},
 };
 

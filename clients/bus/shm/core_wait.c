@@ -25,7 +25,7 @@ enum {
 static bool may_wait(const Reader *self)
 {
     const Readers *readers = self->readers;
-    return readers->doorbell >= 0 && !readers->has_writers && !readers->is_wary && self->is_noted && self->count != 0 &&
+    return readers->doorbell >= 0 && !readers->has_writers && self->is_noted && self->count != 0 &&
            PyList_Size(self->rejected) == 0;
 }
 
@@ -82,13 +82,12 @@ static bool fall_asleep(Reader *reader)
         if (readers_have_news_besides(self, reader))
             return false; /* the doorbell stays rung for it */
         self->is_rung = false;
-        doorbell_hush(self->doorbell, false); /* whoever rang before, published before: the look finds it */
+        doorbell_clear(self->doorbell); /* whoever rang before, published before: the look finds it */
     }
     bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring(). */
     if (!readers_have_news_besides(self, reader))
         return true;
-    const struct doorbell own = {.number = self->doorbell};
-    doorbell_ring(&own, KNOCK_ANY); /* its ring may be the one that was just read */
+    doorbell_ring(self->doorbell, KNOCK_ANY); /* its ring may be the one that was just read */
     return false;
 }
 

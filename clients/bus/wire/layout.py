@@ -34,15 +34,8 @@ LEAVING: Final = "leaving"
 NAMESAKES: Final = "namesakes"
 """Capability, in the Hello of a client that understands the message Namesake."""
 
-GUESTS: Final = "guests"
-"""Capability: memory may be shared with other users. In the Hello of a client, it knows how to take care; in
-that of a broker, it has to."""
-
 SILENCE: Final = "silence"
 """Capability, in the Hello of a client that understands the message Silence."""
-
-SAME_USER: Final = -1
-"""In place of a user's number, in Matched and Attached: both ends belong to one user."""
 
 ACCESS: Final = "ACCESS"
 """In place of a policy, in Incompatible: the other end was denied access."""

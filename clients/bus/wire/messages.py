@@ -26,7 +26,6 @@ from bus.wire.bounds import (
 from bus.wire.codec import Decoder
 from bus.wire.codec import Message as Message
 from bus.wire.codec import encode_frame as encode_frame
-from bus.wire.layout import SAME_USER
 from bus.wire.records import AbsentRecord as AbsentRecord
 from bus.wire.records import EndpointRecord as EndpointRecord
 from bus.wire.records import EndpointStatistics as EndpointStatistics
@@ -241,8 +240,7 @@ class Leaving(Message, frozen=True, tag="leaving"):
 class Matched(Message, frozen=True, tag="matched"):
     """`endpoint` (yours) and `other` now form a match, since `at_ns` of the monotonic clock.
 
-    On the route shm it brings a subscription the publisher's ring and its process's doorbell; `uid` is the
-    other's user, where that is another one than yours.
+    On the route shm it brings a subscription the publisher's ring and its process's doorbell.
     """
 
     endpoint: int
@@ -254,7 +252,6 @@ class Matched(Message, frozen=True, tag="matched"):
     next_seq: NextSeq = 1
     at_ns: Count = 0
     descriptors: Descriptors = 0
-    uid: int = SAME_USER
 
 
 class Unmatched(Message, frozen=True, tag="unmatched"):

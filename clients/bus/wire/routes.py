@@ -5,7 +5,6 @@ Part of `bus.wire.messages`, which says what holds for all.
 
 from bus.wire.bounds import Count, Descriptors, Id, Pid, Slot, Text
 from bus.wire.codec import Message
-from bus.wire.layout import SAME_USER
 
 # --- from a client
 
@@ -61,7 +60,7 @@ class Attached(Message, frozen=True, tag="attached"):
     """To a publisher: the subscription reads its ring, and tells of itself in this slot.
 
     Brings the readers' segment and the doorbell of its process, which `process` names on this connection and
-    `pid` on the machine; `uid` is as in Matched.
+    `pid` on the machine.
     """
 
     publisher: int
@@ -70,7 +69,6 @@ class Attached(Message, frozen=True, tag="attached"):
     process: int
     pid: Pid
     descriptors: Descriptors = 2
-    uid: int = SAME_USER
 
 
 class RingReplaced(Message, frozen=True, tag="ring*"):

@@ -23,14 +23,14 @@ def of(*uids: int) -> frozenset[int]:
 def test_rules_are_not_for_the_daemons_user_and_root(uid: int, action: Action) -> None:
     access = Access(OWN, (rule(is_for_all=True, allow=False),))
     assert access.is_free(uid) and access.may_connect(Subject(uid))
-    assert access.decide(Subject(uid), action, "/a") == (True, True, 0)
+    assert access.decide(Subject(uid), action, "/a") == (True, 0)
 
 
 @pytest.mark.parametrize("action", ALL)
 def test_others_may_nothing_by_default(action: Action) -> None:
     access = Access(OWN)
     assert not access.may_connect(Subject(ALICE))
-    assert access.decide(Subject(ALICE), action, "/a") == (False, False, 0)
+    assert access.decide(Subject(ALICE), action, "/a") == (False, 0)
 
 
 def test_the_first_rule_that_matches_decides() -> None:
@@ -80,18 +80,6 @@ def test_groups_that_cant_be_told_never_help() -> None:
     assert not denied.decide(unknown, "publish", "/a").is_allowed
     assert denied.decide(Subject(ALICE, of(7)), "publish", "/a").is_allowed
     assert Access(OWN, (rule(uids=of(ALICE)),)).decide(unknown, "publish", "/a").is_allowed
-
-
-def test_memory_is_shared_only_where_the_deciding_rule_says_so() -> None:
-    access = Access(
-        OWN,
-        (
-            rule("/a", uids=of(ALICE)),
-            rule("/**", uids=of(ALICE), shared_memory=True),
-        ),
-    )
-    assert access.decide(Subject(ALICE), "publish", "/a") == (True, False, 1)
-    assert access.decide(Subject(ALICE), "publish", "/b") == (True, True, 2)
 
 
 def test_who_is_denied_everything_may_not_connect() -> None:

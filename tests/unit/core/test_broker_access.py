@@ -103,53 +103,32 @@ class TestDeclaring:
 
 
 class TestSharing:
-    @pytest.mark.parametrize(
-        ("publishes", "subscribes", "is_shared"),
-        [(True, True, True), (True, False, False), (False, True, False), (False, False, False)],
-    )
-    def test_both_rules_must_say_so(self, publishes: bool, subscribes: bool, is_shared: bool) -> None:
-        world = World(
-            access=(
-                rule("/a", PUBLISH, ALICE, shared_memory=publishes),
-                rule("/a", SUBSCRIBE, BOB, shared_memory=subscribes),
-            )
-        )
-        publisher = world.process(uid=ALICE, shares=True).publisher("/a")
-        subscription = world.process(uid=BOB, shares=True).subscription("/a")
-        (matched,) = subscription.got(m.Matched)
-        assert (matched.route, matched.descriptors) == (("shm", 2) if is_shared else ("socket", 0))
-        assert matched.uid == (ALICE if is_shared else -1)
-        if is_shared:
-            subscription.attach(publisher)
-            (attached,) = publisher.got(m.Attached)
-            assert attached.uid == BOB
+    @pytest.mark.parametrize("says", [(), ("guests",)], ids=["", "of an earlier version"])
+    def test_processes_of_one_user_share_and_others_never(self, says: tuple[str, ...]) -> None:
+        """Whoever they are. A program of an earlier version says that it would."""
+        users = (UID, 0, ALICE, BOB)
+        both = ("publish", "subscribe")
+        world = World(access=(rule("/a", both), rule("/a", both, BOB)))
+        talkers = [world.process(uid=uid, shares=True, capabilities=says).publisher("/a") for uid in users]
+        for uid in users:
+            process = world.process(uid=uid, shares=True, capabilities=says)
+            subscription = process.subscription("/a")
+            routes = {one.other: (one.route, one.descriptors) for one in subscription.got(m.Matched)}
+            assert [routes[talker.id] for talker in talkers] == [
+                ("shm", 2) if uid == other else ("socket", 0) for other in users
+            ]
+            own = talkers[users.index(uid)]
+            given = [handles for message, handles in process.carried if isinstance(message, m.Matched)]
+            assert given == [[own.ring, f"doorbell {own.process.id}"]]
+            subscription.attach(own)
+        for talker in talkers:
+            assert len(talker.got(m.Attached)) == 1
 
-    def test_the_daemons_user_and_root_always_do(self) -> None:
-        world = World(access=(rule("/a", SUBSCRIBE, shared_memory=True),))
-        publisher = world.process(shares=True).publisher("/a")
-        for uid in (0, ALICE):
-            subscription = world.process(uid=uid, shares=True).subscription("/a")
-            assert subscription.got(m.Matched)[0].route == "shm"
-        assert {one.uid for one in publisher.got(m.Matched)} == {0, ALICE}
-
-    def test_who_does_not_know_how_to_take_care_never_does(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        """A program of an older release, which says nothing of it in its Hello."""
-        world = World(access=(rule("/a", SUBSCRIBE, shared_memory=True),))
-        careful = world.process(shares=True)
-        with monkeypatch.context() as patch:
-            patch.setattr("broker_world.GUESTS", "something else")
-            old = world.process(shares=True)
-        subscription = world.process(uid=ALICE, shares=True).subscription("/a")
-        for process in (old, careful):
-            process.publisher("/a")
-        assert [one.route for one in subscription.got(m.Matched)] == ["socket", "shm"]
-
-    def test_processes_of_one_user_share_whatever_the_rules_say(self) -> None:
+    def test_whatever_the_rules_say(self) -> None:
         world = World(access=(rule("/a", ("publish", "subscribe")),))
         world.process(uid=ALICE, shares=True).publisher("/a")
         subscription = world.process(uid=ALICE, shares=True).subscription("/a")
-        (matched,) = subscription.got(m.Matched)
-        assert (matched.route, matched.uid) == ("shm", -1)
+        assert [one.route for one in subscription.got(m.Matched)] == ["shm"]
 
 
 class TestObserving:
@@ -229,29 +208,6 @@ class TestOtherRules:
             process.publisher("/a")
         renew(world, rule("/a", PUBLISH, BOB))
         assert [one.cut_reason for one in (own, root, bob)] == [None] * 3
-
-    def test_memory_that_may_not_be_shared_any_more_goes_by_socket(self) -> None:
-        world = World(access=(rule("/a", SUBSCRIBE, shared_memory=True),))
-        talker, alice = world.process(shares=True), world.process(uid=ALICE, shares=True)
-        publisher, subscription = talker.publisher("/a"), alice.subscription("/a")
-        neighbour = world.process(shares=True).subscription("/a")
-        subscription.attach(publisher)
-        renew(world, rule("/a", SUBSCRIBE))
-        assert [one.route for one in subscription.got(m.Rerouted)] == ["socket"]
-        assert not neighbour.got(m.Rerouted)
-        assert alice.cut_reason is None
-        later = alice.subscription("/a")
-        assert later.got(m.Matched)[0].route == "socket"
-
-    def test_memory_that_may_be_shared_still_is(self) -> None:
-        shared = rule("/a", SUBSCRIBE, shared_memory=True)
-        world = World(access=(shared,))
-        talker, alice = world.process(shares=True), world.process(uid=ALICE, shares=True)
-        publisher, subscription = talker.publisher("/a"), alice.subscription("/a")
-        subscription.attach(publisher)
-        renew(world, shared, rule("/b", SUBSCRIBE))
-        assert not subscription.got(m.Rerouted)
-        assert [one.route for one in talker.graph().matches] == ["shm"]
 
     def test_what_is_seen_changes_with_the_rules(self) -> None:
         world = World(access=(rule("/a", OBSERVE),))

@@ -5,7 +5,7 @@ import pytest
 from broker_world import ALL_MAY, SECOND, UID, Process, Refusal, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
-from busd.core.access import Access, AccessRule
+from busd.core.access import Access
 from busd.core.limits import Limits
 
 OTHER_UID = UID + 1
@@ -83,21 +83,21 @@ class TestOthersOfTheUser:
         assert 9_000 < user.history_bytes <= 11_000
 
     def test_a_descriptor_counts_for_who_has_left_as_long_as_it_waits_to_be_sent(self) -> None:
-        """Also where others come meanwhile, at which moment users that hold nothing are forgotten."""
-        may_share = AccessRule(
-            topics=("**",), actions=frozenset({"publish", "subscribe"}), is_for_all=True, shared_memory=True
-        )
-        world = World(Limits(lease_s=3600), access=(may_share,))
-        sleeper, talker = world.process(shares=True), world.process(uid=OTHER_UID, shares=True)
+        world = World(Limits(lease_s=3600), access=(ALL_MAY,))
+        sleeper, talker = (world.process(uid=OTHER_UID, shares=True) for _ in range(2))
         sleeper.subscription("/topic")
         sleeper.is_blocked = True
         talker.publisher("/topic")
         talker.die()
         world.advance(60)
-        world.process(uid=OTHER_UID + 1)
         back = world.process(uid=OTHER_UID)
+        of_those_here = 2 * 1 + 2  # their connections; what the sleeper shares
         (user,) = self.asked(back).users
-        assert user.descriptors == 1 + 2  # its connection; the ring and the doorbell
+        assert user.descriptors == of_those_here + 2  # the ring and the doorbell of the one that has left
+        sleeper.is_blocked = False
+        sleeper.read()
+        (user,) = self.asked(back).users
+        assert user.descriptors == of_those_here
 
     @staticmethod
     def asked(process: Process) -> m.Peers:
