@@ -65,6 +65,14 @@ test: $(TOOLS) ## the whole test suite (BUS_NATIVE=no: as without the native cor
 	$(if $(PYTEST_ARGS)$(filter no,$(BUS_NATIVE)),,@$(MAKE) --no-print-directory native)
 	PYTHONASYNCIODEBUG=1 $(BIN)/python -m pytest -n logical --dist worksteal $(PYTEST_ARGS)
 
+# Each part runs also where another has failed; the last lines say which have.
+NIGHTLY = test-nightly native sanitize arm chaos fuzz soak
+nightly: $(TOOLS) ## all that is slow: every test and combination, sanitizers, chaos, fuzz, soak; an hour
+	@$(MAKE) --no-print-directory --keep-going --jobs 1 $(NIGHTLY)
+
+test-nightly: $(TOOLS)
+	PYTHONASYNCIODEBUG=1 $(BIN)/python -m pytest -n logical --dist worksteal --nightly $(PYTEST_ARGS)
+
 lint: $(TOOLS) ## style, types and layers
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
@@ -171,4 +179,4 @@ clean: ## remove what the other targets made
 	rm -rf $(VENV) $(ROS_VENV) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test native arm lint sanitize fuzz api types fmt bench-quick bench peers chaos soak bench-compare bench-report wheels test-pythons clean
+.PHONY: help setup demo robot test nightly test-nightly native arm lint sanitize fuzz api types fmt bench-quick bench peers chaos soak bench-compare bench-report wheels test-pythons clean

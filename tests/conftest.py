@@ -18,16 +18,25 @@ import hypothesis
 import pytest
 
 from bus import shm
+from effort import DAILY, NIGHTLY
 from forks import Fork, Forks
 
-# What is slow here is the machine.
+# What is slow here is the machine. By night there are more examples, and others each time.
 hypothesis.settings.register_profile(
-    "busd",
+    "daily",
     deadline=None,
     derandomize=True,
+    max_examples=DAILY,
     suppress_health_check=[hypothesis.HealthCheck.too_slow],
 )
-hypothesis.settings.load_profile("busd")
+hypothesis.settings.register_profile(
+    "nightly",
+    hypothesis.settings.get_profile("daily"),
+    derandomize=False,
+    max_examples=NIGHTLY,
+    print_blob=True,
+)
+hypothesis.settings.load_profile("daily")
 
 # For the tests themselves; what they start shall be as users see it.
 _WITH_DEBUG = bool(os.environ.pop("PYTHONASYNCIODEBUG", ""))
@@ -191,18 +200,28 @@ def pytest_asyncio_loop_factories(config: pytest.Config, item: pytest.Item) -> o
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
-        "--all-combinations", action="store_true", help="each loop with each route, and not two of the four"
+        "--nightly",
+        action="store_true",
+        help="the tests marked nightly too, each loop with each route and not two of the four, more examples",
     )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption("--nightly"):
+        hypothesis.settings.load_profile("nightly")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     for item in items:
         if isinstance(item, pytest.Function) and asyncio.iscoroutinefunction(item.obj):
             item.obj = bounded(item.obj)
-    if not config.getoption("--all-combinations"):
-        left_out = [item for item in items if not _is_in_half(item)]
-        config.hook.pytest_deselected(items=left_out)
-        items[:] = [item for item in items if _is_in_half(item)]
+    if not config.getoption("--nightly"):
+        config.hook.pytest_deselected(items=[item for item in items if not _is_daily(item)])
+        items[:] = [item for item in items if _is_daily(item)]
+
+
+def _is_daily(item: pytest.Item) -> bool:
+    return item.get_closest_marker("nightly") is None and _is_in_half(item)
 
 
 def _is_in_half(item: pytest.Item) -> bool:

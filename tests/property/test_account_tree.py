@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from bus.wire.runs import RUN_COST_BYTES, Account, Run, RunQueue
+from effort import examples
 from feeding import frame_record
 
 WHOSE = st.integers(0, 3)
@@ -78,4 +79,4 @@ class Tree(RuleBasedStateMachine):
 
 
 TestTree = Tree.TestCase
-TestTree.settings = settings(max_examples=60, stateful_step_count=40, deadline=None)
+TestTree.settings = settings(max_examples=examples(60), stateful_step_count=40, deadline=None)

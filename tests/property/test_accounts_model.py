@@ -27,6 +27,7 @@ from bus.link import link
 from bus.qos import QoSProfile
 from busd.core import absent, router
 from conftest import TEST_S
+from effort import examples
 
 Step: TypeAlias = tuple[Any, ...]
 Beginning: TypeAlias = tuple[list[bool], list[tuple[int, QoSProfile]], list[tuple[int, QoSProfile]]]
@@ -248,7 +249,7 @@ def test_against_the_model(
     monkeypatch.setattr(absent, "RETURN_NS", 0)
 
     @settings(
-        max_examples=STORIES or 40,
+        max_examples=STORIES or examples(40),
         derandomize=not STORIES,
         database=None,
         suppress_health_check=[HealthCheck.too_slow],

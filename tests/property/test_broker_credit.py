@@ -9,6 +9,7 @@ from broker_endpoints import Subscription
 from broker_world import World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
+from effort import examples
 
 indices = st.integers(0, 99)
 credit_steps = st.one_of(
@@ -21,7 +22,7 @@ credit_steps = st.one_of(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(st.lists(credit_steps, min_size=10, max_size=40))
 def test_credit_is_what_the_slowest_has_taken(story: list[tuple[Any, ...]]) -> None:
     """For a keep-all publisher; a subscription that keeps the last few only is not waited for."""

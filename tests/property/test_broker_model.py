@@ -18,6 +18,7 @@ from busd.core import entities
 from busd.core.absent import KEEP_NS, TELL_AGAIN_NS
 from busd.core.limits import Limits
 from busd.core.work import UNLIMITED
+from effort import examples
 
 KIB = 1024
 
@@ -387,7 +388,7 @@ def _payloads(run: Run, skipped: int) -> list[str]:
     return [bytes(payload).decode() for payload, _ in run.records()][skipped:]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(beginnings, stories, budgets)
 def test_the_books_are_right_when_memory_is_short(
     beginning: list[Beginning], story: list[Step], budget: int
@@ -395,7 +396,7 @@ def test_the_books_are_right_when_memory_is_short(
     Books(beginning, budget).play(story)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(beginnings, stories, budgets)
 def test_against_the_model(beginning: list[Beginning], story: list[Step], budget: int) -> None:
     AgainstModel(beginning, budget).play(story)

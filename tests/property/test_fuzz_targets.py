@@ -4,6 +4,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from effort import examples
 from fuzz.targets import CORPUS, TARGETS, inputs
 
 EDITS = st.lists(st.tuples(st.integers(0, 400), st.integers(0, 3), st.binary(max_size=4)), max_size=4)
@@ -26,7 +27,7 @@ def changed(name: str) -> st.SearchStrategy[bytes]:
 
 @pytest.mark.parametrize("name", TARGETS)
 def test_any_input_is_survived(name: str) -> None:
-    @settings(deadline=None, max_examples=40, suppress_health_check=list(HealthCheck))
+    @settings(deadline=None, max_examples=examples(40), suppress_health_check=list(HealthCheck))
     @given(changed(name))
     def survive(data: bytes) -> None:
         TARGETS[name](data)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from bus import shm
 from bus.shm import segments
+from effort import examples
 
 pytestmark = pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
 
@@ -145,7 +146,7 @@ class Process:
         return bool(self.poll.poll(0))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(actions=ACTIONS)
 def test_who_sleeps_and_is_not_rung_has_had_everything(actions: list[tuple[str, int]]) -> None:
     process: Any = Process()

@@ -22,6 +22,7 @@ from bus.msg.sensor_msgs import Image, JointState, LaserScan
 from bus.msg.std_msgs import Float64, Header, String, UInt64
 from bus.types.schema import build, describe, type_name
 from bus.types.support import find_type, type_support
+from effort import examples
 from shm_ends import Talker, core, talker
 
 __all__ = ["talker"]
@@ -177,7 +178,7 @@ def same_as_the_long_way(message: Struct, *, is_complete: bool = True) -> None:
 
 
 @pytest.mark.parametrize("cls", CLASSES, ids=type_name)
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(data=st.data())
 def test_the_bytes_of_ready_made_classes(cls: type[Message], data: st.DataObject) -> None:
     message = cls()
@@ -322,7 +323,7 @@ OWN: list[Callable[[], Struct]] = [
 
 
 @pytest.mark.parametrize("make", OWN)
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(data=st.data())
 def test_the_bytes_of_users_classes(make: Callable[[], Struct], data: st.DataObject) -> None:
     message = make()

@@ -17,6 +17,7 @@ from bus.msg.std_msgs import Int32
 from bus.qos import QoSProfile
 from bus.types.support import type_support
 from bus.wire import messages as m
+from effort import examples
 
 pytestmark = pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
 
@@ -102,7 +103,7 @@ class World:
 
 
 @given(ACTIONS, st.booleans())
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 def test_what_is_held_is_what_the_matches_need(actions: list[tuple[Any, ...]], is_lossless: bool) -> None:
     async def run() -> None:
         world = World(LOSSLESS if is_lossless else QoSProfile(depth=2))

@@ -27,6 +27,7 @@ from bus.wire.layout import (
     MAX_COUNT,
 )
 from busd.core.limits import Limits
+from effort import examples
 from feeding import feed, frame_record
 
 KIB = 1024
@@ -223,7 +224,7 @@ class Member:
         return ids[value.index % len(ids)]
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=examples(100))
 @given(st.lists(steps, min_size=5, max_size=25))
 def test_a_mob_cannot_hurt_a_polite_pair(story: list[Step]) -> None:
     world = World(LIMITS, access=(ALL_MAY,))

@@ -11,6 +11,7 @@ from broker_world import UID, Process, World
 from bus.wire import messages as m
 from busd.core.access import Access, AccessRule
 from busd.core.work import UNLIMITED
+from effort import examples
 
 ALICE = 1001
 TOPICS = ("/a", "/b", "/c")
@@ -150,7 +151,7 @@ class Story:
         assert Counter(asked.matches) == matches
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=examples(80), deadline=None)
 @given(observed, st.lists(steps, min_size=10, max_size=40), st.sampled_from([UNLIMITED, 20]))
 def test_the_copy_is_what_may_be_seen(seen: frozenset[str], story: list[Step], budget: int) -> None:
     Story(seen, budget).play(story)

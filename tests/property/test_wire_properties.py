@@ -14,6 +14,7 @@ from bus.wire import messages as m
 from bus.wire.layout import DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES, REPLAY, RESUMED, VERSION
 from bus.wire.runs import RUN_COST_BYTES, Account, Run, RunQueue
 from bus.wire.session import Carried, Role, Session, State
+from effort import examples
 from feeding import feed, frame_record
 
 
@@ -202,7 +203,7 @@ class QueueAgainstModel(RuleBasedStateMachine):
 
 
 TestQueueAgainstModel = QueueAgainstModel.TestCase
-TestQueueAgainstModel.settings = settings(max_examples=100, stateful_step_count=40, deadline=None)
+TestQueueAgainstModel.settings = settings(max_examples=examples(100), stateful_step_count=40, deadline=None)
 
 
 # --- damaged streams

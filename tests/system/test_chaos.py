@@ -20,6 +20,7 @@ _PATHS = [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
 ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join(_PATHS).rstrip(os.pathsep)}
 
 
+@pytest.mark.nightly
 @pytest.mark.timeout(280)
 @pytest.mark.skipif(not shm.is_available(), reason="without shared memory there is one route only")
 def test_what_was_promised_holds_in_storms(tmp_path: Path) -> None:

@@ -16,11 +16,12 @@ from typing import Any
 import pytest
 
 from conftest import Daemon
+from effort import examples
 from neighbours import wait_until, with_limits
 from nursery import Actor, Nursery, cpu_ticks, holdings, private_bytes, settle, until_alone, until_equal
 from survivors import Ear
 
-ROUNDS = int(os.environ.get("BUSD_SURVIVAL_ROUNDS", "20"))
+ROUNDS = int(os.environ.get("BUSD_SURVIVAL_ROUNDS", "0")) or examples(20)
 VICTIMS = 4
 MESSAGES = 800
 """Of one victim at most."""

@@ -17,6 +17,8 @@ from benchmarks.work import IMAGE, Work
 
 READER = """
 import json, os, sys
+
+pytestmark = pytest.mark.nightly
 print('{"event": "ready"}', flush=True)
 if sys.argv[1] == "subscriber":
     says = json.loads(os.environ["SAYS"])

@@ -266,6 +266,8 @@ def test_goals_name_cases_of_the_other_sections_too() -> None:
 
 LOSER = """
 import json, os, sys
+
+pytestmark = pytest.mark.nightly
 def tell(**event): print(json.dumps(event), flush=True)
 tell(event="ready")
 seen = json.loads(os.environ["SEEN"])

@@ -12,6 +12,8 @@ from benchmarks.figures import Spread
 from benchmarks.machine import Machine
 from benchmarks.report import Column, Comparison, Result, Row, Section
 
+pytestmark = pytest.mark.nightly
+
 MACHINE = Machine("Some CPU", 2, True, 8.0, "Linux 6", "CPython 3.11", {"msgspec": "0.19"}, "abc", 0.5)
 COLUMNS = [
     Column("p50", "µs: p50", "lower"),

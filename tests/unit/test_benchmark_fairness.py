@@ -17,6 +17,8 @@ from benchmarks.plan import Plan
 from benchmarks.systems import BUS, System
 from bus import shm
 
+pytestmark = pytest.mark.nightly
+
 
 @pytest.fixture
 def pretended(monkeypatch: pytest.MonkeyPatch) -> None:

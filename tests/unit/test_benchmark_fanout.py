@@ -28,6 +28,8 @@ from benchmarks.work import Work
 
 PUPPET = """
 import json, os, sys
+
+pytestmark = pytest.mark.nightly
 def tell(event): print(json.dumps(event), flush=True)
 for number, says in enumerate(json.loads(os.environ["SAYS"])[sys.argv[1]]):
     try:

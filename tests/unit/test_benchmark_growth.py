@@ -13,6 +13,8 @@ from benchmarks.harness import Failure
 from benchmarks.plan import Plan
 from benchmarks.systems import BUS, BUS_SOCKET, System
 
+pytestmark = pytest.mark.nightly
+
 
 @pytest.mark.parametrize(("processes", "topics"), [(3, 8), (20, 250), (20, 1000)])
 def test_each_topic_has_one_publisher_and_one_subscription_in_another_process(

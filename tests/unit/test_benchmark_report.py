@@ -26,6 +26,8 @@ from benchmarks.systems import (
     tuned,
 )
 
+pytestmark = pytest.mark.nightly
+
 MACHINE = Machine("Some CPU", 2, True, 8.0, "Linux 6", "CPython 3.11", {"msgspec": "0.19"}, "abc", 0.5)
 MIB = 1 << 20
 

@@ -105,6 +105,8 @@ from benchmarks.adapters import roles
 from benchmarks.work import Work
 from benchmarks.worker import run
 
+pytestmark = pytest.mark.nightly
+
 async def main(parent):
     taker = roles.Taker(parent, Work(size=1, count=2, warm_up=0))
     roles.take_in_thread(taker, iter(["a"]).__next__)

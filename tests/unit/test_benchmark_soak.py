@@ -24,6 +24,8 @@ from benchmarks.soaking.record import Record, Totals
 from benchmarks.soaking.slope import Quantity, after_warm_up, fit
 from benchmarks.soaking.usage import QUANTITIES, Usage
 
+pytestmark = pytest.mark.nightly
+
 MEMORY = Quantity("RSS MiB", step=2.0, per_hour=4.0, digits=1)
 TWENTY_MINUTES = [5.0 * number for number in range(240)]
 SMALL, LOSSY = STREAMS[0], next(stream for stream in STREAMS if stream.kind == "lossy")

@@ -80,6 +80,8 @@ def test_every_rival_that_fans_out_has_a_talker() -> None:
 
 BROKEN = """
 import sys
+
+pytestmark = pytest.mark.nightly
 print('{"event": "ready"}', flush=True)
 sys.exit(3)
 """

@@ -29,6 +29,8 @@ from benchmarks.work import Work
 
 LIAR = """
 import os, sys
+
+pytestmark = pytest.mark.nightly
 def tell(text): print(text, flush=True)
 tell('{"event": "ready"}')
 if sys.argv[1] == "subscriber":

@@ -21,6 +21,7 @@ from bus.wire.layout import (
     RESUMED,
 )
 from bus.wire.runs import Account, Run
+from effort import examples
 from feeding import feed, frame_record
 
 MAX_CONTROL = 4 << 20
@@ -137,7 +138,7 @@ def streams(draw: st.DrawFn) -> tuple[list[bytes], list[int]]:
     return frames, draw(st.lists(piece, max_size=30))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(streams())
 def test_the_pieces_do_not_matter(stream: tuple[list[bytes], list[int]]) -> None:
     frames, pieces = stream
@@ -228,7 +229,7 @@ class TestRefusals:
         assert len(list(feed(reader(), data(record(1), first_seq=MAX_COUNT)))) == 1
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(st.binary(max_size=200), st.lists(st.integers(1, 9), max_size=20))
 def test_garbage_is_refused_or_waits(garbage: bytes, pieces: list[int]) -> None:
     """Nothing but RemoteProtocolError, and never more than came."""

@@ -16,6 +16,7 @@ from bus.msg.sensor_msgs import Image, Imu, JoyFeedback, NavSatFix, NavSatStatus
 from bus.msg.std_msgs import Byte, ByteMultiArray, Header, String, UInt8MultiArray
 from bus.types.schema import Node, Schema, build, describe, type_name
 from bus.types.support import find_type, type_hash, type_support
+from effort import examples
 
 NAMES = {
     "builtin_interfaces": "Duration Time",
@@ -156,7 +157,7 @@ def test_hashes_differ() -> None:
 
 
 @every_class
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(data=st.data())
 def test_any_message_comes_back_equal(cls: type[Message], data: st.DataObject) -> None:
     support = type_support(cls)

@@ -17,6 +17,7 @@ from bus.types.large_fields import bytes_fields
 from bus.types.support import type_hash, type_support, wrong_class
 from bus_ros.rclpy.serialization import deserialize_message, serialize_message
 from bus_ros.rosidl import RosMessage, message_class
+from effort import examples
 
 SHIPPED = ("builtin_interfaces", "geometry_msgs", "nav_msgs", "sensor_msgs", "std_msgs", "visualization_msgs")
 MESSAGES = [name for package in SHIPPED for name in names("msg", package)]
@@ -70,7 +71,7 @@ def test_a_default_message_is_the_native_one(name: str) -> None:
 
 
 @given(st.data())
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 def test_any_message_gives_the_bytes_of_the_native_one(data: st.DataObject) -> None:
     name = data.draw(st.sampled_from([name for name in MESSAGES if not name.startswith("visualization")]))
     message: Any = data.draw(messages(name))

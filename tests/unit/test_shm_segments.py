@@ -24,6 +24,7 @@ from bus import shm
 from bus.base.descriptor import Descriptor
 from bus.shm import descriptors, segments
 from conftest import WAIT_S
+from effort import examples
 from shm_ends import Listener, Talker, core
 
 CAPACITY, INDEX = 4096, 16
@@ -309,7 +310,7 @@ def test_the_honest_ring_is_read() -> None:
 
 
 @given(st.dictionaries(PLACES, WORDS, min_size=1, max_size=6))
-@settings(max_examples=500)
+@settings(max_examples=examples(500))
 def test_no_lie_in_a_ring_is_more_than_an_error(lies: dict[int, int]) -> None:
     content = bytearray(HONEST)
     for place, word in lies.items():

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from effort import examples
 from shm_ends import Listener, Talker
 
 SIZE = (64 << 10) - 32
@@ -99,7 +100,7 @@ ACTIONS = st.lists(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(actions=ACTIONS, keep=st.integers(1, 4))
 def test_any_story_against_a_list(actions: list[tuple[str, int]], keep: int) -> None:
     """A lossless reader takes all, a lossy one the newest at least; what is held stays; the depth is kept."""

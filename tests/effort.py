@@ -1,0 +1,11 @@
+"""How much of a random thing a test tries: a third in `make test`, all of it in `make nightly`."""
+
+import hypothesis
+
+DAILY, NIGHTLY = 33, 100
+"""Percent, and hypothesis's number of examples where a test names none."""
+
+
+def examples(number: int) -> int:
+    """So many of `number`, at least one. To be asked once the tests are collected, or later."""
+    return -(-number * hypothesis.settings.default.max_examples // NIGHTLY)
