@@ -12,9 +12,10 @@ from typing import Any, TypeVar
 
 import msgspec
 
+from bus import shm
 from bus.base.awaited import done_anyway
 from bus.base.descriptor import Descriptor
-from bus.delivery.sender import NOTED, Sender
+from bus.delivery.sender import Sender
 from bus.delivery.shm_sender import ShmSender
 from bus.diagnostics.provoked import warn
 from bus.endpoint import Endpoint
@@ -24,7 +25,6 @@ from bus.link.link import Link
 from bus.loan import Loan
 from bus.logger import Logger
 from bus.qos import History, QoSProfile
-from bus.shm import core, has_core
 from bus.transport.memory import LARGE_BYTES, keep_freed_memory
 from bus.types.large_fields import (
     bytes_fields,
@@ -102,9 +102,9 @@ class Publisher(Endpoint[M]):
         self._lost_liveliness = 0
         ring = None if by_socket else ShmSender.make(link, self, logger)
         sends = None
-        if has_core():  # with it, `send` costs what `publish` costs where there is room
-            sends = core().Sends(self._send, self._send_on, self.send)
-            self.send = sends.send  # type: ignore[method-assign]
+        if shm.has_core():  # with it, `send` costs what `publish` costs where there is room
+            sends = shm.native.Sends(self._send, self._send_on, self.send)
+            self.send = sends.send  # type: ignore[method-assign, assignment]
         self._sender = Sender(link, self, logger, ring, sends)
         self._long_fields = bytes_fields(support.cls)
         if ring is not None:  # by socket, text had to be copied once more to be joined with the rest
@@ -128,7 +128,7 @@ class Publisher(Endpoint[M]):
         """After `Sender.publish` gave this status, and not True: step by step, where it did nothing."""
         if isinstance(status, bytes):
             return self._put(status)
-        if status == NOTED:
+        if status and status == shm.native.REPORT_DUE:
             self._link.report(self)
             self._sender.watch_turn(self._least_depth)
             return True

@@ -9,9 +9,10 @@ from typing import Any
 
 import msgspec
 
+from bus import shm
 from bus.base.descriptor import Descriptor
 from bus.msg.std_msgs import String
-from bus.shm import core, segments
+from bus.shm import segments
 from bus.shm.descriptors import SEALS
 from bus.wire.layout import MAX_COUNT
 from fuzz.script import Script
@@ -29,13 +30,13 @@ class HostileRing:
 
     def __init__(self, script: Script) -> None:
         self.capacity, self.index = (4096, 32768)[script.byte() % 2], 16 << script.byte() % 3
-        size = core().ring_bytes(self.capacity, self.index)
+        size = shm.native.ring_bytes(self.capacity, self.index)
         self.descriptor = Descriptor(os.memfd_create("fuzz", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING))
         os.posix_fallocate(self.descriptor.number, 0, size)
         self._words = memoryview(mmap.mmap(self.descriptor.number, size)).cast("Q")
-        own = core().Mapping(self.descriptor.number, size, writable=True)
+        own = shm.native.Mapping(self.descriptor.number, size, writable=True)
         own.format_ring(self.capacity, self.index, 1 + script.byte() % 4)
-        self.writer = core().Writer(own, 1)
+        self.writer = shm.native.Writer(own, 1)
         for _ in range(script.byte() % 8):
             self.write(script)
         for _ in range(script.byte() % 4):
@@ -74,10 +75,12 @@ def reader(data: bytes) -> None:
     script = Script(data)
     segment, memory = segments.make_readers(8)
     doorbell = segments.make_doorbell()
-    readers = core().Readers(memory, doorbell.number)
+    readers = shm.native.Readers(memory, doorbell.number)
     keeps_all = bool(script.byte() & 1)
-    taker = core().Reader(readers, "owner", 0 if keeps_all else 1 + script.byte() % 8, tells_cursor=keeps_all)
-    bell = core().Bell(segments.map_readers(segment), doorbell.number)
+    taker = shm.native.Reader(
+        readers, "owner", 0 if keeps_all else 1 + script.byte() % 8, tells_cursor=keeps_all
+    )
+    bell = shm.native.Bell(segments.map_readers(segment), doorbell.number)
     there: list[HostileRing] = []
     held: list[Any] = []
     taker.prepare(held.append, _hold, held.append, (), int)

@@ -45,7 +45,7 @@ class Process:
     """Reads rings of two processes, and does on a doorbell what `bus.link.shm_context` does."""
 
     def __init__(self) -> None:
-        self.core = shm.core()
+        self.core = shm.native
         self.segment, memory = segments.make_readers(4 * RINGS)
         self.doorbell = segments.make_doorbell()
         self.readers = self.core.Readers(memory, self.doorbell.number)

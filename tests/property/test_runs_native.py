@@ -9,10 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
+from bus import shm
 from bus.delivery.open_run import OpenRun, PythonRun
 from bus.delivery.receiver import Receiver
 from bus.delivery.sequence import PublisherProxy
-from bus.shm import core, has_core
+from bus.shm import has_core
 from bus.wire.layout import MAX_COUNT
 from bus.wire.runs import Run
 from feeding import frame_record
@@ -32,7 +33,7 @@ class BothRuns(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
-        self.runs: tuple[OpenRun, OpenRun] = (PythonRun(), core().OpenRun())
+        self.runs: tuple[OpenRun, OpenRun] = (PythonRun(), shm.native.OpenRun())
 
     def alike(self, ask: Callable[[OpenRun], Any]) -> Any:
         """What both answer, and raise."""
@@ -102,7 +103,7 @@ class Box:
             on_reject=lambda size, error: self.told.append((size, str(error))),
             on_taken=lambda source: None,
         )
-        self.receiver._core = core() if is_native else None
+        self.receiver._has_core = is_native
         self.receiver.sources[1] = PublisherProxy(1, b"1" * 16, 0, 0, needs_ack=True)
 
     def put(self, first_seq: int, count: int, body: Any) -> None:
@@ -211,7 +212,7 @@ def test_a_run_that_comes_alone_is_as_any(
     number=st.one_of(st.integers(0, 30), st.integers(0, (1 << 64) - 1)),
 )
 def test_nothing_is_read_behind_the_end(body: bytes, offset: int, number: int) -> None:
-    found = core().run_messages(body, offset, number, bytes)
+    found = shm.native.run_messages(body, offset, number, bytes)
     if found is not None:
         messages, end = found
         assert len(messages) == number

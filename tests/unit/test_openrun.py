@@ -9,9 +9,10 @@ from typing import Any
 
 import pytest
 
+from bus import shm
 from bus.delivery.open_run import OpenRun, PythonRun, open_run
 from bus.msg.std_msgs import String
-from bus.shm import core, has_core
+from bus.shm import has_core
 from bus.types.support import type_support
 from bus.wire.layout import DATA_HEAD_BYTES, RECORD_HEAD_BYTES
 from bus.wire.runs import Run
@@ -23,7 +24,7 @@ class Route:
     """Begins runs, as a publisher's route does; each has room for `budget` more bytes."""
 
     def __init__(self, budget: int = 0) -> None:
-        self.run: OpenRun = core().OpenRun()
+        self.run: OpenRun = shm.native.OpenRun()
         self.budget = budget
         self.stamps: list[int] = []
         self.act: Callable[[], object] = int
@@ -277,7 +278,7 @@ def test_a_run_that_its_payload_begins_is_not_begun_again() -> None:
             return memoryview(b"second")
 
     payload: Any = Payload()
-    run: OpenRun = core().OpenRun()
+    run: OpenRun = shm.native.OpenRun()
     with pytest.raises(ValueError, match="a run is open"):
         run.begin(payload, 2)
     assert (run.samples, run.budget) == (1, 0)

@@ -50,7 +50,7 @@ def test_a_batch_ends_with_its_limit_or_at_256_kib(listener: Listener) -> None:
 def test_refusals(listener: Listener) -> None:
     talker = Talker(4096, 16, keep=3)
     writer = talker.writer
-    assert writer.max_payload == 4096 // 4 - segments.RECORD_HEAD_BYTES
+    assert writer.max_payload == 4096 // 4 - segments.RING_HEAD_BYTES
     assert writer.write(bytes(writer.max_payload + 1)) == core.TOO_LARGE
     assert writer.write_parts([bytes(writer.max_payload), b"x"]) == core.TOO_LARGE
     assert writer.lend(writer.max_payload + 1) == core.TOO_LARGE
@@ -75,7 +75,7 @@ def test_refusals(listener: Listener) -> None:
 def test_noted_once(talker: Talker) -> None:
     talker.write(b"")
     talker.writer.is_noted = False
-    assert [talker.writer.write(b"") for _ in range(2)] == [core.NOTED, True]
+    assert [talker.writer.write(b"") for _ in range(2)] == [core.REPORT_DUE, True]
 
 
 def test_only_the_thread_that_made_it_writes(talker: Talker) -> None:

@@ -36,7 +36,7 @@ def test_whether_memory_can_be_shared(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("BUS_ROUTE", raising=False)
     monkeypatch.delenv("BUS_NATIVE", raising=False)
     assert shm.is_available(), shm.why_not()
-    assert shm.core() is core
+    assert shm.native is core
     for name, value in (("BUS_ROUTE", "socket"), ("BUS_NATIVE", "no")):
         with monkeypatch.context() as context:
             context.setenv(name, value)
@@ -157,11 +157,12 @@ def test_out_of_descriptors_and_out_of_memory_are_errors() -> None:
 LISTENER = """
 import select, socket, sys
 from bus.base.descriptor import Descriptor
-from bus.shm import core, segments
+from bus import shm
+from bus.shm import segments
 ring, doorbell, line = (int(word) for word in sys.argv[1:])
 segment, memory = segments.make_readers(1)
-readers = core().Readers(memory, doorbell)
-reader = core().Reader(readers, "me", 0, tells_cursor=False)
+readers = shm.native.Readers(memory, doorbell)
+reader = shm.native.Reader(readers, "me", 0, tells_cursor=False)
 reader.attach(1, segments.map_ring(Descriptor(ring)), 0)
 assert readers.sleep() == []
 with socket.socket(fileno=line) as sock:

@@ -38,7 +38,7 @@ class Room:
         if len(self.taken) >= self.room:
             return False
         self.taken.append(message)
-        return core.NOTED if self.noted else True
+        return core.REPORT_DUE if self.noted else True
 
     def go_on(self, message: Any, status: Any) -> bool:
         self.told.append((message, status))
@@ -87,7 +87,7 @@ async def test_without_a_quick_way_all_go_slowly() -> None:
 async def test_what_is_noted_is_told() -> None:
     room = Room(noted=True)
     await room.sends.send("a")
-    assert (room.told, room.taken, room.slowly) == ([("a", core.NOTED)], ["a"], [])
+    assert (room.told, room.taken, room.slowly) == ([("a", core.REPORT_DUE)], ["a"], [])
 
 
 async def test_what_is_not_taken_after_all_goes_slowly() -> None:
@@ -328,7 +328,7 @@ def test_what_the_callables_raise_comes_out() -> None:
         raise ZeroDivisionError
 
     sends = core.Sends(raises, raises, print)
-    for status in (False, core.NOTED):
+    for status in (False, core.REPORT_DUE):
         sends.publish = lambda _, status=status: status
         with pytest.raises(ZeroDivisionError):
             sends.send("a").send(None)

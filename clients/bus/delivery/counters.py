@@ -100,7 +100,7 @@ class DropCounters:
     @property
     def _by_other_ways(self) -> int:
         receiver = self._receiver
-        rings = 0 if receiver.reader is None else int(receiver.reader.expected)
+        rings = 0 if receiver.reader is None else receiver.reader.expected
         return rings + receiver.sources.lost_between + sum(self._told_before.values())
 
     @property

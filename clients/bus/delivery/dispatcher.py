@@ -55,7 +55,7 @@ class Dispatcher(Generic[M]):
         self._wants_info = takes_info(callback)
         self._port = port
         self._has_ended = False
-        self._calls: Any = _Calls() if receiver.reader is None else receiver.reader
+        self._calls = _Calls() if receiver.reader is None else receiver.reader
         """Its `is_busy`: a call is under way, or the next turn is scheduled."""
         self._cancel: Callable[[], object] | None = None
         if is_async(callback):

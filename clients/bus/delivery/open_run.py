@@ -8,7 +8,7 @@ from threading import get_ident
 from time import monotonic_ns
 from typing import Any, Protocol
 
-from bus.shm import core, has_core
+from bus import shm
 from bus.wire.layout import RECORD_HEAD, RECORD_HEAD_BYTES
 from bus.wire.runs import UNBOUNDED, Buffer, data_head
 
@@ -78,8 +78,7 @@ class OpenRun(Protocol):
 
 def open_run() -> OpenRun:
     """One without samples, for this thread."""
-    run: OpenRun = core().OpenRun() if has_core() else PythonRun()
-    return run
+    return shm.native.OpenRun() if shm.has_core() else PythonRun()
 
 
 class PythonRun:

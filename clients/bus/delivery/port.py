@@ -5,17 +5,15 @@ and tests run it with a list and a clock that they set by hand. `bus.link.link.L
 """
 
 from collections.abc import Callable, Coroutine
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
+from bus import shm
 from bus.base.descriptor import Descriptor
 from bus.errors import BusError
 from bus.qos import QoSProfile
 from bus.types.support import TypeSupport
 from bus.wire import messages as m
 from bus.wire.runs import Buffer, RunQueue
-
-if TYPE_CHECKING:
-    from bus.shm._core import Bell, Readers
 
 RETURN_S = 10.0
 """How long a new broker is given until those who were matched before count as gone."""
@@ -59,7 +57,7 @@ class ReaderProcess(Protocol):
     """A process that reads rings of this one."""
 
     @property
-    def bell(self) -> "Bell": ...
+    def bell(self) -> "shm.native.Bell": ...
 
     @property
     def is_here(self) -> bool:
@@ -73,7 +71,7 @@ class ShmPort(Protocol):
     """What this process shares with others: its doorbell, and the slots of its readers."""
 
     @property
-    def readers(self) -> "Readers": ...
+    def readers(self) -> "shm.native.Readers": ...
 
     # --- the other side
 

@@ -10,9 +10,9 @@ from functools import partial
 from time import monotonic_ns
 from typing import Any, Generic, TypeAlias, TypeVar
 
+from bus import shm
 from bus.delivery.allowance import STEP_BYTES, begin, extend
 from bus.delivery.sequence import PublisherProxy, SequenceTracker
-from bus.shm import core, has_core
 from bus.wire.layout import MAX_COUNT, RECORD_HEAD, RECORD_HEAD_BYTES
 from bus.wire.runs import Account, Run, RunQueue
 
@@ -56,11 +56,11 @@ class Receiver(Generic[M]):
         self.sources = SequenceTracker(self.drop)
         self.is_lossless = is_lossless
         self._decode = decode
-        self._core = core() if has_core() else None
+        self._has_core = shm.has_core()
         self._queue = RunQueue(depth, Account(STEP_BYTES))
         self.ahead: deque[Taken[M]] = deque()
         """Decoded ahead, not yet delivered."""
-        self.reader: Any = None
+        self.reader: shm.native.Reader[PublisherProxy] | None = None
         """Takes out of the rings: `bus.shm`'s Reader, where memory is shared."""
         self.stamp_ns = 0
         """Stamp of the sample that `take` had last out of a ring."""
@@ -74,11 +74,11 @@ class Receiver(Generic[M]):
     @property
     def delivered(self) -> int:
         samples = self._samples - len(self.ahead)
-        return samples if self.reader is None else samples + int(self.reader.samples)
+        return samples if self.reader is None else samples + self.reader.samples
 
     @property
     def bytes(self) -> int:
-        return self._bytes if self.reader is None else self._bytes + int(self.reader.bytes)
+        return self._bytes if self.reader is None else self._bytes + self.reader.bytes
 
     @property
     def queued(self) -> int:
@@ -86,7 +86,7 @@ class Receiver(Generic[M]):
         if self.reader is None:
             return queued
         self.count_replaced()
-        return queued + int(self.reader.waiting())
+        return queued + self.reader.waiting()
 
     @property
     def dropped(self) -> dict[str, int]:
@@ -185,7 +185,7 @@ class Receiver(Generic[M]):
                     return None
                 batch = self.reader.take(limit if self._queue.depth else _MOST_AT_ONCE, self._decode)
                 if self.reader.undecodable != self._rejected:
-                    self._reject_from_rings()
+                    self._reject_from_rings(self.reader)
                 elif not batch:
                     return None
                 if batch:
@@ -208,9 +208,9 @@ class Receiver(Generic[M]):
             return self._take_from_run(limit)
         if self.reader is None:
             return []
-        batch: list[M] = self.reader.messages(limit, self._decode)
+        batch = self.reader.messages(limit, self._decode)
         if self.reader.undecodable != self._rejected:
-            self._reject_from_rings()
+            self._reject_from_rings(self.reader)
         return batch
 
     def take_lone(self, run: Run) -> list[M]:
@@ -227,10 +227,10 @@ class Receiver(Generic[M]):
             or source.lifespan_ns
             or self._queue.runs
             or self.ahead
-            or self._core is None
+            or not self._has_core
         ):
             return []
-        found = self._core.run_messages(run.body, 0, 1, self._decode)
+        found = shm.native.run_messages(run.body, 0, 1, self._decode)
         if found is None or run.first_seq != source.last_seq + 1:
             return []
         source.last_seq += 1
@@ -241,8 +241,7 @@ class Receiver(Generic[M]):
         if self.is_lossless:
             run.origin = source
             self._note_taken(run, run.first_seq, size)
-        messages: list[M] = found[0]
-        return messages
+        return found[0]
 
     def quick_take(self, *, with_info: bool) -> Callable[[], list[Any]] | None:
         """What takes a message out of the rings in one native call, for who knows that no others wait."""
@@ -267,27 +266,27 @@ class Receiver(Generic[M]):
     ) -> None:
         """Let the reader call back by itself for what comes in rings, while nothing else waits here, nor in
         `others`."""
+        assert self.reader is not None
         self.reader.prepare(callback, self._decode, on_error, (*self.waiting, *others), self.on_note)
 
     def put_back(self, messages: list[M]) -> None:
         """What `take_messages` gave and was not delivered is taken next."""
         self.ahead.extendleft((message, 0, 0, None, 0) for message in reversed(messages))
 
-    def _reject_from_rings(self) -> None:
-        self._rejected = self.reader.undecodable
-        for size, error in self.reader.pop_rejected():
+    def _reject_from_rings(self, reader: "shm.native.Reader[PublisherProxy]") -> None:
+        self._rejected = reader.undecodable
+        for size, error in reader.pop_rejected():
             self._on_reject(size, error)
 
     def _take_from_run(self, limit: int) -> list[M]:
         queue, run = self._queue, self._queue.runs[0]
-        if self._core is None or run.lifespan_ns:
+        if not self._has_core or run.lifespan_ns:
             return []
         begin, skipped = queue.offset, queue.skipped
         number = min(limit, run.count - skipped)
-        found = self._core.run_messages(run.body, begin, number, self._decode)
+        found = shm.native.run_messages(run.body, begin, number, self._decode)
         if found is None or not self._is_head(run, skipped):
             return []
-        messages: list[M]
         messages, offset = found
         queue.advance(number, offset)
         self._count(
@@ -329,8 +328,8 @@ class Receiver(Generic[M]):
         begin, skipped = queue.offset, queue.skipped
         first_seq, held = run.first_seq + skipped, run.count - skipped
         offset, number = begin, min(limit, held)
-        if self._core is not None:
-            found = self._core.run_samples(
+        if self._has_core:
+            found = shm.native.run_samples(
                 run.body, begin, number, decode, first_seq, run.origin, run.received_ns
             )
             if found is not None:

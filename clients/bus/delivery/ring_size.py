@@ -4,12 +4,9 @@ Knows of a ring what its writer tells. Must not know how rings are made, nor who
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
-from bus.shm.segments import RECORD_HEAD_BYTES
-
-if TYPE_CHECKING:
-    from bus.shm._core import Writer
+from bus import shm
+from bus.shm.segments import RING_HEAD_BYTES
 
 FOR_EVER = 1 << 60
 """A depth without bound."""
@@ -45,14 +42,14 @@ class RingSize:
         """What the broker lets a ring grow to for depth's sake."""
         self._most_bytes = max(ring_bytes, self._usual_capacity)
 
-    def larger(self, writer: "Writer", size: int, keep: int, *, must: bool) -> tuple[int, int] | None:
+    def larger(
+        self, writer: "shm.native.Writer", size: int, keep: int, *, must: bool
+    ) -> tuple[int, int] | None:
         """Capacity and index length of the next ring, with room for a message of `size` bytes.
 
         `keep`: records that are to stay. `must`: also beyond what is for depth's sake. None: not to be made.
         """
-        capacity = max(
-            2 * writer.capacity, _power_of_two(4 * (size + RECORD_HEAD_BYTES)), self._usual_capacity
-        )
+        capacity = max(2 * writer.capacity, _power_of_two(4 * (size + RING_HEAD_BYTES)), self._usual_capacity)
         if not must:
             if capacity > self._most_bytes or self._now_ns() < self._no_growth_ns:
                 return None
@@ -64,7 +61,7 @@ class RingSize:
         """There was no memory for it: for depth's sake it is not asked for again for a while."""
         self._no_growth_ns = self._now_ns() + _GROW_AGAIN_NS
 
-    def _capacity_for(self, writer: "Writer", keep: int) -> int:
+    def _capacity_for(self, writer: "shm.native.Writer", keep: int) -> int:
         """What a ring that is full needs for all its depth, if it goes on like that.
 
         So it grows once, and not at each doubling, of which each holds messages up; 0: not known.
@@ -78,12 +75,12 @@ class RingSize:
         return capacity
 
 
-def is_filled_by_few(writer: "Writer") -> bool:
+def is_filled_by_few(writer: "shm.native.Writer") -> bool:
     """Whether a few long messages fill the ring: a larger one lets both sides work at the same time."""
     return writer.latest - writer.oldest < _FEW_RECORDS and 2 * writer.capacity <= _LONG_CAPACITY_MOST
 
 
-def laps_slowly(writer: "Writer", now_ns: int) -> bool:
+def laps_slowly(writer: "shm.native.Writer", now_ns: int) -> bool:
     """Whether something in the ring is older than a lap may take."""
     return writer.seq_since(now_ns - int(LAP_S * 1e9)) > writer.oldest
 

@@ -5,8 +5,9 @@ broker keeps the history. What other threads publish joins here. Does not know m
 """
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
+from bus import shm
 from bus.base.descriptor import Descriptor
 from bus.delivery.port import RETURN_S, Owner, Port, Timer
 from bus.delivery.shm_sender import ShmSender
@@ -28,12 +29,6 @@ from bus.types.large_fields import joined
 from bus.wire import messages as m
 from bus.wire.runs import Buffer
 
-if TYPE_CHECKING:
-    from bus.shm._core import Sends
-
-NOTED = 2
-"""The quick way took the sample, and the counters are to be reported (`_core.NOTED`)."""
-
 _LOOK_S = 1.0
 
 
@@ -49,7 +44,7 @@ class Sender:
         owner: Owner,
         logger: Logger,
         ring: ShmSender | None,
-        sends: "Sends | None" = None,
+        sends: "shm.native.Sends | None" = None,
     ) -> None:
         qos = owner.qos
         self._port = port
@@ -74,7 +69,7 @@ class Sender:
         self._bursts = BurstWatch(port.soon, owner.topic_name, logger, is_awaitable=not port.is_shared)
         self._socket.on_replaced = lambda count: self._bursts.note_replaced(count, self._depth)
         self.publish: Callable[[Any], bool | int | bytes] = _not_so_quick
-        """The quick way for a message: True or NOTED; False: nothing was done; bytes: it is to be `put`."""
+        """The quick way for a message: True or REPORT_DUE; False: nothing was done; bytes: to be `put`."""
         self._sends = sends
         self.write: Callable[[Any], bool] = _not_so_quick
         """The quick way for an encoded sample, by socket; False: ask `put`."""
@@ -235,7 +230,7 @@ class Sender:
         """The number of the first sample that a broker will get."""
         if self._ring is None or self._socket.is_active:
             return self._socket.first_seq_to_send()
-        return int(self._ring.writer.latest) + 1
+        return self._ring.writer.latest + 1
 
     def declared(self, answer: m.Created) -> None:
         self._depth = answer.depth

@@ -6,11 +6,12 @@ counts; `bus.delivery.receiver` takes from it.
 
 from collections.abc import Callable
 
+from bus import shm
 from bus.base.descriptor import Descriptor
 from bus.delivery.port import RETURN_S, Owner, Port, ShmPort, Timer
 from bus.delivery.sequence import PublisherProxy
 from bus.qos import Durability, History, QoSProfile
-from bus.shm import core, segments
+from bus.shm import segments
 from bus.transport.memory import keep_freed_memory
 from bus.wire import messages as m
 from bus.wire.bounds import MOST_REMEMBERED
@@ -60,7 +61,9 @@ class ShmReceiver:
         self._declared_ns = _ALL
         self._lost_ns = _ALL  # when the broker was lost
         self._return: Timer | None = None
-        self.reader = core().Reader(shm_context.readers, owner, _depth(qos), tells_cursor=self._is_lossless)
+        self.reader: shm.native.Reader[PublisherProxy] = shm.native.Reader(
+            shm_context.readers, owner, _depth(qos), tells_cursor=self._is_lossless
+        )
 
     def declared(self) -> None:
         """A broker knows the subscription now."""
@@ -153,7 +156,7 @@ class ShmReceiver:
         ring = self._rings.pop(gid, None)
         if ring is None:
             return False
-        next_seq: int = self.reader.next_seq(ring.source)
+        next_seq = self.reader.next_seq(ring.source)
         if next_seq:  # else the reader has left it by itself
             ring.source.last_seq = ring.source.known_seq = next_seq - 1
             self._remember(gid, next_seq)

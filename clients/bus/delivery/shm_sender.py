@@ -12,6 +12,7 @@ from heapq import heappop, heappush
 from itertools import count
 from typing import ClassVar
 
+from bus import shm
 from bus.base.descriptor import Descriptor
 from bus.delivery.port import RETURN_S, Owner, Port, ReaderProcess, ShmPort, Timer
 from bus.delivery.ring_size import (
@@ -27,7 +28,7 @@ from bus.delivery.ring_size import (
 from bus.errors import PayloadTooLarge, SharedMemoryError
 from bus.logger import Logger, get_logger
 from bus.qos import Durability, History, Liveliness, QoSProfile
-from bus.shm import core, segments
+from bus.shm import segments
 from bus.shm.openfiles import check_room
 from bus.types.large_fields import LONG_TEXT, bytes_fields, text_fields
 from bus.wire import messages as m
@@ -79,7 +80,6 @@ class ShmSender:
         self._port = port
         self._shm_context = shm_context
         self._owner = owner
-        self._core = core()
         self._is_lossless = qos.is_lossless
         self._is_manual = qos.liveliness is Liveliness.MANUAL_BY_TOPIC
         keeps_all = qos.history is History.KEEP_ALL
@@ -88,7 +88,7 @@ class ShmSender:
         self._size = RingSize(port.now_ns, keeps_all=keeps_all)
         self.descriptor, memory = segments.make_ring(FIRST_CAPACITY, FIRST_INDEX, 1)
         self._announced: Descriptor | None = None
-        self.writer = self._core.Writer(memory, self._depth)
+        self.writer = shm.native.Writer(memory, self._depth)
         self.writer.is_noted = False
         self.writer.is_guarded = port.is_shared
         support = owner._support
@@ -141,12 +141,12 @@ class ShmSender:
 
         Raises SharedMemoryError where the ring can't be made large enough.
         """
-        writer, core = self.writer, self._core
+        writer = self.writer
         may_force = False
         while (status := writer.write_parts(parts, force=may_force, stamp_ns=stamp_ns)) is not True:
-            if status == core.NOTED:
+            if status == shm.native.REPORT_DUE:
                 break
-            if status == core.FULL:
+            if status == shm.native.FULL:
                 if not self._make_way():
                     return False
             else:
@@ -158,10 +158,10 @@ class ShmSender:
         """A place for a sample, to be filled; None where `put` gives False. Raises SharedMemoryError, too."""
         may_force = False
         while True:
-            place: memoryview | int = self.writer.lend(size, force=may_force)
+            place = self.writer.lend(size, force=may_force)
             if isinstance(place, memoryview):
                 return place
-            if place == self._core.FULL:
+            if place == shm.native.FULL:
                 if not self._make_way():
                     return None
             else:
@@ -174,15 +174,15 @@ class ShmSender:
         """Grow for a message of `size` bytes; returns whether depth must be given up instead."""
         if size > self.writer.most:  # of a broker that has come meanwhile
             raise PayloadTooLarge(self._owner.topic_name, size_bytes=size, limit_bytes=self.writer.most)
-        if status == self._core.SHORT and self._watches_laps:
+        if status == shm.native.SHORT and self._watches_laps:
             # All the depth is there still: a larger ring is only to give up records less often.
             if laps_slowly(self.writer, self._port.now_ns()) or not self._grow(size, must=False):
                 self._rest = self._port.later(LAP_S, self._watch_laps)
                 self._set_hold()
             return False
-        if self._grow(size, must=status != self._core.SHORT):
+        if self._grow(size, must=status != shm.native.SHORT):
             return False
-        if status == self._core.SHORT:
+        if status == shm.native.SHORT:
             return True
         raise SharedMemoryError(
             f"no shared memory for a message of {size} bytes on '{self._owner.topic_name}': {self._why_not}"
@@ -313,10 +313,8 @@ class ShmSender:
     def missed(self, qos: QoSProfile, since_ns: int) -> list[tuple[int, int, bytes]]:
         """Number, stamp and payload of all that a match since then is to get, history included."""
         own, since = self._owner.qos, self.writer.since
-        samples: list[tuple[int, int, bytes]]
         if Durability.VOLATILE in (own.durability, qos.durability):
-            samples = since(since_ns)
-            return samples
+            return since(since_ns)
         samples = since(0)
         depth = min((one.depth for one in (own, qos) if one.history is History.KEEP_LAST), default=FOR_EVER)
         first_new = bisect_left(samples, since_ns, key=lambda sample: sample[1])

@@ -13,10 +13,11 @@ from time import monotonic_ns
 from typing import Any
 from weakref import WeakValueDictionary
 
+from bus import shm
 from bus.base.descriptor import Descriptor
 from bus.logger import get_logger
 from bus.process.shared_loop import GuardedLoop
-from bus.shm import core, is_available, segments
+from bus.shm import is_available, segments
 
 SLOTS = 1020
 """Matches of one process by shared memory; those beyond go by socket."""
@@ -36,7 +37,7 @@ class ReaderProcess:
         self.is_here = is_here
         self.doorbell = doorbell
         self.pid = pid
-        self.bell = core().Bell(segments.map_readers(segment), doorbell.number)
+        self.bell = shm.native.Bell(segments.map_readers(segment), doorbell.number)
 
     def is_alive(self) -> bool:
         """Whether the process still runs; also where that can't be found out."""
@@ -60,15 +61,15 @@ class ShmContext:
     def __init__(self, on_news: Callable[[Collection[Any]], None]) -> None:
         self.doorbell = segments.make_doorbell()
         self.segment, memory = segments.make_readers(SLOTS)
-        self.readers = core().Readers(memory, self.doorbell.number)
+        self.readers = shm.native.Readers(memory, self.doorbell.number)
         self._loop = asyncio.get_running_loop()
         self._on_news = on_news
-        self._waiting: dict[Any, Callable[[], None]] = {}
+        self._waiting: dict[object, Callable[[], None]] = {}
         self._slots = deque(range(SLOTS))  # the longest free first, lest an old gate still knows it
         self._pinned_slots: list[int] = []
         self._processes: WeakValueDictionary[tuple[int, int], ReaderProcess] = WeakValueDictionary()
         self._doorbells: WeakValueDictionary[str, Descriptor] = WeakValueDictionary()
-        self._polls: dict[Any, int] = {}
+        self._polls: dict[object, int] = {}
         self._poll_ns = 0
         self._poll_until_ns = 0
         self._is_polling = False
@@ -143,17 +144,17 @@ class ShmContext:
 
     # --- waking up
 
-    def wait_for_room(self, writer: Any, look: Callable[[], None]) -> None:
+    def wait_for_room(self, writer: object, look: Callable[[], None]) -> None:
         """Call `look` at each ring of the doorbell, until `stop_waiting`."""
         self._waiting[writer] = look
         self.readers.has_writers = True
 
-    def wake_waiting(self, writer: Any) -> None:
+    def wake_waiting(self, writer: object) -> None:
         """Wake a writer that has room without a notification: its ring grew, or a reader left."""
         if writer in self._waiting:
             self._loop.call_soon(self._waiting[writer])
 
-    def stop_waiting(self, writer: Any) -> None:
+    def stop_waiting(self, writer: object) -> None:
         self._waiting.pop(writer, None)
         self.readers.has_writers = bool(self._waiting)
 
@@ -163,7 +164,7 @@ class ShmContext:
             self._is_look_due = True
             self._loop.call_soon(self._look_at_added)
 
-    def poll(self, owner: Any, time_ns: int) -> None:
+    def poll(self, owner: object, time_ns: int) -> None:
         """For `owner`, look without sleeping for up to `time_ns` after each message; 0: not any more."""
         self._polls[owner] = time_ns
         if not time_ns:

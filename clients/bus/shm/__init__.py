@@ -1,23 +1,28 @@
 """The shared-memory route's own part: rings, readers' segments, doorbells. See docs/ring.md.
 
-Owns the segments and the native core, which is imported when it is asked for. Must not know the wire, the
-loop, or who matches with whom.
+Owns the segments and the native core, which is imported when `shm.native` is first used: ImportError where
+it was not built. Must not know the wire, the loop, or who matches with whom.
 """
 
 import os
 import sys
 from importlib import import_module
-from types import ModuleType
+from typing import TYPE_CHECKING
 
-__all__ = ["advice", "core", "has_core", "is_available", "turned_off_by", "why_not"]
+__all__ = ["advice", "has_core", "is_available", "native", "turned_off_by", "why_not"]
 
 _CORE = "bus.shm._core"
 _OFF = {"BUS_ROUTE": "socket", "BUS_NATIVE": "no"}
 
+if TYPE_CHECKING:
+    from bus.shm import _core as native
+else:
 
-def core() -> ModuleType:
-    """The native core, as `_core.pyi` describes it. Raises ImportError where it was not built."""
-    return import_module(_CORE)
+    def __getattr__(name: str) -> object:
+        if name != "native":
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        globals()[name] = core = import_module(_CORE)
+        return core
 
 
 def has_core() -> bool:
@@ -25,7 +30,7 @@ def has_core() -> bool:
     if os.environ.get("BUS_NATIVE") == _OFF["BUS_NATIVE"]:
         return False
     try:
-        core()
+        import_module(_CORE)
     except ImportError:
         return False
     return True
@@ -43,7 +48,7 @@ def why_not() -> str:
     if sys.platform != "linux":
         return f"shared memory needs Linux, this is {sys.platform}"
     try:
-        core()
+        import_module(_CORE)
     except ImportError as error:
         if _is_free_threaded():
             return "the native core needs a Python with the GIL, and this one is free-threaded"
@@ -72,8 +77,8 @@ def _is_free_threaded() -> bool:
 
 
 def _forked() -> None:
-    if _CORE in sys.modules:
-        core().forget_pins()  # views that the child inherited must not release the parent's
+    if core := sys.modules.get(_CORE):
+        core.forget_pins()  # views that the child inherited must not release the parent's
 
 
 os.register_at_fork(after_in_child=_forked)

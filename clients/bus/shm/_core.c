@@ -143,7 +143,7 @@ static int core_exec(PyObject *module)
     static const struct {
         const char *name;
         long number;
-    } numbers[] = {{"NOTED", NOTED},   {"FULL", FULL},           {"SHORT", SHORT},
+    } numbers[] = {{"REPORT_DUE", REPORT_DUE},   {"FULL", FULL},           {"SHORT", SHORT},
                    {"PINNED", PINNED}, {"TOO_LARGE", TOO_LARGE}, {"FOREIGN", FOREIGN},
                    {"AS_TEXT", AS_TEXT}, {"AS_FLOAT", AS_FLOAT}, {"AS_BOOL", AS_BOOL},
                    {"AS_INT", AS_INT}, {"AS_STRUCT", AS_STRUCT}, {"AS_BYTES", AS_BYTES},

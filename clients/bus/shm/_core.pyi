@@ -3,13 +3,14 @@
 import builtins
 from collections.abc import Callable, Coroutine, Sequence, Sized
 from types import MemberDescriptorType
-from typing import Any, Final, Literal, TypeAlias, TypeVar
+from typing import Any, Final, Generic, Literal, TypeAlias, TypeVar
 
 M = TypeVar("M")
+S = TypeVar("S")
 Buffer: TypeAlias = Any
 Bytes: TypeAlias = bytes
 
-NOTED: Final = 2
+REPORT_DUE: Final = 2
 """Written, and it was the first since `is_noted` was set to False."""
 FULL: Final = 3
 """Not written: a lossless reader, or `hold`, has not passed what would be overwritten."""
@@ -117,7 +118,7 @@ class Writer:
     is_guarded: bool
     """May be set to True: the callers hold a lock of their own, and any thread may call."""
     is_noted: bool
-    """May be set to False: then the next write returns NOTED once."""
+    """May be set to False: then the next write returns REPORT_DUE once."""
     is_long: bool
     """`publish` took a message that was longer than `longest`: it takes no more until this is False."""
     longest: int
@@ -216,7 +217,7 @@ class Readers:
     def close(self) -> None:
         """The doorbell is somebody else's from now on: `deliver` leaves it alone and ends, wherever it is."""
 
-class Reader:
+class Reader(Generic[S]):
     """What one subscription reads: the rings of its publishers, merged by their stamps.
 
     `depth` (0: none) bounds what may wait over all rings: the oldest beyond are passed over and counted. May
@@ -240,7 +241,7 @@ class Reader:
     def __init__(self, readers: Readers, owner: Any, depth: int, *, tells_cursor: bool) -> None: ...
     def attach(
         self,
-        source: Any,
+        source: S,
         memory: Mapping,
         slot: int,
         *,
@@ -259,17 +260,17 @@ class Reader:
         `doorbell` is the publisher's, rung where it waits for room; the caller keeps it open. Raises
         ValueError, saying what is wrong, where `memory` is no ring, and where `source` is attached already.
         """
-    def extend(self, source: Any, memory: Mapping) -> None:
+    def extend(self, source: S, memory: Mapping) -> None:
         """The ring in which `source` goes on after the present one is closed and taken to its end.
 
         A closed ring without a next one is kept (the next is on its way), until `finish`. Raises ValueError
         as `attach`, and where `source` is not attached.
         """
-    def finish(self, source: Any) -> None:
+    def finish(self, source: S) -> None:
         """Its publisher has gone: what is there may still be taken, then the ring is left (`pop_left`)."""
-    def detach(self, source: Any) -> None:
+    def detach(self, source: S) -> None:
         """Leave a ring at once. Nothing happens where it is not attached."""
-    def next_seq(self, source: Any) -> int:
+    def next_seq(self, source: S) -> int:
         """The number that is taken next; 0 where it is not attached."""
     def prepare(
         self,
@@ -287,7 +288,7 @@ class Reader:
         """Take that back, also while it is called."""
     def waiting(self) -> int:
         """Samples that could be taken now, within the depth."""
-    def take(self, limit: int, decode: Callable[[Any], M]) -> list[tuple[M, int, int, Any, int]]:
+    def take(self, limit: int, decode: Callable[[Any], M]) -> list[tuple[M, int, int, S, int]]:
         """Up to `limit` messages: (message, stamp ns, seq, source, time of taking in ns).
 
         A batch ends early once it has 256 KiB of payload.
@@ -302,7 +303,7 @@ class Reader:
         deadline_ns: int,
         due_s: float,
         /,
-    ) -> M | tuple[M, int, int, Any, int] | None:
+    ) -> M | tuple[M, int, int, S, int] | None:
         """Sleep until a message comes: the oldest one, with `has_origin` as `take` gives it. Gives the GIL
         away.
 
@@ -314,7 +315,7 @@ class Reader:
         """
     def pop_rejected(self) -> list[tuple[int, Exception]]:
         """Size and error of the samples that `decode` refused since the last call."""
-    def pop_left(self) -> list[tuple[Any, str, int]]:
+    def pop_left(self) -> list[tuple[S, str, int]]:
         """Sources whose ring was left by itself, the reason ("": it was finished), and the next number."""
 
 class OpenRun:

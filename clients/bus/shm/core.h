@@ -18,7 +18,7 @@
 #include "ring.h"
 
 /* What a write says where it is not just True; see _core.pyi. */
-enum { NOTED = 2, FULL, SHORT, PINNED, TOO_LARGE, FOREIGN };
+enum { REPORT_DUE = 2, FULL, SHORT, PINNED, TOO_LARGE, FOREIGN };
 
 /* Sequence numbers end here, as on the wire; beyond, the other side is broken. */
 #define MAX_SEQ ((UINT64_C(1) << 62) - 1)

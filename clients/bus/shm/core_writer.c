@@ -81,7 +81,7 @@ static inline PyObject *published(Writer *self, uint64_t size)
     if (self->is_noted)
         Py_RETURN_TRUE;
     self->is_noted = 1;
-    return PyLong_FromLong(NOTED);
+    return PyLong_FromLong(REPORT_DUE);
 }
 
 static inline uint64_t next_stamp(Writer *self, uint64_t stamp_ns)

@@ -7,19 +7,15 @@ else sees it. Must not know who gets it. Functions that need the native core rai
 import fcntl
 import os
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
+from bus import shm
 from bus.base.descriptor import Descriptor
-from bus.shm import core
 from bus.shm.descriptors import SEALS, readers_fault, ring_fault
 from bus.shm.headroom import claim
 from bus.shm.openfiles import set_aside
 
-if TYPE_CHECKING:
-    from bus.shm._core import Mapping
-
 __all__ = [
-    "RECORD_HEAD_BYTES",
+    "RING_HEAD_BYTES",
     "identity",
     "make_doorbell",
     "make_readers",
@@ -30,31 +26,31 @@ __all__ = [
 
 _STEP_BYTES = 4 << 20
 
-RECORD_HEAD_BYTES = 32
+RING_HEAD_BYTES = 32
 """Of a record in a ring, before its payload; a payload is at most a quarter of the ring less this."""
 
 
-def make_ring(capacity: int, index_length: int, first_seq: int) -> "tuple[Descriptor, Mapping]":
+def make_ring(capacity: int, index_length: int, first_seq: int) -> "tuple[Descriptor, shm.native.Mapping]":
     """An empty ring of `capacity` bytes for payloads and `index_length` records, both powers of two.
 
     Raises ValueError for sizes out of bounds, OSError where there is no memory or no descriptor.
     """
-    size: int = core().ring_bytes(capacity, index_length)
+    size = shm.native.ring_bytes(capacity, index_length)
     return _make("busd-ring", size, lambda memory: memory.format_ring(capacity, index_length, first_seq))
 
 
-def make_readers(slot_count: int) -> "tuple[Descriptor, Mapping]":
+def make_readers(slot_count: int) -> "tuple[Descriptor, shm.native.Mapping]":
     """A readers' segment of free slots. Raises as `make_ring`."""
-    size: int = core().readers_bytes(slot_count)
+    size = shm.native.readers_bytes(slot_count)
     return _make("busd-readers", size, lambda memory: memory.format_readers(slot_count))
 
 
-def map_ring(descriptor: Descriptor) -> "Mapping":
+def map_ring(descriptor: Descriptor) -> "shm.native.Mapping":
     """Map a foreign ring, read-only. Raises ValueError, saying what is wrong with it, or OSError."""
     return _map(descriptor, ring_fault)
 
 
-def map_readers(descriptor: Descriptor) -> "Mapping":
+def map_readers(descriptor: Descriptor) -> "shm.native.Mapping":
     """Map a foreign readers' segment, read-only. Raises as `map_ring`."""
     return _map(descriptor, readers_fault)
 
@@ -70,7 +66,9 @@ def identity(descriptor: Descriptor) -> tuple[int, int]:
     return status.st_dev, status.st_ino
 
 
-def _make(name: str, size: int, lay_out: "Callable[[Mapping], None]") -> "tuple[Descriptor, Mapping]":
+def _make(
+    name: str, size: int, lay_out: "Callable[[shm.native.Mapping], None]"
+) -> "tuple[Descriptor, shm.native.Mapping]":
     if not size:
         raise ValueError(f"{name}: a size is out of bounds")
     claim(size)
@@ -82,7 +80,7 @@ def _make(name: str, size: int, lay_out: "Callable[[Mapping], None]") -> "tuple[
             if start:
                 claim(size - start, of=size)  # others may take memory at the same time
             os.posix_fallocate(descriptor.number, start, min(_STEP_BYTES, size - start))
-        memory: Mapping = core().Mapping(descriptor.number, size, writable=True)
+        memory = shm.native.Mapping(descriptor.number, size, writable=True)
         lay_out(memory)
         fcntl.fcntl(descriptor.number, fcntl.F_ADD_SEALS, SEALS)  # after the one writable mapping
     except BaseException:
@@ -91,8 +89,7 @@ def _make(name: str, size: int, lay_out: "Callable[[Mapping], None]") -> "tuple[
     return descriptor, memory
 
 
-def _map(descriptor: Descriptor, find_fault: Callable[[int], str]) -> "Mapping":
+def _map(descriptor: Descriptor, find_fault: Callable[[int], str]) -> "shm.native.Mapping":
     if fault := find_fault(descriptor.number):
         raise ValueError(fault)
-    memory: Mapping = core().Mapping(descriptor.number, os.fstat(descriptor.number).st_size)
-    return memory
+    return shm.native.Mapping(descriptor.number, os.fstat(descriptor.number).st_size)

@@ -21,7 +21,7 @@ from typing import Annotated, Any, Final
 import msgspec
 from msgspec import Meta, inspect
 
-from bus.shm import core, has_core
+from bus import shm
 
 __all__ = ["plan", "predicate"]
 
@@ -60,7 +60,7 @@ def plan(cls: type[msgspec.Struct], kinds: Mapping[type, type] | None = None) ->
     right all the same. `kinds`: the messages are not of `cls` and the classes within it, but of the classes
     that stand for these, which keep the field `x` in the slot `_x`.
     """
-    return _Planner(kinds).plan(inspect.type_info(cls)) if has_core() else None
+    return _Planner(kinds).plan(inspect.type_info(cls)) if shm.has_core() else None
 
 
 class _Planner:
@@ -83,7 +83,7 @@ class _Planner:
             if value is None or not ismemberdescriptor(slot):
                 return None
             fields.append((slot, b"" if info.array_like else _encode(field.encode_name), value))
-        known[cls] = made = core().Plan(kind, tuple(fields), info.array_like)
+        known[cls] = made = shm.native.Plan(kind, tuple(fields), info.array_like)
         return made
 
     def _value(self, info: inspect.Type) -> tuple[int, int, int, Any] | None:
@@ -92,24 +92,24 @@ class _Planner:
             info = info.type
         match info:
             case inspect.StrType(None, None, None):
-                return core().AS_TEXT, 0, 0, None
+                return shm.native.AS_TEXT, 0, 0, None
             case inspect.FloatType(None, None, None, None, None):
-                return core().AS_FLOAT, 0, 0, None
+                return shm.native.AS_FLOAT, 0, 0, None
             case inspect.BoolType():
-                return core().AS_BOOL, 0, 0, None
+                return shm.native.AS_BOOL, 0, 0, None
             case inspect.IntType(multiple_of=None):
                 least, most = _bounds(info)
                 if least <= 2**63 - 1 and most >= 0:
-                    return core().AS_INT, max(least, _INT64_MIN), min(most, _UINT64_MAX), None
+                    return shm.native.AS_INT, max(least, _INT64_MIN), min(most, _UINT64_MAX), None
             case inspect.StructType() if isinstance(info.cls, type):
                 inner = self.plan(info)
-                return None if inner is None else (core().AS_STRUCT, 0, 0, inner)
+                return None if inner is None else (shm.native.AS_STRUCT, 0, 0, inner)
             # Those that stand for others have other objects for what follows.
             case inspect.BytesType() if self._kinds is None:
-                return core().AS_BYTES, *_lengths(info), None
+                return shm.native.AS_BYTES, *_lengths(info), None
             case inspect.ListType() if self._kinds is None:
                 item = self._value(info.item_type)
-                return None if item is None else (core().AS_LIST, *_lengths(info), item)
+                return None if item is None else (shm.native.AS_LIST, *_lengths(info), item)
         return None
 
 
