@@ -65,7 +65,15 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
     "Look at the graph": (
         "",
         (
-            *("Node.graph", "Node.wait_for_graph", "Graph", "GraphNode", "GraphEndpoint", "GraphMatch"),
+            *(
+                "Node.graph",
+                "Node.watch_graph",
+                "Node.wait_for_graph",
+                "Graph",
+                "GraphNode",
+                "GraphEndpoint",
+                "GraphMatch",
+            ),
             *("EndpointStatistics", "Match"),
         ),
     ),

@@ -1,6 +1,6 @@
 """The graph as a client sees it: nodes, endpoints, matches, with look-ups by name. Values only."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 
 import msgspec
@@ -142,37 +142,40 @@ class Graph(msgspec.Struct, frozen=True, dict=True):
 
 def graph_of(snapshot: m.Graph) -> Graph:
     """The broker's answer as a graph. Raises RemoteProtocolError where that contradicts itself."""
-    nodes = {
-        node.id: GraphNode(id=node.id, name=node.name, namespace=node.namespace, pid=node.pid)
-        for node in snapshot.nodes
-    }
+    nodes = {node.id: node_of(node) for node in snapshot.nodes}
     if strange := {one.node for one in snapshot.endpoints} - nodes.keys():
         raise RemoteProtocolError(f"busd's graph has endpoints of node {min(strange)}, which is not in it")
-    endpoints = [
-        GraphEndpoint(
-            id=one.id,
-            kind=one.kind,
-            node=nodes[one.node],
-            topic=one.topic,
-            type_name=one.type_name,
-            type_hash=one.type_hash,
-            gid=one.gid,
-            qos=one.qos,
-            statistics=one.statistics,
-        )
-        for one in snapshot.endpoints
-    ]
+    endpoints = [endpoint_of(one, nodes) for one in snapshot.endpoints]
     return Graph(
         revision=snapshot.revision,
         broker_pid=snapshot.pid,
         nodes=tuple(nodes.values()),
         publishers=tuple(one for one in endpoints if one.kind == "publisher"),
         subscriptions=tuple(one for one in endpoints if one.kind == "subscription"),
-        matches=tuple(
-            GraphMatch(publisher=match.publisher, subscription=match.subscription, route=match.route)
-            for match in snapshot.matches
-        ),
+        matches=tuple(map(match_of, snapshot.matches)),
     )
+
+
+def node_of(record: m.NodeRecord) -> GraphNode:
+    return GraphNode(id=record.id, name=record.name, namespace=record.namespace, pid=record.pid)
+
+
+def endpoint_of(record: m.EndpointRecord, nodes: Mapping[int, GraphNode]) -> GraphEndpoint:
+    return GraphEndpoint(
+        id=record.id,
+        kind=record.kind,
+        node=nodes[record.node],
+        topic=record.topic,
+        type_name=record.type_name,
+        type_hash=record.type_hash,
+        gid=record.gid,
+        qos=record.qos,
+        statistics=record.statistics,
+    )
+
+
+def match_of(record: m.MatchRecord) -> GraphMatch:
+    return GraphMatch(publisher=record.publisher, subscription=record.subscription, route=record.route)
 
 
 def services_of(endpoints: Iterable[GraphEndpoint]) -> dict[str, list[str]]:

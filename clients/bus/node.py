@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import sys
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import AsyncGenerator, Callable, Sequence
+from contextlib import aclosing
 from os import PathLike
 from time import monotonic
 from types import TracebackType
@@ -44,7 +45,7 @@ _ROSOUT_S = 5.0
 _log = get_logger("bus")
 
 _REST, _LONGEST_REST_S = 16, 0.2
-"""Between two questions for the graph: so many times as long as the first took to be answered."""
+"""Between two looks at a graph that changes: so many times as long as it takes to put it together."""
 
 
 def _say_why_slow() -> None:
@@ -118,6 +119,7 @@ class Node(ParameterHost):
         self._endpoints: list[Publisher[Any] | Subscription[Any]] = []  # some of them may be closed
         self._sweep_at = _LEAST_SWEPT
         self._timers: weakref.WeakSet[Timer] = weakref.WeakSet()  # one that runs is held by the loop
+        self._watches: set[asyncio.Event] = set()
         self._body: asyncio.Task[Any] | None = None
         self._error: BaseException | None = None
         self._wants_rosout = rosout and self._arguments.log_to_rosout
@@ -172,6 +174,8 @@ class Node(ParameterHost):
         link, self._link = self._link, None
         if link is None:
             return
+        for changed in self._watches:
+            changed.set()
         for timer in tuple(self._timers):
             timer.close()
         self._close_parameters()
@@ -385,21 +389,45 @@ class Node(ParameterHost):
 
             await node.wait_for_graph(lambda graph: "/chatter" in graph.topics())
         """
-        link = self._opened()
-        changed = asyncio.Event()
-
-        try:
-            await link.observe(changed.set)
-            while True:
-                changed.clear()
-                asked_s = monotonic()
-                graph = await self.graph()
+        async with aclosing(self._watch_graph(self._opened())) as graphs:
+            async for graph in graphs:
                 if condition(graph):
                     return graph
-                rest_s = min(_REST * (monotonic() - asked_s), _LONGEST_REST_S)
+        raise ConnectionClosed(f"node {self.full_name} is closed")
+
+    def watch_graph(self) -> AsyncGenerator[Graph, None]:
+        """The graph now, and again after every change, until the node is closed.
+
+        busd tells what has changed, so that this costs little with a large graph too. What changes while
+        the last graph is looked at is looked at together: the next one is the newest. Over a restart of busd
+        it goes on. Raises ConnectionClosed where the node is not open. Cancellation, or leaving the loop,
+        leaves nothing behind.
+
+            async for graph in node.watch_graph():
+                print([one.full_name for one in graph.nodes])
+        """
+        return self._watch_graph(self._opened())
+
+    async def _watch_graph(self, link: Link) -> AsyncGenerator[Graph, None]:
+        changed = asyncio.Event()
+        link.observe(changed.set)
+        self._watches.add(changed)
+        seen = None
+        try:
+            while self._link is link:
+                changed.clear()
+                began_s = monotonic()
+                graph = link.graph_mirror.graph
+                rest_s = min(_REST * (monotonic() - began_s), _LONGEST_REST_S)
+                if graph is not None and graph is not seen:
+                    seen = graph
+                    yield graph
+                elif (failure := link.graph_mirror.failure) is not None:
+                    raise failure
                 await changed.wait()
-                await asyncio.sleep(asked_s + rest_s - monotonic())
+                await asyncio.sleep(began_s + rest_s - monotonic())
         finally:
+            self._watches.discard(changed)
             link.stop_observing(changed.set)
 
     async def spin(self) -> None:

@@ -5,10 +5,10 @@ import logging
 import os
 import time
 from collections.abc import AsyncIterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import pytest
 
 import bus
@@ -85,25 +85,68 @@ class TestTheGraph:
     async def test_changes_that_follow_each_other_are_looked_at_together(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """The graph is large, or busd busy: an answer takes its time."""
+        """The graph is large: to put it together takes its time."""
         monkeypatch.setattr(bus.node, "_LONGEST_REST_S", 0.1)
         monkeypatch.setattr(bus.node, "_REST", 1e9)
         node, client = await opened(broker)
-        graph = m.Graph(request=0, revision=1, nodes=(), endpoints=(), matches=())
-        waiting = asyncio.ensure_future(node.wait_for_graph(lambda graph: bool(graph.nodes)))
+        looked_s = []
+
+        def is_there(graph: bus.Graph) -> bool:
+            looked_s.append(time.monotonic())
+            return bool(graph.nodes)
+
+        waiting = asyncio.ensure_future(node.wait_for_graph(is_there))
         observe = await client.expect(m.Observe)
-        client.send(msgspec.structs.replace(graph, request=observe.request))
-        asked_s = []
-        for _ in range(3):
-            request = await client.expect(m.GetGraph)
-            asked_s.append(time.monotonic())
-            client.send(msgspec.structs.replace(graph, request=request.request))
-            client.send(*[m.GraphChanged(revision=2)] * 50)
-        assert asked_s[1] - asked_s[0] > 0.09 and asked_s[2] - asked_s[1] > 0.09
-        request = await client.expect(m.GetGraph)
+        client.send(m.Graph(request=observe.request, revision=1, nodes=(), endpoints=(), matches=()))
+        for revision in range(2, 32):
+            client.send(m.GraphChanged(revision=revision))
+            await asyncio.sleep(0.01)
         record = m.NodeRecord(id=1, name="there", namespace="/", pid=1)
-        client.send(msgspec.structs.replace(graph, request=request.request, nodes=(record,)))
+        client.send(m.GraphChanged(revision=32, nodes_added=(record,)))
         assert [one.name for one in (await waiting).nodes] == ["there"]
+        assert len(looked_s) > 2
+        assert all(later - earlier > 0.09 for earlier, later in pairwise(looked_s))
+        off = await client.expect(m.Observe)
+        assert not off.on
+        await node.close()
+
+    async def test_what_is_read_with_the_snapshot_counts(self, broker: FakeBroker) -> None:
+        """Changes may stand in the same read, behind the snapshot and before it."""
+        node, client = await opened(broker)
+        graphs = node.watch_graph()
+        watching = asyncio.ensure_future(anext(graphs))
+        observe = await client.expect(m.Observe)
+        here, there, gone = (m.NodeRecord(id=one, name=f"n{one}", namespace="/", pid=1) for one in (1, 2, 3))
+        client.send(
+            m.GraphChanged(revision=7, nodes_removed=(1,)),  # of an earlier question
+            m.Graph(request=observe.request, revision=7, nodes=(here,), endpoints=(), matches=(), pid=5),
+            m.GraphChanged(revision=8, nodes_added=(there, gone)),
+            m.GraphChanged(revision=9, nodes_removed=(3,)),
+        )
+        graph = await watching
+        assert (graph.revision, graph.broker_pid) == (9, 5)
+        assert [one.name for one in graph.nodes] == ["n1", "n2"]
+        await graphs.aclose()
+        await node.close()
+
+    async def test_a_busd_that_contradicts_itself(self, broker: FakeBroker) -> None:
+        node, client = await opened(broker)
+        graphs = node.watch_graph()
+        watching = asyncio.ensure_future(anext(graphs))
+        observe = await client.expect(m.Observe)
+        endpoint = m.EndpointRecord(
+            id=2,
+            kind="publisher",
+            node=9,
+            topic="/t",
+            type_name="",
+            type_hash="",
+            gid=b"",
+            qos=bus.QoSProfile(),
+        )
+        client.send(m.Graph(request=observe.request, revision=1, nodes=(), endpoints=(endpoint,), matches=()))
+        with pytest.raises(bus.RemoteProtocolError, match="node 9, which is not in it"):
+            await watching
         await node.close()
 
 

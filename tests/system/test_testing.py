@@ -85,7 +85,7 @@ def test_what_is_left_is_named(tmp_path: Path) -> None:
     assert re.search(r"^=+ 1 failed, 6 passed.*, 3 errors in ", said, re.MULTILINE), said
     assert "  /camera of this process: publishes /image, subscribes to /commands\n" in said
     assert "  /driver of this process\n" in said
-    program = r"^  /_bus_cli_\d+ of process \d+ \(\S+ -m bus\.cli topic pub /talk .*\): publishes /talk$"
+    program = r"^  /_bus_cli_\d+ of process \d+ \(\S+ -m bus_cli topic pub /talk .*\): publishes /talk$"
     assert re.search(program, said, re.MULTILINE), said
     assert "/failed of this process" not in said
 

@@ -16,6 +16,7 @@ from bus.base.descriptor import Descriptor
 from bus.errors import BrokerUnavailable, BusError, ConnectionClosed, ForkError, RemoteProtocolError, again
 from bus.link.connection import Connection
 from bus.link.declarations import Counted, Declarations, Endpoint, Known, Node, lease_s
+from bus.link.graph_mirror import GraphMirror
 from bus.link.reach import NotNow, Patience
 from bus.link.reports import Reports
 from bus.link.shm_context import ShmContext
@@ -67,6 +68,8 @@ class Link:
         self._reports = Reports(self.loop, self._report)
         self._drains = Waiters(self.loop)
         self._observers: list[Callable[[], None]] = []
+        self.graph_mirror = GraphMirror()
+        self._mirroring: asyncio.Task[None] | None = None
         Link._links.add(self)
 
     @property
@@ -122,6 +125,7 @@ class Link:
         if self.shm_context is not None:
             self.shm_context.close()
         self._drains.release()
+        self._stop_mirroring()
 
     # --- what is declared
 
@@ -179,15 +183,41 @@ class Link:
         )
         return answer.schema
 
-    async def observe(self, tell: Callable[[], None]) -> None:
-        """Call `tell` at every change of the graph from now on, and after a reconnection."""
-        self._observers.append(tell)  # before anything is awaited: whoever calls may undo it then
-        await self.request(lambda number: m.Observe(request=number), m.Graph)
+    def observe(self, tell: Callable[[], None]) -> None:
+        """Keep `graph_mirror` up to date, and call `tell` when that has changed, until `stop_observing`."""
+        self._observers.append(tell)
+        if len(self._observers) == 1:
+            self._mirror()
 
     def stop_observing(self, tell: Callable[[], None]) -> None:
         self._observers.remove(tell)
-        if not self._observers and self._connection is not None:
-            self._connection.send(m.Observe(request=0, on=False))
+        if not self._observers:
+            self._stop_mirroring()
+            if self._connection is not None:
+                self._connection.send(m.Observe(request=0, on=False))
+
+    def _mirror(self) -> None:
+        self._stop_mirroring()
+        self.graph_mirror = GraphMirror()
+        self._mirroring = self.loop.create_task(
+            self._ask_for_graph(self.graph_mirror), name="watch the graph"
+        )
+
+    def _stop_mirroring(self) -> None:
+        if self._mirroring is not None:
+            self._mirroring.cancel()
+            self._mirroring = None
+
+    async def _ask_for_graph(self, mirror: GraphMirror) -> None:
+        try:
+            mirror.begin(await self.request(lambda number: m.Observe(request=number), m.Graph))
+        except (BusError, TimeoutError) as error:
+            mirror.failure = error
+        self._tell_observers()
+
+    def _tell_observers(self) -> None:
+        for tell in tuple(self._observers):
+            tell()
 
     # --- samples out
 
@@ -354,8 +384,8 @@ class Link:
         if connection is None or connection.resolve(message):
             return
         if isinstance(message, m.GraphChanged):
-            for tell in tuple(self._observers):
-                tell()
+            self.graph_mirror.change(message)
+            self._tell_observers()
         elif isinstance(message, m.Namesake):
             self._declarations.warn_of_namesake(message)
         elif (endpoint := self._declarations.concerned(message)) is not None:
@@ -458,9 +488,7 @@ class Link:
         finally:
             telling.cancel()
         if self._observers:
-            await connection.request(lambda number: m.Observe(request=number), m.Graph)
-        for tell in tuple(self._observers):
-            tell()
+            self._mirror()
         self.flush()
         self._drains.release()
 
