@@ -197,8 +197,9 @@ class Absentees:
         accounts: Accounts = {}
         topic = subscription.topic.name
         looked = 0
-        for publisher in tuple(islice(subscription.matches.values(), MOST_REMEMBERED)):
-            if publisher.id in subscription.matches and (owed := subscription.owed_by(publisher)) is not None:
+        for match in tuple(islice(subscription.matches.values(), MOST_REMEMBERED)):
+            publisher, owed = match.publisher, match.owed
+            if owed is not None:
                 source = self._sources.setdefault((topic, publisher.gid), _Source())
                 source.publisher = publisher
                 accounts[publisher.gid] = _Account(owed, source)

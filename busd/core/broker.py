@@ -432,19 +432,20 @@ class Broker:
 
     def _on_ack(self, now_ns: int, peer: Peer, message: m.Ack, out: list[Effect]) -> None:
         subscription = self._registry.own_subscription(peer, message.subscription)
-        publisher = subscription.matches.get(EndpointId(message.source))
-        if publisher is not None:
-            self.meter.left -= len(publisher.acked) // LOOKS_PER_UNIT
-        # A publisher that has just gone may still be acknowledged.
-        if publisher is not None and subscription.id in publisher.acked:
-            known_seq = max(publisher.next_seq - 1, publisher.acked[subscription.id])
+        match = subscription.matches.get(EndpointId(message.source))
+        if match is None:  # a publisher that has just gone may still be acknowledged
+            return
+        publisher = match.publisher
+        self.meter.left -= len(publisher.awaited) // LOOKS_PER_UNIT
+        if match.acked_seq is not None:
+            known_seq = max(publisher.next_seq - 1, match.acked_seq)
             if message.seq > known_seq and not publisher.has_shared:
                 raise RemoteProtocolError(
                     f"sample {message.seq} of publisher {publisher.id} acknowledged, "
                     f"the last one is {publisher.next_seq - 1}"
                 )
             # A replayed sample is below what counts as taken, and so may be one before a drop.
-            release(publisher, subscription, message.seq, out.append)
+            release(match, message.seq, out.append)
 
     def _on_report(self, now_ns: int, peer: Peer, message: m.Report, out: list[Effect]) -> None:
         self._registry.own_endpoint(peer, message.endpoint).report = message

@@ -1,4 +1,8 @@
-"""What the broker knows of: peers, nodes, publishers, subscriptions, topics. Plain state, no rules."""
+"""What the broker knows of: peers, nodes, publishers, subscriptions, topics, matches.
+
+Plain state. The only rule is that a match goes by its table (`busd.core.match`), and takes with it what else
+hangs on its state.
+"""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -14,6 +18,7 @@ from bus.wire.messages import EndpointRecord, EndpointStatistics, NodeRecord, Re
 from bus.wire.runs import Account, RunQueue
 from busd.core.access import Subject
 from busd.core.effects import Flush
+from busd.core.match import SHARED, TRANSITIONS, MatchError, MatchEvent, MatchState
 from busd.core.rate_limit import TokenBucket
 
 MessageType = tuple[str, str]
@@ -159,16 +164,6 @@ class Topic:
     subscriptions: "dict[EndpointId, Subscription]" = field(default_factory=dict)
 
 
-@dataclass(slots=True)
-class Sharing:
-    """What is to be remembered of a match on the route shm."""
-
-    at_ns: int
-    """Since when it is."""
-    is_attached: bool = False
-    """The subscription reads the ring."""
-
-
 @dataclass(slots=True, eq=False)
 class Endpoint:
     """What publishers and subscriptions have in common. `report` is the process's own last word."""
@@ -207,13 +202,10 @@ class Endpoint:
 
 @dataclass(slots=True, eq=False)
 class Publisher(Endpoint):
-    """`matches` are all; of these `routed` are on the route socket, `shared` on the route shm.
+    """`routed`, `ahead` and `awaited` follow from the states of `matches`; only Match changes them.
 
-    Of those in neither, some were rerouted: first they have yet to leave the ring (`leaving`), and then the
-    publisher has yet to send them what they have missed. Others have had all up to a number (`behind`), alone
-    or from the publisher as it was before, which is yet to come a second time: they get nothing before that.
-
-    `acked` holds, for each routed lossless subscription, the last number that it has taken.
+    `routed` are the subscriptions of those that are ROUTED, as the hot path needs them; `ahead` are those
+    that are AHEAD; for the acknowledgements of those in `awaited` a lossless publisher waits.
     """
 
     next_seq: int
@@ -227,16 +219,14 @@ class Publisher(Endpoint):
     is_alive: bool = True
     has_left: bool = False
     """It took its leave, and will not come back."""
-    matches: "dict[EndpointId, Subscription]" = field(default_factory=dict)
+    matches: "dict[EndpointId, Match]" = field(default_factory=dict)
     routed: "dict[EndpointId, Subscription]" = field(default_factory=dict)
-    shared: dict[EndpointId, Sharing] = field(default_factory=dict)
-    leaving: dict[EndpointId, Sharing] = field(default_factory=dict)
-    behind: dict[EndpointId, int] = field(default_factory=dict)
+    ahead: "dict[EndpointId, Match]" = field(default_factory=dict)
+    awaited: "dict[EndpointId, Match]" = field(default_factory=dict)
     ring: object | None = None
     """A descriptor, opaque here; None where all goes by socket."""
     has_shared: bool = False
     """A match is, or was, on the route shm: subscriptions may have taken what did not come through here."""
-    acked: dict[EndpointId, int] = field(default_factory=dict)
     credited: int = 0
     is_credit_ahead: bool = False
     """All have taken more than came through here: credit for it is given when it comes."""
@@ -250,24 +240,16 @@ class Publisher(Endpoint):
         return bool(
             self.history is not None
             or self.lease_ns
-            or self.behind
+            or self.ahead
             or self.is_credit_ahead
-            or (self.is_lossless and not self.acked)
+            or (self.is_lossless and not self.awaited)
         )
-
-    def is_catching_up(self, subscription: EndpointId) -> bool:
-        """It was rerouted and has left the ring; it gets what was sent to it alone, and nothing else yet."""
-        return not any(subscription in some for some in (self.shared, self.leaving, self.routed, self.behind))
 
     def conclude(self) -> int:
         """It takes its leave: how many went to others by its ring since its last run, as it has said."""
         gap = self.report.samples + 1 - self.next_seq if self.ring is not None and self.report else 0
         self.next_seq += max(0, gap)
         return max(0, gap)
-
-    def route(self, subscription: EndpointId) -> str:
-        """The route of the match with `subscription`."""
-        return SHM if subscription in self.shared else SOCKET
 
     def statistics(self) -> EndpointStatistics:
         mine = self.report
@@ -300,17 +282,14 @@ class Owed(msgspec.Struct, gc=False):  # there is one for each match: the collec
 class Subscription(Endpoint):
     """`queue` holds what waits for the process; `dropped` counts what the broker dropped, by reason.
 
-    `began` holds, for each match on the route socket, the number of the first sample that was routed for it;
-    `returned` those of them that were there before: what was published meanwhile, it has lost. `owed` is, by
-    gid, for publishers that have gone, and for those of which something was for it before `began`.
+    By gid, because publishers may come back, are `last_seqs`, up to which number it has had all, and `owed`:
+    for publishers that have gone, and for those of which something was for it before its match began.
     """
 
     queue: RunQueue
     last_seqs: dict[bytes, int]
-    matches: dict[EndpointId, Publisher] = field(default_factory=dict)
+    matches: "dict[EndpointId, Match]" = field(default_factory=dict)
     dropped: dict[str, int] = field(default_factory=dict)
-    began: dict[EndpointId, int] = field(default_factory=dict)
-    returned: set[EndpointId] = field(default_factory=set)
     owed: dict[bytes, Owed] = field(default_factory=dict)
     dropped_before: dict[str, int] = field(default_factory=dict)
     """The same as `dropped`, before its process was lost and came back."""
@@ -326,10 +305,6 @@ class Subscription(Endpoint):
         Endpoint.__post_init__(self)
         self.flush = Flush(self.node.peer.id, self.queue)
 
-    def begin(self, publisher: Publisher) -> None:
-        """From now on what `publisher` sends to all is for this subscription, too."""
-        self.began.setdefault(publisher.id, publisher.next_seq)
-
     def owe(self, publisher: Publisher, first_seq: int) -> None:
         """All from `first_seq` on is for it."""
         owed = self.owed.get(publisher.gid)
@@ -339,33 +314,6 @@ class Subscription(Endpoint):
             self.owed[publisher.gid] = Owed(first_seq, is_kept)
         else:
             owed.first_seq = min(owed.first_seq or first_seq, first_seq)
-
-    def owed_by(self, publisher: Publisher) -> Owed | None:
-        """What of a publisher that is matched is for it, if anything."""
-        if self.id in publisher.shared:
-            return Owed(0, is_kept=False)
-        known_seq = publisher.behind.get(self.id)
-        first_seq = self.began.get(publisher.id) if known_seq is None else known_seq + 1
-        if first_seq is None:
-            return None
-        self.owe(publisher, first_seq)
-        return self.owed[publisher.gid]
-
-    def end(self, publisher: Publisher) -> int:
-        """The match has ended; returns up to which number it has had all, or that was routed for it."""
-        self.returned.discard(publisher.id)
-        began = self.began.pop(publisher.id, None)
-        if began is not None:
-            self.expected_besides += publisher.next_seq - began
-            self.remember(publisher, publisher.next_seq - 1)
-            self.owe(publisher, began)
-            self.owed[publisher.gid].has_left = publisher.has_left
-        return self.last_seqs.get(publisher.gid, 0)
-
-    def end_sharing(self, publisher: Publisher) -> None:
-        """The publisher has left, with what it has said is in its ring."""
-        self.remember(publisher, publisher.next_seq - 1)
-        self.owed[publisher.gid] = Owed(0, is_kept=False, has_left=True)
 
     def remember(self, publisher: Publisher, last_seq: int) -> None:
         """It has had all up to `last_seq`, or that was routed for it; the publisher may send it once more."""
@@ -388,7 +336,7 @@ class Subscription(Endpoint):
     @property
     def expected(self) -> int:
         """Samples that were to be routed to it, by the publishers' numbers; whatever became of them."""
-        routed = sum(self.matches[publisher].next_seq - began for publisher, began in self.began.items())
+        routed = sum(match.routed_count for match in self.matches.values())
         return min(self.expected_besides + routed, MAX_COUNT)
 
     def statistics(self) -> EndpointStatistics:
@@ -403,6 +351,121 @@ class Subscription(Endpoint):
             dropped=dropped,
             expected=min(max(self.expected + (mine.expected - mine.repeated if mine else 0), 0), MAX_COUNT),
             at_ns=mine.at_ns if mine else 0,
+        )
+
+
+class Match(msgspec.Struct, eq=False, gc=False):  # its end takes it out of both ends' tables: no cycle stays
+    """A publisher and a subscription that match. Nothing but `on` changes the state."""
+
+    publisher: Publisher
+    subscription: Subscription
+    at_ns: int
+    """When it was made."""
+    state: MatchState = MatchState.NEW
+    began_seq: int = 0
+    """ROUTED, AHEAD: the number of the first sample that counts as routed for it."""
+    is_return: bool = False
+    """ROUTED: the subscription was there before, so that it has lost what went to others meanwhile."""
+    acked_seq: int | None = None
+    """Of a lossless match: the last number that was taken. None: the publisher does not wait for it."""
+
+    @property
+    def is_shared(self) -> bool:
+        return self.state in SHARED
+
+    @property
+    def has_ended(self) -> bool:
+        return self.state is MatchState.ENDED
+
+    @property
+    def route(self) -> str:
+        return SHM if self.state in SHARED else SOCKET
+
+    @property
+    def is_lossless(self) -> bool:
+        return self.publisher.is_lossless and self.subscription.is_lossless
+
+    def on(self, event: MatchEvent) -> None:
+        """`event` happens. Raises MatchError where it can't."""
+        state = TRANSITIONS[self.state].get(event)
+        if state is None:
+            raise MatchError(f"{self.describe()} is {self.state.value!r}: {event.value!r} can't happen to it")
+        self.state = state
+        publisher, number = self.publisher, self.subscription.id
+        publisher.routed.pop(number, None)
+        publisher.ahead.pop(number, None)
+        if state is MatchState.ROUTED:
+            publisher.routed[number] = self.subscription
+        elif state is MatchState.AHEAD:
+            publisher.ahead[number] = self
+        elif state is MatchState.ENDED:
+            self.excuse()
+
+    def share(self) -> None:
+        """What the subscription gets, it finds in the ring."""
+        self.on(MatchEvent.SHARE)
+        self.publisher.has_shared = True
+        self.subscription.owed.pop(self.publisher.gid, None)
+
+    def begin_routing(self) -> None:
+        """From now on the subscription gets what all get, but for what was routed for it before."""
+        publisher = self.publisher
+        known_seq = self.subscription.last_seqs.get(publisher.gid)
+        is_ahead = known_seq is not None and known_seq >= publisher.next_seq
+        self.began_seq = known_seq + 1 if known_seq is not None and is_ahead else publisher.next_seq
+        self.is_return = self.state is MatchState.NEW and known_seq is not None and not is_ahead
+        self.on(MatchEvent.ROUTE_AHEAD if is_ahead else MatchEvent.ROUTE)
+
+    def end(self) -> int:
+        """Returns up to which number the subscription has had all, or that was routed for it."""
+        publisher, subscription = self.publisher, self.subscription
+        was_shared, was_routed = self.is_shared, self.state is MatchState.ROUTED
+        routed_count = self.routed_count
+        self.on(MatchEvent.END)
+        if was_routed:
+            subscription.expected_besides += routed_count
+            subscription.remember(publisher, publisher.next_seq - 1)
+            subscription.owe(publisher, self.began_seq)
+            subscription.owed[publisher.gid].has_left = publisher.has_left
+        last_seq = subscription.last_seqs.get(publisher.gid, 0)
+        if was_shared and publisher.has_left:  # with what it has said is in its ring
+            subscription.remember(publisher, publisher.next_seq - 1)
+            subscription.owed[publisher.gid] = Owed(0, is_kept=False, has_left=True)
+        return last_seq
+
+    @property
+    def routed_count(self) -> int:
+        """Samples that were routed for it, as one of all."""
+        return self.publisher.next_seq - self.began_seq if self.state is MatchState.ROUTED else 0
+
+    @property
+    def owed(self) -> Owed | None:
+        """What of the publisher is for the subscription, if anything."""
+        if self.is_shared:
+            return Owed(0, is_kept=False)
+        if self.state not in (MatchState.ROUTED, MatchState.AHEAD):
+            return None
+        self.subscription.owe(self.publisher, self.began_seq)
+        return self.subscription.owed[self.publisher.gid]
+
+    def await_acks(self) -> None:
+        """From now on the publisher waits for what the subscription has taken by socket."""
+        publisher = self.publisher
+        self.acked_seq = max(self.began_seq, publisher.next_seq) - 1
+        publisher.awaited[self.subscription.id] = self
+        # Of what it has taken already, and the publisher is yet to send here, nothing will be acknowledged.
+        publisher.is_credit_ahead |= self.began_seq > publisher.next_seq
+
+    def excuse(self) -> bool:
+        """The publisher waits for it no more; returns whether it did."""
+        self.acked_seq = None
+        return self.publisher.awaited.pop(self.subscription.id, None) is not None
+
+    def describe(self) -> str:
+        publisher, subscription = self.publisher, self.subscription
+        return (
+            f"the match on '{publisher.topic.name}' of publisher {publisher.id} ({publisher.node.full_name}) "
+            f"and subscription {subscription.id} ({subscription.node.full_name})"
         )
 
 

@@ -9,7 +9,8 @@ from itertools import count
 
 from bus.base.ids import EndpointId, NodeId
 from bus.wire.messages import EndpointRecord, GraphChanged, MatchRecord, NodeRecord
-from busd.core.entities import MessageType, Node, Peer, Publisher, Sharing, Subscription, Topic
+from busd.core.entities import Match, MessageType, Node, Peer, Publisher, Subscription, Topic
+from busd.core.match import MatchEvent
 from busd.core.work import TELL, Work
 
 
@@ -109,51 +110,33 @@ class Graph:
                 del holder.topics[topic.name]
         self._endpoints_removed.append(endpoint.id)
 
-    def add_match(
-        self, publisher: Publisher, subscription: Subscription, sharing: Sharing | None = None
-    ) -> None:
-        """A match on the route shm with `sharing`, else on the route socket."""
-        publisher.matches[subscription.id] = subscription
-        subscription.matches[publisher.id] = publisher
-        if sharing is not None:
-            publisher.shared[subscription.id] = sharing
-            subscription.owed.pop(publisher.gid, None)
+    def add_match(self, match: Match, *, is_shared: bool) -> None:
+        """A new match, on the route shm or on the route socket."""
+        publisher, subscription = match.publisher, match.subscription
+        publisher.matches[subscription.id] = subscription.matches[publisher.id] = match
+        if is_shared:
+            match.share()
         else:
-            self.begin_routing(publisher, subscription)
-            if subscription.id in publisher.routed and publisher.gid in subscription.last_seqs:
-                subscription.returned.add(publisher.id)
+            match.begin_routing()
         self._matches += 1
-        _count_match(publisher, subscription, 1)
-        self._matches_added.append(_match_record(publisher, subscription.id))
+        _count_match(match, 1)
+        self._matches_added.append(_match_record(match))
 
-    def begin_routing(self, publisher: Publisher, subscription: Subscription) -> None:
-        """From now on it gets what all get, but for what was routed for it before."""
-        known_seq = subscription.last_seqs.get(publisher.gid, 0)
-        if known_seq < publisher.next_seq:
-            publisher.routed[subscription.id] = subscription
-            subscription.begin(publisher)
-        else:
-            publisher.behind[subscription.id] = known_seq
-
-    def reroute(self, publisher: Publisher, subscription: Subscription) -> None:
+    def reroute(self, match: Match) -> None:
         """From the route shm to the route socket, by which it gets nothing yet."""
-        self._matches_removed.append(_match_record(publisher, subscription.id))
-        publisher.leaving[subscription.id] = publisher.shared.pop(subscription.id)
-        self._matches_added.append(_match_record(publisher, subscription.id))
+        before = _match_record(match)
+        match.on(MatchEvent.REROUTE)
+        self._matches_removed.append(before)
+        self._matches_added.append(_match_record(match))
 
-    def remove_match(self, publisher: Publisher, subscription: Subscription) -> int:
+    def remove_match(self, match: Match) -> int:
         """Returns up to which number the subscription has had all, or that was routed for it."""
-        self._matches_removed.append(_match_record(publisher, subscription.id))
-        publisher.routed.pop(subscription.id, None)
-        was_shared = publisher.shared.pop(subscription.id, None) is not None
-        publisher.leaving.pop(subscription.id, None)
-        publisher.behind.pop(subscription.id, None)
-        last_seq = subscription.end(publisher)
-        if was_shared and publisher.has_left:
-            subscription.end_sharing(publisher)
-        del publisher.matches[subscription.id], subscription.matches[publisher.id]
+        record = _match_record(match)
+        last_seq = match.end()
+        self._matches_removed.append(record)
+        del match.publisher.matches[match.subscription.id], match.subscription.matches[match.publisher.id]
         self._matches -= 1
-        _count_match(publisher, subscription, -1)
+        _count_match(match, -1)
         return last_seq
 
     def add_type(self, peer: Peer, kind: MessageType, schema: bytes, *, is_free: bool) -> None:
@@ -233,14 +216,14 @@ class Graph:
     def match_records(self) -> Iterator[MatchRecord]:
         """Every match."""
         for publisher in self.publishers.values():
-            for subscription in publisher.matches:
-                yield _match_record(publisher, subscription)
+            for match in publisher.matches.values():
+                yield _match_record(match)
 
 
-def _count_match(publisher: Publisher, subscription: Subscription, number: int) -> None:
+def _count_match(match: Match, number: int) -> None:
     """Count it for both processes and users, each once; a guest's for the guest alone, who must not use up
     what others may have."""
-    one, other = publisher.node.peer, subscription.node.peer
+    one, other = match.publisher.node.peer, match.subscription.node.peer
     if one.is_guest is not other.is_guest:
         one = other = one if one.is_guest else other
     one.matches += number
@@ -251,5 +234,5 @@ def _count_match(publisher: Publisher, subscription: Subscription, number: int) 
             other.user.matches += number
 
 
-def _match_record(publisher: Publisher, subscription: EndpointId) -> MatchRecord:
-    return MatchRecord(publisher=publisher.id, subscription=subscription, route=publisher.route(subscription))
+def _match_record(match: Match) -> MatchRecord:
+    return MatchRecord(publisher=match.publisher.id, subscription=match.subscription.id, route=match.route)

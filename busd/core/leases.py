@@ -12,7 +12,7 @@ from itertools import islice
 
 from bus.wire.messages import LivelinessChanged, LivelinessLost
 from busd.core.effects import Effect, Note, Send
-from busd.core.entities import Peer, Publisher, Subscription
+from busd.core.entities import Match, Peer, Publisher
 from busd.core.silence import Silences
 from busd.core.timers import Timers
 from busd.core.work import TELL, Meter
@@ -42,7 +42,7 @@ class Leases:
         self.lease_ns = lease_ns
         self._silences = silences
         self._returning: set[Peer] = set()
-        self._news: deque[tuple[Publisher, bool, Iterator[Subscription]]] = deque()
+        self._news: deque[tuple[Publisher, bool, Iterator[Match]]] = deque()
         """Publishers whose lease ended or that are back, and whom that is yet to be told."""
 
     def watch_publisher(self, now_ns: int, publisher: Publisher) -> None:
@@ -107,10 +107,11 @@ class Leases:
 
     def _tell_some(self, now_ns: int) -> None:
         """Tell a few, and the others right after that: a publisher may have thousands of subscriptions."""
-        publisher, is_alive, others = self._news[0]
-        few = list(islice(others, _FEW))
-        for subscription in few:
-            if subscription.id in publisher.matches:
+        publisher, is_alive, matches = self._news[0]
+        few = list(islice(matches, _FEW))
+        for match in few:
+            if not match.has_ended:
+                subscription = match.subscription
                 message = LivelinessChanged(
                     subscription=subscription.id, publisher=publisher.id, alive=is_alive
                 )

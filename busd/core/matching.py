@@ -6,6 +6,7 @@ new. One on the route shm finds it in the ring.
 
 import logging
 from collections.abc import Callable
+from operator import attrgetter
 from typing import Any
 
 from bus.qos import check_compatible, describe_incompatibilities
@@ -20,8 +21,10 @@ from bus.wire.messages import (
 )
 from bus.wire.runs import RunQueue
 from busd.core.effects import Effect, Note, Send
-from busd.core.entities import SHM, SOCKET, Publisher, Sharing, Subscription, keeps_history
+from busd.core.entities import Match, Publisher, Subscription, keeps_history
 from busd.core.graph import Graph
+
+_ACKED_SEQ = attrgetter("acked_seq")
 
 
 def incompatibility(publisher: Publisher, subscription: Subscription) -> tuple[str, str] | None:
@@ -49,8 +52,8 @@ def connect(
         _refuse(publisher, subscription, *reason, out)
         return
     is_shared = can_share(publisher, subscription)
-    graph.add_match(publisher, subscription, Sharing(now_ns) if is_shared else None)
-    publisher.has_shared |= is_shared
+    match = Match(publisher, subscription, now_ns)
+    graph.add_match(match, is_shared=is_shared)
     ring: tuple[Any, ...] = (publisher.ring, publisher.node.peer.doorbell) if is_shared else ()
     for mine, other, brings in ((publisher, subscription, ()), (subscription, publisher, ring)):
         message = Matched(
@@ -59,15 +62,15 @@ def connect(
             node=other.node.full_name,
             gid=other.gid,
             qos=other.qos,
-            route=SHM if is_shared else SOCKET,
+            route=match.route,
             next_seq=publisher.next_seq,
             at_ns=now_ns,
             descriptors=len(brings),
         )
         out.append(Send(mine.node.peer.id, message, brings))
-    if subscription.node.peer.is_silent and publisher.is_lossless and subscription.is_lossless:
+    if subscription.node.peer.is_silent and match.is_lossless:
         silent_ns = now_ns - subscription.node.peer.last_heard_ns
-        tell_of_silence(publisher, subscription, silent_ns, out.append)
+        tell_of_silence(match, silent_ns, out.append)
     if not publisher.is_alive:
         lost = LivelinessChanged(subscription=subscription.id, publisher=publisher.id, alive=False)
         out.append(Send(subscription.node.peer.id, lost))
@@ -75,9 +78,9 @@ def connect(
         known_seq = subscription.last_seqs.get(publisher.gid)
         if keeps_history(subscription.qos):
             known_seq = known_seq or 0
-        elif not (publisher.is_lossless and subscription.is_lossless):
+        elif not match.is_lossless:
             known_seq = None  # only a lossless one, which was there before, has missed something
-        _begin_routing(now_ns, publisher, subscription, known_seq, out)
+        _begin_routing(now_ns, match, known_seq, out)
 
 
 def can_share(publisher: Publisher, subscription: Subscription) -> bool:
@@ -95,47 +98,40 @@ def can_share(publisher: Publisher, subscription: Subscription) -> bool:
     )
 
 
-def reroute(
-    now_ns: int, graph: Graph, publisher: Publisher, subscription: Subscription, out: list[Effect]
-) -> None:
+def reroute(now_ns: int, graph: Graph, match: Match, out: list[Effect]) -> None:
     """Put a match on the route socket that was on the route shm, and tell the subscription.
 
     When that has left the ring (LeaveRing), the publisher is told. It sends to the subscription alone what
     that has not had, of its history and of what was published since the match began; when that is said to be
     done (CaughtUp), the subscription gets what all get. So each sample goes one way, and is counted once.
     """
-    sharing = publisher.shared[subscription.id]
-    graph.reroute(publisher, subscription)
-    told = Rerouted(endpoint=subscription.id, other=publisher.id, route=SOCKET, at_ns=sharing.at_ns)
+    publisher, subscription = match.publisher, match.subscription
+    graph.reroute(match)
+    told = Rerouted(endpoint=subscription.id, other=publisher.id, route=match.route, at_ns=match.at_ns)
     out.append(Send(subscription.node.peer.id, told))
-    _begin_routing(now_ns, publisher, subscription, None, out)
+    _begin_routing(now_ns, match, None, out)
 
 
-def disconnect(
-    graph: Graph,
-    publisher: Publisher,
-    subscription: Subscription,
-    out: list[Effect],
-    *,
-    is_lost: bool = False,
-) -> None:
+def disconnect(graph: Graph, match: Match, out: list[Effect], *, is_lost: bool = False) -> None:
     """Unmake the match and tell both; samples in the queue stay to be delivered.
 
     `is_lost`: the subscription's process did not take its leave.
     """
-    last_seq = graph.remove_match(publisher, subscription)
+    publisher, subscription = match.publisher, match.subscription
+    was_awaited = match.excuse()
+    last_seq = graph.remove_match(match)
     told = Unmatched(endpoint=publisher.id, other=subscription.id, lost=is_lost)
     out.append(Send(publisher.node.peer.id, told))
     told = Unmatched(endpoint=subscription.id, other=publisher.id, last_seq=last_seq)
     out.append(Send(subscription.node.peer.id, told))
-    if publisher.acked.pop(subscription.id, None) is not None:
+    if was_awaited:
         give_credit(publisher, out.append)
 
 
 def give_credit(publisher: Publisher, emit: Callable[[Effect], None]) -> None:
     """Tell a keep-all publisher what all that must take have taken, where that has grown."""
     last_seq = publisher.next_seq - 1
-    seq = min(publisher.acked.values(), default=last_seq)
+    seq: int = min(map(_ACKED_SEQ, publisher.awaited.values()), default=last_seq)
     publisher.is_credit_ahead = seq > last_seq
     seq = min(seq, last_seq)
     if seq > publisher.credited:
@@ -144,36 +140,24 @@ def give_credit(publisher: Publisher, emit: Callable[[Effect], None]) -> None:
         emit(Send(publisher.node.peer.id, Credit(publisher=publisher.id, seq=seq)))
 
 
-def await_acks(publisher: Publisher, subscription: Subscription) -> None:
-    """From now on a lossless publisher waits for what `subscription` has taken by socket."""
-    known_seq, last_seq_here = publisher.behind.get(subscription.id, 0), publisher.next_seq - 1
-    publisher.acked[subscription.id] = max(last_seq_here, known_seq)
-    # Of what it has taken already, and the publisher is yet to send here, nothing will be acknowledged.
-    publisher.is_credit_ahead |= known_seq > last_seq_here
-
-
-def tell_of_silence(
-    publisher: Publisher, subscription: Subscription, silent_ns: int, emit: Callable[[Effect], None]
-) -> None:
+def tell_of_silence(match: Match, silent_ns: int, emit: Callable[[Effect], None]) -> None:
     """Tell a lossless publisher whether to wait for a lossless subscription."""
-    peer, waiting = subscription.node.peer, publisher.node.peer
+    peer, waiting = match.subscription.node.peer, match.publisher.node.peer
     if waiting.hears_of_silence:
         told = Silence(
-            publisher=publisher.id,
-            subscription=subscription.id,
+            publisher=match.publisher.id,
+            subscription=match.subscription.id,
             silent_s=max(0, silent_ns) / 1e9,
             is_over=not peer.is_silent,
         )
         emit(Send(waiting.id, told))
 
 
-def release(
-    publisher: Publisher, subscription: Subscription, seq: int, emit: Callable[[Effect], None]
-) -> None:
+def release(match: Match, seq: int, emit: Callable[[Effect], None]) -> None:
     """Nobody waits for an acknowledgement of what is up to `seq`."""
-    if seq > publisher.acked.get(subscription.id, seq):
-        publisher.acked[subscription.id] = seq
-        give_credit(publisher, emit)
+    if match.acked_seq is not None and seq > match.acked_seq:
+        match.acked_seq = seq
+        give_credit(match.publisher, emit)
 
 
 def _refuse(
@@ -194,16 +178,11 @@ def _refuse(
     out.append(Note(logging.WARNING, f"no match on '{publisher.topic.name}': {nodes}: {text}"))
 
 
-def _begin_routing(
-    now_ns: int,
-    publisher: Publisher,
-    subscription: Subscription,
-    last_seq: int | None,
-    out: list[Effect],
-) -> None:
+def _begin_routing(now_ns: int, match: Match, last_seq: int | None, out: list[Effect]) -> None:
     """From now on runs are queued for the match; first comes the history after `last_seq` (None: nothing)."""
-    if publisher.is_lossless and subscription.is_lossless and not subscription.node.peer.is_silent:
-        await_acks(publisher, subscription)
+    publisher, subscription = match.publisher, match.subscription
+    if match.is_lossless and not subscription.node.peer.is_silent:
+        match.await_acks()
     if publisher.lifespan_ns:
         subscription.node.peer.perishable.add(subscription)
     if publisher.history is not None and last_seq is not None:

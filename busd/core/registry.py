@@ -34,6 +34,7 @@ from busd.core.entities import (
 from busd.core.graph import Graph
 from busd.core.leases import Leases
 from busd.core.limits import Limits, TopicCaps, TopicRule, rules_for
+from busd.core.match import MatchState
 from busd.core.matching import connect, disconnect
 from busd.core.quotas import Quotas
 from busd.core.router import Router
@@ -230,11 +231,11 @@ class Registry:
             endpoint.has_left = not is_lost
             gap = 0 if is_lost else endpoint.conclude()
             self._absentees.go(endpoint)
-            for subscription in tuple(endpoint.matches.values()):
-                if subscription.id in endpoint.matches:
-                    if gap and subscription.id in endpoint.routed:
-                        self._router.miss(now_ns, endpoint, gap, (subscription,), is_loss=False)
-                    disconnect(self._graph, endpoint, subscription, out)
+            for match in tuple(endpoint.matches.values()):
+                if not match.has_ended:
+                    if gap and match.state is MatchState.ROUTED:
+                        self._router.miss(now_ns, endpoint, gap, (match.subscription,), is_loss=False)
+                    disconnect(self._graph, match, out)
                     now_ns = yield UNMATCH
             if endpoint.history is not None:
                 yield from _empty(endpoint.history)
@@ -244,9 +245,9 @@ class Registry:
             if is_lost:
                 yield from self._absentees.lose(endpoint.node.peer.last_heard_ns, endpoint)
             self._absentees.forget(endpoint)
-            for publisher in tuple(endpoint.matches.values()):
-                if publisher.id in endpoint.matches:
-                    disconnect(self._graph, publisher, endpoint, out, is_lost=is_lost)
+            for match in tuple(endpoint.matches.values()):
+                if not match.has_ended:
+                    disconnect(self._graph, match, out, is_lost=is_lost)
                     yield UNMATCH
             yield from _empty(endpoint.queue)
             endpoint.node.peer.perishable.discard(endpoint)

@@ -15,6 +15,7 @@ from bus.wire.messages import Dropped
 from bus.wire.runs import Account, Run
 from busd.core.effects import Effect, Send
 from busd.core.entities import Peer, Publisher, Subscription
+from busd.core.match import MatchEvent, MatchState
 from busd.core.matching import give_credit, release
 from busd.core.quotas import Quotas
 from busd.core.timers import Timers
@@ -115,11 +116,11 @@ class Router:
                     self._overfull.append(subscription)
                 if not queue.is_ready:
                     out.append(subscription.flush)
-        if publisher.behind:
+        if publisher.ahead:
             self._admit(now_ns, publisher, run, out, is_loss=not is_resumed)
         if publisher.is_credit_ahead:
             give_credit(publisher, out.append)
-        elif publisher.is_lossless and not publisher.acked:
+        elif publisher.is_lossless and not publisher.awaited:
             publisher.uncredited_bytes += size
             if (
                 publisher.uncredited_bytes >= self._credit_bytes
@@ -174,7 +175,7 @@ class Router:
             for subscription in few:
                 self.drop(now_ns, subscription, "too_large", count)
                 if publisher.id not in _sources(subscription):
-                    release(publisher, subscription, publisher.next_seq - 1, self._emit)
+                    release(publisher.matches[subscription.id], publisher.next_seq - 1, self._emit)
             yield TELL * len(few)
 
     def trim(self, now_ns: int) -> None:
@@ -267,10 +268,10 @@ class Router:
     def _catch_up(self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect]) -> None:
         """A run for one subscription, of samples that the others had before; as `route`."""
         self._meter.left -= FRAME + run.count // SAMPLES_PER_UNIT
-        number = EndpointId(run.only_for)
-        subscription = publisher.matches.get(number)
-        if subscription is None or number in publisher.shared or number in publisher.leaving:
+        match = publisher.matches.get(EndpointId(run.only_for))
+        if match is None or match.is_shared or match.state is MatchState.LEAVING:
             return  # it has left, or was never rerouted
+        subscription = match.subscription
         if run.first_seq + run.count > publisher.next_seq and not publisher.has_shared:
             # Who takes it would acknowledge what was never published, and be cut off for that.
             raise RemoteProtocolError(
@@ -278,12 +279,12 @@ class Router:
                 f"the last one is {publisher.next_seq - 1}"
             )
         subscription.expected_besides += run.count
-        if publisher.is_catching_up(number):
+        if match.state is MatchState.CATCHING_UP:
             subscription.remember(publisher, run.first_seq + run.count - 1)
         if self._is_too_large(run, publisher.max_message_bytes):
             self.drop(now_ns, subscription, "too_large", run.count)
             if publisher.id not in _sources(subscription):
-                release(publisher, subscription, run.first_seq + run.count - 1, self._emit)
+                release(match, run.first_seq + run.count - 1, self._emit)
             return
         run.source = publisher.id
         run.lifespan_ns = publisher.lifespan_ns
@@ -296,15 +297,14 @@ class Router:
         self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect], *, is_loss: bool
     ) -> None:
         """Begin to route to those for whom something in `run` is new, as for all others from now on."""
-        for number, known_seq in tuple(publisher.behind.items()):
-            if publisher.next_seq <= known_seq + 1:
+        for match in tuple(publisher.ahead.values()):
+            if publisher.next_seq <= match.began_seq:
                 continue
-            subscription = publisher.routed[number] = publisher.matches[number]
-            del publisher.behind[number]
-            subscription.began[publisher.id] = known_seq + 1
-            if lost := max(0, run.first_seq - known_seq - 1):
+            match.on(MatchEvent.REACH)
+            subscription = match.subscription
+            if lost := max(0, run.first_seq - match.began_seq):
                 self.drop(now_ns, subscription, "publisher_queue" if is_loss else "disconnected", lost)
-            fresh = run if run.first_seq > known_seq else run.after(known_seq)
+            fresh = run if run.first_seq >= match.began_seq else run.after(match.began_seq - 1)
             if subscription.queue.append(fresh):
                 self._overfull.append(subscription)
             out.append(subscription.flush)
@@ -317,11 +317,11 @@ class Router:
         if count:
             self.drop(now_ns, subscription, reason, count)
             for run in gone or ():
-                publisher = subscription.matches.get(EndpointId(run.source))
+                match = subscription.matches.get(EndpointId(run.source))
                 last_seq = run.first_seq + run.count - 1
                 # Where the newest were dropped, no acknowledgement will ever cover them.
-                if publisher is not None and last_seq >= publisher.next_seq - 1:
-                    release(publisher, subscription, last_seq, self._emit)
+                if match is not None and last_seq >= match.publisher.next_seq - 1:
+                    release(match, last_seq, self._emit)
 
     def miss(
         self,
@@ -335,10 +335,10 @@ class Router:
         for subscription in subscriptions:
             if is_loss:  # the publisher's own queue replaced them before they could be handed over
                 self.drop(now_ns, subscription, "publisher_queue", gap)
-            elif publisher.id in subscription.returned:  # it would have got them, but was away
-                self.drop(now_ns, subscription, "disconnected", gap)
+            elif (match := publisher.matches[subscription.id]).is_return:
+                self.drop(now_ns, subscription, "disconnected", gap)  # it would have got them, but was away
             else:
-                subscription.began[publisher.id] += gap  # these went to others, by another route
+                match.began_seq += gap  # these went to others, by another route
 
     @staticmethod
     def _is_too_large(run: Run, limit: int) -> bool:

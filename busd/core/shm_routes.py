@@ -10,8 +10,9 @@ from bus.base.ids import EndpointId
 from bus.errors import QuotaExceeded, RemoteProtocolError
 from bus.wire import messages as m
 from busd.core.effects import Effect, Note, Send
-from busd.core.entities import SOCKET, Peer, Publisher, Subscription
+from busd.core.entities import SOCKET, Match, Peer
 from busd.core.graph import Graph
+from busd.core.match import MatchEvent, MatchState
 from busd.core.matching import release, reroute
 from busd.core.quotas import Quotas
 from busd.core.registry import Registry
@@ -52,15 +53,15 @@ class Routes:
 
     def attach(self, now_ns: int, peer: Peer, message: m.Attach, out: list[Effect]) -> None:
         subscription = self._registry.own_subscription(peer, message.subscription)
-        publisher = subscription.matches.get(EndpointId(message.source))
-        sharing = publisher.shared.get(subscription.id) if publisher is not None else None
-        if publisher is None or sharing is None:
+        match = subscription.matches.get(EndpointId(message.source))
+        if match is None or not match.is_shared:
             return
-        if sharing.is_attached:
+        publisher = match.publisher
+        if match.state is MatchState.ATTACHED:
             raise RemoteProtocolError(
                 f"subscription {subscription.id} attached to publisher {publisher.id} a second time"
             )
-        sharing.is_attached = True
+        match.on(MatchEvent.ATTACH)
         attached = m.Attached(
             publisher=publisher.id,
             subscription=subscription.id,
@@ -72,31 +73,33 @@ class Routes:
 
     def refuse(self, now_ns: int, peer: Peer, message: m.RefuseRoute, out: list[Effect]) -> None:
         endpoint = self._registry.own_endpoint(peer, message.endpoint)
-        other = endpoint.matches.get(EndpointId(message.other))
-        self._reroute_either(now_ns, endpoint, other, f"{peer.describe()}: {message.text}", out)
+        match = endpoint.matches.get(EndpointId(message.other))
+        if match is not None:
+            self._reroute(now_ns, match, f"{peer.describe()}: {message.text}", out)
 
     def leave(self, now_ns: int, peer: Peer, message: m.LeaveRing, out: list[Effect]) -> None:
         subscription = self._registry.own_subscription(peer, message.subscription)
-        publisher = subscription.matches.get(EndpointId(message.source))
-        sharing = publisher.leaving.pop(subscription.id, None) if publisher is not None else None
-        if publisher is not None and sharing is not None:
+        match = subscription.matches.get(EndpointId(message.source))
+        if match is not None and match.state is MatchState.LEAVING:
+            match.on(MatchEvent.LEAVE)
+            publisher = match.publisher
             # Received through the ring already: not sent again, and nobody waits for them.
             subscription.remember(publisher, message.seq)
-            release(publisher, subscription, message.seq, out.append)
+            release(match, message.seq, out.append)
             told = m.Rerouted(
                 endpoint=publisher.id,
                 other=subscription.id,
                 route=SOCKET,
-                at_ns=sharing.at_ns,
+                at_ns=match.at_ns,
                 last_seq=message.seq,
             )
             out.append(Send(publisher.node.peer.id, told))
 
     def caught_up(self, now_ns: int, peer: Peer, message: m.CaughtUp, out: list[Effect]) -> None:
         publisher = self._registry.own_publisher(peer, message.publisher)
-        subscription = publisher.matches.get(EndpointId(message.subscription))
-        if subscription is not None and publisher.is_catching_up(subscription.id):
-            self._graph.begin_routing(publisher, subscription)
+        match = publisher.matches.get(EndpointId(message.subscription))
+        if match is not None and match.state is MatchState.CATCHING_UP:
+            match.begin_routing()
 
     def replace_ring(
         self,
@@ -110,13 +113,14 @@ class Routes:
         publisher.ring = None  # first of all: the new one takes its place
         if ring is not None and self._may_hold(now_ns, peer, (ring,), out):
             publisher.ring = ring
-        for subscription in [publisher.matches[one] for one in publisher.shared]:
-            if subscription.id not in publisher.shared:
+        for match in [one for one in publisher.matches.values() if one.is_shared]:
+            if not match.is_shared:
                 continue
             if publisher.ring is None:
-                self._reroute(now_ns, publisher, subscription, "its new ring was lost", out)
+                self._reroute(now_ns, match, "its new ring was lost", out)
                 now_ns = yield MATCH
             else:
+                subscription = match.subscription
                 replaced = m.RingReplaced(subscription=subscription.id, source=publisher.id)
                 out.append(Send(subscription.node.peer.id, replaced, (ring,)))
                 now_ns = yield TELL
@@ -130,25 +134,11 @@ class Routes:
             return False
         return True
 
-    def _reroute_either(
-        self,
-        now_ns: int,
-        endpoint: Publisher | Subscription,
-        other: Publisher | Subscription | None,
-        why: str,
-        out: list[Effect],
-    ) -> None:
-        if isinstance(endpoint, Publisher) and isinstance(other, Subscription):
-            self._reroute(now_ns, endpoint, other, why, out)
-        elif isinstance(endpoint, Subscription) and isinstance(other, Publisher):
-            self._reroute(now_ns, other, endpoint, why, out)
-
-    def _reroute(
-        self, now_ns: int, publisher: Publisher, subscription: Subscription, why: str, out: list[Effect]
-    ) -> None:
-        if subscription.id not in publisher.shared:
+    def _reroute(self, now_ns: int, match: Match, why: str, out: list[Effect]) -> None:
+        if not match.is_shared:
             return
-        reroute(now_ns, self._graph, publisher, subscription, out)
+        publisher, subscription = match.publisher, match.subscription
+        reroute(now_ns, self._graph, match, out)
         self._router.bound(now_ns, subscription)
         ends = f"{publisher.node.full_name} to {subscription.node.full_name}"
         out.append(

@@ -13,8 +13,8 @@ from itertools import islice
 
 from bus.base.ids import PeerId
 from busd.core.effects import Effect, Note
-from busd.core.entities import Peer, Publisher, Subscription
-from busd.core.matching import await_acks, give_credit, tell_of_silence
+from busd.core.entities import Match, Peer
+from busd.core.matching import give_credit, tell_of_silence
 from busd.core.timers import NEVER_NS, Timers
 from busd.core.work import LOOKS_PER_UNIT, TELL, Meter
 
@@ -42,7 +42,7 @@ class Silences:
         self._lives = lives
         self._evict = evict
         self._looks: list[int] = []  # when the silent are looked for, the next time at the end
-        self._news: deque[tuple[Peer, int, Iterator[tuple[Publisher, Subscription]]]] = deque()
+        self._news: deque[tuple[Peer, int, Iterator[Match]]] = deque()
         """Processes that fell silent or were heard again, for how long they were silent, and who waits."""
 
     def watch(self, now_ns: int, peer: Peer) -> None:
@@ -101,33 +101,31 @@ class Silences:
         """Tell a few, and the others right after that. Each by what is true now, however often it is told."""
         peer, silent_ns, matches = self._news[0]
         few = list(islice(matches, _FEW))
-        for publisher, subscription in few:
-            if publisher.id in subscription.matches and peer.id in self._peers:
-                self._tell(now_ns, publisher, subscription, silent_ns)
+        for match in few:
+            if not match.has_ended and peer.id in self._peers:
+                self._tell(now_ns, match, silent_ns)
         self._meter.left -= 2 * TELL * len(few)
         if len(few) < _FEW:
             self._news.popleft()
         if self._news:
             self._timers.add(now_ns, self._tell_some)
 
-    def _tell(self, now_ns: int, publisher: Publisher, subscription: Subscription, silent_ns: int) -> None:
-        peer, waiting = subscription.node.peer, publisher.node.peer
-        if subscription.id in publisher.shared:
+    def _tell(self, now_ns: int, match: Match, silent_ns: int) -> None:
+        peer, waiting = match.subscription.node.peer, match.publisher.node.peer
+        if match.is_shared:
             if peer.is_silent and not waiting.hears_of_silence:  # an older program would wait for ever
                 self._evict(now_ns, peer, f"no sign of life for {silent_ns / 1e9:.1f} s")
                 return
         elif not peer.is_silent:
-            await_acks(publisher, subscription)
-        elif publisher.acked.pop(subscription.id, None) is not None:
-            self._meter.left -= len(publisher.acked) // LOOKS_PER_UNIT
-            give_credit(publisher, self._emit)
+            match.await_acks()
+        elif match.excuse():
+            self._meter.left -= len(match.publisher.awaited) // LOOKS_PER_UNIT
+            give_credit(match.publisher, self._emit)
         if waiting is not peer:
-            tell_of_silence(publisher, subscription, silent_ns, self._emit)
+            tell_of_silence(match, silent_ns, self._emit)
 
 
-def _lossless_matches(peer: Peer) -> Iterator[tuple[Publisher, Subscription]]:
+def _lossless_matches(peer: Peer) -> Iterator[Match]:
     for subscription in peer.subscriptions():
         if subscription.is_lossless:
-            for publisher in tuple(subscription.matches.values()):
-                if publisher.is_lossless:
-                    yield publisher, subscription
+            yield from [match for match in subscription.matches.values() if match.is_lossless]

@@ -7,6 +7,7 @@ moment when it is made.
 
 from collections.abc import Container, Generator, Iterable, Iterator
 from itertools import islice
+from operator import attrgetter
 from typing import Any, TypeVar
 
 from bus.wire.codec import ArrayEncoder
@@ -14,12 +15,14 @@ from bus.wire.messages import Graph as Snapshot
 from bus.wire.messages import MatchRecord
 from busd.core.entities import SHM, SOCKET, Publisher, Subscription
 from busd.core.graph import Graph
+from busd.core.match import SHARED
 from busd.core.work import LOOKS_PER_UNIT, RECORD
 
 __all__ = ["take_snapshot"]
 
 _T = TypeVar("_T")
 _PIECE = 32
+_STATE = attrgetter("state")
 
 
 def take_snapshot(
@@ -37,17 +40,17 @@ def take_snapshot(
     revision = graph.revision
     nodes = list(graph.nodes.values())
     endpoints: list[Publisher | Subscription] = [*graph.publishers.values(), *graph.subscriptions.values()]
-    matches = [(one.id, [*one.matches], {*one.shared}) for one in graph.publishers.values() if one.matches]
+    matches = [
+        (one.id, [*one.matches], [*map(_STATE, one.matches.values())])
+        for one in graph.publishers.values()
+        if one.matches
+    ]
     yield len(graph) // LOOKS_PER_UNIT
     if shown is not None:
         seen_nodes, seen = shown
         nodes = [node for node in nodes if node.id in seen_nodes]
         endpoints = [one for one in endpoints if one.id in seen]
-        matches = [
-            (one, [other for other in others if other in seen], shared)
-            for one, others, shared in matches
-            if one in seen
-        ]
+        matches = [one for one in matches if one[0] in seen]
         yield len(graph) // LOOKS_PER_UNIT * 2
     records: Any = [ArrayEncoder(), ArrayEncoder(), ArrayEncoder()]
     for some in _pieces(nodes):
@@ -58,9 +61,10 @@ def take_snapshot(
         looks = sum(len(one.matches) for one in few) if statistics else 0
         yield RECORD * len(few) + looks // LOOKS_PER_UNIT
     for pairs in _pieces(
-        MatchRecord(publisher=one, subscription=other, route=SHM if other in shared else SOCKET)
-        for one, others, shared in matches
-        for other in others
+        MatchRecord(publisher=one, subscription=other, route=SHM if state in SHARED else SOCKET)
+        for one, others, states in matches
+        for other, state in zip(others, states, strict=True)
+        if shown is None or other in seen
     ):
         records[2].extend(pairs)
         yield RECORD * len(pairs)

@@ -25,6 +25,7 @@ from busd.core.access import Access, AccessRule
 from busd.core.limits import Limits, TopicRule
 from feeding import frame_record
 from fuzz.script import Script
+from match_tables import check_matches
 
 KIB = 1024
 LIMITS = Limits(
@@ -261,9 +262,7 @@ def _check(world: World) -> None:
         assert peer.queued.used == sum(one.queue.held_bytes for one in peer.subscriptions())
         for one in peer.subscriptions():
             assert one.queue.count <= one.queue.bound
-    for publisher in core.graph.publishers.values():
-        assert publisher.shared.keys() | publisher.routed.keys() <= publisher.matches.keys()
-        assert not publisher.shared.keys() & publisher.routed.keys()
+    check_matches(core.graph)
 
 
 def _end(world: World, witness: Process) -> None:

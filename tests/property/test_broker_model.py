@@ -19,6 +19,7 @@ from busd.core.absent import KEEP_NS, TELL_AGAIN_NS
 from busd.core.limits import Limits
 from busd.core.work import UNLIMITED
 from effort import examples
+from match_tables import check_matches
 
 KIB = 1024
 
@@ -304,6 +305,7 @@ class Books:
         graph = self.world.whole_graph()
         routes = {(match.publisher, match.subscription, match.route) for match in graph.matches}
         assert routes == self.model.matches()
+        check_matches(self.world.broker.graph)
         assert {endpoint.id for endpoint in graph.endpoints} == {*self.publishers, *self.subscriptions}
         self.watcher.catch_up()
         assert self.watcher.revision == graph.revision

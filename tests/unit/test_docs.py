@@ -16,6 +16,7 @@ from bus.types.support import type_support
 from bus.wire import layout, messages, records, session
 from bus.wire.runs import Account, Run, RunQueue
 from bus_cli.main import COMMANDS, make_parser
+from busd.core.match import TRANSITIONS, MatchEvent
 from feeding import frame_record
 
 ROOT = Path(__file__).parents[2]
@@ -193,6 +194,14 @@ class TestArchitecture:
         for reason, _, where, _ in rows_of(section(self.text, "## Drops"), "reason", "counted by"):
             for path in re.findall(r"[\w/]+\.py", where):
                 assert f'"{reason}"' in (ROOT / path).read_text(), (reason, path)
+
+    def test_the_states_of_a_match(self) -> None:
+        events = [event.value for event in MatchEvent]
+        drawn = {row[0]: row[1:] for row in rows_of(self.text, "state", *events)}
+        assert drawn == {
+            state.value: [following.value if (following := row.get(event)) else "" for event in MatchEvent]
+            for state, row in TRANSITIONS.items()
+        }
 
     def test_the_core_is_described(self) -> None:
         described = {row[0] for row in rows_of(section(self.text, "## The broker"), "module", "subject")}

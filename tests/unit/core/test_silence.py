@@ -200,11 +200,11 @@ class TestWhoWaits:
         assert kinds == [m.Matched, m.Silence], "in this order"
         late.publish(*"abc")
         pass_time(world, 1, late.process)
-        assert (late.id in world.broker.graph.publishers[late.id].acked) is False
-        assert not world.broker.graph.publishers[late.id].acked
+        assert (late.id in world.broker.graph.publishers[late.id].awaited) is False
+        assert not world.broker.graph.publishers[late.id].awaited
         subscription.process.tell(m.Ping())
         assert late.got(m.Silence)[-1].is_over
-        assert bool(world.broker.graph.publishers[late.id].acked) is not shares
+        assert bool(world.broker.graph.publishers[late.id].awaited) is not shares
 
     def test_who_is_not_held_back_is_not_told(self, world: World) -> None:
         silent, lively = world.process(), world.process()
@@ -245,10 +245,10 @@ class TestWhoWaits:
         subscription.process.is_blocked = True
         publisher.refuse(subscription)
         publisher.publish("b")
-        assert not world.broker.graph.publishers[publisher.id].acked
+        assert not world.broker.graph.publishers[publisher.id].awaited
         subscription.process.unblock()
         subscription.process.tell(m.Ping())
-        assert subscription.id in world.broker.graph.publishers[publisher.id].acked
+        assert subscription.id in world.broker.graph.publishers[publisher.id].awaited
 
     def test_many_are_told_in_pieces(self, world: World) -> None:
         silent, lively = world.process(), world.process()
@@ -282,7 +282,7 @@ class TestWhoWaits:
         pass_time(world, 1, lively)
         last = {one.publisher: one.is_over for one in lively.got(m.Silence)}
         assert list(last.values()) == [True] * 100
-        assert all(one.acked for one in world.broker.graph.publishers.values())
+        assert all(one.awaited for one in world.broker.graph.publishers.values())
 
 
 class TestOlderPrograms:

@@ -1,0 +1,86 @@
+"""What a match goes through: its states, what may happen in each of them, and which state follows.
+
+Owns the table and nothing else. The matches themselves, and the tables of their ends that go with the states,
+are in `busd.core.entities`.
+"""
+
+from collections.abc import Mapping
+from enum import Enum
+
+__all__ = ["SHARED", "TRANSITIONS", "MatchError", "MatchEvent", "MatchState"]
+
+
+class MatchState(Enum):
+    """Where a match stands."""
+
+    NEW = "new"
+    """Its route is not chosen yet."""
+    OFFERED = "offered"
+    """On the route shm: the subscription was told of the ring."""
+    ATTACHED = "attached"
+    """On the route shm: the subscription reads the ring."""
+    LEAVING = "leaving"
+    """On the route socket: the subscription is yet to say how far it has read the ring."""
+    CATCHING_UP = "catching up"
+    """The publisher sends to the subscription alone what it has missed; what goes to all is not for it."""
+    AHEAD = "ahead"
+    """The subscription has had samples that the publisher is yet to send again: it gets the later ones."""
+    ROUTED = "routed"
+    """The subscription gets what all get."""
+    ENDED = "ended"
+    """One of the two ends is gone."""
+
+
+class MatchEvent(Enum):
+    """What happens to a match."""
+
+    SHARE = "share"
+    """Both ends can share memory."""
+    ROUTE = "route"
+    """The next sample that goes to all is for the subscription, too."""
+    ROUTE_AHEAD = "route ahead"
+    """The same, but it has had that sample, and maybe more."""
+    ATTACH = "attach"
+    """The subscription has found the ring (Attach)."""
+    REROUTE = "reroute"
+    """The ring can't be used: one end refuses it, or it was lost."""
+    LEAVE = "leave"
+    """The subscription has left the ring (LeaveRing)."""
+    REACH = "reach"
+    """The publisher sends something that the subscription has not had."""
+    END = "end"
+    """One of the two ends goes."""
+
+
+_State, _Event = MatchState, MatchEvent
+
+TRANSITIONS: Mapping[MatchState, Mapping[MatchEvent, MatchState]] = {
+    _State.NEW: {
+        _Event.SHARE: _State.OFFERED,
+        _Event.ROUTE: _State.ROUTED,
+        _Event.ROUTE_AHEAD: _State.AHEAD,
+    },
+    _State.OFFERED: {
+        _Event.ATTACH: _State.ATTACHED,
+        _Event.REROUTE: _State.LEAVING,
+        _Event.END: _State.ENDED,
+    },
+    _State.ATTACHED: {_Event.REROUTE: _State.LEAVING, _Event.END: _State.ENDED},
+    _State.LEAVING: {_Event.LEAVE: _State.CATCHING_UP, _Event.END: _State.ENDED},
+    _State.CATCHING_UP: {
+        _Event.ROUTE: _State.ROUTED,
+        _Event.ROUTE_AHEAD: _State.AHEAD,
+        _Event.END: _State.ENDED,
+    },
+    _State.AHEAD: {_Event.REACH: _State.ROUTED, _Event.END: _State.ENDED},
+    _State.ROUTED: {_Event.END: _State.ENDED},
+    _State.ENDED: {},
+}
+"""What follows, by state and event; what is not in it must not happen."""
+
+SHARED = (MatchState.OFFERED, MatchState.ATTACHED)
+"""The states on the route shm."""
+
+
+class MatchError(Exception):
+    """Something happened to a match that can't happen in its state: a bug of busd, and no peer's fault."""

@@ -1,0 +1,245 @@
+"""busd.core.match: every cell of the table, what leads from state to state, and what goes with a state."""
+
+from itertools import product
+from typing import NamedTuple
+
+import pytest
+
+from broker_endpoints import Publisher, Subscription
+from broker_world import World
+from bus.base.ids import EndpointId
+from bus.qos import QoSProfile
+from bus.wire import messages as m
+from busd.core import entities
+from busd.core.entities import SHM, SOCKET, Match
+from busd.core.match import TRANSITIONS, MatchError, MatchEvent, MatchState
+from match_tables import check_matches
+
+ALL = QoSProfile(history="keep_all")
+GID = bytes(15) + b"g"
+LIVE = [state for state in MatchState if state not in (MatchState.NEW, MatchState.ENDED)]
+
+
+class Scene(NamedTuple):
+    """A match of lossless ends, and its ends as their processes see them."""
+
+    world: World
+    publisher: Publisher
+    subscription: Subscription
+    match: Match
+
+
+def scene(state: MatchState) -> Scene:
+    """A match that has come to `state`, by what processes said; a NEW one is of two that don't match."""
+    world = World()
+    shares = state not in (MatchState.NEW, MatchState.AHEAD, MatchState.ROUTED, MatchState.ENDED)
+    talker, listener = world.process("talker", shares=shares), world.process("listener", shares=shares)
+    known = {GID: 3} if state is MatchState.AHEAD else {}
+    topic = "/other" if state is MatchState.NEW else "/topic"
+    subscription = listener.node("ear").subscription(topic, ALL, last_seqs=known)
+    publisher = talker.node("mouth").publisher("/topic", ALL, gid=GID)
+    graph = world.broker.graph
+    one, other = graph.publishers[EndpointId(publisher.id)], graph.subscriptions[EndpointId(subscription.id)]
+    match = Match(one, other, 0) if state is MatchState.NEW else one.matches[other.id]
+    match state:
+        case MatchState.ATTACHED:
+            subscription.attach(publisher)
+        case MatchState.LEAVING:
+            listener.is_blocked = True
+            publisher.refuse(subscription)
+        case MatchState.CATCHING_UP:
+            publisher.refuse(subscription)
+        case MatchState.ENDED:
+            subscription.destroy()
+    assert match.state is state
+    check_matches(graph)
+    return Scene(world, publisher, subscription, match)
+
+
+def tables(publisher: entities.Publisher, number: EndpointId) -> set[str]:
+    """Which of the publisher's tables have something of the match with that subscription."""
+    found = {"routed": publisher.routed, "ahead": publisher.ahead, "awaited": publisher.awaited}
+    return {name for name, table in found.items() if number in table}
+
+
+@pytest.mark.parametrize(("state", "event"), list(product(MatchState, MatchEvent)))
+def test_every_cell(state: MatchState, event: MatchEvent) -> None:
+    _, publisher, subscription, match = scene(state)
+    before = tables(match.publisher, match.subscription.id)
+    following = TRANSITIONS[state].get(event)
+    if following is None:
+        with pytest.raises(MatchError) as caught:
+            match.on(event)
+        ends = f"publisher {publisher.id} (/mouth) and subscription {subscription.id} (/ear)"
+        assert str(caught.value) == (
+            f"the match on '/topic' of {ends} is {state.value!r}: {event.value!r} can't happen to it"
+        )
+        assert match.state is state
+        assert tables(match.publisher, match.subscription.id) == before
+        return
+    match.on(event)
+    assert match.state is following
+    assert match.route == (SHM if following in (MatchState.OFFERED, MatchState.ATTACHED) else SOCKET)
+    assert match.has_ended == (following is MatchState.ENDED)
+    of_states = {MatchState.ROUTED: {"routed"}, MatchState.AHEAD: {"ahead"}}
+    awaited = before & {"awaited"} if following is not MatchState.ENDED else set()
+    assert tables(match.publisher, match.subscription.id) == of_states.get(following, set()) | awaited
+
+
+def test_every_state_has_a_row_and_can_be_reached() -> None:
+    reached, waiting = set[MatchState](), [MatchState.NEW]
+    while waiting:
+        state = waiting.pop()
+        if state not in reached:
+            reached.add(state)
+            waiting += TRANSITIONS[state].values()
+    assert reached == {*MatchState} == {*TRANSITIONS}
+
+
+def test_every_match_that_is_there_can_end() -> None:
+    assert [state for state in MatchState if MatchEvent.END in TRANSITIONS[state]] == LIVE
+
+
+@pytest.mark.parametrize(
+    ("state", "word", "following"),
+    [
+        (MatchState.OFFERED, "attach", MatchState.ATTACHED),
+        (MatchState.ATTACHED, "attach", MatchState.ENDED),  # it is cut off
+        (MatchState.OFFERED, "refuse", MatchState.CATCHING_UP),  # its process leaves the ring at once
+        (MatchState.ATTACHED, "refuse", MatchState.CATCHING_UP),
+        (MatchState.LEAVING, "leave", MatchState.CATCHING_UP),
+        (MatchState.CATCHING_UP, "caught up", MatchState.ROUTED),
+        (MatchState.CATCHING_UP, "publish", MatchState.CATCHING_UP),
+        (MatchState.AHEAD, "publish", MatchState.AHEAD),
+        (MatchState.AHEAD, "publish it all", MatchState.ROUTED),
+    ],
+)
+def test_what_processes_say(state: MatchState, word: str, following: MatchState) -> None:
+    one = scene(state)
+    say(one, word)
+    assert one.match.state is following
+    check_matches(one.world.broker.graph)
+
+
+def say(one: Scene, word: str) -> None:
+    publisher, subscription = one.publisher, one.subscription
+    match word:
+        case "attach":
+            subscription.attach(publisher)
+        case "refuse":
+            subscription.refuse(publisher)
+        case "leave":
+            leave = m.LeaveRing(subscription=subscription.id, source=publisher.id, seq=0)
+            subscription.process.tell(leave)
+        case "caught up":
+            publisher.catch_up(subscription)
+        case "acknowledge":
+            subscription.ack(publisher, 0)
+        case "publish":
+            publisher.publish("1")
+        case "publish it all":
+            publisher.publish(*"1234")
+
+
+MOVES = {
+    (MatchState.OFFERED, "attach"),
+    (MatchState.ATTACHED, "attach"),
+    (MatchState.OFFERED, "refuse"),
+    (MatchState.ATTACHED, "refuse"),
+    (MatchState.LEAVING, "leave"),
+    (MatchState.CATCHING_UP, "caught up"),
+}
+
+
+@pytest.mark.parametrize(
+    ("state", "word"),
+    sorted({*product(LIVE, ["attach", "refuse", "leave", "caught up", "acknowledge"])} - MOVES, key=str),
+)
+def test_what_comes_too_late_is_no_mistake(state: MatchState, word: str) -> None:
+    one = scene(state)
+    say(one, word)
+    assert one.match.state is state
+    assert one.publisher.process.cut_reason is one.subscription.process.cut_reason is None
+
+
+@pytest.mark.parametrize("end", ["subscription", "listener", "publisher", "talker"])
+@pytest.mark.parametrize("state", LIVE)
+def test_whoever_goes_in_whatever_state_leaves_nothing(state: MatchState, end: str) -> None:
+    """And whoever stays goes on."""
+    world, publisher, subscription, match = scene(state)
+    match end:
+        case "subscription":
+            subscription.destroy()
+        case "listener":
+            subscription.process.die()
+        case "publisher":
+            publisher.destroy()
+        case "talker":
+            publisher.process.die()
+    assert match.has_ended
+    assert tables(match.publisher, match.subscription.id) == set()
+    assert not match.publisher.matches and not match.subscription.matches
+    check_matches(world.broker.graph)
+    if end in ("subscription", "listener"):
+        publisher.publish_many("12345")
+        assert publisher.statistics().samples == 5
+        heard = world.process().subscription("/topic", ALL)
+    else:
+        heard = subscription
+        publisher = world.process().publisher("/topic", ALL)
+        subscription.process.unblock()
+    publisher.publish("6")
+    assert heard.payloads[-1:] == ["6"]
+
+
+class TestExpected:
+    """Which samples count as routed for the subscription, by the state of the match."""
+
+    @pytest.mark.parametrize("state", LIVE)
+    def test_by_state(self, state: MatchState) -> None:
+        one = scene(state)
+        one.publisher.publish(*"12345")
+        expected = {MatchState.ROUTED: 5, MatchState.AHEAD: 2}.get(state, 0)
+        assert one.match.subscription.expected == expected
+        if expected:
+            assert one.match.routed_count == expected
+
+    def test_what_was_routed_stays_expected_when_the_match_has_ended(self) -> None:
+        one = scene(MatchState.ROUTED)
+        one.publisher.publish(*"123")
+        one.publisher.destroy()
+        assert one.match.subscription.expected == 3
+
+    def test_one_that_comes_back_is_a_return_where_it_gets_all_at_once(self) -> None:
+        world = World()
+        publisher = world.process().publisher("/topic")
+        publisher.publish(*"12")
+        entity = world.broker.graph.publishers[EndpointId(publisher.id)]
+        for known, is_return in (({}, False), ({publisher.gid: 1}, True), ({publisher.gid: 2}, True)):
+            made = world.process().subscription("/topic", last_seqs=known)
+            assert entity.matches[EndpointId(made.id)].is_return is is_return
+
+
+class TestAwaited:
+    """A lossless publisher waits for lossless subscriptions by socket, whatever the state is."""
+
+    @pytest.mark.parametrize("state", LIVE)
+    def test_by_state(self, state: MatchState) -> None:
+        match = scene(state).match
+        is_awaited = state not in (MatchState.OFFERED, MatchState.ATTACHED)
+        assert (match.acked_seq is not None) is is_awaited
+        assert (match.subscription.id in match.publisher.awaited) is is_awaited
+
+    def test_one_that_is_excused_is_waited_for_no_more(self) -> None:
+        match = scene(MatchState.ROUTED).match
+        assert match.excuse()
+        assert match.acked_seq is None and not match.publisher.awaited
+        assert not match.excuse()
+        match.await_acks()
+        assert match.acked_seq == 0 and [*match.publisher.awaited.values()] == [match]
+        assert not match.publisher.is_credit_ahead
+
+    def test_of_one_that_is_ahead_what_it_has_had_counts_as_acknowledged(self) -> None:
+        match = scene(MatchState.AHEAD).match
+        assert match.acked_seq == 3
+        assert match.publisher.is_credit_ahead
