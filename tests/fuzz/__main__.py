@@ -1,14 +1,13 @@
 """`python -m fuzz`: runs the fuzzers, as many at a time as there are processors, and says what they did.
 
 What one run finds interesting stays in .fuzz/, and the next goes on from there; --merge brings it into the
-corpus, as few inputs as cover the same. An input that makes a target fail is kept in crashes/<target>/.
+corpus, as few inputs as cover the same. An input that makes a target fail is added to crashes/<target>.txt.
 """
 
 import argparse
 import hashlib
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -19,7 +18,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fuzz.cover import covering
-from fuzz.targets import CORPUS, CRASHES, NATIVE, TARGETS
+from fuzz.kept import CORPUS, CRASHES, inputs, keep
+from fuzz.targets import NATIVE, TARGETS
 
 ROOT = Path(__file__).parents[2]
 BUILD = ROOT / "tests" / "native" / "build" / "fuzz"
@@ -123,13 +123,13 @@ def _tell(name: str, outcome: Outcome, share_s: int) -> None:
 
 
 def _run(name: str, share_s: int) -> Outcome:
-    crashes = CRASHES / name
-    folders = [FOUND / name, CORPUS / name]
-    for folder in (*folders, crashes):
+    found, crashes = FOUND / name, FOUND / "crashes" / name
+    for folder in (found, crashes):
         folder.mkdir(parents=True, exist_ok=True)
     before = set(crashes.iterdir())
+    _unpack(inputs(CORPUS, name), found)
     options = (
-        *map(str, folders),
+        str(found),
         f"-max_total_time={share_s}",
         f"-max_len={_longest(name)}",
         "-len_control=0",
@@ -141,38 +141,40 @@ def _run(name: str, share_s: int) -> Outcome:
     )
     program = _program(name) or [sys.executable, "-m", "fuzz.worker", name]
     log, status = _call(name, program, options, limit_s=share_s + START_S)
-    found = sorted(set(crashes.iterdir()) - before)
-    if not any(crashes.iterdir()):
-        crashes.rmdir()
+    failing = sorted(set(crashes.iterdir()) - before)
+    if failing:
+        keep(CRASHES, name, [*inputs(CRASHES, name), *(path.read_bytes() for path in failing)])
     runs, coverage, features, corpus = 0, 0, 0, "-"
     for progress in _PROGRESS.finditer(log):
         runs, coverage, features = (int(progress[at]) for at in (1, 2, 3))
         corpus = f"{progress[4]}/{progress[5]}"
-    return Outcome(runs, coverage, features, corpus, found, bool(found) or status != 0, log)
+    return Outcome(runs, coverage, features, corpus, failing, bool(failing) or status != 0, log)
 
 
 def _merge(name: str) -> int:
     """The corpus anew: as few inputs as cover what it and all that was found cover."""
-    kept = CORPUS / name
-    kept.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as folder:
-        if program := _program(name):
-            found = [str(path) for path in (kept, FOUND / name) if path.is_dir()]
-            options = ("-set_cover_merge=1", f"-max_len={_longest(name)}", folder, *found)
+    _unpack(inputs(CORPUS, name), FOUND / name)
+    if program := _program(name):
+        with tempfile.TemporaryDirectory() as folder:
+            options = ("-set_cover_merge=1", f"-max_len={_longest(name)}", folder, str(FOUND / name))
             log, status = _call(name, program, options, limit_s=600)
             if status:
                 print(log)
                 return status
-        else:
-            paths = (*kept.iterdir(), *(FOUND / name).glob("*"))
-            inputs = [data for path in paths if len(data := path.read_bytes()) <= _longest(name)]
-            for data in covering(name, inputs):
-                (Path(folder) / hashlib.sha1(data).hexdigest()).write_bytes(data)
-        shutil.rmtree(kept)
-        shutil.copytree(folder, kept)
-    sizes = [path.stat().st_size for path in kept.iterdir()]
-    print(f"{name}: {len(sizes)} inputs, {sum(sizes)} bytes", flush=True)
+            kept = [path.read_bytes() for path in Path(folder).iterdir()]
+    else:
+        found = [path.read_bytes() for path in (FOUND / name).iterdir()]
+        kept = covering(name, [data for data in found if len(data) <= _longest(name)])
+    keep(CORPUS, name, kept)
+    print(f"{name}: {len(kept)} inputs, {sum(map(len, kept))} bytes", flush=True)
     return 0
+
+
+def _unpack(data: Iterable[bytes], folder: Path) -> None:
+    """As files, which is what a fuzzer reads, named as it names them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for one in data:
+        (folder / hashlib.sha1(one).hexdigest()).write_bytes(one)
 
 
 def _longest(name: str) -> int:

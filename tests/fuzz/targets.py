@@ -1,17 +1,12 @@
-"""The targets by name, and the inputs that are kept for each: the corpus, and what once made it fail."""
+"""The targets by name."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 from bus.shm import why_not
 from fuzz import broker_targets, client_targets, hostile_ring, text_targets, wire_targets
 
 Target = Callable[[bytes], None]
 """Raises nothing, whatever the bytes are."""
-
-HERE = Path(__file__).parent
-CORPUS = HERE / "corpus"
-CRASHES = HERE / "crashes"
 
 TARGETS: dict[str, Target] = {
     "frames": wire_targets.frames,
@@ -37,8 +32,3 @@ NATIVE = ("ring", "gates")
 
 if why_not():
     del TARGETS["reader"]  # it is made of the native core
-
-
-def inputs(folder: Path, name: str) -> list[Path]:
-    """Those in CORPUS or CRASHES for one target."""
-    return sorted((folder / name).glob("*"))

@@ -67,23 +67,47 @@ static inline void set_word(void *memory, uint64_t at, uint64_t word)
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 #ifndef LIBFUZZER
-/* Without libFuzzer: runs the inputs in the files that are named. */
+/* An input, out of a line of base64. */
+static inline size_t decode(const char *line, unsigned char *input)
+{
+    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    size_t size = 0;
+    unsigned bits = 0, count = 0;
+    for (const char *digit; *line && (digit = strchr(digits, *line)) != NULL; line++) {
+        bits = (bits << 6 | (unsigned)(digit - digits)) & 0xFFFF;
+        count += 6;
+        if (count >= 8) {
+            count -= 8;
+            input[size++] = (unsigned char)(bits >> count);
+        }
+    }
+    return size;
+}
+
+/* Without libFuzzer: runs the inputs in the files that are named, one a line (tests/fuzz/kept.py). */
 int main(int count, char **names)
 {
-    static unsigned char input[1 << 16];
+    static char line[1 << 16];
+    static unsigned char input[sizeof line];
+    int inputs = 0;
     for (int i = 1; i < count; i++) {
-        FILE *file = fopen(names[i], "rb");
+        FILE *file = fopen(names[i], "r");
         if (file == NULL)
             FAIL("%s: can't be read", names[i]);
-        const size_t size = fread(input, 1, sizeof input, file);
+        while (fgets(line, sizeof line, file) != NULL) {
+            if (strchr(line, '\n') == NULL)
+                FAIL("%s: a line is too long", names[i]);
+            const size_t size = decode(line, input);
+            unsigned char *exact = malloc(size + 1); /* so that a sanitizer sees a step beyond it */
+            memcpy(exact, input, size);
+            alarm(10);
+            LLVMFuzzerTestOneInput(exact, size);
+            free(exact);
+            inputs++;
+        }
         fclose(file);
-        unsigned char *exact = malloc(size + 1); /* so that a sanitizer sees a step beyond it */
-        memcpy(exact, input, size);
-        alarm(10);
-        LLVMFuzzerTestOneInput(exact, size);
-        free(exact);
     }
-    printf("%d inputs: ok\n", count - 1);
+    printf("%d inputs: ok\n", inputs);
     return 0;
 }
 #endif

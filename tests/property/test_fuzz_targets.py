@@ -5,7 +5,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from effort import examples
-from fuzz.targets import CORPUS, TARGETS, inputs
+from fuzz.kept import CORPUS, inputs
+from fuzz.targets import TARGETS
 
 EDITS = st.lists(st.tuples(st.integers(0, 400), st.integers(0, 3), st.binary(max_size=4)), max_size=4)
 
@@ -19,7 +20,7 @@ def edited(data: bytes, edits: list[tuple[int, int, bytes]]) -> bytes:
 
 
 def changed(name: str) -> st.SearchStrategy[bytes]:
-    kept = st.sampled_from([path.read_bytes() for path in inputs(CORPUS, name)])
+    kept = st.sampled_from(inputs(CORPUS, name))
     return st.one_of(
         st.binary(max_size=200), st.builds(edited, kept, EDITS), st.builds(bytes.__add__, kept, kept)
     )

@@ -1,25 +1,35 @@
 """The fuzzers' targets without a fuzzer: every input of the corpus once more, and what once made one fail."""
 
+from pathlib import Path
+
 import pytest
 
-from fuzz.targets import CORPUS, CRASHES, NATIVE, TARGETS, inputs
+from fuzz.kept import CORPUS, CRASHES, inputs, keep
+from fuzz.targets import NATIVE, TARGETS
 
 MOST_BYTES = 300_000
 
 
 @pytest.mark.parametrize("name", TARGETS)
 def test_what_is_kept_is_survived(name: str) -> None:
-    for path in (*inputs(CORPUS, name), *inputs(CRASHES, name)):
+    for data in (*inputs(CORPUS, name), *inputs(CRASHES, name)):
         try:
-            TARGETS[name](path.read_bytes())
+            TARGETS[name](data)
         except Exception as error:
-            error.add_note(f"input: {path}")
+            error.add_note(f"input: {data!r}")
             raise
 
 
 def test_the_corpus_is_small_and_all_of_it_is_used() -> None:
     """The inputs of those in C are run by `make native`."""
     for folder in (CORPUS, CRASHES):
-        assert {path.name for path in folder.glob("*")} <= {*TARGETS, *NATIVE, "reader"}
+        assert {path.stem for path in folder.glob("*")} <= {*TARGETS, *NATIVE, "reader"}
     assert all(inputs(CORPUS, name) for name in (*TARGETS, *NATIVE))
     assert sum(path.stat().st_size for path in CORPUS.rglob("*")) < MOST_BYTES
+
+
+def test_what_is_kept_comes_back(tmp_path: Path) -> None:
+    some = [b"", b"\0", b"\n", bytes(range(256)), b"ab"]
+    keep(tmp_path, "frames", [*some, b"ab"])
+    assert sorted(inputs(tmp_path, "frames")) == sorted(some)
+    assert inputs(tmp_path, "session") == []
