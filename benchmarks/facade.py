@@ -5,6 +5,7 @@ Both are programs of their kind: a timer publishes and a callback takes, in `rcl
 Floods are also taken by an executor of two threads, beside the one that all programs have who name none.
 """
 
+from collections.abc import Callable
 from functools import partial
 
 from benchmarks import paced, throughput
@@ -84,7 +85,7 @@ def run(plan: Plan) -> Section:
             if (what, name) in ((_PACED, _THREADS), (_FLOOD, _GENUINE)):  # the latter is in throughput
                 continue
             series = f"{what}, {name}"
-            measured = partial(measure, system, work)
+            measured: Callable[[], dict[str, float]] = partial(measure, system, work)
             if what == _FLOOD:
                 measured = throughput.Lasting(partial(measure, system), work, throughput.least_s(plan))
             rounds = plan.rounds(is_essential=what != _LOSSY and system is not ROS)

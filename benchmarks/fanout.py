@@ -111,8 +111,12 @@ def comparisons(outcomes: Mapping[str, Outcome], systems: list[System]) -> list[
                     paced, ours, theirs, f"last_{key}", at_most=1.0, what=f"time to the last{what}, {key}"
                 )
     facade, genuine = name_of(RCLPY, _SLOW_NUMBER), name_of(ROS, _SLOW_NUMBER)
-    for key, least, most in (("deliveries_per_s", 1.0, None), ("last_p50", None, 1.0)):
-        found += against(outcomes, facade, genuine, key, at_least=least, at_most=most)
+    bounds: tuple[tuple[str, float | None, float | None], ...] = (
+        ("deliveries_per_s", 1.0, None),
+        ("last_p50", None, 1.0),
+    )
+    for key, at_least, at_most in bounds:
+        found += against(outcomes, facade, genuine, key, at_least=at_least, at_most=at_most)
     ours = name_of(BUS, 8)
     if ours in outcomes:
         values = [one["deliveries_per_s"] for one in outcomes[ours].repetitions]

@@ -50,7 +50,7 @@ _CONFIG = """<CycloneDDS><Domain><General>
 
 
 @dataclass
-class Text(IdlStruct, typename="bench.Text"):
+class Text(IdlStruct, typename="bench.Text"):  # type: ignore[call-arg]
     """What is sent."""
 
     data: str
@@ -73,7 +73,7 @@ async def publisher(parent: Parent) -> None:
             loop.call_soon_threadsafe(reached.set)
 
     participant, topic = _join()
-    listener = Listener(on_publication_matched=count)  # type: ignore[no-untyped-call]
+    listener = Listener(on_publication_matched=count)
     writer = DataWriter(participant, topic, _QOS, listener)
     await reached.wait()
     write = writer.write

@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import ecal.nanobind_core as ecal  # type: ignore[import-untyped]
+import ecal.nanobind_core as ecal
 
 from benchmarks.adapters import roles
 from benchmarks.work import Work

@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import iceoryx2  # type: ignore[import-untyped]
+import iceoryx2
 import msgspec
 
 from benchmarks.adapters import roles

@@ -138,7 +138,7 @@ def ecal_shm() -> None:
     """eclipse-ecal, with the handshake of its shared memory; as `benchmarks.adapters.ecal_shm` sets it."""
     import threading
 
-    import ecal.nanobind_core as ecal  # type: ignore[import-untyped]
+    import ecal.nanobind_core as ecal
 
     name = os.environ["BENCH_FOLDER"].rpartition("/")[2]
     config = ecal.get_configuration()
@@ -172,7 +172,7 @@ def cyclone() -> None:
     from cyclonedds.util import duration
 
     @dataclass
-    class Text(IdlStruct, typename="bench.Text"):
+    class Text(IdlStruct, typename="bench.Text"):  # type: ignore[call-arg]
         data: str
 
     tag = os.environ["BENCH_FOLDER"].rpartition("/")[2]
@@ -185,7 +185,7 @@ def cyclone() -> None:
     )
     participant = DomainParticipant(number)
     matched = threading.Event()
-    listener = Listener(on_publication_matched=lambda *_: matched.set())  # type: ignore[no-untyped-call]
+    listener = Listener(on_publication_matched=lambda *_: matched.set())
     reliable = Qos(Policy.Reliability.Reliable(duration(seconds=10)))
     writer = DataWriter(participant, Topic(participant, TOPIC, Text), reliable, listener)
     matched.wait()
@@ -197,7 +197,7 @@ def iceoryx() -> None:
     """iceoryx2. Nobody is told when a sample was taken, and it goes with its publisher, so that one stays."""
     import ctypes
 
-    import iceoryx2  # type: ignore[import-untyped]
+    import iceoryx2
 
     node = iceoryx2.NodeBuilder.new().create(iceoryx2.ServiceType.Ipc)
     name = iceoryx2.ServiceName.new(os.environ["BENCH_FOLDER"].rpartition("/")[2])

@@ -33,8 +33,8 @@ def flapping(attack: Attack, tally: Tally) -> None:
         signs = b"".join(control("alive", publisher=number) for number in made)
         while True:
             talker.write(signs)
-            for one in (talker, listener):
-                one.barrier()
+            for client in (talker, listener):
+                client.barrier()
             if not tally.add(len(made), wait_s=2 * _LEASE_S):
                 return
 
@@ -62,8 +62,8 @@ def rings(attack: Attack, tally: Tally) -> None:
         for one in descriptors:
             stack.callback(os.close, one)
         doorbell, readers, ring = descriptors
-        for one in (talker, listener):
-            one.carry(control("share", descriptors=2), doorbell, readers)
+        for client in (talker, listener):
+            client.carry(control("share", descriptors=2), doorbell, readers)
         _subscribe(listener, attack.number)
         fields = endpoint(talker.node(), _TOPIC, descriptors=1)
         talker.carry(control("pub+", request=0, **fields), ring)
@@ -72,8 +72,8 @@ def rings(attack: Attack, tally: Tally) -> None:
         while True:
             for _ in range(_RINGS):
                 talker.carry(control("ring", publisher=number, descriptors=1), ring)
-            for one in (talker, listener):
-                one.barrier()
+            for client in (talker, listener):
+                client.barrier()
             if not tally.add(_RINGS):
                 return
 
