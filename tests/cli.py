@@ -1,20 +1,40 @@
 """The program `bus` and programs of users, run by tests as users run them: what they say, how they end."""
 
+import os
 import queue
 import re
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, NamedTuple, Self
+from typing import IO, NamedTuple, Self
 
 import pytest
 
+from bus.graph import Graph
+from bus.process.address import socket_path
+from bus_cli.main import COMMANDS
+from bus_cli.query import Query
 from conftest import WAIT_S
+from forks import Fork, Forks
+from neighbours import wait_until
 
 BUS = (sys.executable, "-m", "bus_cli")
+
+IMPORTED = (
+    *(f"bus_cli.{command}.{verb}" for command, (_, verbs) in COMMANDS.items() for verb in verbs),
+    *("bus_cli.doctor", "bus_cli.fields", "bus_cli.metrics", "bus_cli.suggestions"),
+    *("bus", "bus.link.autostart", "bus.node", "bus.service", "bus.client", "uvloop", "yaml"),
+    *("bus.msg.geometry_msgs", "bus.msg.sensor_msgs", "bus.msg.std_msgs", "bus.srv.example_interfaces"),
+    *("bus_ros.rclpy", "bus_ros.rclpy.parameter_service", "bus_ros.rosidl"),
+)
+"""What most programs of these tests import."""
+
+forks: Forks | None = None
+"""Where programs are forked; None: each is a Python that is started. A fixture of system tests sets it."""
 
 TALKER = """
 import asyncio, sys, bus
@@ -46,27 +66,34 @@ class Result(NamedTuple):
     code: int
 
 
-class Running:
-    """A process whose lines are read as they come."""
+def begin(
+    words: Sequence[str], streams: Sequence[int], *, is_fresh: bool = False, folder: Path | None = None
+) -> Fork | subprocess.Popen[bytes]:
+    """Begin a Python program with these standard streams: forked, or `is_fresh` in a new interpreter."""
+    stdin, stdout, stderr = streams
+    if is_fresh or folder is not None or forks is None or not forks.can_run():
+        command = [sys.executable, *words]
+        return subprocess.Popen(command, cwd=folder, stdin=stdin, stdout=stdout, stderr=stderr)
+    return forks.run(words, stdin=stdin, stdout=stdout, stderr=stderr)
 
-    def __init__(self, command: tuple[str, ...], **options: Any) -> None:
-        self.process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            **options,
-        )
-        self._out = self._read(self.process.stdout)
-        self._err = self._read(self.process.stderr)
+
+class Running:
+    """A Python program whose lines are read as they come."""
+
+    def __init__(self, words: Sequence[str], *, is_fresh: bool = False, folder: Path | None = None) -> None:
+        (their_in, our_in), (our_out, their_out), (our_err, their_err) = os.pipe(), os.pipe(), os.pipe()
+        self.process = begin(words, (their_in, their_out, their_err), is_fresh=is_fresh, folder=folder)
+        for descriptor in (their_in, their_out, their_err):
+            os.close(descriptor)
+        self._in = os.fdopen(our_in, "w")
+        self._out = self._read(os.fdopen(our_out))
+        self._err = self._read(os.fdopen(our_err))
 
     @staticmethod
-    def _read(stream: IO[str] | None) -> "queue.Queue[str | None]":
+    def _read(stream: IO[str]) -> "queue.Queue[str | None]":
         lines: queue.Queue[str | None] = queue.Queue()
 
         def read() -> None:
-            assert stream is not None
             with stream:
                 for line in stream:
                     lines.put(line)
@@ -98,16 +125,15 @@ class Running:
         return line
 
     def write(self, text: str) -> None:
-        assert self.process.stdin is not None
-        self.process.stdin.write(text)
-        self.process.stdin.flush()
+        self._in.write(text)
+        self._in.flush()
 
     def end(self, number: int | None = None) -> Result:
         """Send a signal, if one is given, and wait; returns what was not read yet, and the exit code."""
         if number is not None:
             self.process.send_signal(number)
-        elif self.process.stdin is not None:
-            self.process.stdin.close()
+        else:
+            self._close_input()
         code = self.process.wait(WAIT_S)
         return Result(self._rest(self._out), self._rest(self._err), code)
 
@@ -120,11 +146,12 @@ class Running:
         if self.process.poll() is None:
             self.process.kill()
         self.process.wait(WAIT_S)
-        if self.process.stdin is not None and not self.process.stdin.closed:
-            try:
-                self.process.stdin.close()
-            except BrokenPipeError:
-                pass
+        self._close_input()
+
+    def _close_input(self) -> None:
+        """What the program does not read any more is lost."""
+        with suppress(BrokenPipeError):
+            self._in.close()
 
     def _next(self, lines: "queue.Queue[str | None]", name: str) -> str:
         try:
@@ -150,21 +177,43 @@ def without_hint(result: Result) -> Result:
     return result._replace(err=re.sub(r"^no message yet on .*\n", "", result.err, flags=re.MULTILINE))
 
 
-def bus(*words: str, stdin: str = "") -> Result:
+def bus(*words: str, stdin: str = "", is_fresh: bool = False) -> Result:
     """Run `bus` to its end."""
-    done = subprocess.run((*BUS, *words), input=stdin, capture_output=True, text=True, timeout=WAIT_S)
-    assert "Traceback" not in done.stderr, done.stderr
-    return Result(done.stdout, done.stderr, done.returncode)
+    with start(*words, is_fresh=is_fresh) as running:
+        with suppress(BrokenPipeError):
+            running.write(stdin)
+        result = running.end()
+    assert "Traceback" not in result.err, result.err
+    return result
 
 
-def start(*words: str, **options: Any) -> Running:
+def start(*words: str, is_fresh: bool = False) -> Running:
     """Start a `bus` that stays."""
-    return Running((*BUS, *words), **options)
+    return Running(("-m", "bus_cli", *words), is_fresh=is_fresh)
+
+
+def wait_for_graph(fits: Callable[[Graph], object]) -> Graph:
+    """The first graph, with counters, that fits. Raises TimeoutError."""
+    seen: list[Graph] = []
+    with Query(socket_path(), may_start=False) as query:
+
+        def has_come() -> bool:
+            seen.append(query.graph(statistics=True))
+            return bool(fits(seen[-1]))
+
+        wait_until(has_come)
+    return seen[-1]
+
+
+def messages_on_topic(graph: Graph) -> int:
+    """How many the first publisher of /topic has published, as far as it is known."""
+    counters = graph.publishers_of("/topic")[0].statistics
+    return counters.samples if counters is not None else 0
 
 
 @contextmanager
 def script(source: str, *arguments: str) -> Iterator[Running]:
     """Run a program of a user's until the end of the block; it has said `ready`."""
-    with Running((sys.executable, "-c", source, *arguments)) as running:
+    with Running(("-c", source, *arguments)) as running:
         assert running.line() == "ready"
         yield running

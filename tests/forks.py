@@ -18,8 +18,10 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import TracebackType
+from types import ModuleType, TracebackType
 from typing import Self
 
 import msgspec
@@ -51,11 +53,11 @@ class Order(msgspec.Struct):
 class Fork:
     """A process that was forked; its status is known to the zygote only."""
 
-    def __init__(self, pid: int, line: socket.socket, words: list[str]) -> None:
+    def __init__(self, pid: int, ask: Callable[[bytes], int], words: list[str]) -> None:
         self.pid = pid
         self.args = [sys.executable, *words]
         self.returncode: int | None = None
-        self._line = line
+        self._ask = ask
         self._descriptor = os.pidfd_open(pid)
 
     def poll(self) -> int | None:
@@ -83,35 +85,47 @@ class Fork:
             poll.register(self._descriptor, select.POLLIN)
             if poll.poll(None if timeout_s is None else timeout_s * 1000):
                 os.close(self._descriptor)
-                self._line.send(b"%d" % self.pid)
-                self.returncode = int(self._line.recv(64))
+                self.returncode = self._ask(b"%d" % self.pid)
         return self.returncode
 
 
 class Forks:
-    """The process that forks, started at once; closing kills what still runs."""
+    """The process that forks, started with the first program; closing kills what still runs."""
 
-    def __init__(self) -> None:
-        self._line, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    def __init__(self, imports: Sequence[str] = _IMPORTED) -> None:
+        self._imports = imports
+        self._line, self._theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._variables = _for_interpreter()
-        with theirs:
-            number = theirs.fileno()
-            self._process = subprocess.Popen([sys.executable, __file__, str(number)], pass_fds=[number])
+        self._lock = threading.Lock()
+        self._process: subprocess.Popen[bytes] | None = None
 
     def can_run(self) -> bool:
         """Whether an interpreter that started now would be as the one that forks."""
         return _for_interpreter() == self._variables
 
-    def run(self, words: list[str], *, stdin: int = -1, stdout: int = -1, stderr: int = -1) -> Fork:
+    def run(self, words: Sequence[str], *, stdin: int = -1, stdout: int = -1, stderr: int = -1) -> Fork:
         """Begin a program in the environment and folder of this process; -1: the stream is /dev/null."""
-        order = Order(words, dict(os.environ), str(Path.cwd()))
+        order = Order(list(words), dict(os.environ), str(Path.cwd()))
         nothing = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
         try:
             streams = [nothing if number < 0 else number for number in (stdin, stdout, stderr)]
-            socket.send_fds(self._line, [msgspec.json.encode(order)], streams)
+            pid = self._ask(msgspec.json.encode(order), streams)
         finally:
             os.close(nothing)
-        return Fork(int(self._line.recv(64)), self._line, words)
+        return Fork(pid, self._ask, order.words)
+
+    def _ask(self, order: bytes, streams: Sequence[int] = ()) -> int:
+        with self._lock:
+            if self._process is None:
+                self._process = self._start()
+            socket.send_fds(self._line, [order], streams)
+            return int(self._line.recv(64))
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        with self._theirs:
+            number = self._theirs.fileno()
+            command = [sys.executable, __file__, str(number), *self._imports]
+            return subprocess.Popen(command, pass_fds=[number])
 
     def __enter__(self) -> Self:
         return self
@@ -120,7 +134,9 @@ class Forks:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._line.close()
-        self._process.wait()
+        self._theirs.close()
+        if self._process is not None:
+            self._process.wait()
 
 
 def _become(order: Order, descriptors: list[int]) -> Order:
@@ -157,6 +173,11 @@ def _run(words: list[str]) -> None:
         sys.path[0] = str(Path.cwd())
         sys.argv[:] = rest
         runpy.run_module(rest[0], run_name="__main__", alter_sys=True)
+    elif kind == "-c":
+        sys.path[0] = ""
+        sys.argv[:] = ["-c", *rest[1:]]
+        main = sys.modules["__main__"] = ModuleType("__main__")
+        exec(compile(rest[0], "<string>", "exec"), main.__dict__)
     else:
         sys.path[0] = str(Path(kind).resolve().parent)
         sys.argv[:] = words
@@ -165,7 +186,7 @@ def _run(words: list[str]) -> None:
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C at the tests is for them
-    for name in _IMPORTED:
+    for name in sys.argv[2:]:
         importlib.import_module(name)
     gc.collect()
     gc.freeze()

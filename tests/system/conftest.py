@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
+import cli
 from conftest import Daemon
+from forks import Forks
 from neighbours import Neighbours, resident_bytes
 from pages import ROOT, Program, Start
 from raw_peer import RawPeer
@@ -15,6 +17,13 @@ from users import Guests
 
 MOST_GROWTH_BYTES = 96 << 20
 """What busd may grow by because of anybody's rudeness, where its limits are not set higher."""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def programs_are_forks() -> Iterator[None]:
+    with Forks(cli.IMPORTED) as cli.forks:
+        yield
+    cli.forks = None
 
 
 @pytest.fixture

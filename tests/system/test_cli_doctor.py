@@ -9,12 +9,18 @@ import pytest
 from bus_cli.doctor import daemon as module
 from cli import LISTENER, bus, script
 from conftest import Daemon
+from neighbours import wait_until
+
+
+def is_stopped(pid: int) -> bool:
+    """By a signal, as the kernel says."""
+    return Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2].startswith("T")
 
 
 def test_a_daemon_that_is_stopped(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
     """It says so, and waits no longer than it must; that it would answer later is of no help."""
     os.kill(daemon.pid, signal.SIGSTOP)
-    os.waitid(os.P_PID, daemon.pid, os.WSTOPPED)
+    wait_until(lambda: is_stopped(daemon.pid))
     monkeypatch.setattr(module, "_ANSWER_S", 0.1)
     silence = module.reach(daemon.path)
     assert "does not answer" in str(silence)
@@ -28,7 +34,7 @@ def test_a_program_that_is_stopped(daemon: Daemon) -> None:
         pid = listener.process.pid
         assert "1 with nodes; all run, none is near a limit" in bus("doctor").out
         os.kill(pid, signal.SIGSTOP)
-        os.waitid(os.P_PID, pid, os.WSTOPPED)
+        wait_until(lambda: is_stopped(pid))
         result = bus("doctor")
     assert f"(pid {pid}) (/minimal_subscriber) is stopped (SIGSTOP, Ctrl-Z or a debugger)" in result.out
     assert f"-> kill -CONT {pid}, or fg where it was started\n" in result.out

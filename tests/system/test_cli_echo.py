@@ -4,13 +4,25 @@ import os
 import pty
 import re
 import signal
-import subprocess
 from contextlib import AbstractContextManager, ExitStack
 
 import msgspec
 import pytest
 
-from cli import BUS, TALKER, Result, Running, bus, script, start, without_hint
+from bus.graph import Graph
+from cli import (
+    BUS,
+    TALKER,
+    Result,
+    Running,
+    begin,
+    bus,
+    messages_on_topic,
+    script,
+    start,
+    wait_for_graph,
+    without_hint,
+)
 from conftest import WAIT_S
 
 # Publishes when it is told to, what a line of its input says: a Python expression.
@@ -58,10 +70,12 @@ def test_yaml(daemon: object) -> None:
 
 def matched(count: int = 1) -> None:
     """Wait until the one publisher of the topic is matched with `count` subscriptions."""
-    for _ in range(200):
-        if f"Matches: {count}\n" in bus("topic", "info", "-v", "/topic").out:
-            return
-    pytest.fail("never matched")
+
+    def has_matches(graph: Graph) -> bool:
+        (publisher,) = graph.publishers_of("/topic")
+        return sum(one.publisher == publisher.id for one in graph.matches) == count
+
+    wait_for_graph(has_matches)
 
 
 def echo_all(message_type: str, message: str, outputs: dict[str, str]) -> None:
@@ -311,9 +325,7 @@ def test_lost_messages_are_told_with_the_reason(daemon: object, option: str, str
         matched()
         echo.process.send_signal(signal.SIGSTOP)
         teller.write(f"{big}\n" * 50)
-        for _ in range(200):
-            if re.search(r"Messages: 50 ", bus("topic", "info", "-v", "/topic").out):
-                break
+        wait_for_graph(lambda graph: messages_on_topic(graph) == 50)
         echo.process.send_signal(signal.SIGCONT)
         next_line, find = (
             (echo.line, echo.line_with) if stream == "out" else (echo.error_line, echo.error_line_with)
@@ -328,9 +340,7 @@ def test_no_lost_messages(daemon: object) -> None:
         matched()
         echo.process.send_signal(signal.SIGSTOP)
         teller.write("String(data='x' * 200_000)\n" * 50 + "String(data='end')\n")
-        for _ in range(200):
-            if re.search(r"Messages: 51 ", bus("topic", "info", "-v", "/topic").out):
-                break
+        wait_for_graph(lambda graph: messages_on_topic(graph) == 51)
         echo.process.send_signal(signal.SIGCONT)
         lines = ["x..."]
         while lines[-1] != "e...":
@@ -351,7 +361,7 @@ def test_timeout(daemon: object) -> None:
 def test_it_clears_the_screen_of_a_terminal(daemon: object) -> None:
     ours, theirs = pty.openpty()
     with tell() as teller:
-        process = subprocess.Popen((*BUS, "topic", "echo", "/topic", "-c", "--once"), stdout=theirs)
+        process = begin((*BUS[1:], "topic", "echo", "/topic", "-c", "--once"), (theirs, theirs, theirs))
         matched()
         teller.write("String(data='x')\n")
         assert process.wait(WAIT_S) == 0

@@ -2,7 +2,6 @@
 
 import re
 import signal
-import sys
 import time
 
 import msgspec
@@ -76,7 +75,7 @@ def test_times(daemon: object) -> None:
 def test_it_waits_for_a_subscription(daemon: object) -> None:
     with start("topic", "pub", "--once", "/topic", STRING, "data: hi") as running:
         assert running.lines(2) == "Waiting for at least 1 matching subscription(s)...\n" * 2
-        with Running((sys.executable, "-c", HEARER, "String")) as hearer:
+        with Running(("-c", HEARER, "String")) as hearer:
             assert running.line_with("publisher") == "publisher: beginning loop"
             assert hearer.line_with("data") == '{"data":"hi"}'
             assert running.end().code == 0

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 import msgspec
 import pytest
 
-from cli import LISTENER, TALKER, Result, bus, script, start
+from bus.graph import Graph
+from cli import LISTENER, TALKER, Result, bus, messages_on_topic, script, start, wait_for_graph
 
 HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
 ENDPOINT = f"""\
@@ -102,17 +103,20 @@ def test_what_is_not_there(lesson: None) -> None:
     assert bus("topic", "type", "/nosuch") == Result("", "", 1)
 
 
-def info_when(pattern: str) -> str:
-    """`topic info -v /topic`, once its counters have come in."""
-    for _ in range(200):
-        text = bus("topic", "info", "-v", "/topic").out
-        if re.search(pattern, text, re.S):
-            return text
-    pytest.fail(f"never showed {pattern!r}: {text}")
+def wait_for_counters(*, published: int, **expected: object) -> None:
+    """Until the publisher and the subscription of /topic have reported these."""
+
+    def have_come(graph: Graph) -> bool:
+        (subscription,) = graph.subscriptions_of("/topic")
+        found = {name: getattr(subscription.statistics, name, None) for name in expected}
+        return messages_on_topic(graph) == published and found == expected
+
+    wait_for_graph(have_come)
 
 
 def test_info_verbose(route: str, lesson: None) -> None:
-    text = info_when(r"PUBLISHER.*Messages: 1 .*SUBSCRIPTION.*Messages: 1 .*Queue: 0 ")
+    wait_for_counters(published=1, samples=1, queued=0)
+    text = bus("topic", "info", "-v", "/topic").out
     assert re.sub(r"GID: ([0-9a-f]{2}\.){15}[0-9a-f]{2}\n", "GID: <gid>\n", text) == (
         "Type: std_msgs/msg/String\n"
         "\n"
@@ -137,7 +141,7 @@ def test_info_verbose_without_a_subscription(daemon: object) -> None:
 
 
 def test_info_verbose_in_json(route: str, lesson: None) -> None:
-    info_when(r"SUBSCRIPTION.*Messages: 1 .*Queue: 0 ")
+    wait_for_counters(published=1, samples=1, queued=0)
     record = msgspec.json.decode(bus("topic", "info", "-v", "/topic", "--json").out)
     (publisher,) = record["publishers"]
     assert publisher["node"] == "/minimal_publisher"
@@ -184,7 +188,8 @@ bus.run(main())
 
 def test_info_verbose_shows_queue_and_drops(route: str, daemon: object) -> None:
     with script(KEEPER):
-        text = info_when(r"Queue: 10 of 10\nDropped: 12 ")
+        wait_for_counters(published=22, queued=10, dropped={"replaced": 12})
+        text = bus("topic", "info", "-v", "/topic").out
     assert "Queue: 10 of 10\nDropped: 12 (replaced: 12)\nExpected: 22\n" in text
     assert f"Matches: 1\n  /sender (route: {route})\n" in text
 

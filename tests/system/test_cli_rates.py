@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import msgspec
 import pytest
 
-from cli import TALKER, Result, Running, bus, script, start
+from cli import TALKER, Result, Running, bus, messages_on_topic, script, start, wait_for_graph
 
 T = TypeVar("T")
 
@@ -143,7 +143,8 @@ def test_hz_tells_published_from_received(route: str, daemon: object) -> None:
         talker.line()
         running.line()
         running.process.send_signal(signal.SIGSTOP)
-        wait_for_messages(published() + 50)
+        before = messages_on_topic(wait_for_graph(messages_on_topic))
+        wait_for_graph(lambda graph: messages_on_topic(graph) >= before + 50)
         running.process.send_signal(signal.SIGCONT)
         # The counters of the two ends are reported by themselves.
         report_that(
@@ -153,20 +154,6 @@ def test_hz_tells_published_from_received(route: str, daemon: object) -> None:
             ),
             lambda: json_line(running),
         )
-
-
-def published() -> int:
-    """Messages that the first publisher has published, as the graph knows it."""
-    found = re.search(r"^Messages: (\d+) ", bus("topic", "info", "-v", "/topic").out, re.MULTILINE)
-    assert found
-    return int(found[1])
-
-
-def wait_for_messages(number: int) -> None:
-    for _ in range(200):
-        if published() >= number:
-            return
-    pytest.fail("nothing was published")
 
 
 @pytest.mark.parametrize("verb", ["hz", "bw", "delay"])

@@ -22,7 +22,7 @@ def test_signals_end_every_verb_that_stays(daemon: object, verb: str, number: si
         if verb in ("echo", "pub")
         else ["topic", verb, "/topic"]
     )
-    with start(*words) as running:
+    with start(*words, is_fresh=True) as running:
         # Each says something once it runs: why it is silent, or what it publishes.
         running.line() if verb == "pub" else running.error_line()
         result = running.end(number)

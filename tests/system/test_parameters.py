@@ -1,7 +1,6 @@
 """Parameters of a `bus.Node`, from end to end: command line, `bus param`, programs of rclpy, events, time."""
 
 import asyncio
-import sys
 from collections.abc import AsyncIterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -113,7 +112,7 @@ def test_the_program_and_the_session_of_the_page(daemon: object, tmp_path: Path)
     (program, logged), *others = commands
     words = program.split()
     assert words[0] == "python" and len(others) == 3
-    with Running((sys.executable, *words[1:]), cwd=tmp_path) as running:
+    with Running(words[1:], folder=tmp_path) as running:
         assert running.error_line_with("now").split("]: ")[1] == logged.split("]: ")[1]
         for command, said in others:
             assert command.startswith("bus ")
@@ -139,7 +138,7 @@ def test_the_command_line(daemon: object, tmp_path: Path) -> None:
         "/other: {ros__parameters: {speed: 9.0}}\n"
     )
     words = ("--ros-args", "--params-file", str(path), "-p", "gain:=3", "-p", "other:gain:=4")
-    with Running((sys.executable, "-c", GIVEN, *words)) as running:
+    with Running(("-c", GIVEN, *words)) as running:
         assert running.line() == "3.0 left 3 True"
 
 
@@ -156,7 +155,7 @@ MISTAKES = {
 
 def test_mistakes_on_the_command_line_get_one_line(daemon: object) -> None:
     for words, said in MISTAKES.items():
-        with Running((sys.executable, "-c", GIVEN, "--ros-args", *words.split())) as running:
+        with Running(("-c", GIVEN, "--ros-args", *words.split())) as running:
             assert running.end() == ("", f"CommandLineError: {said}\n", 1), words
 
 
@@ -178,7 +177,7 @@ bus.run(main())
 
 
 def test_a_node_without_parameters_imports_nothing_for_them(daemon: object) -> None:
-    with Running((sys.executable, "-c", PLAIN)) as running:
+    with Running(("-c", PLAIN), is_fresh=True) as running:
         imported = set(running.line().split())
     assert "bus.parameters.host" in imported
     assert not imported & {
@@ -351,7 +350,7 @@ print("answer", node.get_parameter("answer").value, flush=True)
 @on_one_loop
 async def test_a_program_of_rclpy_sets_it_and_is_set(node: bus.Node, tmp_path: Path) -> None:
     await node.declare_parameter("speed", 1.5, range=(0, 10))
-    with Running((sys.executable, "-c", CLIENT)) as client:
+    with Running(("-c", CLIENT)) as client:
         assert await asyncio.to_thread(client.line) == "True "
         assert await asyncio.to_thread(client.line) == (
             "False Parameter speed out of range. Min: 0.0, Max: 10.0, value: 99.0"

@@ -9,12 +9,13 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 import yaml
 
 from bus.base.printable import printable
-from cli import BUS, Running, bus, script
+from cli import BUS, begin, bus, script, start
 from conftest import WAIT_S
 from neighbours import wait_until
 
@@ -95,19 +96,21 @@ bus.run(main())
 """
 
 
-def on_a_terminal(*command: str) -> str:
-    """What it shows until it ends, stdout and stderr together."""
+def on_a_terminal(*words: str) -> str:
+    """What a Python program shows until it ends, stdout and stderr together."""
     ours, theirs = pty.openpty()
     said, end = b"", time.monotonic() + WAIT_S
-    with subprocess.Popen(command, stdout=theirs, stderr=theirs, stdin=subprocess.DEVNULL) as process:
-        os.close(theirs)
-        while time.monotonic() < end and select.select([ours], [], [], WAIT_S)[0]:
-            try:
-                said += os.read(ours, 1 << 16)
-            except OSError:  # it has closed its end
-                break
-        else:
-            process.kill()
+    with Path(os.devnull).open("rb") as nothing:
+        process = begin(words, (nothing.fileno(), theirs, theirs))
+    os.close(theirs)
+    while time.monotonic() < end and select.select([ours], [], [], WAIT_S)[0]:
+        try:
+            said += os.read(ours, 1 << 16)
+        except OSError:  # it has closed its end
+            break
+    else:
+        process.kill()
+    process.wait(WAIT_S)
     os.close(ours)
     return said.decode().replace("\r\n", "\n")
 
@@ -163,7 +166,7 @@ def evil(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     ],
 )
 def test_a_verb(line: str, is_there: bool) -> None:
-    shown = on_a_terminal(*BUS, *line.split())
+    shown = on_a_terminal(*BUS[1:], *line.split())
     assert printable(shown) == shown
     assert shown
     assert ("PWNED" in shown) is is_there
@@ -172,7 +175,7 @@ def test_a_verb(line: str, is_there: bool) -> None:
 @pytest.mark.usefixtures("evil")
 def test_a_program_that_logs_what_it_heard() -> None:
     """Its own colours it keeps; they end with the line."""
-    shown = on_a_terminal(sys.executable, "-c", LISTENER)
+    shown = on_a_terminal("-c", LISTENER)
     (first, second) = shown.splitlines()
     assert first.endswith(
         r"[listener]: "
@@ -185,14 +188,14 @@ def test_a_program_that_logs_what_it_heard() -> None:
     assert second == "and\tout\\x7f\x1b[0m"
 
 
-_CALL = (*BUS, "service", "call", "/fail", "std_srvs/srv/Trigger")
+_CALL = (*BUS[1:], "service", "call", "/fail", "std_srvs/srv/Trigger")
 
 
 @pytest.mark.usefixtures("evil")
-@pytest.mark.parametrize("command", [(sys.executable, "-c", CALLER), _CALL], ids=["a traceback", "a verb"])
-def test_why_a_service_failed(command: tuple[str, ...]) -> None:
+@pytest.mark.parametrize("words", [("-c", CALLER), _CALL], ids=["a traceback", "a verb"])
+def test_why_a_service_failed(words: tuple[str, ...]) -> None:
     with script(FAILING):
-        shown = on_a_terminal(*command)
+        shown = on_a_terminal(*words)
     assert "service '/fail' failed: ValueError: \\x1b]0;PWNED" in shown
     assert printable(shown) == shown
 
@@ -215,7 +218,7 @@ class TestData:
 
     def test_echo_into_pub(self) -> None:
         text = bus("topic", "echo", "--once", "-f", "/s").out
-        with Running((*BUS, "topic", "echo", "--once", "/copy", "std_msgs/String", "--json")) as echo:
+        with start("topic", "echo", "--once", "/copy", "std_msgs/String", "--json") as echo:
             assert bus("topic", "pub", "-w", "1", "/copy", "std_msgs/String", "--stdin", stdin=text).code == 0
             assert json.loads(echo.line()) == {"data": HOSTILE}
 
