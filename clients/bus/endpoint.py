@@ -309,7 +309,7 @@ class Endpoint(Generic[M]):
 
     def _arm_deadline(self) -> None:
         due_ns = self._last_ns + self.qos.deadline_ns - monotonic_ns()
-        self._deadline = self._link.loop.call_later(max(due_ns, 0) / 1e9, self._check_deadline)
+        self._deadline = self._link.later(max(due_ns, 0) / 1e9, self._check_deadline)
 
     def _check_deadline(self) -> None:
         now_ns = monotonic_ns()

@@ -24,7 +24,6 @@ from bus.errors import BusError, ConnectionClosed, again
 from bus.events import LivelinessChanged, MessageLost, SubscriptionEvents
 from bus.link.link import Link
 from bus.logger import Logger
-from bus.process.waiters import Waiters
 from bus.qos import History, QoSProfile
 from bus.types.large_fields import view_type
 from bus.types.support import TypeSupport
@@ -102,7 +101,7 @@ class Subscription(Endpoint[M]):
         self._left_broker = link.broker
         self._ack_bytes = self._ack_samples = 1
         self._ack_timer: asyncio.TimerHandle | None = None
-        self._arrivals = Waiters(link.loop)
+        self._arrivals = link.waiters()
         self._on_arrival: Callable[[], object] | None = None
         """Called on the event loop when something has come that may be taken; in place of a callback."""
         self._on_end: Callable[[BusError], object] | None = None
@@ -331,7 +330,7 @@ class Subscription(Endpoint[M]):
     def _drain_rings(self) -> None:
         """What waits in the rings is brought in order with what comes by socket."""
         self._receiver.drain_rings()
-        self._link.loop.call_soon(self._wake)  # a publisher that has refused to share did not ring
+        self._link.soon(self._wake)  # a publisher that has refused to share did not ring
 
     def _counts(self) -> str:
         dropped = sum(self._counters.dropped.values())
@@ -371,7 +370,7 @@ class Subscription(Endpoint[M]):
         if source.unacked_bytes >= self._ack_bytes or samples >= self._ack_samples:
             self._send_ack(source)
         elif self._ack_timer is None:
-            self._ack_timer = self._link.loop.call_later(_ACK_DELAY_S, self._acknowledge_all)
+            self._ack_timer = self._link.later(_ACK_DELAY_S, self._acknowledge_all)
 
     def _acknowledge_all(self) -> None:
         self._ack_timer = None

@@ -1,0 +1,443 @@
+"""bus.delivery.sender, with the whole bus behind it: both routes at once, and from one to the other.
+
+In a world without a process, a socket or a clock (`tests/world/client_world.py`).
+"""
+
+from typing import Any
+
+import pytest
+
+from bus import shm
+from bus.errors import ConnectionClosed, ForkError, LocalProtocolError
+from bus.publisher import Publisher
+from bus.qos import QoSProfile
+from bus.subscription import Subscription
+from bus.wire import messages as m
+from client_world import Client, ClientWorld, Numbered
+from list_port import Task
+
+PADDING = "x" * 20_000
+LAST_10, KEEP_ALL = QoSProfile(10), QoSProfile(history="keep_all")
+HISTORY = QoSProfile(10, durability="transient_local")
+
+ROUTES = [
+    pytest.param("socket", id="socket"),
+    pytest.param("shm", id="memory", marks=pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())),
+]
+by_either = pytest.mark.parametrize("route", ROUTES)
+by_shared_memory = pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
+
+
+class Pair:
+    """A talker and a listener, each a process: a subscription, and a publisher that is matched with it."""
+
+    def __init__(
+        self, route: str, qos: QoSProfile = LAST_10, requested: QoSProfile | None = None, world: Any = None
+    ) -> None:
+        self.world: ClientWorld = world or ClientWorld()
+        self.talker = self.world.client(shares=route == "shm")
+        self.listener = self.world.client(shares=route == "shm")
+        self.subscription = self.listener.subscription(requested or qos)
+        self.world.settle()
+        self.publisher = self.talker.publisher(qos)
+        self.world.settle()
+        assert [match.route for match in self.publisher.matches] == [route]
+
+    def publish(self, count: int = 1, padding: str = "") -> int:
+        taken = self.talker.publish(self.publisher, count, padding)
+        self.world.settle()
+        return taken
+
+    def heard(self, subscription: Subscription[Numbered] | None = None) -> list[int]:
+        return heard(self.listener, subscription or self.subscription)
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        return self.subscription.statistics().dropped
+
+    def refuse(self) -> None:
+        """The subscription's process can't read the ring; it is told that it may leave it."""
+        refusal = m.RefuseRoute(endpoint=self.subscription._id, other=self.publisher._id, text="a test")
+        self.listener.send_about(self.subscription, refusal)
+
+    def route(self) -> str:
+        (match,) = self.publisher.matches
+        return match.route
+
+
+def heard(client: Client, subscription: Subscription[Numbered]) -> list[int]:
+    found = [number for _, number in client.take(subscription)]
+    assert found == sorted(set(found)), "each once, in order"
+    return found
+
+
+def sending(client: Client, publisher: Publisher[Numbered], padding: str = PADDING) -> Task:
+    """One that waits for room, and publishes then."""
+
+    async def send() -> None:
+        while not client.publish(publisher, 1, padding):
+            await publisher.wait_for_room()
+
+    return Task(client.soon, send())
+
+
+def closes(subscription: Subscription[Numbered]) -> bool:
+    found = subscription.statistics()
+    return found.expected == found.delivered + found.queued + sum(found.dropped.values())
+
+
+class TestOrder:
+    @by_either
+    def test_what_is_published_comes_in_its_order(self, route: str) -> None:
+        pair = Pair(route)
+        for count in (1, 3, 5):
+            pair.publish(count)
+        assert pair.heard() == [*range(1, 10)]
+        assert closes(pair.subscription)
+
+    @by_either
+    def test_beyond_the_depth_the_newest_stay(self, route: str) -> None:
+        pair = Pair(route)
+        pair.publish(25)
+        assert pair.heard() == [*range(16, 26)]
+        assert pair.dropped == {"replaced": 15}
+
+    @by_shared_memory
+    def test_one_by_each_route_and_both_get_all(self) -> None:
+        pair = Pair("shm")
+        far = pair.world.client()
+        other = far.subscription(LAST_10)
+        pair.world.settle()
+        pair.publish(3)
+        assert sorted(match.route for match in pair.publisher.matches) == ["shm", "socket"]
+        assert pair.heard() == heard(far, other) == [1, 2, 3]
+
+    @by_shared_memory
+    def test_one_by_socket_that_comes_while_messages_are_on_their_way(self) -> None:
+        """What is published after it was there is for it, before the publisher has heard of it, too."""
+        pair = Pair("shm")
+        far = pair.world.client()
+        pair.publish(2)
+        other = far.subscription(LAST_10)
+        while far.serve():
+            pass
+        assert pair.talker.publish(pair.publisher, 3) == 3
+        pair.world.settle()
+        assert heard(far, other) == [3, 4, 5]
+        assert other.statistics().dropped == {}
+
+    @by_shared_memory
+    def test_when_the_last_by_socket_leaves_the_ring_goes_on_alone(self) -> None:
+        pair = Pair("shm")
+        far = pair.world.client()
+        other = far.subscription(LAST_10)
+        pair.world.settle()
+        pair.publish(1)
+        sender = pair.publisher._sender
+        assert sender.goes_by_socket
+        far.close(other)
+        pair.publish(1)
+        assert not sender.goes_by_socket
+        again = far.subscription(LAST_10)
+        pair.world.settle()
+        pair.publish(1)
+        assert sender.goes_by_socket
+        assert (pair.heard(), heard(far, again)) == ([1, 2, 3], [3])
+        assert again.statistics().dropped == {}
+
+
+class TestHistory:
+    @by_either
+    @pytest.mark.parametrize(("offered", "requested"), [(3, 10), (10, 3), (10, 10)])
+    def test_a_late_one_gets_as_much_as_both_keep(self, route: str, offered: int, requested: int) -> None:
+        pair = Pair(route, QoSProfile(offered, durability="transient_local"), LAST_10)
+        pair.publish(20)
+        late = pair.listener.subscription(QoSProfile(requested, durability="transient_local"))
+        pair.world.settle()
+        pair.publish(1)
+        assert heard(pair.listener, late) == [*range(21 - min(offered, requested), 22)]
+        assert closes(late)
+
+    @by_either
+    def test_a_late_one_that_wants_none_gets_none(self, route: str) -> None:
+        pair = Pair(route, HISTORY, LAST_10)
+        pair.publish(5)
+        late = pair.listener.subscription(LAST_10)
+        pair.world.settle()
+        pair.publish(1)
+        assert heard(pair.listener, late) == [6]
+
+    @by_either
+    def test_a_new_broker_has_it_too(self, route: str) -> None:
+        pair = Pair(route, HISTORY)
+        pair.publish(5)
+        pair.world.restart_broker()
+        pair.world.connect_all()
+        late = pair.listener.subscription(HISTORY)
+        pair.world.settle()
+        assert heard(pair.listener, late) == pair.heard() == [1, 2, 3, 4, 5]
+
+
+class TestReroute:
+    """The match goes by socket from now on, and nothing is lost or comes twice."""
+
+    @by_shared_memory
+    @pytest.mark.parametrize("taken", [0, 2, 4])
+    def test_in_the_midst_of_the_stream(self, taken: int) -> None:
+        pair = Pair("shm")
+        pair.publish(4)
+        found = [number for _, number in pair.listener.take(pair.subscription, taken)]
+        pair.refuse()
+        pair.talker.publish(pair.publisher, 2)
+        pair.world.settle()
+        assert pair.route() == "socket"
+        pair.publish(2)
+        assert found + pair.heard() == [*range(1, 9)]
+        assert pair.dropped == {} and closes(pair.subscription)
+
+    @by_shared_memory
+    def test_before_the_reader_has_said_where_it_is(self) -> None:
+        world = ClientWorld()
+        talker, listener = world.client(shares=True), world.client(shares=True)
+        publisher = talker.publisher(LAST_10)
+        world.settle()
+        subscription = listener.subscription(LAST_10)
+        while listener.serve():
+            pass
+        talker.publish(publisher, 3)
+        context: Any = listener.shm_context
+        context._free.clear()  # no slot is left: the ring can't be read
+        world.settle()
+        talker.publish(publisher, 2)
+        world.settle()
+        assert [match.route for match in publisher.matches] == ["socket"]
+        assert heard(listener, subscription) == [1, 2, 3, 4, 5]
+        assert subscription.statistics().dropped == {}
+
+    @by_shared_memory
+    def test_of_one_that_keeps_all(self) -> None:
+        pair = Pair("shm", KEEP_ALL)
+        pair.publish(4)
+        pair.refuse()
+        pair.publish(4)
+        assert pair.heard() == [*range(1, 9)]
+        assert pair.dropped == {}
+
+
+class TestKeepAll:
+    @by_either
+    def test_there_is_room_until_there_is_none_and_then_as_much_as_is_taken(self, route: str) -> None:
+        pair = Pair(route, KEEP_ALL)
+        first = pair.publish(10_000, PADDING)
+        assert 10 < first < 10_000
+        assert pair.publish(1, PADDING) == 0
+        assert len(pair.listener.take(pair.subscription)) == first
+        pair.world.advance(0.1)
+        again = pair.publish(10_000, PADDING)
+        assert again > first // 2
+        assert pair.heard() == [*range(first + 1, first + again + 1)]
+        assert pair.dropped == {}
+
+    @by_either
+    def test_one_that_waits_goes_on_when_something_was_taken(self, route: str) -> None:
+        pair = Pair(route, KEEP_ALL)
+        pair.publish(10_000, PADDING)
+        task = sending(pair.talker, pair.publisher)
+        pair.world.advance(5)
+        assert not task.is_done
+        pair.heard()
+        pair.world.advance(0.1)
+        assert task.is_done and task.error is None
+        assert len(pair.heard()) == 1
+
+    @by_either
+    @pytest.mark.parametrize("how", ["closed", "killed", "hung up"])
+    def test_one_that_waits_goes_on_when_the_one_that_it_waits_for_has_left(
+        self, route: str, how: str
+    ) -> None:
+        pair = Pair(route, KEEP_ALL)
+        pair.publish(10_000, PADDING)
+        task = sending(pair.talker, pair.publisher)
+        pair.world.settle()
+        assert not task.is_done
+        if how == "closed":
+            pair.listener.close(pair.subscription)
+        elif how == "killed":
+            pair.listener.die()
+        else:
+            pair.listener.hang_up()
+        pair.world.advance(1.5)
+        assert task.is_done and task.error is None
+
+    @by_either
+    def test_one_that_waits_hears_of_the_end(self, route: str) -> None:
+        pair = Pair(route, KEEP_ALL)
+        pair.publish(10_000, PADDING)
+        task = sending(pair.talker, pair.publisher)
+        pair.world.settle()
+        pair.talker.close(pair.publisher)
+        pair.world.settle()
+        assert isinstance(task.error, ConnectionClosed)
+
+    @by_either
+    def test_without_a_broker_too_nobody_waits_for_one_that_was_killed(self, route: str) -> None:
+        pair = Pair(route, KEEP_ALL)
+        pair.publish(10_000, PADDING)
+        task = sending(pair.talker, pair.publisher)
+        pair.world.restart_broker()
+        pair.world.settle()
+        pair.listener.die()
+        if route == "socket":  # where the window is, only the next broker makes room
+            pair.talker.connect()
+        pair.world.advance(2.5)
+        assert task.is_done and task.error is None
+
+
+class TestBrokerThatDies:
+    @by_either
+    @pytest.mark.parametrize("qos", [LAST_10, KEEP_ALL, HISTORY], ids=["last", "all", "history"])
+    def test_nothing_is_lost_and_nothing_comes_twice(self, route: str, qos: QoSProfile) -> None:
+        pair = Pair(route, qos)
+        pair.publish(2)
+        pair.world.restart_broker()
+        pair.world.settle()
+        pair.publish(2)
+        pair.world.connect_all()
+        pair.publish(2)
+        pair.world.advance(15)
+        pair.publish(1)
+        assert pair.heard() == [*range(1, 8)]
+        assert pair.dropped == {} and closes(pair.subscription)
+
+    @by_either
+    def test_the_talker_is_back_long_before_the_listener(self, route: str) -> None:
+        pair = Pair(route, KEEP_ALL)
+        pair.publish(2)
+        pair.world.restart_broker()
+        pair.world.settle()
+        pair.talker.connect()
+        pair.publish(2)
+        pair.world.advance(5)
+        pair.listener.connect()
+        pair.world.advance(1)
+        assert pair.heard() == [1, 2, 3, 4]
+        assert pair.dropped == {}
+
+    @by_either
+    def test_a_connection_alone_that_ends_and_comes_back(self, route: str) -> None:
+        for which in ("talker", "listener"):
+            pair = Pair(route)
+            pair.publish(2)
+            getattr(pair, which).hang_up()
+            pair.publish(2)
+            pair.world.connect_all()
+            pair.publish(2)
+            assert closes(pair.subscription)
+            found = pair.heard()
+            assert {1, 2, 5, 6} <= set(found)
+            assert len(found) + sum(pair.dropped.values()) == 6, which
+
+
+class TestLoan:
+    @by_either
+    def test_nothing_else_is_published_while_it_is_open(self, route: str) -> None:
+        pair = Pair(route)
+        payload = Numbered(pair.world.number_of(pair.publisher), 1)
+        encoded = pair.publisher._encode(payload)
+        loan = pair.publisher._sender.lend(b"", len(encoded), b"")
+        assert loan is not None
+        with pytest.raises(LocalProtocolError, match="is open"):
+            pair.publish()
+        loan.buffer[:] = encoded
+        assert loan.publish()
+        pair.publish()
+        assert pair.heard() == [1, 2]
+
+    @by_either
+    def test_what_other_threads_publish_meanwhile_comes_after_it(self, route: str) -> None:
+        pair = Pair(route)
+        encoded = [pair.publisher._encode(Numbered(0, number)) for number in (1, 2)]
+        loan = pair.publisher._sender.lend(b"", len(encoded[0]), b"")
+        assert loan is not None
+        from_thread(pair.talker, pair.publisher, encoded[1])
+        pair.world.settle()
+        loan.buffer[:] = encoded[0]
+        assert loan.publish()
+        pair.world.settle()
+        assert pair.heard() == [1, 2]
+
+
+def from_thread(client: Client, publisher: Publisher[Numbered], payload: bytes) -> bool:
+    """As another thread publishes it."""
+    client.is_mine = False
+    try:
+        return publisher._put(payload)
+    finally:
+        client.is_mine = True
+
+
+class TestOtherThreads:
+    @by_either
+    def test_what_they_publish_waits_for_the_loop(self, route: str) -> None:
+        pair = Pair(route)
+        for number in (1, 2):
+            assert from_thread(pair.talker, pair.publisher, pair.publisher._encode(Numbered(0, number)))
+        assert pair.publisher.statistics().published == 0
+        pair.world.settle()
+        assert pair.heard() == [1, 2]
+
+    @by_either
+    def test_of_keep_all_they_take_no_more_room_than_there_is(self, route: str) -> None:
+        pair = Pair(route, KEEP_ALL)
+        number = 0
+        payload = b""
+        while number < 10_000:
+            payload = pair.publisher._encode(Numbered(0, number + 1, PADDING))
+            if not from_thread(pair.talker, pair.publisher, payload):
+                break
+            number += 1
+            pair.world.settle()
+            if pair.publisher.statistics().queued:
+                break
+        assert 10 < number < 10_000
+        for _ in range(3):
+            pair.heard()
+            pair.world.advance(0.1)
+        assert pair.publisher.statistics().queued == 0
+        assert pair.dropped == {}
+
+
+class TestEnd:
+    @by_either
+    def test_what_was_published_before_is_read(self, route: str) -> None:
+        pair = Pair(route)
+        pair.talker.publish(pair.publisher, 3)
+        pair.talker.close(pair.publisher)
+        pair.world.settle()
+        assert pair.heard() == [1, 2, 3]
+        assert closes(pair.subscription)
+        with pytest.raises(ConnectionClosed):
+            pair.publish()
+        assert pair.publisher.statistics().published == 3
+
+    @by_shared_memory
+    def test_of_a_killed_process_what_is_in_the_ring_is_read(self) -> None:
+        pair = Pair("shm")
+        pair.talker.publish(pair.publisher, 3)
+        pair.talker.die()
+        pair.world.settle()
+        assert pair.heard() == [1, 2, 3]
+        assert pair.dropped == {} and closes(pair.subscription)
+
+    @by_either
+    def test_in_the_child_of_a_fork_nothing_of_the_port_is_touched(self, route: str) -> None:
+        pair = Pair(route)
+        pair.talker.publish(pair.publisher, 3)
+        port = pair.talker
+        assert port.connection is not None
+        before = len(port.calls), len(port.connection.sent_up), port.clock.now_ns
+        pair.publisher._abandon(ForkError("forked"))
+        with pytest.raises(ForkError):
+            pair.publisher._put(b"x")
+        assert (len(port.calls), len(port.connection.sent_up), port.clock.now_ns) == before
+        assert pair.publisher.statistics().published == 0

@@ -1,0 +1,372 @@
+"""bus.delivery.socket_sender: what leaves when, what waits for whom, what is replaced. Over a list alone."""
+
+import pytest
+
+from bus.delivery.socket_sender import SocketSender
+from bus.delivery.thread_queue import ThreadQueue
+from bus.msg.std_msgs import String
+from bus.qos import QoSProfile
+from bus.types.support import type_support
+from bus.wire import messages as m
+from bus.wire.layout import MAX_MESSAGE_BYTES
+from bus.wire.runs import Run
+from list_port import ListPort, Owner
+
+LAST_3, KEEP_ALL = QoSProfile(3), QoSProfile(history="keep_all")
+HISTORY = QoSProfile(3, durability="transient_local")
+SECOND_NS = 1_000_000_000
+OTHER = 7
+GID = b"g" * 16
+
+
+class Way:
+    """A sender that a broker knows, and what comes out of it."""
+
+    def __init__(self, qos: QoSProfile, *, window: int = 4) -> None:
+        self.port = ListPort()
+        self.owner = Owner(qos, type_support(String))
+        self.window = window
+        self.sender = SocketSender(self.port, self.owner, ThreadQueue(1 << 20))  # type: ignore[arg-type]
+        self.owner.hand_over = self.sender.hand_over
+        self.number = 0
+        self.declare()
+
+    def declare(self, number: int = 1) -> None:
+        """A broker knows the publisher, by that number."""
+        self.port.is_away, self.owner._id = False, number
+        qos = self.owner.qos
+        self.sender.declared(
+            m.Created(
+                request=1,
+                id=number,
+                depth=0 if qos.is_lossless else qos.depth,
+                max_message_bytes=MAX_MESSAGE_BYTES,
+                window_samples=self.window,
+                window_bytes=1000,
+            )
+        )
+        self.port.flush()
+
+    def lose(self) -> None:
+        self.port.lose()
+        self.owner._id = 0
+        self.sender.disconnected()
+
+    def match(self, qos: QoSProfile | None = None, gid: bytes = GID, other: int = OTHER) -> None:
+        self.sender.matched(other, gid, qos or self.owner.qos, is_here=True)
+        self.port.flush()
+
+    def put(self, count: int = 1, size: int = 0) -> None:
+        """So many, each of which would be taken where there is room for it."""
+        for _ in range(count):
+            self.number += 1
+            payload = b"%d" % self.number + b"x" * size
+            stamp_ns = self.port.now_ns()
+            if not self.sender.add(payload, stamp_ns):
+                self.sender.put(payload, stamp_ns)
+
+    def put_apart(self, count: int) -> None:
+        """Each by itself, long after the one before."""
+        for _ in range(count):
+            self.port.advance(0.001)
+            self.put()
+
+    def left(self) -> list[list[int]]:
+        """The runs that have left since, by the numbers of their samples."""
+        return [numbers(run) for run in self.port.runs()]
+
+
+def numbers(run: Run) -> list[int]:
+    found = [int(bytes(payload).rstrip(b"x")) for payload, _ in run.records()]
+    assert found == [*range(run.first_seq, run.first_seq + run.count)]
+    return found
+
+
+class TestWhenItLeaves:
+    def test_at_once_and_what_follows_soon_with_the_end_of_the_turn(self) -> None:
+        way = Way(QoSProfile(10))
+        way.put()
+        assert way.left() == [[1]]
+        way.put(3)
+        assert way.left() == []
+        way.port.settle()
+        assert way.left() == [[2, 3, 4]]
+        way.put_apart(1)
+        assert way.left() == [[5]]
+
+    def test_what_another_publisher_has_just_sent_counts(self) -> None:
+        """A flood of many publishers is gathered as one of a single one is."""
+        way = Way(QoSProfile(10))
+        way.port.last_sent_ns = way.port.now_ns()
+        way.put()
+        assert way.left() == []
+        way.port.settle()
+        assert way.left() == [[1]]
+
+    def test_a_run_is_no_longer_than_the_depth(self) -> None:
+        way = Way(LAST_3)
+        way.port.last_sent_ns = way.port.now_ns()
+        way.put(7)
+        way.port.settle()
+        assert way.left() == [[1, 2, 3], [4, 5, 6], [7]]
+
+    def test_the_counters_are_reported_once_until_they_were_told(self) -> None:
+        way = Way(LAST_3)
+        way.put_apart(3)
+        assert way.port.reported == [way.owner]
+        way.sender.is_noted = False
+        way.put_apart(1)
+        assert way.port.reported == [way.owner] * 2
+
+
+class TestSocketThatTakesNothing:
+    def test_the_newest_wait_and_the_others_are_replaced(self) -> None:
+        way = Way(LAST_3)
+        replaced: list[int] = []
+        way.sender.on_replaced = replaced.append
+        way.port.is_choked = True
+        way.put_apart(5)
+        assert (way.left(), way.sender.queue.count) == ([], 3)
+        assert (way.sender.replaced, replaced) == (2, [1, 1])
+        way.port.unchoke()
+        assert way.left() == [[3], [4], [5]]
+
+    def test_what_comes_then_does_not_overtake(self) -> None:
+        way = Way(LAST_3)
+        way.port.is_choked = True
+        way.put_apart(1)
+        way.port.is_choked = False
+        way.put_apart(1)
+        assert way.left() == [[1], [2]]
+
+    def test_what_waits_is_given_up_and_counted(self) -> None:
+        way = Way(LAST_3)
+        way.port.is_choked = True
+        way.put_apart(2)
+        assert way.sender.drop_queued() == 2
+        way.port.unchoke()
+        assert (way.left(), way.sender.replaced) == ([], 2)
+
+
+class TestWithoutBroker:
+    def test_what_is_published_waits_and_goes_to_the_next_one(self) -> None:
+        way = Way(LAST_3)
+        way.lose()
+        way.put_apart(2)
+        assert way.sender.first_seq_to_send() == 1
+        way.declare(number=5)
+        (first, second) = way.port.runs()
+        assert (first.endpoint, numbers(first), numbers(second)) == (5, [1], [2])
+
+    def test_the_first_that_the_next_one_gets_is_not_the_first_that_was_published(self) -> None:
+        way = Way(LAST_3)
+        way.lose()
+        way.put_apart(5)
+        assert way.sender.first_seq_to_send() == 3
+        way.declare()
+        assert way.left() == [[3], [4], [5]]
+
+    def test_of_a_history_it_gets_all_once_more(self) -> None:
+        way = Way(HISTORY)
+        way.put_apart(5)
+        assert way.left() == [[1], [2], [3], [4], [5]]
+        way.lose()
+        way.put_apart(1)
+        assert way.sender.first_seq_to_send() == 4
+        way.declare()
+        runs = way.port.runs()
+        assert [numbers(run) for run in runs] == [[4], [5], [6]]
+        assert not any(run.is_replay for run in runs), "to the new broker they are new"
+
+
+class TestWhoIsWaitedFor:
+    """After a broker has died: who was matched is to miss nothing where it is back a little later."""
+
+    @pytest.mark.parametrize(("qos", "wait_s"), [(QoSProfile(10), 1), (KEEP_ALL, 10)], ids=["depth", "all"])
+    def test_so_long_and_no_longer(self, qos: QoSProfile, wait_s: float) -> None:
+        way = Way(qos)
+        way.match()
+        way.lose()
+        way.declare()
+        way.put_apart(1)
+        way.port.advance(wait_s - 0.1)
+        assert way.left() == []
+        way.port.advance(0.2)
+        assert way.left() == [[1]]
+
+    def test_until_all_are_back(self) -> None:
+        way = Way(QoSProfile(10))
+        others = {bytes([number]) * 16: number for number in (3, 4)}
+        for gid, other in others.items():
+            way.match(gid=gid, other=other)
+        way.lose()
+        way.declare()
+        way.put_apart(1)
+        for gid, other in others.items():
+            assert way.left() == []
+            way.match(gid=gid, other=other + 10)
+        assert way.left() == [[1]]
+
+    def test_not_for_one_that_had_left(self) -> None:
+        way = Way(QoSProfile(10))
+        way.match()
+        way.sender.unmatched(OTHER)
+        way.lose()
+        way.declare()
+        way.put_apart(1)
+        assert way.left() == [[1]]
+
+    def test_not_for_one_that_does_not_ask_for_it(self) -> None:
+        way = Way(QoSProfile(10))
+        way.match(QoSProfile(10, reliability="best_effort"))
+        way.lose()
+        way.declare()
+        way.put_apart(1)
+        assert way.left() == [[1]]
+
+    def test_not_where_that_would_cost_what_it_is_to_save(self) -> None:
+        way = Way(LAST_3)
+        way.match()
+        way.lose()
+        way.declare()
+        way.put_apart(3)
+        assert way.left() == []
+        way.put_apart(1)
+        assert (way.left(), way.sender.replaced) == ([[1], [2], [3], [4]], 0)
+
+    def test_a_second_broker_that_dies_meanwhile_changes_nothing(self) -> None:
+        way = Way(KEEP_ALL)
+        way.match()
+        way.lose()
+        way.declare()
+        way.lose()
+        way.declare()
+        way.put_apart(1)
+        assert way.left() == []
+        way.match()
+        assert way.left() == [[1]]
+
+
+class TestKeepAll:
+    def test_it_takes_what_the_window_has_room_for(self) -> None:
+        way = Way(KEEP_ALL, window=4)
+        for _ in range(4):
+            assert way.sender.can_take(1)
+            way.put_apart(1)
+        assert not way.sender.can_take(1)
+        way.sender.credit(1)
+        assert way.sender.can_take(1)
+        way.put_apart(1)
+        assert not way.sender.can_take(1)
+
+    def test_in_bytes_too(self) -> None:
+        way = Way(KEEP_ALL, window=100)
+        way.put(1, size=900)
+        assert way.sender.can_take(50) and not way.sender.can_take(200)
+        way.sender.credit(1)
+        assert way.sender.can_take(200)
+
+    def test_one_alone_is_taken_however_long_it_is(self) -> None:
+        way = Way(KEEP_ALL)
+        assert way.sender.can_take(100_000)
+        way.put(1, size=100_000)
+        assert not way.sender.can_take(1)
+        way.sender.credit(1)
+        assert way.sender.can_take(100_000)
+
+    def test_a_credit_that_is_older_takes_nothing_back(self) -> None:
+        way = Way(KEEP_ALL, window=2)
+        way.put_apart(2)
+        way.sender.credit(2)
+        way.sender.credit(1)
+        way.put_apart(1)
+        assert way.sender.can_take(1)
+
+    def test_a_run_that_is_gathered_has_room_in_the_window(self) -> None:
+        way = Way(KEEP_ALL, window=4)
+        way.port.last_sent_ns = way.port.now_ns()
+        for at in range(10):
+            if not way.sender.can_take(1):
+                assert at == 4
+                break
+            way.put()
+        way.port.settle()
+        assert way.left() == [[1, 2, 3, 4]]
+
+    def test_what_the_dead_broker_may_not_have_passed_on_comes_once_more_and_first(self) -> None:
+        """To that subscription alone; what is newer goes to all."""
+        way = Way(KEEP_ALL, window=10)
+        way.match()
+        way.put_apart(4)
+        way.sender.credit(2)
+        assert way.left() == [[1], [2], [3], [4]]
+        way.lose()
+        way.put_apart(1)
+        way.declare()
+        assert way.left() == []
+        way.match(other=OTHER + 1)
+        runs = way.port.runs()
+        assert [numbers(run) for run in runs] == [[3], [4], [5]]
+        assert [run.only_for for run in runs] == [OTHER + 1, OTHER + 1, 0]
+
+    def test_the_window_is_not_filled_by_what_the_dead_broker_took_with_it(self) -> None:
+        way = Way(KEEP_ALL, window=2)
+        way.match()
+        way.put_apart(2)
+        assert not way.sender.can_take(1)
+        way.lose()
+        way.declare()
+        assert way.sender.can_take(1)
+
+
+class TestCatchingUp:
+    def test_one_subscription_alone_gets_what_it_has_missed(self) -> None:
+        way = Way(HISTORY)
+        way.sender.catch_up(OTHER, [(3, 10, b"3"), (4, 20, b"4"), (5, 30, b"5")], since_ns=20)
+        old, new, end = way.port.sent()
+        assert (numbers(old), old.is_replay, old.only_for) == ([3], True, OTHER)
+        assert (numbers(new), new.is_replay, new.only_for) == ([4, 5], False, OTHER)
+        assert end == m.CaughtUp(publisher=1, subscription=OTHER)
+
+    def test_one_that_has_missed_nothing_hears_that_too(self) -> None:
+        way = Way(LAST_3)
+        way.sender.catch_up(OTHER, [], since_ns=20)
+        assert way.port.sent() == [m.CaughtUp(publisher=1, subscription=OTHER)]
+
+    def test_numbers_go_on_where_the_ring_was(self) -> None:
+        """After those before went another way: that is no loss, and the broker is told so, once."""
+        way = Way(LAST_3)
+        way.number = 9
+        way.sender.resume(10)
+        way.put_apart(2)
+        runs = way.port.runs()
+        assert [(numbers(run), run.is_resumed) for run in runs] == [([10], True), ([11], False)]
+
+    def test_they_never_go_back(self) -> None:
+        way = Way(LAST_3)
+        way.put_apart(2)
+        way.sender.resume(1)
+        way.put_apart(1)
+        assert way.left() == [[1], [2], [3]]
+
+
+class TestEnd:
+    def test_nothing_more_is_sent(self) -> None:
+        way = Way(KEEP_ALL)
+        way.match()
+        way.lose()
+        way.put_apart(1)
+        way.declare()
+        way.put(2)
+        way.sender.end()
+        way.sender.hand_over()
+        way.port.advance(20)
+        assert (way.left(), way.sender.open_samples) == ([], 0)
+
+    def test_in_the_child_of_a_fork_the_port_is_left_alone(self) -> None:
+        way = Way(LAST_3)
+        way.port.last_sent_ns = way.port.now_ns()
+        way.put(2)
+        asked = len(way.port.calls)
+        way.sender.forget_open()
+        assert (len(way.port.calls), way.port.written, way.sender.open_samples) == (asked, [], 0)
