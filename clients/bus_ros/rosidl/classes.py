@@ -1,7 +1,7 @@
 """The rosidl-style classes of messages, services and actions, made of their definitions when first asked for.
 
-Owns: one class per name, its constructor and setters, which are compiled as dataclasses does it. Must not
-know: the wire, import hooks.
+Owns: one class per name, its constructor and setters, which are compiled as dataclasses does it, how its
+messages are copied and pickled, and the way to its TypeSupport. Must not know: the wire, import hooks.
 
     >>> message_class("std_msgs/msg/String")(data="hi")
     std_msgs.msg.String(data='hi')
@@ -96,6 +96,8 @@ def _make(name: str) -> type[RosMessage]:
         "__module__": module_of(name),
         "__init__": functions["__init__"],
         "__type_name__": name,
+        "__type_support__": classmethod(_type_support),
+        "__reduce__": _reduce,
         "__definition__": definition,
         "__nested__": nested,
         "__checks__": checks,
@@ -110,6 +112,31 @@ def _make(name: str) -> type[RosMessage]:
     cls: Any = type(name.rpartition("/")[2], (RosMessage,), namespace)
     cls.__generated__ = cls
     made: type[RosMessage] = cls
+    return made
+
+
+def _type_support(cls: type[RosMessage]) -> object:
+    """For `bus.types.support.type_support`."""
+    # Most messages are only made and read, so what the wire needs isn't imported before.
+    from bus_ros.rosidl.support import support_of
+
+    generated: Any = cls.__generated__
+    return support_of(generated)
+
+
+def _reduce(self: RosMessage) -> tuple[Any, ...]:
+    cls = type(self)
+    # By its name: its module can be imported only where the import hook is installed.
+    which = cls.__type_name__ if cls is cls.__generated__ else cls
+    values = tuple(getattr(self, f"_{field.name}") for field in self.__definition__.fields)
+    return _again, (which, values), getattr(self, "__dict__", None) or None
+
+
+def _again(which: str | type[RosMessage], values: tuple[object, ...]) -> RosMessage:
+    cls = message_class(which) if isinstance(which, str) else which
+    made = cls.__new__(cls)
+    for field, value in zip(cls.__definition__.fields, values, strict=True):
+        setattr(made, f"_{field.name}", value)
     return made
 
 

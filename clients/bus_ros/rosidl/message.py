@@ -1,7 +1,7 @@
 """The base of the rosidl-style message classes: what they all can do, whatever their fields are.
 
-Owns: how a message is printed, compared, copied and pickled, and the way from a class to its TypeSupport.
-Must not know: how classes are made (`bus_ros.rosidl.classes`), topics.
+Owns: how a message is printed and compared. Must not know: how classes are made, and messages of them anew
+(`bus_ros.rosidl.classes`), topics.
 """
 
 from array import array
@@ -44,15 +44,6 @@ class RosMessage:
         """Names of the fields and texts of their types, in order: `{'data': 'string'}`; a copy."""
         return dict(cls._fields_and_field_types)
 
-    @classmethod
-    def __type_support__(cls) -> Any:
-        """For `bus.types.support.type_support`."""
-        # Most messages are only made and read, so what the wire needs isn't imported before.
-        from bus_ros.rosidl.support import support_of
-
-        generated: Any = cls.__generated__
-        return support_of(generated)
-
     def __repr__(self) -> str:
         *package, _ = type(self).__module__.split(".")
         parts = ", ".join(
@@ -67,23 +58,6 @@ class RosMessage:
             numbers.same(getattr(self, field.name), getattr(other, field.name))
             for field in self.__definition__.fields
         )
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        cls = type(self)
-        # By its name: its module can be imported only where the import hook is installed.
-        which = cls.__type_name__ if cls is cls.__generated__ else cls
-        values = tuple(getattr(self, f"_{field.name}") for field in self.__definition__.fields)
-        return _again, (which, values), getattr(self, "__dict__", None) or None
-
-
-def _again(which: "str | type[RosMessage]", values: tuple[Any, ...]) -> RosMessage:
-    from bus_ros.rosidl.classes import message_class
-
-    cls = message_class(which) if isinstance(which, str) else which
-    made: RosMessage = cls.__new__(cls)
-    for field, value in zip(cls.__definition__.fields, values, strict=True):
-        setattr(made, f"_{field.name}", value)
-    return made
 
 
 def _text(value: object) -> str:
