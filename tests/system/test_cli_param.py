@@ -15,7 +15,7 @@ ROBOT = """
 import asyncio, sys, bus
 from bus_ros.rclpy.parameter import Parameter
 from bus_ros.rclpy.parameter_service import ParameterService
-from bus_ros.rclpy.parameters import NodeParameters
+from bus_ros.rclpy.impl.node_parameters import NodeParameters
 from bus_ros.rosidl import message_class
 
 Descriptor = message_class("rcl_interfaces/msg/ParameterDescriptor")

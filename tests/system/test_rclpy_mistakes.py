@@ -179,6 +179,43 @@ class TestNoConstructor:
         assert not hasattr(node, "tiemr")
 
 
+class TestNamesOfAProgram:
+    """A program's node may have any name that rclpy's nodes have not."""
+
+    class Busy(Node):
+        def __init__(self, name: str) -> None:
+            super().__init__(name)
+            self._engine = self._native = self._events = self._entities = self._store = 1
+            self._declared = self._graph = self._overrides = self.entities = 2
+
+        def _check(self) -> None: ...
+        def _profile(self) -> None: ...
+        def _add(self) -> None: ...
+        def _remove(self) -> None: ...
+        def _find(self) -> None: ...
+        def _declare(self) -> None: ...
+
+    def test_they_stay_and_the_node_works(self, world: World) -> None:
+        node = self.Busy("busy")
+        world.keep(node)
+        heard: list[str] = []
+        publisher = node.create_publisher(String, "t", 1)
+        subscription = node.create_subscription(String, "t", lambda message: heard.append(message.data), 1)
+        assert node.declare_parameter("x", 1).value == node.get_parameter("x").value == 1
+        publisher.publish(String(data="a"))
+        world.spin_until(lambda: heard == ["a"])
+        assert node.count_publishers("t") == 1
+        assert node.destroy_subscription(subscription)
+        assert (node._engine, node.entities) == (1, 2)
+
+    def test_the_node_has_few_that_are_not_mangled(self, node: Node) -> None:
+        own = {name for name in {*vars(node), *dir(Node)} if name.startswith("_")}
+        mangled = ("__", "_Node__", "_NodeGraph__", "_NodeParameters__")
+        assert {name for name in own if not name.startswith(mangled)} == {
+            *("_clock", "_context", "_default_callback_group", "_logger", "_rate_group", "_time_source")
+        }  # rclpy has these
+
+
 class TestDestroyed:
     def test_what_a_node_had(self, world: World, node: Node) -> None:
         publisher = node.create_publisher(String, "t", 1)

@@ -29,6 +29,7 @@ INSIDE = {
     "rclpy.clock": {"ANY_JUMP", "CHANGES_OF_SOURCE"},
     "rclpy.event_handler": {"publisher_events", "subscription_events"},
     "rclpy.parameter": {"ValueType", "parameter_message"},
+    "rclpy.task": {"UNFINISHED", "Step"},
     "rclpy.qos": {"from_native", "profile_of", "to_native"},
     "rclpy.validate_topic_name": {
         *("expand_topic_name", "topic_or_service_is_hidden", "validate_full_topic_name"),
@@ -60,7 +61,7 @@ INSIDE_OF_CLASSES = {
         ),
     },
     "rclpy.impl.rcutils_logger.RcutilsLogger": {"add_sink", "critical", "remove_sink"},
-    "rclpy.node.Node": {"entities", "own_executor", "receive_one"},
+    "rclpy.node.Node": {"own_entities", "own_executor", "receive_one"},
     "rclpy.publisher.Publisher": {"native", "node"},
     "rclpy.subscription.Subscription": {"native"},
     "rclpy.service.Service": {"native", "on_request"},

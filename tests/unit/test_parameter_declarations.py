@@ -12,8 +12,8 @@ from bus_ros.rclpy.exceptions import (
     ParameterNotDeclaredException,
     ParameterUninitializedException,
 )
+from bus_ros.rclpy.impl.node_parameters import NodeParameters
 from bus_ros.rclpy.parameter import Parameter
-from bus_ros.rclpy.parameters import NodeParameters
 from bus_ros.rosidl import message_class
 
 Type = Parameter.Type

@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
+from bus_ros.rclpy.impl.node_parameters import NodeParameters
 from bus_ros.rclpy.parameter import Parameter, parameter_value_to_python
 from bus_ros.rclpy.parameter_client import AsyncParameterClient
 from bus_ros.rclpy.parameter_service import ParameterService
-from bus_ros.rclpy.parameters import NodeParameters
 from bus_ros.rosidl import message_class
 
 Type = Parameter.Type

@@ -15,8 +15,8 @@ from bus_ros.rclpy.exceptions import (
     ParameterImmutableException,
     ParameterNotDeclaredException,
 )
+from bus_ros.rclpy.impl.node_parameters import NodeParameters
 from bus_ros.rclpy.parameter import Parameter, parameter_message
-from bus_ros.rclpy.parameters import NodeParameters
 from bus_ros.rosidl import message_class
 
 Type = Parameter.Type

@@ -1,26 +1,23 @@
-"""Executors: they wait until callbacks of their nodes are due, and call them, in one thread or in many."""
+"""Executors: they wait until callbacks of their nodes are due, and call them, in one thread or in many.
+
+Owns the order of calls, and which callback groups are busy. A thread that spins runs the event loop while it
+waits (`bus_ros.engine`); calls are made without the lock.
+"""
 
 import os
 import warnings
+from collections import deque
 from collections.abc import Callable, Coroutine
 from threading import get_ident
 from time import monotonic_ns
-from typing import Any
+from types import TracebackType
+from typing import Any, TypeAlias
 
-from bus_ros.engine import Waiter, deadline_after
-from bus_ros.entity import Work
-from bus_ros.rclpy.context import Context
-from bus_ros.rclpy.executor import (
-    MOST_AT_ONCE,
-    ConditionReachedException,
-    Executor,
-    ExternalShutdownException,
-    Ready,
-    ShutdownException,
-    Step,
-    TimeoutException,
-)
-from bus_ros.rclpy.task import Future
+from bus_ros.engine import Waiter, deadline_after, engine
+from bus_ros.entity import Entity, Work
+from bus_ros.rclpy.context import Context, get_default_context
+from bus_ros.rclpy.task import UNFINISHED, Future, Step, Task
+from bus_ros.rclpy.timer import NEVER_NS
 
 __all__ = [
     "ConditionReachedException",
@@ -34,11 +31,382 @@ __all__ = [
     "await_or_execute",
 ]
 
+Ready: TypeAlias = Entity | Step
 
+MOST_AT_ONCE = 64
 _SHIFT_NS = 20_000_000
 """For so long a worker goes on by itself."""
 _NOW: Future[Any] = Future()
 _NOW.cancel()  # it is done: nobody waits for it
+
+
+class ExternalShutdownException(Exception):
+    """The context was shut down while an executor waited."""
+
+    def __init__(self, *args: object) -> None:
+        super().__init__(*(args or ("Context has been shutdown",)))
+
+
+class TimeoutException(Exception):
+    """Nothing was ready in time."""
+
+
+class ShutdownException(Exception):
+    """The executor was shut down while it waited."""
+
+
+class ConditionReachedException(Exception):
+    """What was waited for has come."""
+
+
+class Executor:
+    """Base of the executors. Any number of nodes; each node has one executor.
+
+    An executor of a program's own defines `spin_once`, which gets its work by `wait_for_ready_callbacks`.
+    """
+
+    asks_always = False
+    """Not everything that is ready may run, even where no group is held."""
+
+    def __init__(self, *, context: Context | None = None) -> None:
+        self._context = context or get_default_context()
+        self._engine = engine()
+        self.waiter = Waiter(self._engine)
+        self._nodes: list[Any] = []
+        self.ready: deque[Ready] = deque()
+        self._timer_ns = 0  # when a timer is due; earlier than that nobody looks
+        self._is_simulated = False  # then any message may have moved the time
+        self._failures: deque[BaseException] = deque()
+        self._is_shutdown = False
+        self._only: list[Any] | None = None  # the nodes that are asked for, where not all are
+        self._until: Future[Any] | None = None  # what an executor of a program's own spins for
+        with self._engine.loop:
+            self._context.wake_at_end(self)
+
+    @property
+    def is_shutdown(self) -> bool:
+        return self._is_shutdown
+
+    @property
+    def context(self) -> Context:
+        return self._context
+
+    def __enter__(self) -> "Executor":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.shutdown()
+
+    # --- nodes and tasks
+
+    def add_node(self, node: Any) -> bool:
+        """Work for `node` from now on; returns False where that is so already."""
+        if node.own_executor is self:
+            return False
+        if node.own_executor is not None:
+            node.own_executor.remove_node(node)
+        with self._engine.loop:
+            self._nodes.append(node)
+            node.own_executor = self
+            self._timer_ns = 0
+            for entity in (*node.own_entities(), *node.timers):
+                entity.is_queued = False
+            for entity in node.own_entities():
+                entity.notify()
+        return True
+
+    def remove_node(self, node: Any) -> None:
+        """Leave `node` alone; what has come for it waits."""
+        with self._engine.loop:
+            if node.own_executor is not self:
+                return
+            node.own_executor = None
+            self._nodes.remove(node)
+            for entity in node.own_entities():
+                entity.leave()
+            for entity in (*node.own_entities(), *node.timers):
+                entity.is_queued = False
+            for one in [one for one in self.ready if one.node is node]:
+                self.ready.remove(one)
+
+    def get_nodes(self) -> list[Any]:
+        """The nodes that it works for."""
+        return list(self._nodes)
+
+    def create_task(
+        self, callback: Callable[..., Any] | Coroutine[Any, Any, Any], *args: Any, **kwargs: Any
+    ) -> Task[Any]:
+        """Have `callback(*args)`, `def` or `async def`, or a coroutine run here; from any thread."""
+        step = self._step(callback, args, kwargs)
+        self._engine.call(self.enqueue, step)
+        return step.task
+
+    def wake(self) -> None:
+        """Have a wait look again, from any thread."""
+        self._engine.call(self.wake_up)
+
+    def shutdown(self, timeout_sec: float | None = None) -> bool:
+        """Stop spinning. Returns whether all calls had ended by then."""
+        with self._engine.loop:
+            self._is_shutdown = True
+            self.wake_up()
+        for node in self.get_nodes():
+            self.remove_node(node)
+        return True
+
+    # --- spinning
+
+    def spin(self) -> None:
+        """Work until the context or the executor is shut down; what a callback raises comes out of here.
+
+        Raises ExternalShutdownException where the context is shut down by another thread or by SIGTERM.
+        """
+        is_custom = self.is_custom()
+        while self._context.ok() and not self._is_shutdown:
+            if is_custom:
+                self.spin_once()
+            else:
+                self._spin_once(0, MOST_AT_ONCE)
+            if self._context.was_ended_by_signal:
+                raise ExternalShutdownException
+
+    def spin_once(self, timeout_sec: float | None = None) -> None:
+        """Wait for one callback, for `timeout_sec` at most (None or below zero: for ever), and call it."""
+        self._spin_once(deadline_after(timeout_sec), 1)
+
+    def spin_until_future_complete(self, future: Future[Any], timeout_sec: float | None = None) -> None:
+        """Work until `future` is done, or `timeout_sec` is over (None or below zero: for ever)."""
+        deadline_ns = deadline_after(timeout_sec)
+        future.call_when_done(self.wake)
+        try:
+            while self._context.ok() and not self._is_shutdown and not future.done():
+                if deadline_ns and monotonic_ns() >= deadline_ns:
+                    return
+                self._spin_once(deadline_ns, 1, future)
+        finally:
+            future.forget_waiter(self.wake)
+
+    def spin_once_until_future_complete(self, future: Future[Any], timeout_sec: float | None = None) -> None:
+        """Wait for one callback or for `future`."""
+        future.call_when_done(self.wake)
+        try:
+            if not future.done():
+                self._spin_once(deadline_after(timeout_sec), 1, future)
+        finally:
+            future.forget_waiter(self.wake)
+
+    def wait_for_ready_callbacks(
+        self,
+        timeout_sec: float | None = None,
+        nodes: list[Any] | None = None,
+        condition: Callable[[], bool] = lambda: False,
+    ) -> tuple[Task[Any], Entity | None, Any]:
+        """Wait for one callback, of `nodes` if they are given. Not for several threads at once.
+
+        Returns (handler, entity, node); the latter two are None for a task. `handler()`, in any thread, makes
+        the call, and ends what its group holds from now on; what it raises is `handler.exception()`. The
+        handler of a coroutine is returned again when that can go on. `wake` has `condition` looked at anew.
+
+        Raises TimeoutException, ShutdownException, ExternalShutdownException, and ConditionReachedException.
+        """
+        until = self._until
+
+        def is_over() -> bool:
+            return condition() or (until is not None and until.done())
+
+        if is_over():
+            raise ConditionReachedException
+        with self._engine.loop:
+            self._only, self.asks_always = nodes, nodes is not None or type(self).asks_always
+            try:
+                found = self._next(deadline_after(timeout_sec), 1, _Until(is_over))
+            finally:
+                self._only, self.asks_always = None, type(self).asks_always
+            if found is not None:
+                return self._handler(*found)
+        if self._is_shutdown:
+            raise ShutdownException
+        raise ConditionReachedException if is_over() else TimeoutException
+
+    def can_execute(self, entity: Entity) -> bool:
+        """Whether the entity's callback could begin now."""
+        return not entity.is_destroyed and bool(entity.callback_group.can_execute(entity))
+
+    def is_custom(self) -> bool:
+        """Whether a program has defined what `spin` does."""
+        return type(self).spin_once is not Executor.spin_once
+
+    def _spin_once(self, deadline_ns: int, most: int, until: Future[Any] | None = None) -> None:
+        """Here for executors of a program's own."""
+        timeout_s = max(deadline_ns - monotonic_ns(), 0) / 1e9 if deadline_ns else None
+        before, self._until = self._until, until
+        try:
+            if not self.is_custom():
+                raise NotImplementedError(f"{type(self).__name__} has no spin_once")
+            self.spin_once(timeout_sec=timeout_s)
+        except ConditionReachedException:
+            if until is None:
+                raise
+        finally:
+            self._until = before
+
+    # --- for entities, under the guard
+
+    def enqueue(self, entity: Ready) -> None:
+        """It may have something to take."""
+        entity.is_queued = True
+        self.ready.append(entity)
+        if not self.waiter.is_set:
+            self.waiter.set()
+
+    def look_at_timers(self) -> None:
+        """A timer was made or changed."""
+        self._timer_ns = 0
+        self.waiter.set()
+
+    def wake_up(self) -> None:
+        self.waiter.set()
+
+    def is_looking(self) -> bool:
+        """Whether a thread waits for what becomes ready, and can take it."""
+        return self._engine.is_waited_on(self.waiter)
+
+    # --- inside, under the guard
+
+    def _next(
+        self, deadline_ns: int, most: int, until: "Future[Any] | _Until | None"
+    ) -> tuple[Ready, Work] | None:
+        """The next call; None at the deadline, on shutdown of the executor, and where `until` is done.
+
+        Raises what a call in another thread raised, and ExternalShutdownException.
+        """
+        waiter, ready, engine, is_over = self.waiter, self.ready, self._engine, False
+        while True:
+            if self._is_simulated or (self._timer_ns < NEVER_NS and monotonic_ns() >= self._timer_ns):
+                self._collect_timers()
+            if self._failures:
+                raise self._failures.popleft()
+            while ready and not self._is_shutdown:
+                entity = self._pop() if engine.held or self.asks_always else ready.popleft()
+                if entity is None:
+                    break
+                if entity.is_destroyed:
+                    work = None
+                else:
+                    work = entity.take(most if entity.is_exclusive or not self.asks_always else 1)
+                if work is not None and not entity.is_single:
+                    ready.append(entity)  # it may have more, and is behind the others now
+                    return entity, work
+                entity.is_queued = False
+                if entity.is_timer:
+                    self._timer_ns = 0
+                if work is not None:
+                    return entity, work
+            if self._is_shutdown or (until is not None and until.done()):
+                return None
+            if not self._context.ok():
+                if engine.loop.is_interrupted and engine.is_main():
+                    return None  # as below
+                raise ExternalShutdownException
+            if is_over:
+                return None
+            waiter.is_set = False
+            is_timed = self._timer_ns < NEVER_NS and (not deadline_ns or self._timer_ns < deadline_ns)
+            end_ns = self._timer_ns if is_timed else deadline_ns
+            engine.wait(waiter, end_ns, is_eager=True, takes_at_once=not self.asks_always)
+            if engine.loop.is_interrupted and engine.is_main():
+                return None  # KeyboardInterrupt comes where the guard ends
+            is_over = deadline_ns > 0 and monotonic_ns() >= deadline_ns
+
+    def _pop(self) -> Ready | None:
+        """The first of those that may run."""
+        for index, entity in enumerate(self.ready):
+            group = entity.held_group
+            if self._only is not None and entity.node not in self._only:
+                continue
+            if group is None or group.can_execute(entity):
+                del self.ready[index]
+                return entity
+            self._engine.passed_over.add(self)
+        return None
+
+    def _collect_timers(self) -> None:
+        now_ns, next_ns, self._is_simulated = monotonic_ns(), NEVER_NS, False
+        due: list[tuple[int, Any]] = []
+        for node in self._nodes:
+            for timer in node.timers:
+                self._is_simulated |= timer.is_simulated
+                due_ns = timer.due_ns()
+                if due_ns <= now_ns:
+                    due.append((due_ns, timer))
+                elif due_ns < next_ns:
+                    next_ns = due_ns
+        self._timer_ns = next_ns
+        for _, timer in sorted(due, key=lambda one: one[0]):  # who has waited longest
+            timer.is_queued = True
+            self.ready.append(timer)
+
+    def _begin(self, entity: Ready) -> None:
+        """Its group is held until `_end`."""
+        if entity.held_group is not None:
+            entity.held_group.beginning_execution(entity)
+            self._engine.held += 1
+
+    def _handler(self, entity: Ready, work: Work) -> tuple[Task[Any], Entity | None, Any]:
+        """For a program that makes the call itself: a task that ends what was begun for it."""
+        if isinstance(entity, Step):
+            step = entity
+        else:
+            self._begin(entity)
+            step = self._step(*work, {}, entity)
+        holder = step.holder
+        if holder is not None and not step.ends_itself:
+            step.ends_itself = True
+            step.task.call_when_done(lambda: self._engine.call(self._end, holder))
+        return step.task, holder, None if holder is None else holder.node
+
+    def _end(self, entity: Ready) -> None:
+        """A call has ended, and with it what was begun for it; for a step, that of its holder."""
+        if isinstance(entity, Step) and entity.ends_itself:
+            return
+        holder = entity.holder if isinstance(entity, Step) else entity
+        if holder is not None and holder.held_group is not None:
+            holder.held_group.ending_execution(holder)
+            self._engine.held -= 1
+            while self._engine.passed_over:
+                self._engine.passed_over.pop().wake_up()
+
+    # --- inside, without the guard
+
+    def _step(
+        self,
+        function: Callable[..., Any] | Coroutine[Any, Any, Any],
+        arguments: tuple[Any, ...],
+        keywords: dict[str, Any],
+        holder: Entity | None = None,
+    ) -> Step:
+        return Step(Task(function, arguments, keywords, executor=self), self._go_on_with, holder)
+
+    def _go_on_with(self, step: Step) -> None:
+        """What its task awaited is there; called in any thread."""
+        self._engine.call(self.enqueue, step)
+
+    def _run(self, entity: Ready, work: Work) -> bool:
+        """Make a call; returns whether it has ended, or is a coroutine that goes on later."""
+        function, arguments = work
+        if entity.is_async:
+            assert isinstance(entity, Entity)
+            return self._step(function, arguments, {}, entity).run() is not UNFINISHED
+        return function(*arguments) is not UNFINISHED
+
+
+class _Until:
+    """What `_next` is to wait for, besides work."""
+
+    def __init__(self, done: Callable[[], bool]) -> None:
+        self.done = done
 
 
 async def await_or_execute(callback: Callable[..., Any], *args: Any) -> Any:
@@ -134,7 +502,7 @@ class MultiThreadedExecutor(Executor):
     def is_looking(self) -> bool:
         return self._free > 0 and super().is_looking()
 
-    def _pop(self) -> "Ready | None":
+    def _pop(self) -> Ready | None:
         return super()._pop() if self._free else None
 
     def spin(self) -> None:
@@ -166,7 +534,7 @@ class MultiThreadedExecutor(Executor):
                 self._begin(found[0])
                 self._free -= 1
 
-    def _work(self, entity: "Ready", work: Work) -> None:
+    def _work(self, entity: Ready, work: Work) -> None:
         """Make a call, and under `spin` those that follow: a change of threads costs more than most calls."""
         self._workers.add(get_ident())
         end_ns = monotonic_ns() + _SHIFT_NS
@@ -196,7 +564,7 @@ class MultiThreadedExecutor(Executor):
                     self.wake_up()
                     self._tell_leaving()
 
-    def _go_on(self) -> "tuple[Ready, Work] | None":
+    def _go_on(self) -> tuple[Ready, Work] | None:
         """What is ready now; another thread gets what else is."""
         if self._failures or not self._context.ok():
             return None

@@ -1,44 +1,75 @@
-"""Nodes of the facade: a native node on the engine's loop, with names, parameters and a clock as in rclpy."""
+"""Nodes: a native node on the engine's loop, which makes and destroys what executors work off.
 
-from collections.abc import Sequence
+Owns the lists of a node's entities, and its beginning and end. Its names in the graph are those of
+`impl.node_graph`, its parameters those of `impl.node_parameters`. Private names are mangled, but for those
+that rclpy has too: a program's own nodes may have any other.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from copy import copy
+from inspect import signature
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from bus.errors import AccessDenied, BusError, ConfigurationError
-from bus.graph import Graph
+from bus.events import PublisherEvents, SubscriptionEvents
 from bus.node import Node as NativeNode
 from bus.parameters import file
 from bus.parameters.messages import event_message
 from bus.parameters.values import Change
 from bus.qos import QoSProfile as NativeProfile
+from bus.service_host import SERVICE_QOS
 from bus_ros.engine import current, engine
+from bus_ros.entity import Calls, Entity
+from bus_ros.rclpy.callback_groups import (
+    CallbackGroup,
+    MutuallyExclusiveCallbackGroup,
+    ReentrantCallbackGroup,
+)
+from bus_ros.rclpy.client import Client
 from bus_ros.rclpy.clock import Clock, ROSClock
 from bus_ros.rclpy.context import Context, get_default_context, parse_arguments
-from bus_ros.rclpy.exceptions import NotInitializedException
-from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger
-from bus_ros.rclpy.node_entities import EntityMaker
-from bus_ros.rclpy.node_graph import GraphQueries
-from bus_ros.rclpy.node_parameters import ParameterMethods
-from bus_ros.rclpy.parameter import Parameter, parameter_message
-from bus_ros.rclpy.parameters import NodeParameters
-from bus_ros.rclpy.publisher import Publisher
-from bus_ros.rclpy.qos import QoSProfile, qos_profile_parameter_events
-from bus_ros.rclpy.time_source import TimeSource
-from bus_ros.rclpy.validate_topic_name import (
-    expand_topic_name,
-    validate_namespace,
-    validate_node_name,
-    validate_topic_name,
+from bus_ros.rclpy.exceptions import (
+    InvalidHandle,
+    InvalidServiceNameException,
+    InvalidTopicNameException,
+    NotInitializedException,
 )
+from bus_ros.rclpy.guard_condition import GuardCondition
+from bus_ros.rclpy.impl.node_graph import NodeGraph
+from bus_ros.rclpy.impl.node_parameters import NodeParameters
+from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger
+from bus_ros.rclpy.parameter import Parameter, parameter_message
+from bus_ros.rclpy.publisher import Publisher
+from bus_ros.rclpy.qos import (
+    QoSProfile,
+    profile_of,
+    qos_profile_parameter_events,
+    qos_profile_services_default,
+    to_native,
+)
+from bus_ros.rclpy.service import Service
+from bus_ros.rclpy.subscription import Subscription
+from bus_ros.rclpy.time_source import TimeSource
+from bus_ros.rclpy.timer import Rate, Timer
+from bus_ros.rclpy.type_support import check_is_valid_msg_type, check_is_valid_srv_type
+from bus_ros.rclpy.validate_topic_name import validate_namespace, validate_node_name, validate_topic_name
+
+if TYPE_CHECKING:  # most programs need none
+    from bus_ros.rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+    from bus_ros.rclpy.executors import Executor
+    from bus_ros.rclpy.qos_overriding_options import QoSOverridingOptions
 
 __all__ = ["Node"]
 
 M = TypeVar("M")
+E = TypeVar("E", bound=Entity)
 
 CLOSE_S = 6.0
 """`destroy_node` gives what was published so long to leave the process."""
 
 
-class Node(EntityMaker, GraphQueries, ParameterMethods):
+class Node(NodeGraph, NodeParameters):
     """A node named `node_name`. In the graph at once, until `destroy_node` or the end of the process; its
     publishers work without anybody spinning.
 
@@ -73,10 +104,23 @@ class Node(EntityMaker, GraphQueries, ParameterMethods):
         # Its ROS arguments end where they end: what follows is the program's.
         words = [*own, "--", *context.arguments] if use_global_arguments else own
         native = _make_native(node_name, namespace or "", words, context, enable_rosout)
-        super().__init__(engine(), native, context, ROSClock())
-        self._parameter_events: Publisher[Any] | None = None
+        NodeGraph.__init__(self, engine(), native, context)
+        self.__engine = engine()
+        self.__native = native
+        self.__is_destroyed = False
+        self._default_callback_group = MutuallyExclusiveCallbackGroup()
+        self._rate_group = ReentrantCallbackGroup()
+        self.__events = Calls(self, self._default_callback_group)
+        self.__entities: tuple[Entity, ...] = (self.__events,)
+        self.__publishers: tuple[Publisher[Any], ...] = ()
+        self.timers: tuple[Timer, ...] = ()
+        self.own_executor: Executor | None = None
+        """The executor that works for this node."""
+        self.__parameter_events: Publisher[Any] | None = None
+        self._clock = ROSClock()
         self._logger = RcutilsLogger(native.get_logger().name)
-        self._parameters = NodeParameters(
+        NodeParameters.__init__(
+            self,
             overrides=file.overrides(
                 # Its own go before the program's.
                 [*(context.parameters if use_global_arguments else ()), *parameters],
@@ -85,19 +129,19 @@ class Node(EntityMaker, GraphQueries, ParameterMethods):
             parameter_overrides=parameter_overrides,
             allow_undeclared_parameters=allow_undeclared_parameters,
             automatically_declare_parameters_from_overrides=automatically_declare_parameters_from_overrides,
-            on_change=self._tell_parameters,
+            on_change=self.__tell_parameters,
         )
-        self._engine.run(native.open)
+        self.__engine.run(native.open)
         context.track_node(self)
         self._time_source = TimeSource(node=self)
         self._time_source.attach_clock(self._clock)
         if start_parameter_services:
-            self._start_parameter_services()
+            self.__start_parameter_services()
 
     if not TYPE_CHECKING:  # which would take any attribute for one of a node
 
         def __getattr__(self, name: str) -> Any:
-            hint = "" if "_parameters" in vars(self) else ": super().__init__(node_name) has not been called"
+            hint = "" if "_logger" in vars(self) else ": super().__init__(node_name) has not been called"
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{hint}")
 
     # --- what it is
@@ -111,25 +155,16 @@ class Node(EntityMaker, GraphQueries, ParameterMethods):
         return self
 
     @property
-    def executor(self) -> Any:
+    def executor(self) -> "Executor | None":
         """Setting it takes the node away from the one that had it."""
         return self.own_executor
 
     @executor.setter
-    def executor(self, new: Any) -> None:
+    def executor(self, new: "Executor | None") -> None:
         if self.own_executor is not None:
             self.own_executor.remove_node(self)
         if new is not None:
             new.add_node(self)
-
-    def get_name(self) -> str:
-        return self._native.name
-
-    def get_namespace(self) -> str:
-        return self._native.namespace
-
-    def get_fully_qualified_name(self) -> str:
-        return self._native.full_name
 
     def get_clock(self) -> Clock:
         """The clock that follows the parameter use_sim_time."""
@@ -138,43 +173,221 @@ class Node(EntityMaker, GraphQueries, ParameterMethods):
     def get_logger(self) -> RcutilsLogger:
         return self._logger
 
-    def resolve_topic_name(self, topic: str, *, only_expand: bool = False) -> str:
-        """The full name; after remapping, unless it is only to be expanded."""
-        validate_topic_name(topic)
-        if only_expand:
-            return self._expand(topic)
-        return self._native.resolve_topic_name(topic)
+    @property
+    def default_callback_group(self) -> CallbackGroup:
+        """What excludes the callbacks of a node from one another, where they name no group."""
+        return self._default_callback_group
 
-    def resolve_service_name(self, service: str, *, only_expand: bool = False) -> str:
-        """As `resolve_topic_name`."""
-        validate_topic_name(service, is_service=True)
-        if only_expand:
-            return self._expand(service)
-        return self._native.resolve_service_name(service)
+    @property
+    def publishers(self) -> Iterator[Publisher[Any]]:
+        return iter(self.__publishers)
+
+    @property
+    def subscriptions(self) -> Iterator[Subscription[Any]]:
+        return (one for one in self.__entities if isinstance(one, Subscription))
+
+    @property
+    def clients(self) -> Iterator[Client]:
+        return (one for one in self.__entities if isinstance(one, Client))
+
+    @property
+    def services(self) -> Iterator[Service]:
+        return (one for one in self.__entities if isinstance(one, Service))
+
+    @property
+    def guards(self) -> Iterator[GuardCondition]:
+        return (one for one in self.__entities if isinstance(one, GuardCondition))
+
+    def own_entities(self) -> Iterable[Entity]:
+        """All that may have calls to make, but the timers."""
+        return self.__entities
+
+    # --- making
+
+    def create_publisher(
+        self,
+        msg_type: type[M],
+        topic: str,
+        qos_profile: QoSProfile | int,
+        *,
+        callback_group: CallbackGroup | None = None,
+        event_callbacks: "PublisherEventCallbacks | None" = None,
+        qos_overriding_options: "QoSOverridingOptions | None" = None,
+        publisher_class: type[Publisher[Any]] | None = None,
+    ) -> Publisher[M]:
+        """A publisher; an int as `qos_profile` is keep last with that depth."""
+        check_is_valid_msg_type(msg_type)
+        self.__check(topic)
+        profile = self.__profile("publisher", topic, qos_profile, qos_overriding_options)
+        native = self.__engine.run(
+            lambda: self.__native.create_publisher(
+                msg_type,  # type: ignore[type-var]
+                topic,
+                to_native(profile, for_publisher=True),
+                events=self.__publisher_events(event_callbacks),
+            )
+        )
+        publisher = Publisher(self.__engine, native, msg_type, profile, self)
+        with self.__engine.loop:
+            self.__publishers = (*self.__publishers, publisher)
+        return publisher
+
+    def create_subscription(
+        self,
+        msg_type: type[M],
+        topic: str,
+        callback: Callable[..., Any],
+        qos_profile: QoSProfile | int,
+        *,
+        callback_group: CallbackGroup | None = None,
+        event_callbacks: "SubscriptionEventCallbacks | None" = None,
+        qos_overriding_options: "QoSOverridingOptions | None" = None,
+        raw: bool = False,
+        content_filter_options: object = None,
+    ) -> Subscription[M]:
+        """A subscription; `callback` is `def` or `async def`, of (message) or (message, info)."""
+        check_is_valid_msg_type(msg_type)
+        _check_callback(callback)
+        _check_arguments(callback)
+        if content_filter_options is not None:
+            raise NotImplementedError("content filters are not there yet: filter in the callback")
+        self.__check(topic)
+        profile = self.__profile("subscription", topic, qos_profile, qos_overriding_options)
+        native = self.__engine.run(
+            lambda: self.__native.create_subscription(
+                msg_type,  # type: ignore[type-var]
+                topic,
+                to_native(profile),
+                events=self.__subscription_events(event_callbacks),
+                raw=raw,
+            )
+        )
+        group = callback_group or self._default_callback_group
+        return self.__add(Subscription(self.__engine, native, msg_type, callback, group, profile, raw, self))
+
+    def create_client(
+        self,
+        srv_type: Any,
+        srv_name: str,
+        *,
+        qos_profile: QoSProfile | int = qos_profile_services_default,
+        callback_group: CallbackGroup | None = None,
+    ) -> Client:
+        """A client of a service."""
+        check_is_valid_srv_type(srv_type)
+        self.__check(srv_name, is_service=True)
+        profile = profile_of(qos_profile)
+        group = callback_group or self._default_callback_group
+        client = Client(self.__engine, srv_type, srv_name, profile, group, self)
+        client.native = self.__engine.run(
+            lambda: self.__native.create_client(
+                srv_type, srv_name, _service_qos(profile), on_response=client.on_response
+            )
+        )
+        return self.__add(client)
+
+    def create_service(
+        self,
+        srv_type: Any,
+        srv_name: str,
+        callback: Callable[[Any, Any], Any],
+        *,
+        qos_profile: QoSProfile | int = qos_profile_services_default,
+        callback_group: CallbackGroup | None = None,
+    ) -> Service:
+        """Serve; `callback(request, response)`, `def` or `async def`, returns the response."""
+        check_is_valid_srv_type(srv_type)
+        self.__check(srv_name, is_service=True)
+        _check_callback(callback)
+        profile = profile_of(qos_profile)
+        group = callback_group or self._default_callback_group
+        service = Service(self.__engine, srv_type, srv_name, callback, group, profile, self)
+        service.native = self.__engine.run(
+            lambda: self.__native.create_service(
+                srv_type, srv_name, qos=_service_qos(profile), on_request=service.on_request
+            )
+        )
+        return self.__add(service)
+
+    def create_timer(
+        self,
+        timer_period_sec: float,
+        callback: Callable[..., Any] | None,
+        callback_group: CallbackGroup | None = None,
+        clock: Clock | None = None,
+        autostart: bool = True,
+    ) -> Timer:
+        """Call `callback()` every `timer_period_sec` seconds, the first time after one period."""
+        period_ns = int(float(timer_period_sec) * 1e9)
+        if period_ns < 0:
+            raise ValueError(f"timer period {timer_period_sec!r} is below zero")
+        if callback is not None:
+            _check_callback(callback)
+        group = callback_group or self._default_callback_group
+        timer = Timer(callback, group, period_ns, clock or self._clock, node=self, autostart=autostart)
+        with self.__engine.loop:
+            self.timers = (*self.timers, timer)
+            timer.rearm()
+        return timer
+
+    def create_guard_condition(
+        self, callback: Callable[[], object], callback_group: CallbackGroup | None = None
+    ) -> GuardCondition:
+        """A callback that `trigger` has called by the executor."""
+        return self.__add(GuardCondition(callback, callback_group or self._default_callback_group, self))
+
+    def create_rate(self, frequency: float, clock: Clock | None = None) -> Rate:
+        """For loops that are to run `frequency` times a second."""
+        if frequency <= 0:
+            raise ValueError("frequency must be > 0")
+        # In a group of its own, so that other callbacks do not move it.
+        timer = self.create_timer(1 / frequency, None, self._rate_group, clock)
+        return Rate(timer, context=self._context)
+
+    # --- destroying
+
+    def destroy_publisher(self, publisher: Publisher[Any]) -> bool:
+        """Returns whether it was this node's."""
+        with self.__engine.loop:
+            is_ours = publisher in self.__publishers
+            self.__publishers = tuple(one for one in self.__publishers if one is not publisher)
+        if is_ours:
+            self.__engine.run(publisher.native.close)
+        return is_ours
+
+    def destroy_subscription(self, subscription: Subscription[Any]) -> bool:
+        return self.__remove(subscription, subscription.native)
+
+    def destroy_client(self, client: Client) -> bool:
+        return self.__remove(client, client.native)
+
+    def destroy_service(self, service: Service) -> bool:
+        return self.__remove(service, service.native)
+
+    def destroy_guard_condition(self, guard: GuardCondition) -> bool:
+        return self.__remove(guard, None)
+
+    def destroy_timer(self, timer: Timer) -> bool:
+        with self.__engine.loop:
+            is_ours = timer in self.timers
+            timer.is_destroyed = True
+            timer.forget_clock()
+            self.timers = tuple(one for one in self.timers if one is not timer)
+        return is_ours
+
+    def destroy_rate(self, rate: Rate) -> bool:
+        is_ours = self.destroy_timer(rate._timer)
+        rate.destroy()
+        return is_ours
 
     # --- waiting
-
-    def wait_for_node(self, fully_qualified_node_name: str, timeout: float) -> bool:
-        """Wait until such a node is in the graph, `timeout` seconds at most; returns whether."""
-        wanted = fully_qualified_node_name
-        if not wanted.startswith("/"):
-            wanted = f"{self.get_namespace().rstrip('/')}/{wanted}"
-
-        def is_there(graph: Graph) -> bool:
-            return any(node.full_name == wanted for node in graph.nodes)
-
-        try:
-            self._engine.run(lambda: self._native.wait_for_graph(is_there), timeout, context=self.context)
-        except TimeoutError:
-            return False
-        return True
 
     def receive_one(
         self, msg_type: type[M], topic: str, qos: NativeProfile, timeout_s: float | None
     ) -> tuple[bool, M | None]:
         """For `rclpy.wait_for_message`."""
-        engine = self._engine
-        subscription: Any = engine.run(lambda: self._native.create_subscription(msg_type, topic, qos))  # type: ignore[type-var]
+        engine = self.__engine
+        subscription: Any = engine.run(lambda: self.__native.create_subscription(msg_type, topic, qos))  # type: ignore[type-var]
         try:
             return True, engine.run(subscription.receive, timeout_s, context=self.context)[0]
         except TimeoutError:
@@ -186,16 +399,16 @@ class Node(EntityMaker, GraphQueries, ParameterMethods):
 
     def destroy_node(self) -> None:
         """Hand over what was published and leave the graph. Once more does nothing."""
-        if self._is_destroyed:
+        if self.__is_destroyed:
             return
-        self._is_destroyed = True
-        if self._engine is not current():
+        self.__is_destroyed = True
+        if self.__engine is not current():
             return  # of before a fork: it is the parent's
         if self.own_executor is not None:
             self.own_executor.remove_node(self)
-        self._forget_all()
+        self.__forget_all()
         try:
-            self._engine.run(self._native.close, CLOSE_S)
+            self.__engine.run(self.__native.close, CLOSE_S)
         except (TimeoutError, BusError) as error:
             self._logger.warning(f"not everything could be handed over: {error or 'busd does not take it'}")
 
@@ -210,19 +423,13 @@ class Node(EntityMaker, GraphQueries, ParameterMethods):
 
     # --- inside
 
-    def _expand(self, name: str) -> str:
-        return expand_topic_name(name, self._native.name, self._native.namespace)
-
-    def _graph(self) -> Graph:
-        return self._engine.run(self._native.graph)
-
-    def _start_parameter_services(self) -> None:
+    def __start_parameter_services(self) -> None:
         from bus_ros.rclpy.parameter_service import ParameterService
         from bus_ros.rosidl import message_class
 
         # What the node has by itself must not keep it from its work.
         try:
-            self._parameter_events = self.create_publisher(
+            self.__parameter_events = self.create_publisher(
                 message_class("rcl_interfaces/msg/ParameterEvent"),
                 "/parameter_events",
                 qos_profile_parameter_events,
@@ -234,11 +441,72 @@ class Node(EntityMaker, GraphQueries, ParameterMethods):
         except AccessDenied as denied:
             self._logger.warning(f"nobody else can read or set this node's parameters: {denied}")
 
-    def _tell_parameters(self, change: Change[Parameter]) -> None:
-        if self._parameter_events is not None and not self._is_destroyed:
+    def __tell_parameters(self, change: Change[Parameter]) -> None:
+        if self.__parameter_events is not None and not self.__is_destroyed:
             event = event_message(parameter_message, self.get_fully_qualified_name(), change)
             event.stamp = self._clock.now().to_msg()
-            self._parameter_events.publish(event)
+            self.__parameter_events.publish(event)
+
+    def __check(self, name: str, *, is_service: bool = False) -> None:
+        """Before something of that name is made. Raises InvalidHandle where the node is destroyed."""
+        if self.__is_destroyed:
+            raise InvalidHandle(f"node '{self.__native.full_name}' is destroyed")
+        validate_topic_name(name, is_service=is_service)
+        try:
+            self.__native.resolve_topic_name(name)
+        except ConfigurationError as error:  # what is wrong only with the full name
+            kind = InvalidServiceNameException if is_service else InvalidTopicNameException
+            raise kind.of(name, error) from None
+
+    def __profile(
+        self, kind: str, topic: str, profile: QoSProfile | int, options: "QoSOverridingOptions | None"
+    ) -> QoSProfile:
+        profile = copy(profile_of(profile))
+        if options is not None:
+            from bus_ros.rclpy.qos_overriding_options import declare_qos_parameters
+
+            declare_qos_parameters(kind, self, self.__native.resolve_topic_name(topic), profile, options)
+        return profile
+
+    def __publisher_events(self, callbacks: "PublisherEventCallbacks | None") -> PublisherEvents | None:
+        if callbacks is None:
+            return None  # the bus warns of what is incompatible
+        from bus_ros.rclpy.event_handler import publisher_events
+
+        return publisher_events(callbacks, self.__events.put)
+
+    def __subscription_events(
+        self, callbacks: "SubscriptionEventCallbacks | None"
+    ) -> SubscriptionEvents | None:
+        if callbacks is None:
+            return None
+        from bus_ros.rclpy.event_handler import subscription_events
+
+        return subscription_events(callbacks, self.__events.put)
+
+    def __add(self, entity: E) -> E:
+        with self.__engine.loop:
+            self.__entities = (*self.__entities, entity)
+            entity.notify()
+        return entity
+
+    def __remove(self, entity: Entity, native: Any) -> bool:
+        with self.__engine.loop:
+            is_ours = entity in self.__entities
+            entity.is_destroyed = True
+            entity.leave()
+            self.__entities = tuple(one for one in self.__entities if one is not entity)
+        if is_ours and native is not None:
+            self.__engine.run(native.close)
+        return is_ours
+
+    def __forget_all(self) -> None:
+        with self.__engine.loop:
+            for entity in (*self.__entities, *self.timers):
+                entity.is_destroyed = True
+            for timer in self.timers:
+                timer.forget_clock()
+            self.timers, self.__entities, self.__publishers = (), (), ()
 
 
 class _Native(NativeNode):
@@ -259,3 +527,29 @@ def _make_native(
         if namespace:
             validate_namespace(namespace if namespace.startswith("/") else f"/{namespace}")
         raise
+
+
+def _check_callback(callback: object) -> None:
+    if not callable(callback):
+        raise TypeError(f"callback must be callable, not {type(callback).__name__}")
+
+
+def _check_arguments(callback: Callable[..., object]) -> None:
+    """Of a subscription's callback. Raises RuntimeError, with rclpy's text."""
+    try:
+        taken = signature(callback)
+    except (TypeError, ValueError):  # some that are written in C have none
+        return
+    for given in ((None,), (None, None)):
+        with suppress(TypeError):
+            taken.bind(*given)
+            return
+    raise RuntimeError(
+        "Subscription.__init__(): callback should be either be callable with one argument"
+        "(to get only the message) or two (to get message and message info)"
+    )
+
+
+def _service_qos(profile: QoSProfile) -> NativeProfile:
+    """With ROS's default depth of 10, a burst of calls would lose some without a word."""
+    return SERVICE_QOS if profile == qos_profile_services_default else to_native(profile)

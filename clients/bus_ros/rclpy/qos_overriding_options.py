@@ -4,10 +4,11 @@ Owns their names, their values and how they change a profile. Must not know how 
 """
 
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bus_ros.rclpy.duration import Duration
 from bus_ros.rclpy.exceptions import ParameterAlreadyDeclaredException
+from bus_ros.rclpy.impl.node_parameters import NodeParameters
 from bus_ros.rclpy.qos import (
     DurabilityPolicy,
     HistoryPolicy,
@@ -17,9 +18,6 @@ from bus_ros.rclpy.qos import (
     QoSProfile,
     ReliabilityPolicy,
 )
-
-if TYPE_CHECKING:
-    from bus_ros.rclpy.node import Node
 
 __all__ = [
     "InvalidQosOverridesError",
@@ -82,7 +80,7 @@ _DURATIONS = (QoSPolicyKind.LIFESPAN, QoSPolicyKind.DEADLINE, QoSPolicyKind.LIVE
 
 
 def declare_qos_parameters(
-    entity_type: str, node: "Node", topic_name: str, qos: QoSProfile, options: QoSOverridingOptions
+    entity_type: str, node: NodeParameters, topic_name: str, qos: QoSProfile, options: QoSOverridingOptions
 ) -> QoSProfile:
     """Declare the parameters of a "publisher" or a "subscription" and return `qos`, changed by their values.
 

@@ -1,4 +1,4 @@
-"""Futures and tasks: what will be known later, and the callbacks that executors run.
+"""Futures and tasks: what will be known later, and the callbacks that executors run, step by step.
 
 Owns their state and who is told when they are done. Must not know executors: a task is given the function
 that puts it in line again. All methods may be called from any thread.
@@ -10,18 +10,25 @@ import weakref
 from collections.abc import Callable, Coroutine, Generator, Iterable
 from threading import Lock
 from types import CoroutineType
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from bus.base.printable import printable
+from bus_ros.entity import Entity, Work
+from bus_ros.rclpy.callback_groups import CallbackGroup
 
-if TYPE_CHECKING:
-    from bus_ros.rclpy.executors import Executor
-
-__all__ = ["Future", "Task"]
+__all__ = ["UNFINISHED", "Future", "Step", "Task"]
 
 T = TypeVar("T")
 
 _PENDING, _CANCELLED, _FINISHED = range(3)
+UNFINISHED = object()
+"""What a call returns that goes on later."""
+
+
+class Executor(Protocol):
+    """What of an executor a future needs: it calls the callbacks."""
+
+    def create_task(self, callback: Callable[..., Any], *args: Any) -> object: ...
 
 
 class Future(Generic[T]):
@@ -30,7 +37,7 @@ class Future(Generic[T]):
     Callbacks are tasks of the executor, where the future has one; else they run in the thread that is done.
     """
 
-    def __init__(self, *, executor: "Executor | None" = None) -> None:
+    def __init__(self, *, executor: Executor | None = None) -> None:
         self._state = _PENDING
         self._result: T | None = None
         self._exception: BaseException | None = None
@@ -147,10 +154,10 @@ class Future(Generic[T]):
             except Exception as error:  # there may be more callbacks
                 warnings.warn(f"Unhandled exception in done callback: {error}", stacklevel=3)
 
-    def _get_executor(self) -> "Executor | None":
+    def _get_executor(self) -> Executor | None:
         return None if self._executor is None else self._executor()
 
-    def _set_executor(self, executor: "Executor | None") -> None:
+    def _set_executor(self, executor: Executor | None) -> None:
         """Who runs the callbacks from now on; it is not kept alive."""
         self._executor = None if executor is None else weakref.ref(executor)
 
@@ -168,7 +175,7 @@ class Task(Future[T]):
         handler: Callable[..., Any] | Coroutine[Any, Any, Any],
         args: Iterable[Any] | None = None,
         kwargs: dict[str, Any] | None = None,
-        executor: "Executor | None" = None,
+        executor: Executor | None = None,
         reschedule: Callable[[], Any] | None = None,
     ) -> None:
         super().__init__(executor=executor)
@@ -250,3 +257,42 @@ class Task(Future[T]):
                 handler.close()
         finally:
             self._task_lock.release()
+
+
+class Step:
+    """A step of a task, which stands in an executor's line as entities do.
+
+    `holder` is the entity whose group is held until the task ends. `go_on` puts the step in line again.
+    """
+
+    is_async = False
+    is_exclusive = False
+    is_single = True
+    is_timer = False
+
+    def __init__(self, task: Task[Any], go_on: "Callable[[Step], object]", holder: Entity | None) -> None:
+        self.task = task
+        self.task.reschedule = self.again
+        self.holder = holder
+        self.ends_itself = False
+        """What the holder's group holds ends with the task, in whichever thread that is."""
+        self.held_group: CallbackGroup | None = None
+        self.is_destroyed = False
+        self.is_queued = False
+        self.node = None
+        self._go_on = go_on
+
+    def take(self, most: int) -> Work:
+        return self.run, ()
+
+    def run(self) -> object:
+        """UNFINISHED where the task goes on later; raises what it raised."""
+        self.task()
+        if not self.task.done():
+            return UNFINISHED
+        if (error := self.task.exception()) is not None:
+            raise error
+        return None
+
+    def again(self) -> None:
+        self._go_on(self)

@@ -3,15 +3,16 @@
 Must not know how parameters are kept or messages arrive: both go through the node.
 """
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any, Protocol, runtime_checkable
 
-from bus_ros.rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from bus_ros.rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from bus_ros.rclpy.clock import Clock, ROSClock
+from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger
+from bus_ros.rclpy.parameter import Parameter
 from bus_ros.rclpy.qos import QoSProfile, ReliabilityPolicy
+from bus_ros.rclpy.subscription import Subscription
 from bus_ros.rclpy.time import Time
-
-if TYPE_CHECKING:
-    from bus_ros.rclpy.node import Node
 
 __all__ = ["CLOCK_TOPIC", "USE_SIM_TIME_NAME", "TimeSource"]
 
@@ -19,12 +20,34 @@ CLOCK_TOPIC = "/clock"
 USE_SIM_TIME_NAME = "use_sim_time"
 
 
+@runtime_checkable
+class _Node(Protocol):
+    """What a node has that a source of time needs."""
+
+    def get_logger(self) -> RcutilsLogger: ...
+    def has_parameter(self, name: str) -> bool: ...
+    def declare_parameter(self, name: str, value: Any = None) -> Parameter: ...
+    def get_parameter(self, name: str) -> Parameter: ...
+    def add_post_set_parameters_callback(self, callback: Callable[[list[Parameter]], None]) -> None: ...
+    def remove_post_set_parameters_callback(self, callback: Callable[[list[Parameter]], None]) -> None: ...
+    def create_subscription(
+        self,
+        msg_type: type[Any],
+        topic: str,
+        callback: Callable[..., Any],
+        qos_profile: QoSProfile,
+        *,
+        callback_group: CallbackGroup | None = None,
+    ) -> Subscription[Any]: ...
+    def destroy_subscription(self, subscription: Subscription[Any]) -> bool: ...
+
+
 class TimeSource:
     """The source of time of one node, for all clocks that are attached."""
 
-    def __init__(self, *, node: "Node | None" = None) -> None:
-        self._node: Any = None
-        self._subscription: Any = None
+    def __init__(self, *, node: _Node | None = None) -> None:
+        self._node: _Node | None = None
+        self._subscription: Subscription[Any] | None = None
         # A callback that sleeps in the node's own group must not stop the clock it sleeps by.
         self._group = MutuallyExclusiveCallbackGroup()
         self._clocks: list[ROSClock] = []
@@ -50,11 +73,9 @@ class TimeSource:
         else:
             self._unsubscribe()
 
-    def attach_node(self, node: "Node") -> None:
+    def attach_node(self, node: _Node) -> None:
         """Follow this node's `use_sim_time`, which is declared where it is not; raises TypeError."""
-        from bus_ros.rclpy.node import Node
-
-        if not isinstance(node, Node):
+        if not isinstance(node, _Node):
             raise TypeError("Node must be of type rclpy.node.Node")
         if self._node is not None:
             self.detach_node()
@@ -94,12 +115,14 @@ class TimeSource:
         try:
             self._last = Time.from_msg(msg.clock)
         except ValueError as error:  # from whoever publishes there; it shall not end this program
-            self._node.get_logger().error(f"'{CLOCK_TOPIC}' has no time: {error}", throttle_duration_sec=1.0)
+            if self._node is not None:
+                text = f"'{CLOCK_TOPIC}' has no time: {error}"
+                self._node.get_logger().error(text, throttle_duration_sec=1.0)
             return
         for clock in self._clocks:
             clock.set_ros_time_override(self._last)
 
-    def _on_parameters(self, parameters: list[Any]) -> None:
+    def _on_parameters(self, parameters: list[Parameter]) -> None:
         for parameter in parameters:
             if parameter.name == USE_SIM_TIME_NAME:
                 self._follow(parameter.value)
@@ -107,7 +130,7 @@ class TimeSource:
     def _follow(self, value: object) -> None:
         if isinstance(value, bool):
             self.ros_time_is_active = value
-        else:
+        elif self._node is not None:
             self._node.get_logger().error(
                 f"Invalid type for parameter '{USE_SIM_TIME_NAME}' {type(value).__name__} should be bool"
             )
@@ -127,5 +150,5 @@ class TimeSource:
 
     def _unsubscribe(self) -> None:
         subscription, self._subscription = self._subscription, None
-        if subscription is not None:
+        if subscription is not None and self._node is not None:
             self._node.destroy_subscription(subscription)

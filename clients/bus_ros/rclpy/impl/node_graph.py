@@ -1,94 +1,141 @@
-"""What a node of the facade tells of the graph: names, types and counts, from a snapshot of the broker's."""
+"""A node's place in the graph: its name, the names of its endpoints, and what it is told of other nodes."""
 
 from collections.abc import Iterable
-from typing import Any
 
 from bus.graph import Graph, GraphEndpoint, services_of
 from bus.names import service_of_topic
+from bus.node import Node as NativeNode
+from bus_ros.engine import Engine
+from bus_ros.rclpy.context import Context
 from bus_ros.rclpy.exceptions import NodeNameNonExistentError
 from bus_ros.rclpy.topic_endpoint_info import TopicEndpointInfo
+from bus_ros.rclpy.validate_topic_name import expand_topic_name, validate_topic_name
 
-__all__ = ["GraphQueries"]
+__all__ = ["NodeGraph"]
 
 NamesAndTypes = list[tuple[str, list[str]]]
 
 
-class GraphQueries:
-    """Base of Node. Lists are sorted by name; names are remapped as the node's own."""
+class NodeGraph:
+    """Base of Node. Its private names are its own: those of a program's nodes may be the same."""
 
-    def _graph(self) -> Graph:
-        raise NotImplementedError
+    def __init__(self, engine: Engine, native: NativeNode, context: Context) -> None:
+        self._context = context
+        self.__engine = engine
+        self.__native = native
+
+    def get_name(self) -> str:
+        return self.__native.name
+
+    def get_namespace(self) -> str:
+        return self.__native.namespace
+
+    def get_fully_qualified_name(self) -> str:
+        return self.__native.full_name
 
     def resolve_topic_name(self, topic: str, *, only_expand: bool = False) -> str:
-        raise NotImplementedError
+        """The full name; after remapping, unless it is only to be expanded."""
+        validate_topic_name(topic)
+        if only_expand:
+            return self.__expand(topic)
+        return self.__native.resolve_topic_name(topic)
 
     def resolve_service_name(self, service: str, *, only_expand: bool = False) -> str:
-        raise NotImplementedError
+        """As `resolve_topic_name`."""
+        validate_topic_name(service, is_service=True)
+        if only_expand:
+            return self.__expand(service)
+        return self.__native.resolve_service_name(service)
+
+    def wait_for_node(self, fully_qualified_node_name: str, timeout: float) -> bool:
+        """Wait until such a node is in the graph, `timeout` seconds at most; returns whether."""
+        wanted = fully_qualified_node_name
+        if not wanted.startswith("/"):
+            wanted = f"{self.get_namespace().rstrip('/')}/{wanted}"
+
+        def is_there(graph: Graph) -> bool:
+            return any(node.full_name == wanted for node in graph.nodes)
+
+        try:
+            self.__engine.run(lambda: self.__native.wait_for_graph(is_there), timeout, context=self._context)
+        except TimeoutError:
+            return False
+        return True
+
+    # --- what the graph says; lists are sorted by name
 
     def get_topic_names_and_types(self, no_demangle: bool = False) -> NamesAndTypes:
         """All topics; with `no_demangle` also those that carry services."""
-        graph = self._graph()
+        graph = self.__graph()
         return _names_and_types((*graph.publishers, *graph.subscriptions), no_demangle)
 
     def get_service_names_and_types(self) -> NamesAndTypes:
-        return list(self._graph().services().items())
+        return list(self.__graph().services().items())
 
     def get_node_names(self) -> list[str]:
-        return [node.name for node in self._graph().nodes]
+        return [node.name for node in self.__graph().nodes]
 
     def get_node_names_and_namespaces(self) -> list[tuple[str, str]]:
-        return [(node.name, node.namespace) for node in self._graph().nodes]
+        return [(node.name, node.namespace) for node in self.__graph().nodes]
 
     def get_node_names_and_namespaces_with_enclaves(self) -> list[tuple[str, str, str]]:
-        return [(node.name, node.namespace, "/") for node in self._graph().nodes]
+        return [(node.name, node.namespace, "/") for node in self.__graph().nodes]
 
     def get_fully_qualified_node_names(self) -> list[str]:
-        return [node.full_name for node in self._graph().nodes]
+        return [node.full_name for node in self.__graph().nodes]
 
     def count_publishers(self, topic_name: str) -> int:
-        return len(self._graph().publishers_of(self.resolve_topic_name(topic_name)))
+        return len(self.__graph().publishers_of(self.resolve_topic_name(topic_name)))
 
     def count_subscribers(self, topic_name: str) -> int:
-        return len(self._graph().subscriptions_of(self.resolve_topic_name(topic_name)))
+        return len(self.__graph().subscriptions_of(self.resolve_topic_name(topic_name)))
 
     def count_services(self, service_name: str) -> int:
-        return len(self._graph().servers_of(self.resolve_service_name(service_name)))
+        return len(self.__graph().servers_of(self.resolve_service_name(service_name)))
 
     def count_clients(self, service_name: str) -> int:
-        return len(self._graph().clients_of(self.resolve_service_name(service_name)))
+        return len(self.__graph().clients_of(self.resolve_service_name(service_name)))
 
     def get_publishers_info_by_topic(
         self, topic_name: str, no_mangle: bool = False
     ) -> list[TopicEndpointInfo]:
-        found = self._graph().publishers_of(self.resolve_topic_name(topic_name))
+        found = self.__graph().publishers_of(self.resolve_topic_name(topic_name))
         return [TopicEndpointInfo.from_graph(one) for one in found]
 
     def get_subscriptions_info_by_topic(
         self, topic_name: str, no_mangle: bool = False
     ) -> list[TopicEndpointInfo]:
-        found = self._graph().subscriptions_of(self.resolve_topic_name(topic_name))
+        found = self.__graph().subscriptions_of(self.resolve_topic_name(topic_name))
         return [TopicEndpointInfo.from_graph(one) for one in found]
 
     def get_publisher_names_and_types_by_node(
         self, node_name: str, node_namespace: str, no_demangle: bool = False
     ) -> NamesAndTypes:
         """Raises NodeNameNonExistentError, as all of these do."""
-        graph = self._graph()
+        graph = self.__graph()
         return _names_and_types(_of_node(graph, graph.publishers, node_name, node_namespace), no_demangle)
 
     def get_subscriber_names_and_types_by_node(
         self, node_name: str, node_namespace: str, no_demangle: bool = False
     ) -> NamesAndTypes:
-        graph = self._graph()
+        graph = self.__graph()
         return _names_and_types(_of_node(graph, graph.subscriptions, node_name, node_namespace), no_demangle)
 
     def get_service_names_and_types_by_node(self, node_name: str, node_namespace: str) -> NamesAndTypes:
-        graph = self._graph()
+        graph = self.__graph()
         return list(services_of(_of_node(graph, graph.subscriptions, node_name, node_namespace)).items())
 
     def get_client_names_and_types_by_node(self, node_name: str, node_namespace: str) -> NamesAndTypes:
-        graph = self._graph()
+        graph = self.__graph()
         return list(services_of(_of_node(graph, graph.publishers, node_name, node_namespace)).items())
+
+    # --- inside
+
+    def __expand(self, name: str) -> str:
+        return expand_topic_name(name, self.__native.name, self.__native.namespace)
+
+    def __graph(self) -> Graph:
+        return self.__engine.run(self.__native.graph)
 
 
 def _of_node(
@@ -100,7 +147,7 @@ def _of_node(
     return [one for one in endpoints if one.node.full_name == wanted]
 
 
-def _names_and_types(endpoints: Iterable[Any], with_services: bool) -> NamesAndTypes:
+def _names_and_types(endpoints: Iterable[GraphEndpoint], with_services: bool) -> NamesAndTypes:
     found: dict[str, set[str]] = {}
     for endpoint in endpoints:
         if with_services or service_of_topic(endpoint.topic) is None:

@@ -1,10 +1,11 @@
 """The parameters of one node: declared, read, set, described, and the callbacks around a change.
 
-Owns: rclpy's calls, results and exceptions; the values and the rules for changing them are those of
-`bus.parameters.values`. Must not know: nodes, the bus, files and command lines. Message classes are made when
-one is first needed.
+Owns: rclpy's calls, results and exceptions, and how a parameter is declared and described in rclpy's words;
+the values and the rules for changing them are those of `bus.parameters.values`. Must not know: nodes, the
+bus, files and command lines. Message classes are made when one is first needed.
 """
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from typing import Any, TypeAlias
@@ -25,7 +26,6 @@ from bus_ros.rclpy.parameter import (
     parameter_message,
     parameter_value_to_python,
 )
-from bus_ros.rclpy.parameter_rules import check_declaration, describe, with_required
 from bus_ros.rclpy.validate_topic_name import validate_parameter_name
 
 __all__ = ["NodeParameters"]
@@ -33,6 +33,14 @@ __all__ = ["NodeParameters"]
 PreSet: TypeAlias = Callable[[list[Parameter]], list[Parameter]]
 OnSet: TypeAlias = Callable[[list[Parameter]], Any]
 PostSet: TypeAlias = Callable[[list[Parameter]], None]
+
+_ONLY_A_NAME = (
+    "when declaring parameter named '{}', declaring a parameter only providing its name is deprecated. "
+    "You have to either:\n"
+    '\t- Pass a name and a default value different to "PARAMETER NOT SET" (and optionally a descriptor).\n'
+    "\t- Pass a name and a parameter type.\n"
+    "\t- Pass a name and a descriptor with `dynamic_typing=True"
+)
 
 
 class NodeParameters:
@@ -52,15 +60,15 @@ class NodeParameters:
         automatically_declare_parameters_from_overrides: bool = False,
         on_change: Callable[[Change[Parameter]], object] | None = None,
     ) -> None:
-        self._allow_undeclared = allow_undeclared_parameters
-        self._store: ParameterStore[Parameter] = ParameterStore(on_change)
-        self._declared = self._store.declared
-        self._overrides: dict[str, Any] = dict(overrides or {})
-        self._overrides.update({one.name: one.value for one in parameter_overrides or ()})
+        self.__allow_undeclared = allow_undeclared_parameters
+        self.__store: ParameterStore[Parameter] = ParameterStore(on_change)
+        self.__declared = self.__store.declared
+        self.__overrides: dict[str, Any] = dict(overrides or {})
+        self.__overrides.update({one.name: one.value for one in parameter_overrides or ()})
         if automatically_declare_parameters_from_overrides:
-            for name, value in self._overrides.items():
+            for name, value in self.__overrides.items():
                 # rclpy gives them a static type too.
-                self._declare(name, value, None, ignore_override=True)
+                self.__declare(name, value, None, ignore_override=True)
 
     # --- declaring
 
@@ -86,31 +94,31 @@ class NodeParameters:
         that contradicts its descriptor.
         """
         prefix = f"{namespace}{PARAMETER_SEPARATOR_STRING}" if namespace else ""
-        entries = [check_declaration(index, entry) for index, entry in enumerate(parameters)]
-        known = [prefix + name for name, *_ in entries if prefix + name in self._declared]
+        entries = [_check_declaration(index, entry) for index, entry in enumerate(parameters)]
+        known = [prefix + name for name, *_ in entries if prefix + name in self.__declared]
         if known:
             raise ParameterAlreadyDeclaredException(known)
         return [
-            self._declare(prefix + name, value, descriptor, ignore_override=ignore_override)
+            self.__declare(prefix + name, value, descriptor, ignore_override=ignore_override)
             for name, value, descriptor in entries
         ]
 
     def undeclare_parameter(self, name: str) -> None:
         """Raises ParameterNotDeclaredException, ParameterImmutableException."""
-        if self._find(name).rules.is_read_only:
+        if self.__find(name).rules.is_read_only:
             raise ParameterImmutableException(name)
-        del self._declared[name]
+        del self.__declared[name]
 
     def has_parameter(self, name: str) -> bool:
-        return name in self._declared
+        return name in self.__declared
 
     # --- reading
 
     def get_parameter(self, name: str) -> Parameter:
         """Raises ParameterNotDeclaredException; ParameterUninitializedException where it has no value."""
-        declared = self._declared.get(name)
+        declared = self.__declared.get(name)
         if declared is None:
-            if self._allow_undeclared:
+            if self.__allow_undeclared:
                 return Parameter(name, ValueType.NOT_SET)
             raise ParameterNotDeclaredException(name)
         if declared.parameter.type_ is ValueType.NOT_SET and not declared.rules.is_dynamic:
@@ -123,7 +131,7 @@ class NodeParameters:
 
     def get_parameter_or(self, name: str, alternative_value: Parameter | None = None) -> Parameter:
         """The alternative (default: a parameter that is not set) where it is not declared or has no value."""
-        declared = self._declared.get(name)
+        declared = self.__declared.get(name)
         if declared is None or declared.parameter.type_ is ValueType.NOT_SET:
             return alternative_value or Parameter(name, ValueType.NOT_SET)
         return declared.parameter
@@ -133,15 +141,15 @@ class NodeParameters:
         start = f"{prefix}{PARAMETER_SEPARATOR_STRING}" if prefix else ""
         return {
             name[len(start) :]: declared.parameter
-            for name, declared in tuple(self._declared.items())
+            for name, declared in tuple(self.__declared.items())
             if name.startswith(start)
         }
 
     def get_parameter_type(self, name: str) -> ValueType:
         """Raises ParameterNotDeclaredException."""
-        if name not in self._declared and self._allow_undeclared:
+        if name not in self.__declared and self.__allow_undeclared:
             return ValueType.NOT_SET
-        return self._find(name).parameter.type_
+        return self.__find(name).parameter.type_
 
     def get_parameter_types(self, names: Iterable[str]) -> list[ValueType]:
         """Raises as `get_parameter_type`; TypeError where a name is no text."""
@@ -157,7 +165,7 @@ class NodeParameters:
         _texts("prefixes", prefixes)
         if depth < 0:
             raise ValueError("The depth argument must not be negative")
-        found, above = self._store.find_below(prefixes, depth)
+        found, above = self.__store.find_below(prefixes, depth)
         return parameter_message("ListParametersResult")(names=found, prefixes=above)
 
     # --- setting
@@ -177,20 +185,20 @@ class NodeParameters:
         wanted = list(parameter_list)
         if not all(isinstance(one, Parameter) for one in wanted):
             raise TypeError(f"parameter must be instance of type '{Parameter!r}'")
-        wanted = self._store.prepare(wanted)
-        unknown = self._store.unknown(wanted)
-        if unknown and not self._allow_undeclared:
+        wanted = self.__store.prepare(wanted)
+        unknown = self.__store.unknown(wanted)
+        if unknown and not self.__allow_undeclared:
             raise ParameterNotDeclaredException(unknown)
-        outcome = self._store.set(wanted)
+        outcome = self.__store.set(wanted)
         return parameter_message("SetParametersResult")(**outcome._asdict())
 
     # --- describing
 
     def describe_parameter(self, name: str) -> Any:
         """Its rcl_interfaces/msg/ParameterDescriptor. Raises ParameterNotDeclaredException."""
-        if name not in self._declared and self._allow_undeclared:
+        if name not in self.__declared and self.__allow_undeclared:
             return parameter_message("ParameterDescriptor")()
-        return describe(self._find(name))
+        return _describe(self.__find(name))
 
     def describe_parameters(self, names: Iterable[str]) -> list[Any]:
         """Raises as `describe_parameter`; TypeError where a name is no text."""
@@ -202,9 +210,9 @@ class NodeParameters:
         `alternative_value`, a ParameterValue, is set where the present one does not fit. Raises
         ParameterNotDeclaredException, ParameterImmutableException, InvalidParameterValueException.
         """
-        if name not in self._declared and self._allow_undeclared:
+        if name not in self.__declared and self.__allow_undeclared:
             return Parameter(name, ValueType.NOT_SET).get_parameter_value()
-        declared = self._find(name)
+        declared = self.__find(name)
         if declared.rules.is_read_only:
             raise ParameterImmutableException(name)
         rules, descriptor = Rules.of(descriptor), copy(descriptor)
@@ -216,9 +224,9 @@ class NodeParameters:
         if reason:
             raise InvalidParameterValueException(name, parameter.value, reason)
         if parameter is declared.parameter:
-            self._declared[name] = Declared(parameter, rules.with_type_of(parameter), descriptor)
+            self.__declared[name] = Declared(parameter, rules.with_type_of(parameter), descriptor)
         else:
-            successful, reason = self._store.declare(parameter, rules, descriptor)
+            successful, reason = self.__store.declare(parameter, rules, descriptor)
             if not successful:
                 raise InvalidParameterValueException(name, parameter.value, reason)
         return parameter.get_parameter_value()
@@ -227,49 +235,49 @@ class NodeParameters:
 
     def add_pre_set_parameters_callback(self, callback: PreSet) -> None:
         """Before a change: gets what is to be set, returns what shall be set instead."""
-        self._store.pre_set.insert(0, callback)
+        self.__store.pre_set.insert(0, callback)
 
     def add_on_set_parameters_callback(self, callback: OnSet) -> None:
         """May refuse a change: returns a SetParametersResult. The one that was added last is asked first."""
-        self._store.on_set.insert(0, callback)
+        self.__store.on_set.insert(0, callback)
 
     def add_post_set_parameters_callback(self, callback: PostSet) -> None:
         """After a change: gets what was set."""
-        self._store.post_set.insert(0, callback)
+        self.__store.post_set.insert(0, callback)
 
     def remove_pre_set_parameters_callback(self, callback: PreSet) -> None:
         """Raises ValueError where it was not added."""
-        self._store.pre_set.remove(callback)
+        self.__store.pre_set.remove(callback)
 
     def remove_on_set_parameters_callback(self, callback: OnSet) -> None:
         """Raises ValueError where it was not added."""
-        self._store.on_set.remove(callback)
+        self.__store.on_set.remove(callback)
 
     def remove_post_set_parameters_callback(self, callback: PostSet) -> None:
         """Raises ValueError where it was not added."""
-        self._store.post_set.remove(callback)
+        self.__store.post_set.remove(callback)
 
     # --- inside
 
-    def _find(self, name: str) -> Declared[Parameter]:
-        declared = self._declared.get(name)
+    def __find(self, name: str) -> Declared[Parameter]:
+        declared = self.__declared.get(name)
         if declared is None:
             raise ParameterNotDeclaredException(name)
         return declared
 
-    def _declare(self, name: str, value: Any, descriptor: Any, *, ignore_override: bool) -> Parameter:
+    def __declare(self, name: str, value: Any, descriptor: Any, *, ignore_override: bool) -> Parameter:
         validate_parameter_name(name)
         rules = Rules.of(descriptor)
         if isinstance(value, ValueType):
-            rules, value = with_required(rules, name, value), None
+            rules, value = _with_required(rules, name, value), None
         elif not rules.is_dynamic and value is not None:
             rules = rules.with_type_of(Parameter(name, value=value))
-        if not ignore_override and name in self._overrides:
-            value = self._overrides[name]
+        if not ignore_override and name in self.__overrides:
+            value = self.__overrides[name]
         parameter = Parameter(name, value=value)
-        successful, reason = self._store.declare(parameter, rules, copy(descriptor))
+        successful, reason = self.__store.declare(parameter, rules, copy(descriptor))
         if successful:
-            return self._declared[name].parameter
+            return self.__declared[name].parameter
         if reason.startswith(WRONG_TYPE):
             raise InvalidParameterTypeException(parameter, rules.type_.name)
         raise InvalidParameterValueException(name, value, reason)
@@ -280,3 +288,55 @@ def _texts(what: str, values: Iterable[str]) -> list[str]:
     if not all(isinstance(text, str) for text in texts):
         raise TypeError(f"All {what} must be instances of type str")
     return texts
+
+
+def _with_required(rules: Rules, name: str, type_: ValueType) -> Rules:
+    """For a parameter declared by its type only. Raises ValueError where that means nothing."""
+    if type_ is ValueType.NOT_SET:
+        raise ValueError(f"Cannot declare parameter {{{name}}} as statically typed of type NOT_SET")
+    if rules.is_dynamic:
+        raise ValueError(
+            f"When declaring parameter {{{name}}} passing a descriptor with `dynamic_typing=True` "
+            "is not allowed when the parameter type is indicated"
+        )
+    return rules._replace(type_=type_)
+
+
+def _describe(declared: Declared[Parameter]) -> Any:
+    """Its rcl_interfaces/msg/ParameterDescriptor, made when first asked for; always the same object."""
+    if declared.description is None:
+        declared.description = parameter_message("ParameterDescriptor")()
+    descriptor = declared.description
+    descriptor.name = declared.parameter.name
+    descriptor.type = int(declared.rules.type_)
+    descriptor.dynamic_typing = declared.rules.is_dynamic
+    return descriptor
+
+
+def _check_declaration(index: int, entry: Sequence[Any]) -> tuple[str, Any, Any]:
+    """Name, value and descriptor of what stands at `index` of a list of declarations.
+
+    Raises TypeError for what is no declaration, ValueError for a static one with a value that is not set.
+    """
+    if not 1 <= len(entry) <= 3:
+        raise TypeError(
+            f"Invalid parameter tuple length at index {index} in parameters list: {entry}; "
+            "expecting length between 1 and 3"
+        )
+    name, value, descriptor = (*entry, None, None)[:3]
+    if not isinstance(name, str):
+        raise TypeError(f"First element {name} at index {index} in parameters list is not a str.")
+    if descriptor is not None and not isinstance(descriptor, parameter_message("ParameterDescriptor")):
+        raise TypeError(
+            f"Third element {descriptor} at index {index} in parameters list is not a ParameterDescriptor."
+        )
+    if hasattr(value, "integer_array_value"):
+        if value.type == ValueType.NOT_SET and not (descriptor and descriptor.dynamic_typing):
+            raise ValueError(
+                "Cannot declare a statically typed parameter with default value of type PARAMETER_NOT_SET"
+            )
+        value = parameter_value_to_python(value)
+    if len(entry) == 1:
+        warnings.warn(_ONLY_A_NAME.format(name), stacklevel=4)
+        descriptor = parameter_message("ParameterDescriptor")(dynamic_typing=True)
+    return name, value, descriptor
