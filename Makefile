@@ -19,6 +19,8 @@ PIP    := $(BIN)/python -m pip install -qq --disable-pip-version-check
 SECONDS ?=
 SEED ?=
 PYTEST_ARGS ?=
+# With bytecode kept: what is compiled anew in each process costs more than many a test.
+PYTEST := PYTHONASYNCIODEBUG=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n logical --dist worksteal
 NATIVE_LOG := tests/native/build/short.log
 ARM_LOG := tests/native/build/arm.log
 ARM_CC := aarch64-linux-gnu-gcc
@@ -63,7 +65,7 @@ robot: $(STAMP) ## the lesson's robot: perception, cognition, actuation, monitor
 
 test: $(TOOLS) ## the whole test suite (BUS_NATIVE=no: as without the native core)
 	$(if $(PYTEST_ARGS)$(filter no,$(BUS_NATIVE)),,@$(MAKE) --no-print-directory native)
-	PYTHONASYNCIODEBUG=1 $(BIN)/python -m pytest -n logical --dist worksteal $(PYTEST_ARGS)
+	$(PYTEST) $(PYTEST_ARGS)
 
 # Each part runs also where another has failed; the last lines say which have.
 NIGHTLY = test-nightly native sanitize arm chaos fuzz soak
@@ -71,7 +73,7 @@ nightly: $(TOOLS) ## all that is slow: every test and combination, sanitizers, c
 	@$(MAKE) --no-print-directory --keep-going --jobs 1 $(NIGHTLY)
 
 test-nightly: $(TOOLS)
-	PYTHONASYNCIODEBUG=1 $(BIN)/python -m pytest -n logical --dist worksteal --nightly $(PYTEST_ARGS)
+	$(PYTEST) --nightly $(PYTEST_ARGS)
 
 lint: $(TOOLS) ## style, types and layers
 	$(BIN)/ruff format --check .

@@ -220,6 +220,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items[:] = [item for item in items if _is_daily(item)]
 
 
+def pytest_collection_finish() -> None:
+    """What stays for the whole run no collection looks at any more: each of them took 0.2 s."""
+    gc.collect()
+    gc.freeze()
+
+
 def _is_daily(item: pytest.Item) -> bool:
     return item.get_closest_marker("nightly") is None and _is_in_half(item)
 
