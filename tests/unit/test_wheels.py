@@ -22,7 +22,12 @@ Make = Callable[..., Path]
 def tree(tmp_path: Path) -> Path:
     """The least that has something of each kind."""
     tree = tmp_path / "tree"
-    for name in ("busd/run.py", "clients/bus/py.typed", "clients/bus/shm/_core.c", "clients/bus/shm/ring.h"):
+    for name in (
+        "busd/run.py",
+        "clients/bus/py.typed",
+        "clients/bus/shm/py_module.c",
+        "clients/bus/shm/ring.h",
+    ):
         (tree / name).parent.mkdir(parents=True, exist_ok=True)
         (tree / name).touch()
     return tree

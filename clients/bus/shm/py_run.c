@@ -1,8 +1,10 @@
 /* Runs of the socket route: OpenRun, the frame that a publisher fills, and what takes the body of one apart.
  *
- * Has nothing to do with segments. bus.delivery.open_run does the same in Python, byte for byte, where there is no core.
+ * It has no segment, and is in this folder all the same: the core is one compiled file, which is there as a whole or
+ * not at all, and OpenRun encodes as Writer does. bus.delivery.open_run does the same in Python, byte for byte, where
+ * there is no core.
  */
-#include "core.h"
+#include "py.h"
 
 #include <string.h>
 

@@ -1,8 +1,200 @@
-/* Writer: a publisher's end of its ring. Writes and lends; its gates are in core_gates.c, its growth in core_carry.c. */
-#include "core.h"
+/* Writer: a publisher's end of its ring. What it writes and lends, who reads it (the gates), and how it goes on in
+ * another ring. */
+#include "py.h"
+
+#include <string.h>
 
 /* A record's parts on the stack; more of them cost an allocation. */
 enum { FEW_PARTS = 16 };
+
+/* --- gates: who reads the ring, and the bells that are rung for them */
+
+/* After anything became visible in the ring: rings each process that sleeps, once, and once more where another ring of
+ * this process was rung for. `is_for_any`: more than what is published. */
+static void ring_bells(Writer *self, bool is_for_any)
+{
+    bell_fence(); /* PAIR(sleep): after what was published. Counterpart: bell_arm() of Readers.sleep. */
+    for (size_t i = 0; i < self->bell_count; i++) {
+        Bell *bell = self->bells[i].bell;
+        const bool is_one = !is_for_any && bell->gates > FEW_RINGS;
+        const uint64_t knock = bell_knock(bell->arrival, &bell->knocks, self, is_one ? self->bells[i].knock : KNOCK_ANY);
+        if (knock != 0) {
+            doorbell_ring(bell->doorbell, knock);
+            self->rung++;
+        }
+    }
+}
+
+static bool make_room(Writer *self)
+{
+    if (self->ring.gate_count < self->room)
+        return true;
+    const size_t room = self->room == 0 ? 4 : 2 * self->room;
+    struct ring_gate *gates = PyMem_Realloc(self->ring.gates, room * sizeof *gates);
+    if (gates != NULL)
+        self->ring.gates = gates;
+    struct gate_owner *owners = PyMem_Realloc(self->owners, room * sizeof *owners);
+    if (owners != NULL)
+        self->owners = owners;
+    struct bell_pull *bells = PyMem_Realloc(self->bells, room * sizeof *bells);
+    if (bells != NULL)
+        self->bells = bells;
+    if (gates == NULL || owners == NULL || bells == NULL)
+        return false;
+    self->room = room;
+    return true;
+}
+
+static void list_bells(Writer *self)
+{
+    self->bell_count = 0;
+    for (size_t i = 0; i < self->ring.gate_count; i++) {
+        Bell *bell = self->owners[i].bell;
+        size_t at = 0;
+        while (at < self->bell_count && self->bells[at].bell != bell)
+            at++;
+        if (at == self->bell_count)
+            self->bells[self->bell_count++] =
+                (struct bell_pull){bell, knock_for((uint64_t)(self->ring.gates[i].slot - bell->slots))};
+        else
+            self->bells[at].knock = KNOCK_ANY;
+    }
+}
+
+static size_t find_gate(const Writer *self, uint64_t key)
+{
+    size_t at = 0;
+    while (at < self->ring.gate_count && self->owners[at].key != key)
+        at++;
+    return at;
+}
+
+/* The gate of `key`; NULL with *is_error where that is no number. */
+static struct ring_gate *gate_of(Writer *self, PyObject *key, bool *is_error)
+{
+    uint64_t number;
+    *is_error = !core_as_u64(key, &number);
+    if (*is_error)
+        return NULL;
+    const size_t at = find_gate(self, number);
+    return at < self->ring.gate_count ? &self->ring.gates[at] : NULL;
+}
+
+/* What was rung for does not stand for what this writer rings for from now on; nor for another one at its address. */
+static void forget_knock(const Writer *self, Bell *bell)
+{
+    if (bell->knocks.by == self)
+        bell->knocks.by = bell;
+}
+
+static void drop_gate(Writer *self, size_t at)
+{
+    Bell *bell = self->owners[at].bell;
+    const size_t last = --self->ring.gate_count;
+    self->owners[at] = self->owners[last];
+    self->ring.gates[at] = self->ring.gates[last];
+    list_bells(self);
+    ring_gates_changed(&self->ring);
+    forget_knock(self, bell);
+    bell->gates--;
+    DROP(bell);
+}
+
+static void drop_gates(Writer *self)
+{
+    while (self->ring.gate_count != 0)
+        drop_gate(self, self->ring.gate_count - 1);
+}
+
+static PyObject *writer_add_gate(PyObject *object, PyObject *args, PyObject *kwargs)
+{
+    static char *names[] = {"key", "bell", "slot", "is_lossless", NULL};
+    Writer *self = (Writer *)object;
+    uint64_t key, slot;
+    PyObject *argument;
+    int is_lossless;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "O&OO&$p", names, core_as_u64, &key, &argument, core_as_u64, &slot,
+                                     &is_lossless))
+        return NULL;
+    if (Py_TYPE(argument) != core_state(object)->bell) {
+        PyErr_SetString(PyExc_TypeError, "bell must be a Bell");
+        return NULL;
+    }
+    Bell *bell = (Bell *)argument;
+    if (slot >= bell->slot_count) {
+        PyErr_Format(PyExc_ValueError, "slot %llu of %llu", (unsigned long long)slot,
+                     (unsigned long long)bell->slot_count);
+        return NULL;
+    }
+    struct ring_gate gate = {.slot = &bell->slots[slot], .is_lossless = is_lossless};
+    const size_t before = find_gate(self, key);
+    if (before < self->ring.gate_count) {
+        if (self->ring.gates[before].slot == gate.slot)
+            memcpy(gate.holes, self->ring.gates[before].holes, sizeof gate.holes);
+    } else if (!make_room(self)) {
+        return PyErr_NoMemory();
+    }
+    HOLD(bell);
+    if (before < self->ring.gate_count)
+        drop_gate(self, before);
+    self->ring.gates[self->ring.gate_count] = gate;
+    self->owners[self->ring.gate_count++] = (struct gate_owner){key, bell};
+    bell->gates++;
+    forget_knock(self, bell);
+    list_bells(self);
+    ring_gates_changed(&self->ring);
+    ring_admit(&self->ring, gate.slot);
+    ring_bells(self, true); /* what was published since it looked, it was not rung for */
+    Py_RETURN_NONE;
+}
+
+static PyObject *writer_remove_gate(PyObject *object, PyObject *key)
+{
+    Writer *self = (Writer *)object;
+    bool is_error;
+    const struct ring_gate *gate = gate_of(self, key, &is_error);
+    if (is_error)
+        return NULL;
+    if (gate != NULL)
+        drop_gate(self, (size_t)(gate - self->ring.gates));
+    Py_RETURN_NONE;
+}
+
+static PyObject *writer_has_pins(PyObject *object, PyObject *key)
+{
+    bool is_error, has_pins = false;
+    const struct ring_gate *gate = gate_of((Writer *)object, key, &is_error);
+    if (is_error)
+        return NULL;
+    for (unsigned i = 0; gate != NULL && i < READER_PINS; i++) {
+        /* PAIR(unpin): acquire. Where it is free, the holder's reads are over. Counterpart: ring_unpin(). */
+        const uint64_t pin = atomic_load_explicit(&gate->slot->pins[i], memory_order_acquire);
+        has_pins |= pin != 0 && (pin & READER_TICKET) == 0;
+    }
+    return PyBool_FromLong(has_pins);
+}
+
+static PyObject *writer_is_lossless(PyObject *object, PyObject *key)
+{
+    bool is_error;
+    const struct ring_gate *gate = gate_of((Writer *)object, key, &is_error);
+    return is_error ? NULL : PyBool_FromLong(gate != NULL && gate->is_lossless);
+}
+
+static PyObject *writer_make_lossy(PyObject *object, PyObject *key)
+{
+    Writer *self = (Writer *)object;
+    bool is_error;
+    struct ring_gate *gate = gate_of(self, key, &is_error);
+    if (is_error)
+        return NULL;
+    if (gate != NULL)
+        gate->is_lossless = false;
+    ring_gates_changed(&self->ring);
+    Py_RETURN_NONE;
+}
+
+/* --- beginning and end */
 
 static PyObject *writer_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
 {
@@ -37,7 +229,7 @@ static PyObject *writer_new(PyTypeObject *type, PyObject *args, PyObject *kwargs
 static void writer_dealloc(PyObject *object)
 {
     Writer *self = (Writer *)object;
-    writer_drop_gates(self);
+    drop_gates(self);
     PyMem_Free(self->ring.gates);
     PyMem_Free(self->owners);
     PyMem_Free(self->bells);
@@ -45,6 +237,8 @@ static void writer_dealloc(PyObject *object)
     DROP(self->memory);
     core_free(self);
 }
+
+/* --- writing */
 
 static inline bool is_at_home(const Writer *self)
 {
@@ -77,7 +271,7 @@ static inline PyObject *published(Writer *self, uint64_t size)
 {
     self->samples++;
     self->bytes += size;
-    writer_ring(self, false);
+    ring_bells(self, false);
     if (self->is_noted)
         Py_RETURN_TRUE;
     self->is_noted = 1;
@@ -280,10 +474,116 @@ static PyObject *writer_close(PyObject *object, PyObject *Py_UNUSED(none))
         self->is_guarded = 0;
         self->thread = 0;
         ring_close(&self->ring);
-        writer_ring(self, true);
+        ring_bells(self, true);
     }
     Py_RETURN_NONE;
 }
+
+/* --- what was published and is still there: given out once more, or carried to another ring */
+
+/* The own record `seq`, which is between oldest and latest. */
+static struct ring_record own_record(const Writer *self, uint64_t seq)
+{
+    const struct ring_writer *ring = &self->ring;
+    /* relaxed: own word */
+    const uint64_t at = atomic_load_explicit(&ring->index[seq & (ring->index_length - 1)], memory_order_relaxed);
+    const unsigned char *head = ring->data + (at & (ring->capacity - 1));
+    return (struct ring_record){seq, load_word(head + 8), (uint32_t)load_word(head + 16), 0, head + RING_HEAD_BYTES};
+}
+
+static uint64_t first_since(const Writer *self, uint64_t stamp_ns)
+{
+    uint64_t seq = self->ring.latest + 1;
+    while (seq > self->ring.oldest && own_record(self, seq - 1).stamp_ns >= stamp_ns)
+        seq--;
+    return seq;
+}
+
+static PyObject *writer_seq_since(PyObject *object, PyObject *argument)
+{
+    uint64_t stamp_ns;
+    if (!core_as_u64(argument, &stamp_ns))
+        return NULL;
+    return PyLong_FromUnsignedLongLong(first_since((Writer *)object, stamp_ns));
+}
+
+static PyObject *writer_since(PyObject *object, PyObject *argument)
+{
+    Writer *self = (Writer *)object;
+    uint64_t stamp_ns;
+    if (!core_as_u64(argument, &stamp_ns))
+        return NULL;
+    const uint64_t end = self->ring.latest + 1;
+    uint64_t seq = first_since(self, stamp_ns);
+    PyObject *records = PyList_New(0);
+    for (; records != NULL && seq < end; seq++) {
+        if (seq < self->ring.oldest)
+            continue; /* a garbage collection may run anything, also a write */
+        const struct ring_record record = own_record(self, seq);
+        PyObject *payload = PyBytes_FromStringAndSize(record.payload, record.size);
+        PyObject *item = payload == NULL ? NULL
+                                         : Py_BuildValue("(KKN)", (unsigned long long)seq,
+                                                         (unsigned long long)record.stamp_ns, payload);
+        if (item == NULL || PyList_Append(records, item) < 0)
+            Py_CLEAR(records);
+        Py_XDECREF(item);
+    }
+    return records;
+}
+
+static PyObject *writer_carry_from(PyObject *object, PyObject *argument)
+{
+    uint64_t count;
+    if (!core_as_u64(argument, &count))
+        return NULL;
+    return PyLong_FromUnsignedLongLong(ring_carry_from(&((Writer *)object)->ring, count));
+}
+
+static PyObject *does_not_fit(const char *reason)
+{
+    PyErr_SetString(PyExc_ValueError, reason);
+    return NULL;
+}
+
+static PyObject *writer_move(PyObject *object, PyObject *argument)
+{
+    Writer *self = (Writer *)object;
+    struct ring_writer *old = &self->ring, fresh;
+    if (Py_TYPE(argument) != core_state(object)->mapping)
+        return PyErr_Format(PyExc_TypeError, "memory must be a Mapping");
+    if (self->is_closed)
+        return does_not_fit("writer is closed");
+    Mapping *memory = (Mapping *)argument, *before = self->memory;
+    struct ring_geometry geometry;
+    const char *fault = ring_check(memory->memory, (uint64_t)memory->size, &geometry);
+    if (fault != NULL)
+        return does_not_fit(fault);
+    if (!memory->is_writable || memory == before)
+        return does_not_fit("ring is read-only or the same");
+    ring_writer_attach(&fresh, memory->memory);
+    if (fresh.latest + 1 != geometry.first_seq || geometry.first_seq < old->oldest
+        || geometry.first_seq > old->latest + 1)
+        return does_not_fit("ring is used, or does not begin where this one can be carried from");
+    if (ring_carry(&fresh, old) != RING_OK || fresh.oldest != geometry.first_seq)
+        return does_not_fit("ring is too small for what is carried");
+    fresh.keep = old->keep;
+    fresh.hold = old->hold;
+    fresh.gates = old->gates;
+    fresh.gate_count = old->gate_count;
+    for (size_t i = 0; i < fresh.gate_count; i++)
+        memset(fresh.gates[i].holes, 0, sizeof fresh.gates[i].holes);
+    ring_gates_changed(&fresh);
+    bell_disarm(&old->header->room);
+    ring_close(old);
+    *old = fresh;
+    HOLD(memory);
+    self->memory = memory;
+    DROP(before);
+    ring_bells(self, true);
+    Py_RETURN_NONE;
+}
+
+/* --- as Python has it */
 
 static PyObject *get_keep(PyObject *object, void *Py_UNUSED(closure))
 {

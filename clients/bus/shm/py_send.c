@@ -3,7 +3,7 @@
  * A Sending is to its users what the coroutine of an async function is: nothing happens before it is awaited or a task
  * runs it, it can be cancelled, and it is good for once. Where the quick way takes the message, that is all. Else it is
  * the coroutine of the publisher's own `send`, behind a Sending. */
-#include "core.h"
+#include "py.h"
 
 /* Who sends without ever waiting gives the event loop a turn, with so many messages; where `spares_turns`, only when it
  * has had none for so long. */

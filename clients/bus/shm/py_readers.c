@@ -1,12 +1,34 @@
-/* Readers: this process's readers' segment and doorbell; wakes and falls asleep for all its Readers at once. */
-#include "core.h"
+/* Readers and Bell: sleeping and waking. Readers are this process's readers' segment and doorbell, and wake and fall
+ * asleep for all its Reader objects at once; a Bell is those of another process, as all writers of this one know them.
+ *
+ * A doorbell is an eventfd, and all who have it share one open file: each of them can take O_NONBLOCK away, and fill
+ * the counter, or empty it. Only processes of one user have it, which could do worse.
+ */
+#include "py.h"
 
 #include <unistd.h>
 
 #define SLICE_NS 50000u /* of a spin, between looks at signals and other threads */
 
-Mapping *core_readers_segment(PyTypeObject *type, PyObject *args, PyObject *kwargs, bool is_written,
-                              uint64_t *slot_count, int *doorbell)
+/* `knock`: see doorbell.h. Nothing to do where it fails: full means that it is rung, and a descriptor that is none is
+ * its owner's loss. */
+void doorbell_ring(int number, uint64_t knock)
+{
+    const ssize_t written = write(number, &knock, sizeof knock);
+    (void)written;
+}
+
+/* One's own was rung, or not. Returns its count, 0 where it was not rung. */
+uint64_t doorbell_clear(int number)
+{
+    uint64_t count = 0;
+    return read(number, &count, sizeof count) == sizeof count ? count : 0;
+}
+
+/* What both types are made of, from the arguments (memory, doorbell): a checked segment, borrowed; NULL and an error
+ * where it is none. */
+static Mapping *readers_segment(PyTypeObject *type, PyObject *args, PyObject *kwargs, bool is_written,
+                                uint64_t *slot_count, int *doorbell)
 {
     static char *names[] = {"memory", "doorbell", NULL};
     const CoreState *state = PyType_GetModuleState(type);
@@ -25,11 +47,51 @@ Mapping *core_readers_segment(PyTypeObject *type, PyObject *args, PyObject *kwar
     return memory;
 }
 
+/* --- Bell */
+
+static PyObject *bell_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
+{
+    uint64_t slot_count;
+    int doorbell;
+    Mapping *memory = readers_segment(type, args, kwargs, false, &slot_count, &doorbell);
+    if (memory == NULL)
+        return NULL;
+    Bell *self = core_allocate(type);
+    if (self == NULL)
+        return NULL;
+    HOLD(memory);
+    self->memory = memory;
+    self->arrival = &((const struct readers_header *)memory->memory)->arrival;
+    self->slots = readers_slots(memory->memory);
+    self->slot_count = slot_count;
+    self->doorbell = doorbell;
+    return (PyObject *)self;
+}
+
+static void bell_dealloc(PyObject *object)
+{
+    DROP(((Bell *)object)->memory);
+    core_free(object);
+}
+
+static PyMemberDef bell_members[] = {{"slot_count", T_ULONGLONG, offsetof(Bell, slot_count), READONLY, NULL}, {0}};
+
+static PyType_Slot bell_slots[] = {
+    {Py_tp_new, (void *)bell_new},
+    {Py_tp_dealloc, (void *)bell_dealloc},
+    {Py_tp_members, bell_members},
+    {0},
+};
+
+PyType_Spec bell_spec = {"bus.shm._core.Bell", sizeof(Bell), 0, CORE_TYPE, bell_slots};
+
+/* --- Readers */
+
 static PyObject *readers_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
 {
     uint64_t slot_count;
     int doorbell;
-    Mapping *memory = core_readers_segment(type, args, kwargs, true, &slot_count, &doorbell);
+    Mapping *memory = readers_segment(type, args, kwargs, true, &slot_count, &doorbell);
     if (memory == NULL)
         return NULL;
     Readers *self = core_allocate(type);
@@ -208,7 +270,7 @@ static struct feed *feed_rung_for(Readers *self, uint64_t count)
     const uint64_t slot = knock_slot(count);
     if (slot >= self->slot_count || self->is_anew || self->feeds[slot] == NULL || !is_asleep(self))
         return NULL;
-    bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring(). */
+    bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: ring_bells(). */
     struct feed *feed = self->feeds[slot];
     return has_news(&self->watches[feed->watch]) ? feed : NULL;
 }
@@ -266,7 +328,7 @@ static PyObject *readers_deliver(PyObject *object, PyObject *may_sleep)
         Py_RETURN_NONE; /* now it may be another file's number, or, in the child of a fork, the parent's doorbell */
     doorbell_clear(self->doorbell); /* whoever rang before, published before: the look finds it */
     if (self->told == NULL && may_sleep == Py_True) {
-        bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring(). */
+        bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: ring_bells(). */
         self->had_news = any_news(self);
         if (!self->had_news) {
             self->is_anew = false;
@@ -334,7 +396,7 @@ static PyObject *readers_sleep(PyObject *object, PyObject *const *args, Py_ssize
     if (status == 1)
         status = collect(self, owners);
     if (status == 0 && PyList_Size(owners) == 0) {
-        bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring(). */
+        bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: ring_bells(). */
         status = collect(self, owners);
     }
     self->had_news = PyList_Size(owners) != 0;

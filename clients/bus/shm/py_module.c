@@ -1,5 +1,5 @@
 /* The module bus.shm._core: its types, constants and functions, and what all parts of it use. */
-#include "core.h"
+#include "py.h"
 
 #include <time.h>
 

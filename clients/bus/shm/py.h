@@ -3,13 +3,12 @@
  * Each call from Python is one whole operation on mapped segments, under the GIL. Nothing here waits (but for the
  * bounded spin of Readers.sleep, and Reader.wait, which gives the GIL away) and nothing here makes, passes or closes
  * descriptors: bus.shm.segments does.
- * Types: Mapping (core_mapping.c), Bell (core_bell.c), Writer (core_writer.c, core_gates.c, core_carry.c), Readers
- * (core_readers.c), Reader (core_reader.c, core_feed.c, core_take.c, core_wait.c); View and Loan (core_view.c) are what
- * memoryviews of records hold. Plan (core_plan.c), OpenRun (core_run.c, of the other route) and Sends (core_send.c) have
- * no segment; what Writer and OpenRun know of a publisher's messages is in core_encoder.c.
+ * Types: Mapping (py_segment.c), with View and Loan, which are what memoryviews of records hold; Writer (py_writer.c);
+ * Readers and Bell (py_readers.c); Reader (py_reader.c), which takes (py_take.c) from feeds (py_feed.c). Plan
+ * (py_plan.c), OpenRun (py_run.c, of the other route) and Sends (py_send.c) have no segment.
  */
-#ifndef BUS_SHM_CORE_H
-#define BUS_SHM_CORE_H
+#ifndef BUS_SHM_PY_H
+#define BUS_SHM_PY_H
 
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
@@ -188,7 +187,7 @@ struct Reader {
     char is_noted;             /* the owner knows that its counters have changed */
 };
 
-/* _core.c */
+/* py_module.c */
 extern unsigned core_forks; /* of this process's ancestors since they loaded the core */
 CoreState *core_state(PyObject *object);
 uint64_t core_now_ns(void);
@@ -200,24 +199,23 @@ void core_free(void *object);
 /* (message, stamp, number, source, time of receipt), as bus.delivery.receiver.Taken; takes over all but the source. Where one of them
  * is NULL, so is the answer. */
 PyObject *core_with_origin(PyObject *message, PyObject *stamp_ns, uint64_t seq, PyObject *source, PyObject *received_ns);
-/* What a Bell and Readers are made of, from the arguments (memory, doorbell): a checked segment, borrowed; NULL
- * and an error where it is none. */
-Mapping *core_readers_segment(PyTypeObject *type, PyObject *args, PyObject *kwargs, bool is_written,
-                              uint64_t *slot_count, int *doorbell);
-
-/* core_knock.c */
+/* py_readers.c */
 void doorbell_ring(int number, uint64_t knock);
 uint64_t doorbell_clear(int number);
+bool readers_watch(Readers *self, Reader *reader, struct feed *feed);
+void readers_watch_anew(Readers *self, const struct feed *feed);
+void readers_forget(Readers *self, const struct feed *feed);
+bool readers_have_news_besides(Readers *self, const Reader *reader);
 
 /* The types */
 extern PyType_Spec mapping_spec, bell_spec, writer_spec, readers_spec, reader_spec, view_spec, loan_spec,
     plan_spec, run_spec, sends_spec, sending_spec;
 
-/* core_run.c */
+/* py_run.c */
 PyObject *core_run_messages(PyObject *module, PyObject *const *args, Py_ssize_t count);
 PyObject *core_run_samples(PyObject *module, PyObject *const *args, Py_ssize_t count);
 
-/* core_plan.c */
+/* py_plan.c */
 
 /* How the value of a field is encoded. */
 enum { AS_TEXT = 1, AS_FLOAT, AS_BOOL, AS_INT, AS_STRUCT, AS_BYTES, AS_LIST };
@@ -233,8 +231,6 @@ enum { PLAN_BYTES = 4096 };
  * have run; else no Python code has. */
 Py_ssize_t plan_encode(const Plan *self, PyObject *message, void *at, Py_ssize_t room);
 
-/* core_encoder.c */
-
 /* From the arguments (kind, is_valid, encode, plan or None) of a method of `owner`. False: an error is set. */
 bool encoder_prepare(struct encoder *self, PyObject *owner, PyObject *args);
 void encoder_drop(struct encoder *self);
@@ -243,33 +239,12 @@ void encoder_drop(struct encoder *self);
  * an error is set. */
 PyObject *encoder_encode(const struct encoder *self, PyObject *message);
 
-/* core_view.c */
+/* py_segment.c */
 PyObject *view_new(CoreState *state, Mapping *ring, Mapping *readers, struct reader_slot *slot, unsigned pin,
                    const struct ring_record *record);
 PyObject *loan_new(CoreState *state, Mapping *ring, void *place, Py_ssize_t size);
 
-/* core_gates.c */
-PyObject *writer_add_gate(PyObject *self, PyObject *args, PyObject *kwargs);
-PyObject *writer_remove_gate(PyObject *self, PyObject *key);
-PyObject *writer_has_pins(PyObject *self, PyObject *key);
-PyObject *writer_is_lossless(PyObject *self, PyObject *key);
-PyObject *writer_make_lossy(PyObject *self, PyObject *key);
-void writer_drop_gates(Writer *self);
-void writer_ring(Writer *self, bool is_for_any);
-
-/* core_carry.c */
-PyObject *writer_since(PyObject *self, PyObject *stamp_ns);
-PyObject *writer_seq_since(PyObject *self, PyObject *stamp_ns);
-PyObject *writer_carry_from(PyObject *self, PyObject *count);
-PyObject *writer_move(PyObject *self, PyObject *memory);
-
-/* core_readers.c */
-bool readers_watch(Readers *self, Reader *reader, struct feed *feed);
-void readers_watch_anew(Readers *self, const struct feed *feed);
-void readers_forget(Readers *self, const struct feed *feed);
-bool readers_have_news_besides(Readers *self, const Reader *reader);
-
-/* core_feed.c */
+/* py_feed.c */
 struct feed *feed_new(PyObject *source, Mapping *memory, const struct ring_geometry *geometry, struct reader_slot *slot,
                       int doorbell);
 void feed_free(struct feed *feed);
@@ -294,18 +269,14 @@ static inline void feed_step(struct feed *feed)
     feed->has_head = false;
 }
 
-/* core_reader.c */
+/* py_reader.c */
 int reader_leave(Reader *self, struct feed *feed, const char *reason);
 
-/* core_take.c */
+/* py_take.c */
 PyObject *reader_take(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObject *kwnames);
 PyObject *reader_messages(PyObject *self, PyObject *const *args, Py_ssize_t count, PyObject *kwnames);
 bool reader_is_ready(const Reader *self);
 int reader_deliver(Reader *self);
-int reader_take_oldest(Reader *self, PyObject *decode, bool has_origin, PyObject **item);
-bool reader_has_more(const Reader *self);
-
-/* core_wait.c */
 PyObject *reader_wait(PyObject *self, PyObject *const *args, Py_ssize_t count);
 
 #endif

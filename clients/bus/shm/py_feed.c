@@ -1,5 +1,5 @@
 /* A feed: one publisher, as a Reader follows it from ring to ring. Looks and counts; calls no Python. */
-#include "core.h"
+#include "py.h"
 
 #include <string.h>
 #include <sys/random.h>

@@ -1,5 +1,5 @@
-/* Reader: what one subscription reads. Its feeds come and go here; core_take.c takes from them. */
-#include "core.h"
+/* Reader: what one subscription reads. Its feeds come and go here; py_take.c takes from them. */
+#include "py.h"
 
 enum { MAX_FOLLOWING = 64, MAX_FINISHING = 64 };
 
