@@ -123,7 +123,7 @@ def _members(owner: str, node: ast.ClassDef) -> Iterator[Entry]:
         if not isinstance(one, ast.FunctionDef | ast.AsyncFunctionDef):
             continue
         marks = {_source(mark).rpartition(".")[2] for mark in one.decorator_list}
-        if one.name == "__init__":
+        if one.name == "__init__" and isinstance(one, ast.FunctionDef):
             yield from _set_by(owner, one)
         elif one.name.startswith("_") or "overload" in marks:
             continue
@@ -148,6 +148,7 @@ def _assigned(
     body: list[ast.stmt], *, of_self: bool = False
 ) -> Iterator[tuple[str, ast.expr | None, ast.expr | None, str]]:
     """Public names that get a value or a type, as `name` or `self.name`, and the text below each."""
+    target: ast.expr
     for one, following in zip(body, [*body[1:], None], strict=True):
         if isinstance(one, ast.AnnAssign):
             target, annotation, value = one.target, one.annotation, one.value

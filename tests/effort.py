@@ -8,4 +8,6 @@ DAILY, NIGHTLY = 33, 100
 
 def examples(number: int) -> int:
     """So many of `number`, at least one. To be asked once the tests are collected, or later."""
-    return -(-number * hypothesis.settings.default.max_examples // NIGHTLY)
+    profile = hypothesis.settings.default
+    assert profile is not None
+    return -(-number * profile.max_examples // NIGHTLY)

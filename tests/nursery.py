@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -72,7 +73,7 @@ class Actor:
         And until the others have taken or lost as many: a small depth may lose the last of who died first.
         """
         for talker in talkers:
-            until_at_least(talker.said, lambda talker=talker: self.heard(talker))
+            until_at_least(talker.said, partial(self.heard, talker))
 
         def look() -> tuple[int, int]:
             found = self.ask("accounts")

@@ -6,10 +6,14 @@ from typing import Any
 
 import pytest
 
+from bus import shm
 from bus.base.descriptor import Descriptor
 from bus.shm import segments
 
-core = pytest.importorskip("bus.shm._core", reason="the native core was not built")
+pytest.importorskip("bus.shm._core", reason="the native core was not built")
+
+core: Any = shm.native
+"""Without types: tests give it what it does not take."""
 
 LARGE = 8192
 """A payload that is pinned, not copied."""
@@ -45,6 +49,7 @@ class Listener:
         self.segment, memory = segments.make_readers(128)
         self.doorbell = segments.make_doorbell()
         self.readers = core.Readers(memory, self.doorbell.number)
+        self.reader: shm.native.Reader[Any]
         self.reader = core.Reader(self.readers, self, depth, tells_cursor=tells_cursor)
         self.bell = core.Bell(segments.map_readers(self.segment), self.doorbell.number)
         self.slots = iter(range(128))

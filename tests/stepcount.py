@@ -19,7 +19,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from itertools import count, repeat
 from pathlib import Path
@@ -362,10 +362,12 @@ def _main() -> None:
         print(json.dumps(run(**options)))
         return
     if loop == "uvloop":
-        import uvloop as loops
+        import uvloop
+
+        factory: Callable[[], asyncio.AbstractEventLoop] = uvloop.new_event_loop
     else:
-        loops = asyncio
-    with asyncio.Runner(loop_factory=loops.new_event_loop) as runner:
+        factory = asyncio.new_event_loop
+    with asyncio.Runner(loop_factory=factory) as runner:
         print(json.dumps(runner.run((_publish if role == "publisher" else _listen)(**options))))
 
 

@@ -29,7 +29,7 @@ def serve(line_number: int, roles: type[R], be: Callable[[R, list[int]], E]) -> 
     Returns None in the process that forks, once the line has ended; in the others what `be` returns.
     """
     children: set[int] = set()
-    decode = msgspec.json.Decoder(roles | int).decode  # type: ignore[operator]
+    decode = msgspec.json.Decoder(roles | int).decode
     with socket.socket(fileno=line_number) as line:
         while True:
             data, descriptors, _, _ = socket.recv_fds(line, MOST_BYTES, _DESCRIPTORS)

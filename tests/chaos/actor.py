@@ -329,7 +329,7 @@ def _be(role: Role, channel: socket.socket) -> NoReturn:
         sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr]
         if role.by_socket:
             os.environ["BUS_ROUTE"] = "socket"
-        factory: Callable[[], asyncio.AbstractEventLoop] = (
+        factory: Callable[[], asyncio.AbstractEventLoop] | None = (
             asyncio.new_event_loop if role.loop == "asyncio" else loop_factory()
         )
         _limit(role)

@@ -8,7 +8,7 @@ import contextlib
 import signal
 import subprocess
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable
 
 from bus.errors import BusError
@@ -22,6 +22,7 @@ from chaos.roles import Ear, Look, Role, Talker
 from chaos.stage import PATIENCE_S, Actor, Gone, Stage
 from chaos.stories import FAREWELL
 from conftest import Daemon
+from forks import Fork
 
 STORM_S = 4.0
 GRAPH_S = 10.0
@@ -35,7 +36,7 @@ _QUIET_S = 0.1
 class Broker(Daemon):
     """A busd that nobody waits for until he needs it."""
 
-    def _wait_until_ready(self, process: "subprocess.Popen[bytes]") -> None:
+    def _wait_until_ready(self, process: "subprocess.Popen[bytes] | Fork") -> None:
         pass
 
 
@@ -58,7 +59,7 @@ class Director:
         self._talkers: dict[int, tuple[Talker, str]] = {}
         self._ears: dict[int, tuple[Ear, str]] = {}
         self._deaths = 0
-        self._asleep_s: Counter[str] = Counter()  # in the present storm
+        self._asleep_s: defaultdict[str, float] = defaultdict(float)  # in the present storm
         self._stopped: dict[str, float] = {}  # since when
         self._dozing: set[str] = set()  # stopped, and connected until then since the last calm
         self._leaving: dict[str, Leaver] = {}

@@ -4,7 +4,7 @@ Pure: the same seed gives the same plan. What comes of it, the scheduler decides
 """
 
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from msgspec.structs import replace
@@ -160,9 +160,9 @@ class Plan:
                 guests.remove(name)
                 yield 0.0, Leave(name)
             case "enter" if len(guests) < 6:
-                (role,) = self._guests_at_once(1)
-                guests.append(role.name)
-                yield 0.0, Enter(role)
+                (guest,) = self._guests_at_once(1)
+                guests.append(guest.name)
+                yield 0.0, Enter(guest)
             case "stop" if name:
                 yield 0.0, Stop(name)
                 yield self._while(), Resume(name)
@@ -224,7 +224,7 @@ class Plan:
     def _role(
         self,
         name: str,
-        endpoints: list[Talker | Ear],
+        endpoints: Sequence[Talker | Ear],
         *,
         by_socket: bool = False,
         is_fragile: bool = False,

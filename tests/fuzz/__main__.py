@@ -74,7 +74,14 @@ def main() -> int:
 
 def _ready(wanted: list[str]) -> list[str]:
     """Those of the targets that can be run here; says why the others can't."""
-    command = ["make", "-sk", "-C", ROOT / "tests" / "native", "fuzzers", f"PYTHON={sys.executable}"]
+    command = [
+        "make",
+        "-sk",
+        "-C",
+        str(ROOT / "tests" / "native"),
+        "fuzzers",
+        f"PYTHON={sys.executable}",
+    ]
     made = subprocess.run(command, capture_output=True, text=True, check=False)
     if made.returncode:
         print(f"not every fuzzer in C could be built (clang with libFuzzer?): {made.stderr.strip()[:200]}")

@@ -6,7 +6,6 @@ Whatever a broker says: the client ends the connection or goes on, and what it a
 import asyncio
 import os
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -40,7 +39,7 @@ from feeding import feed, frame_record
 from fuzz.hostile_ring import HostileRing
 from fuzz.script import Script
 
-_LOSSLESS = {"history": "keep_all", "durability": "transient_local"}
+_LOSSLESS: dict[str, Any] = {"history": "keep_all", "durability": "transient_local"}
 _PROFILES: tuple[dict[str, Any], ...] = (
     {},
     {"depth": 2, "durability": "transient_local"},
@@ -109,7 +108,7 @@ class _Client:
     def __init__(self, script: Script) -> None:
         self.script = script
         self.is_cut = False
-        self.link = Link(Path("/nowhere"))
+        self.link = Link("/nowhere")
         self.session = Session(Role.CLIENT)
         self.connection = Connection(
             self.link.shm_context,
@@ -143,7 +142,7 @@ class _Client:
         self.hear(m.encode_frame(m.Hello(version=1)))
         for number, what in enumerate((node, *self.publishers, *self.subscriptions), 1):
             if isinstance(what, _Silent):
-                task = asyncio.create_task(self.link.declare_node(what))  # type: ignore[arg-type]
+                task = asyncio.create_task(self.link.declare_node(what))
             else:
                 task = asyncio.create_task(self.link.declare(node, what))  # type: ignore[arg-type]
             self.asked.append(task)
@@ -212,7 +211,7 @@ class _Client:
             case 10:
                 self.graph(number)
             case 11:
-                incompatible = {"endpoint": mine, "topic": "/a", "node": "/n", "text": "no"}
+                incompatible: dict[str, Any] = {"endpoint": mine, "topic": "/a", "node": "/n", "text": "no"}
                 self.say("incompatible", **incompatible, policy=script.choose(("TYPE", "x")))
             case 12 | 13:
                 self.run(mine, other)
@@ -246,7 +245,7 @@ class _Client:
         node = {"id": number(), "name": "n", "namespace": "/", "pid": number()}
         endpoint = {"id": number(), "kind": "publisher", "node": number(), "topic": "/a", "gid": b""}
         endpoint |= {"type_name": "x", "type_hash": "y", "qos": {}}
-        records = {"nodes": [node], "endpoints": [endpoint], "matches": []}
+        records: dict[str, Any] = {"nodes": [node], "endpoints": [endpoint], "matches": []}
         self.say("graph", request=1 + self.script.byte() % 16, revision=number(), **records)
 
     def say(self, tag: str, *, brings: int = 0, **fields: Any) -> None:
@@ -285,7 +284,7 @@ class _Client:
         """All that it says can be understood."""
         for endpoint in (*self.publishers, *self.subscriptions):
             if endpoint._id:
-                self.link.send_about(endpoint, endpoint._totals())  # type: ignore[arg-type]
+                self.link.send_about(endpoint, endpoint._totals())
         receiver = Session(Role.BROKER)
         list(feed(receiver, m.encode_frame(m.Hello(version=1))))
         while (taken := self.connection.outbox.take())[1]:

@@ -77,7 +77,7 @@ def reader(data: bytes) -> None:
     doorbell = segments.make_doorbell()
     readers = shm.native.Readers(memory, doorbell.number)
     keeps_all = bool(script.byte() & 1)
-    taker = shm.native.Reader(
+    taker: shm.native.Reader[int] = shm.native.Reader(
         readers, "owner", 0 if keeps_all else 1 + script.byte() % 8, tells_cursor=keeps_all
     )
     bell = shm.native.Bell(segments.map_readers(segment), doorbell.number)

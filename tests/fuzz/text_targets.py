@@ -183,7 +183,8 @@ def schemas(data: bytes) -> None:
     """A type that another process describes: a class whose messages can be read and shown, or an error."""
     script = Script(data)
     payload = script.take(script.byte() % 64)
-    decode = script.choose((msgspec.json.decode, msgspec.msgpack.decode))
+    decoders: tuple[Callable[[bytes], Any], ...] = (msgspec.json.decode, msgspec.msgpack.decode)
+    decode = script.choose(decoders)
     try:
         schema = decode(script.rest())
     except (ValueError, RecursionError):

@@ -6,7 +6,7 @@ which nothing is seen here.
 
 import sys
 
-import atheris
+import atheris  # type: ignore[import-untyped, import-not-found, unused-ignore]
 
 with atheris.instrument_imports(include=["bus", "busd", "fuzz.hostile_ring"]):
     from fuzz.targets import TARGETS

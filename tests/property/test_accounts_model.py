@@ -213,8 +213,8 @@ class Story:
     async def restart(self, bursts: list[tuple[int, int]]) -> None:
         if self.knows_where_matches_began():
             await self.world.unblock_all()
-            bursts = [("publish", at, count) for at, count in bursts]
-            await self.cuts.cut([*self.world.processes], bursts, how="restart")
+            before = [("publish", at, count) for at, count in bursts]
+            await self.cuts.cut([*self.world.processes], before, how="restart")
 
     def knows_where_matches_began(self) -> bool:
         """Not where a publisher has a ring, and a subscription by socket has not heard anything of it yet.

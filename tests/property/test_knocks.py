@@ -1,6 +1,7 @@
 """bus.shm._core: whatever is written when, a process that sleeps and is not rung has had everything."""
 
 import select
+from functools import partial
 from typing import Any
 
 import pytest
@@ -64,11 +65,11 @@ class Process:
             ring, mapping = segments.make_ring(8192, 128, 1)
             self.rings.append(ring)
             self.writers.append(self.core.Writer(mapping, 1))
-            reader = self.core.Reader(self.readers, number, 0, tells_cursor=False)
+            reader: shm.native.Reader[str] = self.core.Reader(self.readers, number, 0, tells_cursor=False)
             self.all_readers.append(reader)
             if number < PREPARED:
                 reader.is_noted = True
-                reader.prepare(lambda _, at=number: self.hear(at), bytes, print, (), int)
+                reader.prepare(partial(self.hear, number), bytes, print, (), int)
             self.match(number)
         self.sleep()
 
@@ -86,7 +87,7 @@ class Process:
         self.writers[number].add_gate(number, bell, slot, is_lossless=False)
         self.heard[number] = self.written[number]
 
-    def hear(self, number: int) -> None:
+    def hear(self, number: int, _: bytes) -> None:
         self.heard[number] += 1
         for what, at in self.later[:1]:
             self.later.clear()

@@ -215,7 +215,12 @@ def test_text_of_every_length(length: int, char: str) -> None:
 @pytest.mark.parametrize("count", [0, 1, 15, 16, 17, 65_535, 65_536])
 @pytest.mark.parametrize("item", [0.5, 7, -1.0, True, "x", b"", None, 2**64])
 def test_lists_of_every_length(count: int, item: Any) -> None:
-    for cls, name in ((LaserScan, "ranges"), (OccupancyGrid, "data"), (JointState, "name")):
+    lists: tuple[tuple[Any, str], ...] = (
+        (LaserScan, "ranges"),
+        (OccupancyGrid, "data"),
+        (JointState, "name"),
+    )
+    for cls, name in lists:
         same_as_the_long_way(cls(**{name: [item] * count}))
     same_as_the_long_way(LaserScan(ranges=[0.5] * count + [item]))
 
@@ -349,7 +354,7 @@ class Property(Map):
     pass
 
 
-Property.count = property(lambda self: 5)  # type: ignore[assignment,method-assign]
+Property.count = property(lambda self: 5)  # type: ignore[assignment]
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bus import shm
-from bus.delivery.shm_sender import FOR_EVER, ShmSender
+from bus.delivery.ring_size import FOR_EVER
+from bus.delivery.shm_sender import ShmSender
 from bus.link.shm_context import ShmContext
 from bus.msg.std_msgs import Int32
 from bus.qos import QoSProfile
@@ -81,7 +82,7 @@ class World:
     def unmatched(self, gid: int, is_lost: bool) -> None:
         self.route.unmatched(bytes([gid]), is_lost=is_lost)
 
-    def publish(self, number: int, _: None) -> None:
+    def publish(self, number: int, nothing: None) -> None:
         for _ in range(number):
             self.route.put((b"x",), 0)
 

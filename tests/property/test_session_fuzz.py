@@ -54,7 +54,7 @@ class Mine(NamedTuple):
     """One of the ids that the process was given for a node, publisher or subscription, as it is by then."""
 
     kind: str
-    index: int
+    index: int  # type: ignore[assignment]
 
 
 def mostly(usual: list[Any], *odd: Any) -> st.SearchStrategy[Any]:

@@ -1,6 +1,7 @@
 """Who may not observe everything: his copy of the graph, kept by changes, is always what he may see."""
 
 from collections import Counter
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 from hypothesis import given, settings
@@ -65,13 +66,14 @@ class Copy:
         for change in changes[self._seen :]:
             assert change.revision == self.revision + 1
             self.revision = change.revision
-            for table, added, removed in (
+            parts: tuple[tuple[dict[int, Any], Sequence[Any], Sequence[int]], ...] = (
                 (self.nodes, change.nodes_added, change.nodes_removed),
                 (self.endpoints, change.endpoints_added, change.endpoints_removed),
-            ):
+            )
+            for table, added, removed in parts:
                 gone = {*removed} - {one.id for one in added}
                 assert gone <= table.keys(), "what goes was told of"
-                table |= {one.id: one for one in added}  # type: ignore[arg-type]
+                table |= {one.id: one for one in added}
                 for number in removed:
                     del table[number]
             self.matches.update(change.matches_added)

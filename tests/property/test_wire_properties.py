@@ -283,7 +283,10 @@ def test_descriptors_find_their_messages(sent: list[tuple[m.Message, bool]], siz
 
     Some batches are cut off on the way, and come empty.
     """
-    session, found, waiting, expected = open_session(), [], [], []
+    session = open_session()
+    found: list[Any] = []
+    waiting: list[Any] = []
+    expected: list[Any] = []
     for message, is_cut in sent:
         claimed = getattr(message, "descriptors", 0)
         batch = tuple(Descriptor(-2) for _ in range(0 if is_cut else claimed))

