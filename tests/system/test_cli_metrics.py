@@ -30,43 +30,31 @@ def values(text: str) -> dict[str, float]:
     return {name: float(value) for name, value in (line.rsplit(" ", 1) for line in lines)}
 
 
-def fetch(path: Path) -> str:
-    """The page behind a UNIX socket."""
-    with socket.socket(socket.AF_UNIX) as client:
-        client.settimeout(WAIT_S)
-        client.connect(str(path))
-        client.sendall(b"GET /metrics HTTP/1.1\r\n\r\n")
-        answer = b""
-        while part := client.recv(1 << 16):
-            answer += part
-    head, _, body = answer.decode().partition("\r\n\r\n")
-    assert head.startswith("HTTP/1.1 200 OK"), head
-    return body
+def fetch(url: str) -> str:
+    with urlopen(url, timeout=WAIT_S) as answer:
+        text: str = answer.read().decode()
+    return text
 
 
-def wait_for(path: Path, name: str, least: float) -> dict[str, float]:
+def wait_for(url: str, name: str, least: float) -> dict[str, float]:
     """Ask until a value is there; what came."""
-    while (found := values(fetch(path))).get(name, -1.0) < least:
+    while (found := values(fetch(url))).get(name, -1.0) < least:
         time.sleep(_LOOK_S)
     return found
 
 
-@pytest.fixture
-def place(tmp_path: Path) -> Path:
-    return tmp_path / "metrics.sock"
-
-
 @contextmanager
-def exporter(place: Path) -> Iterator[Running]:
-    """It listens."""
-    with start("metrics", "--listen", f"unix:{place}") as running:
-        assert running.line() == f"metrics at unix:{place}"
-        yield running
+def exporter() -> Iterator[tuple[Running, str]]:
+    """It listens at that URL."""
+    with start("metrics", "--listen", "127.0.0.1:0") as running:
+        said, _, url = running.line().rpartition(" ")
+        assert said == "metrics at"
+        yield running, url
 
 
-def test_what_two_nodes_do(daemon: Daemon, place: Path, route: str) -> None:
-    with exporter(place), script(LISTENER), script(TALKER, "0.01"):
-        found = wait_for(place, 'busd_delivered_total{node="/minimal_subscriber",topic="/topic"}', 1)
+def test_what_two_nodes_do(daemon: Daemon, route: str) -> None:
+    with exporter() as (_, url), script(LISTENER), script(TALKER, "0.01"):
+        found = wait_for(url, 'busd_delivered_total{node="/minimal_subscriber",topic="/topic"}', 1)
         assert found["busd_up"] == 1
         assert found[TOPIC] >= 1
         assert found[f'busd_matches{{route="{route}",topic="/topic"}}'] == 1
@@ -81,37 +69,45 @@ def test_what_two_nodes_do(daemon: Daemon, place: Path, route: str) -> None:
             assert found["busd_routed_messages_total"] == 0
 
 
-def test_busd_dies_and_comes_back(daemon: Daemon, place: Path) -> None:
-    with script(LISTENER), script(TALKER, "0.01"), exporter(place) as running:
-        before = wait_for(place, TOPIC, 5)
+def test_busd_dies_and_comes_back(daemon: Daemon) -> None:
+    with script(LISTENER), script(TALKER, "0.01"), exporter() as (running, url):
+        before = wait_for(url, TOPIC, 5)
         daemon.kill()
-        assert values(fetch(place)) == {"busd_up": 0}
+        assert values(fetch(url)) == {"busd_up": 0}
         assert "no busd listens on" in running.error_line()
         daemon.restart()
-        after = wait_for(place, TOPIC, before[TOPIC] + 1)
+        after = wait_for(url, TOPIC, before[TOPIC] + 1)
         assert after["busd_up"] == 1
         assert "busd answers at" in running.error_line()
 
 
-def test_a_publisher_that_is_gone_still_counts(daemon: Daemon, place: Path) -> None:
-    with exporter(place), script(LISTENER):
+def test_a_publisher_that_is_gone_still_counts(daemon: Daemon) -> None:
+    with exporter() as (_, url), script(LISTENER):
         with script(TALKER, "0.01"):
-            before = wait_for(place, TOPIC, 5)[TOPIC]
-        found = wait_for(place, "busd_up", 1)
+            before = wait_for(url, TOPIC, 5)[TOPIC]
+        found = wait_for(url, "busd_up", 1)
         while found.get('busd_publishers{topic="/topic"}'):
             time.sleep(_LOOK_S)
-            found = values(fetch(place))
+            found = values(fetch(url))
         assert found[TOPIC] >= before
         with script(TALKER, "0.01"):
-            wait_for(place, TOPIC, found[TOPIC] + 1)
+            wait_for(url, TOPIC, found[TOPIC] + 1)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signals_end_it(socket_path: Path, place: Path, number: signal.Signals) -> None:
-    with exporter(place) as running:
-        result = running.end(number)
-    assert (result.code, result.err) == (-number, "")
-    assert not place.exists()
+def test_signals_end_it(socket_path: Path, number: signal.Signals) -> None:
+    with start("metrics", "--listen", "127.0.0.1:0", is_fresh=True) as running:
+        running.line()
+        assert running.end(number) == ("", "", -number)
+
+
+def test_signals_end_it_with_somebody_connected(socket_path: Path) -> None:
+    with exporter() as (running, url):
+        host, _, port = url.split("/")[2].partition(":")
+        with socket.create_connection((host, int(port)), WAIT_S) as client:
+            client.sendall(b"GET")
+            fetch(url)
+            assert running.end(signal.SIGINT).code == -signal.SIGINT
 
 
 def test_on_loopback(daemon: Daemon) -> None:
@@ -154,6 +150,17 @@ def test_nothing_that_others_can_reach(socket_path: Path) -> None:
     result = bus("metrics", "--listen", "0.0.0.0:9464")
     assert result.code == 2
     assert "argument --listen: 0.0.0.0 is not loopback" in result.err
+
+
+def test_a_place_that_cannot_be_had(socket_path: Path) -> None:
+    with exporter() as (_, url):
+        place = url.split("/")[2]
+        result = bus("metrics", "--listen", place)
+    assert (result.out, result.code) == ("", 1)
+    assert re.fullmatch(rf"can't listen on {place}: [^\n]*; choose another port with --listen\n", result.err)
+    result = bus("metrics", "--listen", "127.0.0.1:http")
+    assert result.code == 2
+    assert "argument --listen: '127.0.0.1:http' is not address:port, such as 127.0.0.1:9464\n" in result.err
 
 
 def test_without_prometheus_client(socket_path: Path) -> None:

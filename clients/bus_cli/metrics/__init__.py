@@ -7,22 +7,21 @@ from argparse import ArgumentParser, Namespace
 from typing import TYPE_CHECKING
 
 from bus.process.address import socket_path
-from bus_cli.metrics.place import Listening, parse_place
+from bus_cli.metrics.place import parse_place
 from bus_cli.metrics.view import View, look
 from bus_cli.output import CommandError, complain, print_json, say
-from bus_cli.stream import positive_int, run_stream
+from bus_cli.stream import positive_int
 
 if TYPE_CHECKING:
     from prometheus_client.registry import CollectorRegistry
 
-    from bus_cli.metrics.serve import Page
-
 _DEFAULT = "127.0.0.1:9464"
 _MOST_ROWS = 2000
+_LOOK_S = 3600.0
+"""How often the server looks whether it is to end. Nobody asks it to: a signal ends it at once."""
 
 _EPILOG = """\
-PLACE: loopback, which every user of this machine can read (port 0: any), or unix:/path, which only you can: \
-curl --unix-socket /path http://localhost/metrics. The metrics are listed in docs/operation.md. \
+PLACE is on loopback, which every user of this machine can read. The metrics are listed in docs/operation.md.
 Needs prometheus-client: pip install 'busd[metrics]'
 """
 
@@ -34,7 +33,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="PLACE",
         type=parse_place,
         default=_DEFAULT,
-        help=f"address and port, or unix:/path (default: {_DEFAULT})",
+        help=f"address and port, 0 for any (default: {_DEFAULT})",
     )
     parser.add_argument("--once", action="store_true", help="print the metrics and exit")
     parser.add_argument(
@@ -49,34 +48,30 @@ def add_arguments(parser: ArgumentParser) -> None:
 def main(args: Namespace) -> int:
     """Serve the metrics until a signal comes, or print them `--once`."""
     registry = _registry(args)
-    from prometheus_client.exposition import choose_encoder, generate_latest
-
     if args.once:
-        if args.json:
-            for family in registry.collect():
-                for sample in family.samples:
-                    print_json({"name": sample.name, "labels": sample.labels, "value": sample.value})
-        else:
-            say(generate_latest(registry).decode(), end="")
+        _print(registry, json=args.json)
         return 0
+    from bus_cli.metrics.serve import open_server
 
-    def page(accept: str) -> tuple[bytes, str]:
-        encode, content_type = choose_encoder(accept)
-        return encode(registry), content_type
+    with open_server(args.listen, registry) as server:
+        where = f"http://{server.place.host}:{server.place.port}/metrics"
+        if args.json:
+            print_json({"listening": where})
+        else:
+            say(f"metrics at {where}")
+        server.serve_forever(_LOOK_S)
+    return 0
 
-    with Listening(args.listen) as listening:
-        return run_stream(_serve(listening, page, json=args.json))
 
+def _print(registry: "CollectorRegistry", *, json: bool) -> None:
+    from prometheus_client.exposition import generate_latest
 
-async def _serve(listening: Listening, page: "Page", *, json: bool) -> int:
-    from bus_cli.metrics.serve import serve
-
-    where = listening.describe()
-    if json:
-        print_json({"listening": where})
-    else:
-        say(f"metrics at {where}")
-    return await serve(listening.socket, listening.hosts, page)
+    if not json:
+        say(generate_latest(registry).decode(), end="")
+        return
+    for family in registry.collect():
+        for sample in family.samples:
+            print_json({"name": sample.name, "labels": sample.labels, "value": sample.value})
 
 
 def _registry(args: Namespace) -> "CollectorRegistry":

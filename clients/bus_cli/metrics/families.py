@@ -5,6 +5,7 @@ Owns names, help texts, labels, and how many rows a metric may have. Must not kn
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from threading import Lock
 from typing import TypeVar
 
 from prometheus_client import ProcessCollector
@@ -54,10 +55,11 @@ Record = TypeVar("Record", PeerRecord, UserRecord)
 
 
 class BusCollector(Collector):
-    """Looks once each time that it is asked. `look` gives what was seen, or why nothing was."""
+    """Looks once each time that a thread asks it. `look` gives what was seen, or why nothing was."""
 
     def __init__(self, look: Callable[[], View | str], *, most_rows: int, hidden: bool) -> None:
         self._look = look
+        self._lock = Lock()  # sums are kept from look to look
         self._most = most_rows
         self._hidden = hidden
         self._totals = Totals(most_rows)
@@ -67,7 +69,11 @@ class BusCollector(Collector):
         """Nothing in advance: to register must not mean to look."""
         return ()
 
-    def collect(self) -> Iterator[Metric]:
+    def collect(self) -> list[Metric]:
+        with self._lock:
+            return list(self._families())
+
+    def _families(self) -> Iterator[Metric]:
         seen = self._look()
         is_up = isinstance(seen, View)
         yield GaugeMetricFamily("busd_up", "Whether busd answered (1) or not (0).", float(is_up))
