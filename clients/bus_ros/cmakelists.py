@@ -29,12 +29,12 @@ _WORDS = frozenset(
         *("EXCLUDE_FROM_ALL", "EXPORT", "RUNTIME", "LIBRARY", "ARCHIVE", "INCLUDES"),
     )
 )
-"""What ends the list of what `install` installs."""
+"""These words end the list of files of `install`."""
 _MOST_DEEP = 8
 
 
 class Installed(NamedTuple):
-    """What a package installs."""
+    """The Python that a package installs."""
 
     programs: dict[str, Path]
     """The files of its programs, by the name that each is installed as."""

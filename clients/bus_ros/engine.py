@@ -1,12 +1,12 @@
 """What moves the facade: one event loop for the process, run by whichever thread has to wait.
 
-A thread that spins runs the loop itself, so that a message costs no change of threads. Nobody runs it while
-that thread is in a callback of the user's; where that lasts, or nobody spins at all, the keeper, a thread in
-the background, runs it: discovery and delivery go on. Owns the loop, the keeper and the waiting, and keeps
-what all executors share; must not know nodes or callbacks.
+A thread that spins runs the loop itself, so that a message costs no change of threads. While that thread is
+in a callback of the user's, no thread runs the loop; where that lasts, or no thread spins at all, the keeper,
+a thread in the background, runs it: discovery and delivery go on. Owns the loop, the keeper and the waiting,
+and keeps what all executors share; must not know nodes or callbacks.
 
-Who must look again is told in these ways: `Waiter.set`, what it waits for is there; `Waiter.release`, look,
-from anywhere; `Engine.settle` and `nudge`, the loop must run; `GuardedLoop.wake`, its wait for events ends.
+A thread that waits is woken by `Waiter.set`, for what it waits for is there, or by `Waiter.release`, to look
+again. `Engine.settle` and `nudge` have the keeper run the loop; `GuardedLoop.wake` ends the loop's wait.
 """
 
 import asyncio
@@ -32,7 +32,7 @@ _TICK_S = 0.02
 
 
 class Engine:
-    """`loop` is used under its guard: `with engine.loop`. What says so expects that the caller holds it."""
+    """`loop` is used under its guard: `with engine.loop`. "Under the guard" means: the caller holds it."""
 
     def __init__(self) -> None:
         self.loop = GuardedLoop()
@@ -40,8 +40,8 @@ class Engine:
         self._main_waiter: Waiter | None = None
         self._hears_signals = False
         self.loop.on_signal = self._let_main_look
-        self._runner: Waiter | Engine | None = None  # who runs the loop; the engine itself is the keeper
-        self._blocked: deque[Waiter] = deque()  # they wait while another one runs it
+        self._runner: Waiter | Engine | None = None  # runs the loop; the engine stands for the keeper
+        self._blocked: deque[Waiter] = deque()  # these wait while another thread runs it
         self._turns = 0
         self.held = 0
         """Callback groups that are held: executors look at groups while there are any."""
@@ -85,7 +85,7 @@ class Engine:
         raise TimeoutError
 
     def call(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call, without a wait, what needs the guard, which the caller may have."""
+        """Call `function` under the guard, which the caller may hold already; does not wait."""
         if self.loop.is_mine():
             return function(*arguments)
         with self.loop:
@@ -97,7 +97,7 @@ class Engine:
         return get_ident() == self._main_thread
 
     def settle(self) -> None:
-        """Under the guard: what was just asked of the loop shall not wait for a thread that rests."""
+        """Under the guard: have the keeper run the loop now, where there is work and no thread runs it."""
         if self._runner is None and self.loop.has_work():
             self.nudge()
 
@@ -110,7 +110,7 @@ class Engine:
             waiter.release()
 
     def _let_main_look(self) -> None:
-        """A signal came, perhaps just before the main thread began to wait: Python tells it only then."""
+        """Wake the main thread, for Python to run the handler: a signal may come just before its wait."""
         if self._main_waiter is not None:
             self._main_waiter.release()
 
@@ -119,7 +119,7 @@ class Engine:
         return self._main_waiter is not None or self.loop.is_busy(frame)
 
     def nudge(self) -> None:
-        """The loop must be run by somebody; also in a signal's handler."""
+        """Have the keeper run the loop at once; also in a signal's handler."""
         self._is_urgent = True
         self._ring()
 
@@ -139,7 +139,7 @@ class Engine:
             self.loop.run_until_complete(_cancel_all(asyncio.all_tasks(self.loop)))
             self.loop.close()
 
-    # --- for those who wait, under the guard
+    # --- for threads that wait, under the guard
 
     def wait(
         self,
@@ -192,7 +192,7 @@ class Engine:
         return self._runner is waiter or waiter in self._blocked
 
     def _block(self, waiter: "Waiter", deadline_ns: int, *, is_eager: bool) -> None:
-        """Sleep while another thread runs the loop, or shall."""
+        """Sleep while another thread runs the loop, or is about to."""
         if is_eager and self._runner is self:
             self._blocked.appendleft(waiter)
             self.loop.stop()
@@ -213,7 +213,7 @@ class Engine:
                 self._blocked.remove(waiter)
 
     def _pass_on(self) -> None:
-        """Somebody who waits must run the loop."""
+        """Have a thread that waits run the loop."""
         if self._runner is None and self._blocked:
             self._blocked.popleft().release()
 
@@ -227,7 +227,7 @@ class Engine:
     # --- the keeper
 
     def _keep(self) -> None:
-        """Run the loop where nobody did for a tick, or at once where it is urgent."""
+        """Run the loop where no thread did for a tick, or at once where it is urgent."""
         seen = -1
         while True:
             with self.loop:
@@ -266,7 +266,7 @@ class Waiter:
     def __init__(self, engine: Engine, context: Any = None) -> None:
         self.is_set = False
         self.shut = [*_SHUT]
-        """Empty while its thread runs the loop, and takes at once what comes."""
+        """Empty while its thread runs the loop, and takes each message as it comes."""
         self._engine = engine
         self._lock = Lock()
         self._lock.acquire()
@@ -290,7 +290,7 @@ class Waiter:
 
         The loop gets a turn in any case, also where the deadline is over.
 
-        `is_eager`: for who waits again and again, and had better run the loop himself.
+        `is_eager`: the thread waits again and again, and had better run the loop itself.
         """
         return self._engine.wait(self, deadline_ns, is_eager=is_eager)
 

@@ -1,4 +1,4 @@
-"""What an executor works off: anything of a node that can have a call to make."""
+"""Entities: whatever of a node can have calls for an executor to make."""
 
 from collections import deque
 from collections.abc import Callable
@@ -24,7 +24,7 @@ class Entity:
         self.node = node
         self.callback_group = callback_group
         self.held_group = callback_group
-        """What a call holds, so that others of the group do not run meanwhile; None: nothing."""
+        """The group that a call holds, so that others of it do not run meanwhile, or None."""
         self.is_exclusive: bool = callback_group is not None and callback_group.is_exclusive
         self.is_queued = False  # at an executor
         self.is_destroyed = False
@@ -36,7 +36,7 @@ class Entity:
         raise NotImplementedError
 
     def leave(self) -> None:
-        """The executor works no more for it."""
+        """The executor no longer works for it."""
 
     def notify(self) -> None:
         """There may be something to take."""
@@ -50,7 +50,7 @@ class Entity:
 
 
 class Calls(Entity):
-    """Calls that were put in a queue, each made once: events of a node."""
+    """A queue of calls, each made once: the events of a node."""
 
     def __init__(self, node: Any, callback_group: Any) -> None:
         super().__init__(node, callback_group)

@@ -89,7 +89,7 @@ class _First:
 
 
 class _Last:
-    """Asked when nobody else has the module."""
+    """Asked when no other finder has the module."""
 
     is_forced = False
 
@@ -142,7 +142,7 @@ def _spec(name: str) -> ModuleSpec | None:
 
 
 def _made(name: str, loader: Any, *, is_package: bool) -> ModuleSpec:
-    # No subclass of the abstract Loader: it takes 40 ms to import.
+    # No subclass of the abstract Loader, which takes 40 ms to import.
     return ModuleSpec(name, loader, is_package=is_package)
 
 
@@ -151,7 +151,7 @@ def _is_ours(name: str) -> bool:
 
 
 def _refuse(name: str) -> None:
-    """Say what a person can't know who looks for a part of ROS 2."""
+    """Raise an error that says why a part of ROS 2 is not here; return where `name` is none."""
     root, _, rest = name.partition(".")
     if root == "rclpy":
         if not rest or sys.modules.get("rclpy") is not sys.modules.get("bus_ros.rclpy"):

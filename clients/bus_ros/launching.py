@@ -137,7 +137,7 @@ def add_paths(folders: Sequence[str]) -> None:
     import site
 
     first, *before = sys.path
-    sys.path[:] = before  # the first is the folder of whoever runs, which is not that of the program
+    sys.path[:] = before  # the first is the folder of `bus`, not that of the program
     for folder in folders:
         site.addsitedir(folder)
     added = [path for path in sys.path if path not in before]

@@ -51,7 +51,7 @@ aliases.install()
 
 _executor: Executor | None = None
 _ENDS = (ExternalShutdownException, ROSInterruptException)
-"""What the end of the context raises where somebody waits."""
+"""What waiting calls raise at the end of the context."""
 _SOON_S = 0.001
 
 
@@ -140,7 +140,7 @@ def create_node(
 
 
 def get_global_executor() -> Executor:
-    """The executor of whoever names none."""
+    """The executor for calls that name none."""
     global _executor
     if _executor is None or _executor.is_shutdown:
         _executor = SingleThreadedExecutor()
@@ -224,9 +224,9 @@ def _interrupt_soon() -> None:
 
 @atexit.register
 def _leave() -> None:
-    """What was published is handed over, and the graph left in order, also where the program did not."""
+    """Destroy the nodes that the program has left: what they published is handed over."""
     with suppress(ValueError):  # not in the main thread
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # who is impatient waits for CLOSE_S at most
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second Ctrl-C does not cut this short; CLOSE_S does
     if engine := engines.current():
         engine.loop.is_interrupted = False
     # The program's daemon threads go on; what they raise now is because of this.

@@ -36,9 +36,9 @@ class Client(Entity):
         self._engine = engine
         self._futures: dict[int, Future[Any]] = {}
         self._answers: deque[tuple[Future[Any], Any]] = deque()
-        self._callers: list[Waiter] = []  # who wait for answers themselves
+        self._callers: list[Waiter] = []  # threads in `call`
         super().__init__(node, callback_group)
-        self.held_group = None  # an answer completes a future and calls nobody; and the group may await it
+        self.held_group = None  # an answer calls no callback, and one of the group may await it
 
     @property
     def service_name(self) -> str:
@@ -110,14 +110,14 @@ class Client(Entity):
                     native.forget(number)
 
     def service_is_ready(self) -> bool:
-        """Whether somebody serves."""
+        """Whether the service is there."""
         native = self.native
         assert native is not None
         with self._engine.loop:
             return native.service_is_ready()
 
     def wait_for_service(self, timeout_sec: float | None = None) -> bool:
-        """Wait until somebody serves, `timeout_sec` at most (None, below zero: for ever); returns whether."""
+        """Wait for the service, `timeout_sec` at most (None, below zero: for ever); returns whether."""
         native = self.native
         assert native is not None
         with suppress(TimeoutError):
@@ -149,6 +149,6 @@ class Client(Entity):
         if not self._answers:
             return None
         future, outcome = self._answers.popleft()
-        # Where nobody spun when it was called; else what a callback raises would not come out of `spin`.
+        # At the call there may have been no executor, and a callback's exception must come out of `spin`.
         future._set_executor(self.node.own_executor)
         return (future.set_exception if isinstance(outcome, BusError) else future.set_result), (outcome,)

@@ -38,7 +38,7 @@ _LONGEST_WAIT_S = 1.0
 
 
 class ClockChange(IntEnum):
-    """What happened to a clock at a jump, besides the jump."""
+    """Whether a jump also began or ended simulated time."""
 
     ROS_TIME_NO_CHANGE = 1
     ROS_TIME_ACTIVATED = 2
@@ -76,7 +76,7 @@ class JumpThreshold:
 
 
 class TimeJump:
-    """What a callback after a jump is given: the change, and by how much the time moved."""
+    """A jump, for the callbacks after it: the change, and by how much the time moved."""
 
     def __init__(self, clock_change: ClockChange, delta: Duration) -> None:
         if not isinstance(clock_change, ClockChange):
@@ -132,7 +132,7 @@ class JumpHandle:
 
 
 class ClockEvent:
-    """What a thread waits on until a clock shows a time, or until another thread calls `set`."""
+    """A wait of threads until a clock shows a time, or another thread calls `set`."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -151,7 +151,7 @@ class ClockEvent:
         return self._is_set
 
     def look_again(self) -> None:
-        """The clock has moved: who waits compares anew."""
+        """The clock has moved: threads that wait compare anew."""
         with self._changed:
             self._changed.notify_all()
 

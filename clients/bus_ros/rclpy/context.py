@@ -1,4 +1,4 @@
-"""Contexts: what `rclpy.init` begins and `rclpy.shutdown` ends. Owns the arguments, and who is told."""
+"""Contexts: `rclpy.init` begins one, `rclpy.shutdown` ends it. Owns arguments, and the calls at its end."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -86,7 +86,7 @@ class Context:
         return domain_id(self.domain_id)
 
     def shutdown(self) -> None:
-        """End: whoever spins returns. Once more is an error, unless a signal was first.
+        """End: `spin` returns. Once more is an error, unless a signal was first.
 
         Raises RuntimeError where it has not begun or has ended.
         """
@@ -110,7 +110,7 @@ class Context:
         return list(_contexts)
 
     def nodes(self) -> list[Any]:
-        """Those that were made in it and are still held by somebody."""
+        """Those that were made in it and still exist."""
         return list(self._nodes)
 
     def track_node(self, node: Any) -> None:
@@ -121,7 +121,7 @@ class Context:
         self._sleepers.add(sleeper)
 
     def end_by_signal(self) -> None:
-        """In a signal's handler: end, but leave what takes locks to others."""
+        """In a signal's handler: end; other threads do what takes locks."""
         if self._is_valid:
             self._is_valid = False
             self.was_ended_by_signal = True
@@ -160,7 +160,7 @@ class Context:
 
 
 def parse_arguments(words: Sequence[str]) -> tuple[Arguments, tuple[file.Section, ...]]:
-    """A command line, and what it says of parameters.
+    """A command line's arguments, and its parameters.
 
     Raises UnknownROSArgsError, and RCLInvalidROSArgsError for others that can't be used.
     """
@@ -177,5 +177,5 @@ _default = Context()
 
 
 def get_default_context(*, shutting_down: bool = False) -> Context:
-    """The context of whoever names none."""
+    """The context for calls that name none."""
     return _default

@@ -90,7 +90,7 @@ class Duration:
 
 
 Infinite = Duration(nanoseconds=_MOST)
-"""Longer than anything: what a QoS policy says that sets no limit."""
+"""Longer than any other: in a QoS policy, no limit."""
 
 
 @cache

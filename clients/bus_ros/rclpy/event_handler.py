@@ -1,7 +1,7 @@
 """Callbacks for what happens to endpoints besides messages, and their values, as rclpy.event_handler.
 
-Owns the translation of the bus's events. Must not know executors: who makes the endpoint says how a callback
-is put in line.
+Owns the translation of the bus's events. Must not know executors: the node gives `enqueue`, which puts a
+callback in line.
 """
 
 from collections.abc import Callable
@@ -210,7 +210,7 @@ def publisher_events(callbacks: PublisherEventCallbacks, enqueue: Enqueue) -> ev
 def _on(
     callback: Callback, enqueue: Enqueue, convert: Callable[[Any], Any], otherwise: Callback = None
 ) -> Callback:
-    """What the bus calls; None = what it does itself: a warning where something is incompatible."""
+    """The callback for the bus; None where the bus logs its own warning."""
     if callback is None:
         return otherwise
     return lambda event: enqueue(callback, convert(event))

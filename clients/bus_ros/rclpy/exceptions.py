@@ -33,7 +33,7 @@ __all__ = [
 
 
 class RCLError(RuntimeError):
-    """What ROS's C layer would refuse."""
+    """ROS's C layer would refuse this."""
 
 
 class RCLInvalidROSArgsError(RCLError):
@@ -76,7 +76,7 @@ class NoTypeSupportImportedException(Exception):
 
 
 class ROSInterruptException(Exception):
-    """What was waited for can't come any more, because the context was shut down."""
+    """The context was shut down during a wait."""
 
     def __init__(self) -> None:
         super().__init__("rclpy.shutdown() has been called")
@@ -99,7 +99,7 @@ class _NameException(NameValidationException):
 
     @classmethod
     def of(cls, name: str, error: ConfigurationError) -> "_NameException":
-        """What `bus.names` found wrong with `name`, said as rclpy says it."""
+        """The error of `bus.names` about `name`, in rclpy's words."""
         # Texts of bus.names: "Invalid <kind>: <rule>:\n  '<name>'\n   ^"
         rule = str(error).partition(": ")[2].partition(":\n")[0]
         return cls(name, rule or str(error), error.index or 0)
@@ -122,7 +122,7 @@ class InvalidServiceNameException(_NameException):
 
 
 class ParameterException(Exception):
-    """Base of what can be wrong with parameters; the text ends with their names."""
+    """Base of errors with parameters; the text ends with their names."""
 
     def __init__(self, error_msg: str, parameters: str | list[str]) -> None:
         super().__init__(f"{error_msg}: {parameters}")

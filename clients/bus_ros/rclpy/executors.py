@@ -1,7 +1,7 @@
 """Executors: they wait until callbacks of their nodes are due, and call them, in one thread or in many.
 
 Owns the order of calls, and which callback groups are busy. A thread that spins runs the event loop while it
-waits (`bus_ros.engine`); calls are made without the lock.
+waits (`bus_ros.engine`); calls are made without the guard.
 """
 
 import os
@@ -37,7 +37,7 @@ MOST_AT_ONCE = 64
 _SHIFT_NS = 20_000_000
 """For so long a worker goes on by itself."""
 _NOW: Future[Any] = Future()
-_NOW.cancel()  # it is done: nobody waits for it
+_NOW.cancel()  # done from the start: `_next` waits for nothing
 
 
 class ExternalShutdownException(Exception):
@@ -56,7 +56,7 @@ class ShutdownException(Exception):
 
 
 class ConditionReachedException(Exception):
-    """What was waited for has come."""
+    """The condition of the wait is true."""
 
 
 class Executor:
@@ -74,12 +74,12 @@ class Executor:
         self.waiter = Waiter(self._engine)
         self._nodes: list[Any] = []
         self.ready: deque[Ready] = deque()
-        self._timer_ns = 0  # when a timer is due; earlier than that nobody looks
+        self._timer_ns = 0  # when a timer is due; `_next` does not look at timers before
         self._is_simulated = False  # then any message may have moved the time
         self._failures: deque[BaseException] = deque()
         self._is_shutdown = False
         self._only: list[Any] | None = None  # the nodes that are asked for, where not all are
-        self._until: Future[Any] | None = None  # what an executor of a program's own spins for
+        self._until: Future[Any] | None = None  # the future that an executor of a program's own spins for
         with self._engine.loop:
             self._context.wake_at_end(self)
 
@@ -118,7 +118,7 @@ class Executor:
         return True
 
     def remove_node(self, node: Any) -> None:
-        """Leave `node` alone; what has come for it waits."""
+        """Work for `node` no longer; its messages wait."""
         with self._engine.loop:
             if node.own_executor is not self:
                 return
@@ -235,11 +235,11 @@ class Executor:
         return not entity.is_destroyed and bool(entity.callback_group.can_execute(entity))
 
     def is_custom(self) -> bool:
-        """Whether a program has defined what `spin` does."""
+        """Whether `spin_once` is the program's own."""
         return type(self).spin_once is not Executor.spin_once
 
     def _spin_once(self, deadline_ns: int, most: int, until: Future[Any] | None = None) -> None:
-        """Here for executors of a program's own."""
+        """By the `spin_once` of a program's own executor."""
         timeout_s = max(deadline_ns - monotonic_ns(), 0) / 1e9 if deadline_ns else None
         before, self._until = self._until, until
         try:
@@ -270,7 +270,7 @@ class Executor:
         self.waiter.set()
 
     def is_looking(self) -> bool:
-        """Whether a thread waits for what becomes ready, and can take it."""
+        """Whether a thread waits here for calls to make."""
         return self._engine.is_waited_on(self.waiter)
 
     # --- inside, under the guard
@@ -344,7 +344,7 @@ class Executor:
                 elif due_ns < next_ns:
                     next_ns = due_ns
         self._timer_ns = next_ns
-        for _, timer in sorted(due, key=lambda one: one[0]):  # who has waited longest
+        for _, timer in sorted(due, key=lambda one: one[0]):  # the longest due first
             timer.is_queued = True
             self.ready.append(timer)
 
@@ -355,7 +355,7 @@ class Executor:
             self._engine.held += 1
 
     def _handler(self, entity: Ready, work: Work) -> tuple[Task[Any], Entity | None, Any]:
-        """For a program that makes the call itself: a task that ends what was begun for it."""
+        """For a program that makes the call itself: a task whose end is the end of the call."""
         if isinstance(entity, Step):
             step = entity
         else:
@@ -368,7 +368,7 @@ class Executor:
         return step.task, holder, None if holder is None else holder.node
 
     def _end(self, entity: Ready) -> None:
-        """A call has ended, and with it what was begun for it; for a step, that of its holder."""
+        """A call has ended: its group is free again; for a step, the group of its holder."""
         if isinstance(entity, Step) and entity.ends_itself:
             return
         holder = entity.holder if isinstance(entity, Step) else entity
@@ -390,7 +390,7 @@ class Executor:
         return Step(Task(function, arguments, keywords, executor=self), self._go_on_with, holder)
 
     def _go_on_with(self, step: Step) -> None:
-        """What its task awaited is there; called in any thread."""
+        """Its task can go on; called in any thread."""
         self._engine.call(self.enqueue, step)
 
     def _run(self, entity: Ready, work: Work) -> bool:
@@ -403,7 +403,7 @@ class Executor:
 
 
 class _Until:
-    """What `_next` is to wait for, besides work."""
+    """A condition for which `_next` waits, besides work."""
 
     def __init__(self, done: Callable[[], bool]) -> None:
         self.done = done
@@ -565,7 +565,7 @@ class MultiThreadedExecutor(Executor):
                     self._tell_leaving()
 
     def _go_on(self) -> tuple[Ready, Work] | None:
-        """What is ready now; another thread gets what else is."""
+        """The next call for this thread; another thread is woken for the rest."""
         if self._failures or not self._context.ok():
             return None
         found = self._next(0, MOST_AT_ONCE, _NOW)

@@ -1,4 +1,4 @@
-"""Nodes: a native node on the engine's loop, which makes and destroys what executors work off.
+"""Nodes: a native node on the engine's loop, which makes and destroys publishers and entities.
 
 Owns the lists of a node's entities, and its beginning and end. Its names in the graph are those of
 `impl.node_graph`, its parameters those of `impl.node_parameters`. Private names are mangled, but for those
@@ -66,12 +66,12 @@ M = TypeVar("M")
 E = TypeVar("E", bound=Entity)
 
 CLOSE_S = 6.0
-"""`destroy_node` gives what was published so long to leave the process."""
+"""The longest that `destroy_node` waits for publications to leave the process."""
 
 
 class Node(NodeGraph, NodeParameters):
     """A node named `node_name`. In the graph at once, until `destroy_node` or the end of the process; its
-    publishers work without anybody spinning.
+    publishers work without any spinning.
 
     Of `cli_args`, what stands after --ros-args is for this node, and goes before the program's own.
 
@@ -175,7 +175,7 @@ class Node(NodeGraph, NodeParameters):
 
     @property
     def default_callback_group(self) -> CallbackGroup:
-        """What excludes the callbacks of a node from one another, where they name no group."""
+        """The group of callbacks that name none: one at a time."""
         return self._default_callback_group
 
     @property
@@ -403,7 +403,7 @@ class Node(NodeGraph, NodeParameters):
             return
         self.__is_destroyed = True
         if self.__engine is not current():
-            return  # of before a fork: it is the parent's
+            return  # made before a fork: it is the parent's
         if self.own_executor is not None:
             self.own_executor.remove_node(self)
         self.__forget_all()
@@ -427,7 +427,7 @@ class Node(NodeGraph, NodeParameters):
         from bus_ros.rclpy.parameter_service import ParameterService
         from bus_ros.rosidl import message_class
 
-        # What the node has by itself must not keep it from its work.
+        # A node goes on without its own topics and services.
         try:
             self.__parameter_events = self.create_publisher(
                 message_class("rcl_interfaces/msg/ParameterEvent"),

@@ -45,7 +45,7 @@ def install_signal_handlers(options: SignalHandlerOptions = SignalHandlerOptions
 
 
 def uninstall_signal_handlers() -> None:
-    """Give the signals back to whom they belonged."""
+    """Put the handlers back that were there before."""
     global _installed
     if threading.current_thread() is not threading.main_thread():
         return
@@ -58,7 +58,7 @@ def uninstall_signal_handlers() -> None:
 
 
 def get_current_signal_handlers_options() -> SignalHandlerOptions:
-    """What is handled now."""
+    """Those that are handled now."""
     return _installed
 
 

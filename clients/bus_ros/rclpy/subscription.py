@@ -19,7 +19,7 @@ _TURN_NS = 2_500_000
 
 
 class MessageInfo(TypedDict):
-    """What a callback of two arguments gets as the second. Times in nanoseconds since 1970."""
+    """The second argument of a callback that takes two. Times in nanoseconds since 1970."""
 
     source_timestamp: int
     received_timestamp: int
@@ -139,7 +139,7 @@ class Subscription(Entity, Generic[M]):
             self._batch = min(2 * self._batch, 64) if monotonic_ns() < end_ns else 1
 
     def _look(self) -> None:
-        """Something has come. The next time, an executor that just waits for it may be handed it."""
+        """A message has come. The next one may be handed to an executor that just waits for it."""
         executor = self.node.own_executor
         if executor is not self._handed_to and not self._takes_one and self.native.qos.deadline is None:
             self.leave()

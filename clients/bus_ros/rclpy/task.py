@@ -1,7 +1,7 @@
-"""Futures and tasks: what will be known later, and the callbacks that executors run, step by step.
+"""Futures and tasks: results that come later, and the callbacks that executors run, step by step.
 
-Owns their state and who is told when they are done. Must not know executors: a task is given the function
-that puts it in line again. All methods may be called from any thread.
+Owns their state, and the calls to make when they are done. Must not know executors: a task is given the
+function that puts it in line again. All methods may be called from any thread.
 """
 
 import sys
@@ -22,11 +22,11 @@ T = TypeVar("T")
 
 _PENDING, _CANCELLED, _FINISHED = range(3)
 UNFINISHED = object()
-"""What a call returns that goes on later."""
+"""Returned by a call that goes on later."""
 
 
 class Executor(Protocol):
-    """What of an executor a future needs: it calls the callbacks."""
+    """An executor as a future sees it: it runs the callbacks."""
 
     def create_task(self, callback: Callable[..., Any], *args: Any) -> object: ...
 
@@ -62,7 +62,7 @@ class Future(Generic[T]):
         return self.result()
 
     def cancel(self) -> None:
-        """Give it up, unless it is done. Who waits is told; the result is None."""
+        """Give it up, unless it is done. Callbacks are called; the result is None."""
         self._finish(_CANCELLED)
 
     def cancelled(self) -> bool:
@@ -158,15 +158,15 @@ class Future(Generic[T]):
         return None if self._executor is None else self._executor()
 
     def _set_executor(self, executor: Executor | None) -> None:
-        """Who runs the callbacks from now on; it is not kept alive."""
+        """Have this executor run the callbacks from now on; it is not kept alive."""
         self._executor = None if executor is None else weakref.ref(executor)
 
 
 class Task(Future[T]):
     """A function or a coroutine that an executor runs: each call of the task is one step.
 
-    A coroutine's step ends where it awaits something that is not there yet. `reschedule()` is called when it
-    is, in any thread, and the executor shall call the task again. What the handler raises becomes the task's
+    A coroutine's step ends where it awaits something that is not there yet. When it is, a thread calls
+    `reschedule()`, which has the executor call the task again. What the handler raises becomes the task's
     exception; KeyboardInterrupt and its like go through.
     """
 
@@ -218,7 +218,7 @@ class Task(Future[T]):
         self._forget_handler()
 
     def _step(self) -> Future[Any] | None:
-        """What the coroutine awaits now; None = it only yields to others, or it is done."""
+        """The future that the coroutine awaits now, or None if it yields to others or is done."""
         if not isinstance(self._handler, CoroutineType):  # a function, `def` or `async def`
             result = self._handler(*self._args, **self._kwargs)
             if not isinstance(result, CoroutineType):
@@ -247,7 +247,7 @@ class Task(Future[T]):
             self.reschedule()
 
     def _forget_handler(self) -> None:
-        """Drop what is not needed any more, unless a step is being made: it does so at its end."""
+        """Drop handler and arguments; a step that runs meanwhile does so at its end."""
         if not self._task_lock.acquire(blocking=False):
             return
         try:
@@ -275,7 +275,7 @@ class Step:
         self.task.reschedule = self.again
         self.holder = holder
         self.ends_itself = False
-        """What the holder's group holds ends with the task, in whichever thread that is."""
+        """The end of the task ends the hold on the holder's group, too, in whichever thread it comes."""
         self.held_group: CallbackGroup | None = None
         self.is_destroyed = False
         self.is_queued = False

@@ -22,7 +22,7 @@ USE_SIM_TIME_NAME = "use_sim_time"
 
 @runtime_checkable
 class _Node(Protocol):
-    """What a node has that a source of time needs."""
+    """A node as its source of time sees it."""
 
     def get_logger(self) -> RcutilsLogger: ...
     def has_parameter(self, name: str) -> bool: ...
@@ -114,7 +114,7 @@ class TimeSource:
         """A rosgraph_msgs.msg.Clock has come."""
         try:
             self._last = Time.from_msg(msg.clock)
-        except ValueError as error:  # from whoever publishes there; it shall not end this program
+        except ValueError as error:  # a publisher's mistake must not end this program
             if self._node is not None:
                 text = f"'{CLOCK_TOPIC}' has no time: {error}"
                 self._node.get_logger().error(text, throttle_duration_sec=1.0)

@@ -18,7 +18,7 @@ _GRACE_NS = 10_000_000
 
 
 def _now_ns(clock: Clock) -> int:
-    """Of the machine's clocks, the one that nobody sets: setting the date must not stall a timer."""
+    """By the monotonic clock where time is not simulated: setting the date must not stall a timer."""
     return clock.now().nanoseconds if clock.ros_time_is_active else monotonic_ns()
 
 
@@ -47,7 +47,7 @@ class Timer(Entity):
         self._next_ns = self._last_ns + timer_period_ns
         self._is_canceled = not autostart
         self.sleepers: list[Waiter] = []
-        """Of a rate: who looks again at each change."""
+        """Threads in `Rate.sleep`: they look again at each change."""
         super().__init__(node, callback_group)
         self._left_ns = timer_period_ns
         self._jumps: JumpHandle | None = None
@@ -151,7 +151,7 @@ class Timer(Entity):
             waiter.set()
 
     def rearm(self) -> None:
-        """The executor, and who sleeps, must look at the time anew."""
+        """Have the executor and the sleepers look at the time anew."""
         self.wake_sleepers()
         executor = self.node.own_executor
         if executor is not None:
@@ -169,7 +169,7 @@ class Rate:
     """`sleep` ends when the rate's timer fires; made by `Node.create_rate`.
 
     The timer is one of its node: an executor that works for the node fires it, in a group of its own. Where
-    nobody spins, or all threads are in callbacks, a sleeper fires it itself.
+    no thread spins, or all are in callbacks, a sleeper fires it itself.
     """
 
     def __init__(self, timer: Timer, *, context: Any) -> None:
@@ -200,7 +200,7 @@ class Rate:
             raise ROSInterruptException
 
     def destroy(self) -> None:
-        """No more sleep; those who sleep return."""
+        """No more sleep; threads that sleep return."""
         self._is_destroyed = True
         engine().call(self._timer.wake_sleepers)
 

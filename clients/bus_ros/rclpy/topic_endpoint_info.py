@@ -1,4 +1,4 @@
-"""What the graph knows of one endpoint, as `get_publishers_info_by_topic` returns it. Values only."""
+"""An endpoint in the graph, as `get_publishers_info_by_topic` returns it. Values only."""
 
 from enum import IntEnum
 
@@ -10,7 +10,7 @@ __all__ = ["EndpointTypeEnum", "TopicEndpointInfo", "TopicEndpointTypeEnum"]
 
 
 class EndpointTypeEnum(IntEnum):
-    """What kind of endpoint; numbers are rmw's."""
+    """Kinds of endpoints; numbers are rmw's."""
 
     INVALID = 0
     PUBLISHER = 1
@@ -55,7 +55,7 @@ class TopicEndpointInfo:
 
     @classmethod
     def from_graph(cls, endpoint: GraphEndpoint) -> "TopicEndpointInfo":
-        """Of what the bus knows."""
+        """Of an endpoint in the bus's graph."""
         return cls(
             node_name=endpoint.node.name,
             node_namespace=endpoint.node.namespace,

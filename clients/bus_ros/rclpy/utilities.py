@@ -1,4 +1,4 @@
-"""The default context, and what is asked of it or of a command line. Must not know executors or nodes."""
+"""Questions about the default context and the command line. Must not know executors or nodes."""
 
 import sys
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ __all__ = [
 
 
 def get_default_context(*, shutting_down: bool = False) -> "Context":
-    """The context of all calls that are given none; `shutting_down`: whoever asks is going to end it."""
+    """The context of all calls that are given none; `shutting_down`: the caller is going to end it."""
     from bus_ros.rclpy import context  # late: a parser of arguments needs none
 
     return context.get_default_context(shutting_down=shutting_down)
@@ -33,7 +33,7 @@ def ok(*, context: "Context | None" = None) -> bool:
 
 
 def shutdown(*, context: "Context | None" = None) -> None:
-    """Shut it down; raises RuntimeError where that was done already, or nobody has initialized it."""
+    """Shut it down; raises RuntimeError where it is shut down already, or was never initialized."""
     (context or get_default_context(shutting_down=True)).shutdown()
 
 

@@ -205,7 +205,7 @@ def _doubt(type_: Type, names: dict[str, Any], nested: type[RosMessage] | None) 
 
 
 def _default(index: int, field: Field, nested: type[RosMessage] | None, names: dict[str, Any]) -> str:
-    """An expression for the value of a field that nobody set."""
+    """An expression for the value of a field that was not set."""
     type_, name = field.type, f"default{index}"
     if nested is not None:
         names[name] = nested

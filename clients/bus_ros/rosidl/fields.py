@@ -1,4 +1,4 @@
-"""What a field of a message may hold: its type as text and as a value, and the checks of what is assigned.
+"""Fields of messages: their types as texts and as values, and the checks of assignments.
 
 Owns: the assertions and their texts, which are rosidl's, and what is stored for a value. An integer is no
 float, as in ROS; a scalar of numpy counts as the Python value that it stands for. Must not know: how classes
@@ -82,7 +82,7 @@ def slot_type(type_: Type) -> definition.AbstractType:
 
 
 def loose(type_: Type) -> Check | None:
-    """What is done to a value where nothing is checked; None for nothing."""
+    """The conversion of a value where nothing is checked, or None if there is none."""
     if not is_numeric(type_):
         return None
     code = numbers.CODES[type_.base]

@@ -1,4 +1,4 @@
-"""The base of the rosidl-style message classes: what they all can do, whatever their fields are.
+"""The base of the rosidl-style message classes: all that does not depend on their fields.
 
 Owns: how a message is printed and compared. Must not know: how classes are made, and messages of them anew
 (`bus_ros.rosidl.classes`), topics.
@@ -14,7 +14,7 @@ __all__ = ["RosMessage"]
 
 
 class _SlotTypes:
-    """`SLOT_TYPES`, made when somebody asks: few do."""
+    """`SLOT_TYPES`, made when asked for: few programs do."""
 
     def __get__(self, instance: object, owner: "type[RosMessage]") -> tuple[Any, ...]:
         return tuple(fields.slot_type(field.type) for field in owner.__definition__.fields)

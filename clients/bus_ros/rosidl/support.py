@@ -80,7 +80,7 @@ def _kinds(cls: type[RosMessage]) -> Iterator[tuple[type, type]]:
 
 
 def _mistakes(message: RosMessage, path: str) -> Iterator[tuple[str, str]]:
-    """Path of what a field can't hold, and what is wrong with it."""
+    """The path of each wrong value, and the text of its error."""
     for field in message.__definition__.fields:
         here = f"{path}.{field.name}"
         try:

@@ -16,21 +16,21 @@ __all__ = [
 
 
 class GoalResponse(Enum):
-    """What a goal callback answers."""
+    """A goal callback's answer."""
 
     REJECT = 1
     ACCEPT = 2
 
 
 class CancelResponse(Enum):
-    """What a cancel callback answers."""
+    """A cancel callback's answer."""
 
     REJECT = 1
     ACCEPT = 2
 
 
 class GoalEvent(IntEnum):
-    """What moves a goal from one state to the next."""
+    """Events that move a goal from one state to the next."""
 
     EXECUTE = 1
     CANCEL_GOAL = 2

@@ -1,4 +1,4 @@
-"""What programs reach into rclpy's inside for: the logger's class, severities, the C extension's errors."""
+"""Inside of rclpy, with names that programs import all the same: the logger's class, severities, errors."""
 
 from importlib import import_module
 from typing import Any

@@ -1,4 +1,4 @@
-"""A node's place in the graph: its name, the names of its endpoints, and what it is told of other nodes."""
+"""A node's place in the graph: its name, the names of its endpoints, and its view of other nodes."""
 
 from collections.abc import Iterable
 

@@ -234,7 +234,7 @@ class NodeParameters:
     # --- callbacks
 
     def add_pre_set_parameters_callback(self, callback: PreSet) -> None:
-        """Before a change: gets what is to be set, returns what shall be set instead."""
+        """Before a change: gets the parameters to set, returns those to set instead."""
         self.__store.pre_set.insert(0, callback)
 
     def add_on_set_parameters_callback(self, callback: OnSet) -> None:
@@ -242,7 +242,7 @@ class NodeParameters:
         self.__store.on_set.insert(0, callback)
 
     def add_post_set_parameters_callback(self, callback: PostSet) -> None:
-        """After a change: gets what was set."""
+        """After a change: gets the parameters that were set."""
         self.__store.post_set.insert(0, callback)
 
     def remove_pre_set_parameters_callback(self, callback: PreSet) -> None:
@@ -314,7 +314,7 @@ def _describe(declared: Declared[Parameter]) -> Any:
 
 
 def _check_declaration(index: int, entry: Sequence[Any]) -> tuple[str, Any, Any]:
-    """Name, value and descriptor of what stands at `index` of a list of declarations.
+    """Name, value and descriptor of the declaration at `index` of a list.
 
     Raises TypeError for what is no declaration, ValueError for a static one with a value that is not set.
     """
