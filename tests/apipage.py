@@ -40,7 +40,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         "- `from bus.msg.std_msgs import String`; packages: MESSAGES. `bus.msg` itself has `Message`, a base "
         "for types of your own, and ROS's primitive types: PRIMITIVES.\n"
         "- `from bus.srv.std_srvs import SetBool`; packages: SERVICES.",
-        ("Node.get_type",),
+        ("MessageSchema", "Node.get_schema", "Node.get_type"),
     ),
     "Without an event loop": (
         "Every call waits until it is done. [scripts.md](scripts.md) has whole scripts.",

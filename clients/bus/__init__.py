@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from bus.publisher import Publisher, PublisherStatistics
     from bus.qos import Durability, History, Liveliness, QoS, QoSProfile, Reliability
     from bus.runner import run
+    from bus.schema import MessageSchema
     from bus.service import RequestId, ServiceServer, ServiceServerStatistics
     from bus.srv import Service
     from bus.subscription import MessageInfo, Subscription, SubscriptionStatistics
@@ -111,6 +112,7 @@ _HOMES = {
     "bus.publisher": ("Publisher", "PublisherStatistics"),
     "bus.qos": ("Durability", "History", "Liveliness", "QoS", "QoSProfile", "Reliability"),
     "bus.runner": ("run",),
+    "bus.schema": ("MessageSchema",),
     "bus.service": ("RequestId", "ServiceServer", "ServiceServerStatistics"),
     "bus.srv": ("Service",),
     "bus.subscription": ("MessageInfo", "Subscription", "SubscriptionStatistics"),
@@ -149,6 +151,7 @@ __all__ = [
     "MatchedChange",
     "MessageInfo",
     "MessageLost",
+    "MessageSchema",
     "MessageTypeError",
     "Node",
     "NodeStatistics",

@@ -29,6 +29,7 @@ from bus.link.link import Link
 from bus.logger import Logger
 from bus.names import service_of_topic
 from bus.qos import QoSProfile, in_words
+from bus.schema import MessageSchema, schema_of
 from bus.types.support import TypeSupport
 from bus.wire import messages as m
 from bus.wire.layout import ACCESS
@@ -87,7 +88,7 @@ class Endpoint(Generic[M]):
         self.node_name = node
         """The full name of its node."""
         self.type: type[M] = support.cls
-        """The message class."""
+        """The message class; `bytes` where messages stay encoded because there is none."""
         self.qos = qos
         """The policies that it was made with."""
         self.gid: bytes = _process_prefix + next(_gid_numbers).to_bytes(4, "big")
@@ -112,6 +113,11 @@ class Endpoint(Generic[M]):
     def __repr__(self) -> str:
         kind, qos = type(self).__name__, in_words(self.qos)
         return f"<{kind} {self._state()}{self.topic_name} {self._support.name} ({qos}) {self._counts()}>"
+
+    @property
+    def schema(self) -> MessageSchema:
+        """Its type, as it is described on the bus."""
+        return schema_of(self._support)
 
     @property
     def matches(self) -> tuple[Match, ...]:

@@ -188,6 +188,17 @@ def services_of(endpoints: Iterable[GraphEndpoint]) -> dict[str, list[str]]:
     return {service: sorted(found[service]) for service in sorted(found)}
 
 
+def types_of(graph: Graph, topic: str, type_name: str | None) -> list[tuple[str, str]]:
+    """The types that may be meant, each once: those of the topic, else those of that name."""
+    endpoints = (*graph.publishers_of(topic), *graph.subscriptions_of(topic))
+    here = {(one.type_name, one.type_hash) for one in endpoints}
+    if type_name is not None:
+        here = {kind for kind in here if kind[0] == type_name}
+        everywhere = (*graph.publishers, *graph.subscriptions)
+        here = here or {(one.type_name, one.type_hash) for one in everywhere if one.type_name == type_name}
+    return sorted(here)
+
+
 def _by_topic(endpoints: Iterable[GraphEndpoint]) -> dict[str, list[GraphEndpoint]]:
     found: dict[str, list[GraphEndpoint]] = {}
     for endpoint in endpoints:

@@ -6,9 +6,8 @@ import asyncio
 import sys
 import weakref
 from collections.abc import AsyncGenerator, Callable, Sequence
-from contextlib import aclosing
+from contextlib import aclosing, suppress
 from os import PathLike
-from time import monotonic
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar, overload
 
@@ -19,6 +18,7 @@ from bus.base.awaited import done_anyway, to_be_awaited
 from bus.diagnostics.slow_callback import watched
 from bus.errors import BusError, CommandLineError, ConfigurationError, ConnectionClosed, ForkError
 from bus.events import PublisherEvents, SubscriptionEvents
+from bus.link.graph_watch import GraphWatches
 from bus.link.link import Link
 from bus.logger import Logger, configure, get_logger
 from bus.parameters.host import ParameterHost
@@ -27,8 +27,9 @@ from bus.process.ros_args import Arguments
 from bus.publisher import Publisher
 from bus.qos import QoS, profile, rosout_default
 from bus.rosout import Rosout
+from bus.schema import MessageSchema, support_of
 from bus.timer import Timer
-from bus.types.support import type_support
+from bus.types.support import TypeSupport, find_type, type_support
 from bus.wire import messages as m
 
 if TYPE_CHECKING:  # not every program needs them
@@ -43,9 +44,6 @@ _ROSOUT_S = 5.0
 """How long the end of a node waits for busd to know of its /rosout."""
 
 _log = get_logger("bus")
-
-_REST, _LONGEST_REST_S = 16, 0.2
-"""Between two looks at a graph that changes: so many times as long as it takes to put it together."""
 
 
 def _say_why_slow() -> None:
@@ -119,7 +117,7 @@ class Node(ParameterHost):
         self._endpoints: list[Publisher[Any] | Subscription[Any]] = []  # some of them may be closed
         self._sweep_at = _LEAST_SWEPT
         self._timers: weakref.WeakSet[Timer] = weakref.WeakSet()  # one that runs is held by the loop
-        self._watches: set[asyncio.Event] = set()
+        self._watches = GraphWatches()
         self._body: asyncio.Task[Any] | None = None
         self._error: BaseException | None = None
         self._wants_rosout = rosout and self._arguments.log_to_rosout
@@ -174,8 +172,7 @@ class Node(ParameterHost):
         link, self._link = self._link, None
         if link is None:
             return
-        for changed in self._watches:
-            changed.set()
+        self._watches.end()
         for timer in tuple(self._timers):
             timer.close()
         self._close_parameters()
@@ -202,14 +199,30 @@ class Node(ParameterHost):
                 body.uncancel()
             raise self._error
 
-    @to_be_awaited
+    @overload
     async def create_publisher(
         self, message_type: type[M], topic: str, qos: QoS = 10, *, events: PublisherEvents | None = None
-    ) -> Publisher[M]:
+    ) -> Publisher[M]: ...
+
+    @overload
+    async def create_publisher(
+        self, message_type: MessageSchema, topic: str, qos: QoS = 10, *, events: PublisherEvents | None = None
+    ) -> Publisher[Any]: ...
+
+    @to_be_awaited
+    async def create_publisher(
+        self,
+        message_type: type[M] | MessageSchema,
+        topic: str,
+        qos: QoS = 10,
+        *,
+        events: PublisherEvents | None = None,
+    ) -> Publisher[Any]:
         """A publisher of `message_type`, any `msgspec.Struct`, on `topic`.
 
         `topic` is relative to the node's namespace, private with `~/` in front, or absolute with `/`. An int
-        as `qos` is keep last with that depth. `events` are callbacks for what happens to it.
+        as `qos` is keep last with that depth. `events` are callbacks for what happens to it. With a
+        `MessageSchema` in place of a class, messages are published as the bytes that they are encoded to.
 
         On return every subscription that existed is matched. Raises ConfigurationError for a bad name or
         QoS, MessageTypeError for a class that is no message type, QuotaExceeded above busd's limits,
@@ -221,13 +234,13 @@ class Node(ParameterHost):
 
     async def _create_publisher(
         self,
-        message_type: type[M],
+        message_type: type[M] | MessageSchema,
         topic: str,
         qos: QoS,
         events: PublisherEvents | None = None,
         *,
         by_socket: bool = False,
-    ) -> Publisher[M]:
+    ) -> Publisher[Any]:
         link = self._opened()
         publisher = self._make_publisher(link, message_type, topic, qos, events, by_socket=by_socket)
         await self._declare(link, publisher)
@@ -236,18 +249,22 @@ class Node(ParameterHost):
     def _make_publisher(
         self,
         link: Link,
-        message_type: type[M],
+        message_type: type[M] | MessageSchema,
         topic: str,
         qos: QoS,
         events: PublisherEvents | None = None,
         *,
         by_socket: bool = False,
-    ) -> Publisher[M]:
+    ) -> Publisher[Any]:
+        if isinstance(message_type, MessageSchema):
+            support: TypeSupport[Any] = support_of(message_type, raw=True)
+        else:
+            support = type_support(message_type)
         return Publisher(
             link,
             self.full_name,
             self.resolve_topic_name(topic),
-            type_support(message_type),
+            support,
             profile(qos),
             events or PublisherEvents(),
             self._logger,
@@ -272,13 +289,13 @@ class Node(ParameterHost):
     @overload
     async def create_subscription(
         self,
-        message_type: type[M],
+        message_type: type[Any] | MessageSchema | str | None,
         topic: str,
         qos: QoS = 10,
         callback: Callable[[Any], object] | Callable[[Any, MessageInfo], object] | None = None,
         *,
         events: SubscriptionEvents | None = None,
-        raw: bool,
+        raw: bool = False,
         views: bool = False,
         busy_poll: float = 0.0,
     ) -> Subscription[Any]: ...
@@ -286,7 +303,7 @@ class Node(ParameterHost):
     @to_be_awaited
     async def create_subscription(
         self,
-        message_type: type[M],
+        message_type: type[M] | MessageSchema | str | None,
         topic: str,
         qos: QoS = 10,
         callback: Callable[..., object] | None = None,
@@ -304,25 +321,38 @@ class Node(ParameterHost):
         views into shared memory, not copied; each holds its message there for as long as it lives, seven of
         a publisher at most (those beyond are copied).
 
+        In place of a class, `message_type` may be a `MessageSchema`; or the name of a type, as it is on the
+        topic, or else anywhere on the bus, or comes with busd; or None for the type that the topic has. Where
+        there is none yet, this waits for it, without an end: use `asyncio.timeout`. Messages are then of
+        `to_class` of the `schema` of the subscription, or with `raw` bytes.
+
         `busy_poll`: for so many seconds after each message this process looks for the next one without
         sleeping (shared memory only). That saves the wake-up, some microseconds, and costs a whole CPU as
         long as messages come.
 
         On return it gets every message whose publish begins later, within its depth. Raises as
-        `create_publisher`. Cancellation: not created.
+        `create_publisher`, and ConfigurationError where the topic has several types that it may be.
+        Cancellation: not created.
 
             subscription = await node.create_subscription(String, "chatter", 10, print)
+            recorded = await node.create_subscription(None, "chatter", 10, print, raw=True)
         """
         from bus.subscription import Subscription
 
         link, name = self._opened(), self.resolve_topic_name(topic)
+        if message_type is None or isinstance(message_type, str):
+            message_type = await self._find_schema(name, message_type)
+        if isinstance(message_type, MessageSchema):
+            support: TypeSupport[Any] = support_of(message_type, raw=raw)
+        else:
+            support = type_support(message_type)
         if callback is not None:
             callback = watched(callback, f"subscription '{name}'", self._logger)
-        subscription: Subscription[M] = Subscription(
+        subscription: Subscription[Any] = Subscription(
             link,
             self.full_name,
             name,
-            type_support(message_type),
+            support,
             profile(qos),
             events or SubscriptionEvents(),
             self._logger,
@@ -389,7 +419,7 @@ class Node(ParameterHost):
 
             await node.wait_for_graph(lambda graph: "/chatter" in graph.topics())
         """
-        async with aclosing(self._watch_graph(self._opened())) as graphs:
+        async with aclosing(self._watches.graphs(self._opened())) as graphs:
             async for graph in graphs:
                 if condition(graph):
                     return graph
@@ -406,29 +436,7 @@ class Node(ParameterHost):
             async for graph in node.watch_graph():
                 print([one.full_name for one in graph.nodes])
         """
-        return self._watch_graph(self._opened())
-
-    async def _watch_graph(self, link: Link) -> AsyncGenerator[Graph, None]:
-        changed = asyncio.Event()
-        link.observe(changed.set)
-        self._watches.add(changed)
-        seen = None
-        try:
-            while self._link is link:
-                changed.clear()
-                began_s = monotonic()
-                graph = link.graph_mirror.graph
-                rest_s = min(_REST * (monotonic() - began_s), _LONGEST_REST_S)
-                if graph is not None and graph is not seen:
-                    seen = graph
-                    yield graph
-                elif (failure := link.graph_mirror.failure) is not None:
-                    raise failure
-                await changed.wait()
-                await asyncio.sleep(began_s + rest_s - monotonic())
-        finally:
-            self._watches.discard(changed)
-            link.stop_observing(changed.set)
+        return self._watches.graphs(self._opened())
 
     async def spin(self) -> None:
         """Wait for ever while callbacks and timers work; an exception of theirs ends the `async with`.
@@ -439,7 +447,7 @@ class Node(ParameterHost):
         await asyncio.get_running_loop().create_future()
 
     async def get_type(self, type_name: str, type_hash: str) -> type[msgspec.Struct]:
-        """The message class of a type that is on the bus, made from the description that travels with it.
+        """A class for a type that is on the bus, made from the description that travels with it.
 
         `type_name` and `type_hash` are those of a `GraphEndpoint`. Raises ConfigurationError where no
         endpoint has that type.
@@ -449,14 +457,19 @@ class Node(ParameterHost):
         """
         from bus.types.schema import build
 
-        description = await self._opened().description(type_name, type_hash)
-        try:
-            schema = msgspec.msgpack.decode(description)
-        except (ValueError, RecursionError) as error:
-            raise ConfigurationError(
-                f"the description of {type_name} on the bus is broken: {error}"
-            ) from None
-        return build(schema)
+        return build((await self.get_schema(type_name, type_hash)).description)
+
+    async def get_schema(self, type_name: str, type_hash: str) -> MessageSchema:
+        """How a type that is on the bus is described there; for programs that need no class of it.
+
+        `type_name` and `type_hash` are those of a `GraphEndpoint`. Raises ConfigurationError where no
+        endpoint has that type.
+
+            publisher = (await node.graph()).publishers_of("/chatter")[0]
+            schema = await node.get_schema(publisher.type_name, publisher.type_hash)
+        """
+        encoded = await self._opened().description(type_name, type_hash)
+        return MessageSchema(type_name, type_hash, encoded)
 
     def statistics(self) -> NodeStatistics:
         """The sums over its open endpoints."""
@@ -480,6 +493,23 @@ class Node(ParameterHost):
         self._id = answer.id
 
     # --- inside
+
+    async def _find_schema(self, topic: str, type_name: str | None) -> MessageSchema:
+        """The one type of `topic`, or the one of that name, as soon as there is one."""
+        from bus.graph import types_of
+
+        async with aclosing(self._watches.graphs(self._opened())) as graphs:
+            async for graph in graphs:
+                found = types_of(graph, topic, type_name)
+                if len(found) > 1:
+                    several = ", ".join(f"{name} ({number})" for name, number in found)
+                    raise ConfigurationError(f"topic '{topic}' has more than one type, name one: {several}")
+                for kind in found:
+                    with suppress(ConfigurationError):  # it has gone meanwhile
+                        return await self.get_schema(*kind)
+                if type_name is not None and (ready_made := find_type(type_name)) is not None:
+                    return MessageSchema.of(ready_made)
+        raise ConnectionClosed(f"node {self.full_name} is closed")
 
     def _opened(self) -> Link:
         if self._link is None:

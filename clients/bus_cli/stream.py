@@ -28,10 +28,9 @@ __all__ = [
     "positive_int",
     "run_stream",
     "unsigned_int",
-    "wait_for_class",
+    "wait_for_topic",
 ]
 
-_LOOK_S = 0.2
 _ENDING: dict[int, type[KeyboardInterrupt]] = {signal.SIGINT: KeyboardInterrupt, signal.SIGTERM: Terminated}
 
 
@@ -134,16 +133,12 @@ def not_published(topic: str, graph: Graph) -> None:
     complain(f"WARNING: topic [{topic}] does not appear to be published yet{near_topic(topic, graph)}")
 
 
-async def wait_for_class(node: Node, topic: str) -> type[msgspec.Struct]:
-    """The class for `topic`'s messages, as soon as somebody has the topic."""
+async def wait_for_topic(node: Node, topic: str) -> None:
+    """Wait until somebody has the topic."""
     graph = await node.graph()
-    found = await find_class(node, graph, topic)
-    if found is None:
+    if topic not in graph.topics():
         not_published(topic, graph)
-    while found is None:
-        await asyncio.sleep(_LOOK_S)
-        found = await find_class(node, await node.graph(), topic)
-    return found
+        await node.wait_for_graph(lambda graph: topic in graph.topics())
 
 
 async def for_ever() -> int:

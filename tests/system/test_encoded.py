@@ -1,6 +1,7 @@
 """Messages as bytes: what is encoded already goes out, and comes in undecoded."""
 
 import array
+import asyncio
 from collections.abc import Callable
 from typing import Any
 
@@ -8,7 +9,8 @@ import msgspec
 import pytest
 
 import bus
-from semantics import Wheel, node
+from bus.msg.std_msgs import Int32, String
+from semantics import Wheel, node, until
 
 __all__ = ["node"]
 
@@ -57,3 +59,144 @@ class TestBuffers:
                 publisher.publish_encoded(memoryview(bytes(1600)).cast("d"))
             assert told.value.size_bytes == 1600
             assert publisher.statistics().published == 0
+
+
+class TestSubscriptions:
+    async def test_whatever_the_topic_has(self, node: bus.Node) -> None:
+        publisher = await node.create_publisher(Wheel, "t", 10)
+        raw = await node.create_subscription(None, "t", 10, raw=True)
+        made = await node.create_subscription(None, "t", 10)
+        named = await node.create_subscription("robot/msg/Wheel", "t", 10, raw=True)
+        publisher.publish(Wheel("left", [1.0]))
+        payload, info = await raw.receive()
+        assert payload == msgspec.msgpack.encode(Wheel("left", [1.0])) == (await named.receive())[0]
+        assert (info.publication_sequence_number, info.publisher_gid) == (1, publisher.gid)
+        message, _ = await made.receive()
+        assert (message.name, message.speeds) == ("left", [1.0])
+        assert raw.schema == made.schema == publisher.schema == bus.MessageSchema.of(Wheel)
+        assert raw.type is bytes
+        assert made.type.__name__ == "Wheel"
+
+    async def test_a_ready_made_class_where_there_is_one(self, node: bus.Node) -> None:
+        await node.create_publisher(String, "t", 10)
+        assert (await node.create_subscription(None, "t", 10)).type is String
+        assert (await node.create_subscription("std_msgs/msg/Int32", "free", 10)).type is Int32
+
+    async def test_to_a_callback_with_its_info(self, node: bus.Node) -> None:
+        heard: list[tuple[bytes, bus.MessageInfo]] = []
+        publisher = await node.create_publisher(Wheel, "t", 10)
+        await node.create_subscription(
+            None, "t", 10, lambda payload, info: heard.append((payload, info)), raw=True
+        )
+        for number in range(5):
+            publisher.publish(Wheel(str(number)))
+        await until(lambda: len(heard) == 5)
+        assert [msgspec.msgpack.decode(payload)["name"] for payload, _ in heard] == [*"01234"]
+        assert [info.publication_sequence_number for _, info in heard] == [1, 2, 3, 4, 5]
+
+    @pytest.mark.parametrize("name", [None, "robot/msg/Wheel"])
+    async def test_it_waits_for_a_type(self, node: bus.Node, name: str | None) -> None:
+        making = asyncio.create_task(node.create_subscription(name, "t", 10, raw=True))
+        await node.create_publisher(String, "other", 10)
+        await asyncio.sleep(0.05)
+        assert not making.done()
+        with pytest.raises(TimeoutError):
+            async with asyncio.timeout(0.05):
+                await node.create_subscription(name, "t", 10)
+        async with bus.Node("talker", arguments=[]) as talker:
+            publisher = await talker.create_publisher(Wheel, "t", 10)
+            subscription = await making
+            publisher.publish(Wheel("left"))
+            assert (await subscription.receive())[0] == msgspec.msgpack.encode(Wheel("left"))
+        link: Any = node._link
+        assert not link._observers
+
+    async def test_a_wait_ends_with_the_node(self, node: bus.Node) -> None:
+        async with bus.Node("short", arguments=[]) as short:
+            making = asyncio.create_task(short.create_subscription(None, "t", 10))
+            await asyncio.sleep(0.02)
+        with pytest.raises(bus.ConnectionClosed, match="/short"):
+            await making
+
+    async def test_two_types_on_a_topic(self, node: bus.Node) -> None:
+        await node.create_publisher(Wheel, "t", 10)
+        publisher = await node.create_publisher(String, "t", 10)
+        with pytest.raises(
+            bus.ConfigurationError, match=r"'/t' has more than one type.*robot/msg/Wheel \(.*std_m"
+        ):
+            await node.create_subscription(None, "t", 10, raw=True)
+        subscription = await node.create_subscription("std_msgs/msg/String", "t", 10, raw=True)
+        publisher.publish(String(data="hi"))
+        assert (await subscription.receive())[0] == b"\x91\xa2hi"
+        assert subscription.get_publisher_count() == 1
+
+    async def test_another_type_than_the_topics_is_told(self, node: bus.Node) -> None:
+        told: list[bus.IncompatibleType] = []
+        await node.create_publisher(Wheel, "t", 10)
+        subscription = await node.create_subscription(
+            "std_msgs/msg/String",
+            "t",
+            10,
+            raw=True,
+            events=bus.SubscriptionEvents(incompatible_type=told.append),
+        )
+        await until(lambda: told)
+        assert "robot/msg/Wheel" in told[0].text
+        assert subscription.get_publisher_count() == 0
+
+
+class TestPublishers:
+    async def test_by_a_schema_of_the_bus(self, node: bus.Node) -> None:
+        subscription = await node.create_subscription(Wheel, "t", 10)
+        mine = (await node.graph()).subscriptions_of("/t")[0]
+        schema = await node.get_schema(mine.type_name, mine.type_hash)
+        assert schema == bus.MessageSchema.of(Wheel) == bus.MessageSchema.of(schema.description)
+        publisher = await node.create_publisher(schema, "t", 10)
+        assert publisher.type is bytes
+        for size in (5, LONG):
+            publisher.publish_encoded(encoded(size))
+            publisher.publish(encoded(size))
+            await publisher.send(encoded(size))
+            for _ in range(3):
+                assert msgspec.msgpack.encode((await subscription.receive())[0]) == encoded(size)
+        assert publisher.get_subscription_count() == 1
+        for what in (Wheel(), "text", 5):
+            with pytest.raises(bus.MessageTypeError, match="expected an encoded message as bytes, got"):
+                publisher.publish(what)
+
+    async def test_what_is_passed_on_stays_as_it_was(self, node: bus.Node) -> None:
+        """As a bridge does: nobody between the two knows the class."""
+        first = await node.create_publisher(Wheel, "here", 10)
+        last = await node.create_subscription(Wheel, "there", 10)
+        incoming = await node.create_subscription(None, "here", 10, raw=True)
+        outgoing = await node.create_publisher(incoming.schema, "there", incoming.qos)
+        for number in range(5):
+            first.publish(Wheel(str(number), [0.5] * number))
+        for number in range(5):
+            outgoing.publish_encoded((await incoming.receive())[0])
+            assert (await last.receive())[0] == Wheel(str(number), [0.5] * number)
+
+    async def test_the_hash_is_that_of_the_schema(self, node: bus.Node) -> None:
+        """Another program may describe types in another way: what it says holds."""
+        strange = bus.MessageSchema("robot/msg/Wheel", "BUS01_other", bus.MessageSchema.of(Wheel).encoded)
+        publisher = await node.create_publisher(strange, "t", 10)
+        raw = await node.create_subscription(None, "t", 10, raw=True)
+        made = await node.create_subscription(None, "t", 10)
+        assert raw.schema == made.schema == strange
+        publisher.publish_encoded(encoded())
+        assert (await raw.receive())[0] == encoded()
+        assert (await made.receive())[0].name == msgspec.msgpack.decode(encoded())["name"]
+
+    async def test_descriptions_that_are_broken(self, node: bus.Node) -> None:
+        for data in (b"\xc1", b"\x01", b"\x80", msgspec.msgpack.encode({"root": "a/msg/A", "types": {}})):
+            with pytest.raises(bus.ConfigurationError):
+                bus.MessageSchema("a/msg/A", "BUS01_1", data).to_class()
+        with pytest.raises(bus.ConfigurationError):
+            bus.MessageSchema.of({"root": "a/msg/A", "types": {}})
+        with pytest.raises(bus.MessageTypeError):
+            bus.MessageSchema.of(int)  # type: ignore[type-var]
+        await node.create_publisher(bus.MessageSchema("a/msg/A", "BUS01_1", b"\xc1"), "t", 10)
+        raw = await node.create_subscription(None, "t", 10, raw=True)
+        await raw.wait_for_publishers()
+        with pytest.raises(bus.ConfigurationError, match="description of a/msg/A on the bus is broken"):
+            await node.create_subscription(None, "t", 10)

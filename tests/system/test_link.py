@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 import bus
+import bus.link.graph_watch
 import bus.link.link
-import bus.node
 from bus.link import declarations
 from bus.link.connection import Connection
 from bus.link.declarations import Declarations
@@ -86,8 +86,8 @@ class TestTheGraph:
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """The graph is large: to put it together takes its time."""
-        monkeypatch.setattr(bus.node, "_LONGEST_REST_S", 0.1)
-        monkeypatch.setattr(bus.node, "_REST", 1e9)
+        monkeypatch.setattr(bus.link.graph_watch, "_LONGEST_REST_S", 0.1)
+        monkeypatch.setattr(bus.link.graph_watch, "_REST", 1e9)
         node, client = await opened(broker)
         looked_s = []
 

@@ -10,13 +10,12 @@ import weakref
 from collections.abc import Awaitable, Callable, Collection, Coroutine, Iterable
 from threading import get_ident
 from time import monotonic_ns, time_ns
-from typing import Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from bus.base.descriptor import Descriptor
 from bus.errors import BrokerUnavailable, BusError, ConnectionClosed, ForkError, RemoteProtocolError, again
 from bus.link.connection import Connection
 from bus.link.declarations import Counted, Declarations, Endpoint, Known, Node, lease_s
-from bus.link.graph_mirror import GraphMirror
 from bus.link.reach import NotNow, Patience
 from bus.link.reports import Reports
 from bus.link.shm_context import ShmContext
@@ -27,6 +26,9 @@ from bus.wire import messages as m
 from bus.wire.layout import VERSION
 from bus.wire.runs import Buffer, Run, RunQueue
 from bus.wire.session import Carried
+
+if TYPE_CHECKING:  # most programs never look
+    from bus.link.graph_mirror import GraphMirror
 
 A = TypeVar("A", bound=m.Message)
 T = TypeVar("T")
@@ -68,7 +70,8 @@ class Link:
         self._reports = Reports(self.loop, self._report)
         self._drains = Waiters(self.loop)
         self._observers: list[Callable[[], None]] = []
-        self.graph_mirror = GraphMirror()
+        self.graph_mirror: GraphMirror
+        """Where somebody observes."""
         self._mirroring: asyncio.Task[None] | None = None
         Link._links.add(self)
 
@@ -197,6 +200,8 @@ class Link:
                 self._connection.send(m.Observe(request=0, on=False))
 
     def _mirror(self) -> None:
+        from bus.link.graph_mirror import GraphMirror
+
         self._stop_mirroring()
         self.graph_mirror = GraphMirror()
         self._mirroring = self.loop.create_task(
@@ -208,7 +213,7 @@ class Link:
             self._mirroring.cancel()
             self._mirroring = None
 
-    async def _ask_for_graph(self, mirror: GraphMirror) -> None:
+    async def _ask_for_graph(self, mirror: "GraphMirror") -> None:
         try:
             mirror.begin(await self.request(lambda number: m.Observe(request=number), m.Graph))
         except (BusError, TimeoutError) as error:
@@ -384,8 +389,9 @@ class Link:
         if connection is None or connection.resolve(message):
             return
         if isinstance(message, m.GraphChanged):
-            self.graph_mirror.change(message)
-            self._tell_observers()
+            if self._observers:  # else it was on its way
+                self.graph_mirror.change(message)
+                self._tell_observers()
         elif isinstance(message, m.Namesake):
             self._declarations.warn_of_namesake(message)
         elif (endpoint := self._declarations.concerned(message)) is not None:

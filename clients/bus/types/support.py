@@ -214,8 +214,10 @@ def hash_and_description(cls: type[Struct]) -> tuple[str, bytes]:
     return schema_hash(schema), msgspec.msgpack.encode(schema)
 
 
-def wrong_class(cls: type[Struct], message: object) -> MessageTypeError:
+def wrong_class(cls: type[Any], message: object) -> MessageTypeError:
     """The error for publishing an object of another class."""
+    if cls is bytes:
+        return MessageTypeError(f"expected an encoded message as bytes, got {_full_name(type(message))}")
     expected = f"{type_name(cls)}: expected a {_full_name(cls)}, got "
     if isinstance(message, type):
         return MessageTypeError(f"{expected}the class {message.__qualname__}; write {message.__name__}()")

@@ -7,7 +7,7 @@ from bus_cli.completion import completed_by, topics
 from bus_cli.output import in_unit, print_json, say, unit_of
 from bus_cli.qosargs import add_qos_arguments, given_profile
 from bus_cli.stats import Bandwidth
-from bus_cli.stream import for_ever, open_node, positive_int, run_stream, wait_for_class
+from bus_cli.stream import for_ever, open_node, positive_int, run_stream, wait_for_topic
 
 _WINDOW = 100
 _PERIOD_S = 1.0
@@ -39,8 +39,8 @@ async def _measure(args: Namespace) -> int:
         def hear(payload: bytes) -> None:
             bandwidth.add(monotonic_ns(), len(payload))
 
-        message_type = await wait_for_class(node, topic)
-        await node.create_subscription(message_type, topic, given_profile(args), hear, raw=True)
+        await wait_for_topic(node, topic)
+        await node.create_subscription(None, topic, given_profile(args), hear, raw=True)
         if not args.json:
             say(f"Subscribed to [{topic}]")
         node.create_timer(_PERIOD_S, lambda: _print(topic, bandwidth, as_json=args.json))

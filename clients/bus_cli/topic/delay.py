@@ -4,11 +4,12 @@ from argparse import ArgumentParser, Namespace
 from time import time_ns
 from typing import Any
 
+from bus.subscription import Subscription
 from bus_cli.completion import completed_by, topics
 from bus_cli.output import CommandError, print_json, say
 from bus_cli.qosargs import add_qos_arguments, given_profile
 from bus_cli.stats import Delays
-from bus_cli.stream import for_ever, open_node, positive_int, run_stream, wait_for_class
+from bus_cli.stream import open_node, positive_int, run_stream, wait_for_topic
 
 _WINDOW = 10000
 _PERIOD_S = 1.0
@@ -35,17 +36,15 @@ async def _measure(args: Namespace) -> int:
     async with open_node(args) as node:
         topic = node.resolve_topic_name(args.topic_name)
         delays = Delays(args.window)
-
-        def hear(message: Any) -> None:
+        await wait_for_topic(node, topic)
+        subscription: Subscription[Any] = await node.create_subscription(None, topic, given_profile(args))
+        if "header" not in subscription.type.__struct_fields__:
+            raise CommandError("msg does not have header")
+        node.create_timer(_PERIOD_S, lambda: _print(topic, delays, as_json=args.json))
+        async for message in subscription:
             stamp = message.header.stamp
             delays.add(time_ns() - stamp.sec * 1_000_000_000 - stamp.nanosec)
-
-        message_type = await wait_for_class(node, topic)
-        if "header" not in message_type.__struct_fields__:
-            raise CommandError("msg does not have header")
-        await node.create_subscription(message_type, topic, given_profile(args), hear)
-        node.create_timer(_PERIOD_S, lambda: _print(topic, delays, as_json=args.json))
-        return await for_ever()
+        return 0
 
 
 def _print(topic: str, delays: Delays, *, as_json: bool) -> None:

@@ -13,7 +13,7 @@ from bus_cli.filter import compile_filter
 from bus_cli.output import dropped_text, print_json, say, table
 from bus_cli.qosargs import add_qos_arguments, given_profile
 from bus_cli.stats import Flow, Intervals, Spread
-from bus_cli.stream import for_ever, open_node, positive_int, run_stream, wait_for_class
+from bus_cli.stream import for_ever, open_node, positive_int, run_stream, wait_for_topic
 
 _WINDOW = 10000
 _PERIOD_S = 1.0
@@ -88,9 +88,9 @@ class _Meter:
                 self.intervals.add(clock())
                 on_message(self)
 
-        message_type = await wait_for_class(self._node, self.topic)
+        await wait_for_topic(self._node, self.topic)
         self._subscription = await self._node.create_subscription(
-            message_type, self.topic, given_profile(self._args), hear, raw=passes is None
+            None, self.topic, given_profile(self._args), hear, raw=passes is None
         )
 
     def record(self, gaps: Spread) -> dict[str, Any]:

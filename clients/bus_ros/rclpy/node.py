@@ -255,7 +255,7 @@ class Node(NodeGraph, NodeParameters):
         profile = self.__profile("subscription", topic, qos_profile, qos_overriding_options)
         native = self.__engine.run(
             lambda: self.__native.create_subscription(
-                msg_type,  # type: ignore[type-var]
+                msg_type,
                 topic,
                 to_native(profile),
                 events=self.__subscription_events(event_callbacks),
@@ -387,7 +387,7 @@ class Node(NodeGraph, NodeParameters):
     ) -> tuple[bool, M | None]:
         """For `rclpy.wait_for_message`."""
         engine = self.__engine
-        subscription: Any = engine.run(lambda: self.__native.create_subscription(msg_type, topic, qos))  # type: ignore[type-var]
+        subscription: Any = engine.run(lambda: self.__native.create_subscription(msg_type, topic, qos))
         try:
             return True, engine.run(subscription.receive, timeout_s, context=self.context)[0]
         except TimeoutError:

@@ -1,0 +1,51 @@
+"""Who watches the graph: each gets the newest, however long it looked at the one before."""
+
+import asyncio
+from collections.abc import AsyncGenerator
+from time import monotonic
+from typing import TYPE_CHECKING
+
+from bus.link.link import Link
+
+if TYPE_CHECKING:  # most programs never look
+    from bus.graph import Graph
+
+_REST, _LONGEST_REST_S = 16, 0.2
+"""Between two looks at a graph that changes: so many times as long as it takes to put it together."""
+
+
+class GraphWatches:
+    """Those of one node."""
+
+    def __init__(self) -> None:
+        self._running: set[asyncio.Event] = set()
+
+    def end(self) -> None:
+        """The node is closed: so are they."""
+        running, self._running = self._running, set()
+        for changed in running:
+            changed.set()
+
+    async def graphs(self, link: Link) -> "AsyncGenerator[Graph, None]":
+        """The graph now, and after every change. Raises what busd refuses it with."""
+        changed = asyncio.Event()
+        link.observe(changed.set)
+        self._running.add(changed)
+        seen = None
+        try:
+            while changed in self._running:
+                changed.clear()
+                began_s = monotonic()
+                mirror = link.graph_mirror
+                graph = mirror.graph
+                rest_s = min(_REST * (monotonic() - began_s), _LONGEST_REST_S)
+                if graph is not None and graph is not seen:
+                    seen = graph
+                    yield graph
+                elif (failure := mirror.failure) is not None:
+                    raise failure
+                await changed.wait()
+                await asyncio.sleep(began_s + rest_s - monotonic())
+        finally:
+            self._running.discard(changed)
+            link.stop_observing(changed.set)

@@ -1,0 +1,102 @@
+"""Message types as they are described on the bus, for programs that have no class of them."""
+
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from typing import Any
+
+import msgspec
+
+from bus.errors import ConfigurationError, MessageTypeError
+from bus.types.support import TypeSupport, find_type, type_hash, type_support, wrong_class
+
+
+class MessageSchema(msgspec.Struct, frozen=True, dict=True):
+    """A message type without a class: its name, its hash, and how its messages are encoded.
+
+    For recorders, bridges and viewers: to subscribe, to publish, to look into what is encoded. It comes from
+    `Node.get_schema`, from the `schema` of an endpoint, or from a class.
+
+        schema = bus.MessageSchema.of(String)
+        publisher = await node.create_publisher(schema, "chatter")
+        publisher.publish_encoded(bytes([0x91, 0xA2]) + b"hi")  # MessagePack
+    """
+
+    type_name: str
+    """As `std_msgs/msg/String`."""
+    type_hash: str
+    """Of the description, as ROS 2 has it where ROS 2 can describe the type. Types match where name and hash
+    do."""
+    encoded: bytes
+    """The description as it travels: `description` in MessagePack."""
+
+    @staticmethod
+    def of(message_type: "type[msgspec.Struct] | Mapping[str, Any]") -> "MessageSchema":
+        """That of a message class, or of a `description`, whose hash it finds out.
+
+        Raises MessageTypeError for a class that is no message type, ConfigurationError for a description
+        that is malformed or too large.
+        """
+        if isinstance(message_type, Mapping):
+            from bus.types.schema import build
+
+            message_type = build(message_type)
+        return schema_of(type_support(message_type))
+
+    @cached_property
+    def description(self) -> dict[str, Any]:
+        """`root`, the type's name, and `types`, of each the fields: docs/any-type.md says all.
+
+        Raises ConfigurationError where what came from the bus is broken.
+        """
+        try:
+            found: dict[str, Any] = msgspec.msgpack.decode(self.encoded, type=dict)
+        except (ValueError, RecursionError) as error:
+            text = f"the description of {self.type_name} on the bus is broken: {error}"
+            raise ConfigurationError(text) from None
+        return found
+
+    def to_class(self) -> type[msgspec.Struct]:
+        """A class for its messages: the ready-made one where that is of the same definition, else a new one.
+
+        Raises ConfigurationError where the description is malformed or too large.
+        """
+        ready_made = find_type(self.type_name)
+        if ready_made is not None and type_hash(ready_made) == self.type_hash:
+            return ready_made
+        from bus.types.schema import build
+
+        return build(self.description)
+
+
+def schema_of(support: TypeSupport[Any]) -> MessageSchema:
+    return MessageSchema(support.name, support.hash, support.description)
+
+
+def support_of(schema: MessageSchema, *, raw: bool) -> TypeSupport[Any]:
+    """What endpoints need to know of it; `raw`: for messages that stay encoded."""
+    if raw:
+        return _EncodedSupport(schema)
+    support = type_support(schema.to_class())
+    if support.hash != schema.type_hash:  # of a program that describes types in another way
+        support.hash, support.description = schema.type_hash, schema.encoded
+    return support
+
+
+class _EncodedSupport(TypeSupport[Any]):
+    """Of messages that are bytes already."""
+
+    def __init__(self, schema: MessageSchema) -> None:
+        self.cls = bytes
+        self.name, self.hash, self.description = schema.type_name, schema.type_hash, schema.encoded
+        self.encode = self.decode = bytes
+
+    @cached_property
+    def is_valid(self) -> Callable[[Any], bool]:
+        return lambda message: True
+
+    @cached_property
+    def plan(self) -> Any:
+        return None
+
+    def explain(self, message: Any) -> MessageTypeError | None:
+        return None if message.__class__ is bytes else wrong_class(bytes, message)
