@@ -1,0 +1,127 @@
+"""`python -m mutants [WORD ...]`: breaks one line after the other in a copy of the tree, and runs its tests.
+
+With words only those mutants whose file or description has one of them. Fails where the tests pass all the
+same (the mutant survived), where the line is not there once, or where the tests fail on the unbroken tree.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from pathlib import Path
+
+import msgspec
+
+ROOT = Path(__file__).parents[2]
+LIMIT_S = 300
+_FAILED = 1
+"""pytest's status where tests failed, and not where they could not be run."""
+_FOLDERS = ("busd", "clients", "tests", "examples", "benchmarks", "docs")
+_FILES = (
+    "pyproject.toml",
+    "README.md",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+    "Makefile",
+    "MANIFEST.in",
+    "setup.py",
+)
+_NATIVE = "tests/native/"
+
+
+class Mutant(msgspec.Struct, forbid_unknown_fields=True):
+    """A line that is broken, what that breaks, and the files of tests of which one at least must fail."""
+
+    breaks: str
+    file: str
+    old: str
+    new: str
+    tests: list[str]
+
+
+def main(words: list[str]) -> int:
+    data = tomllib.loads((Path(__file__).parent / "mutants.toml").read_text())
+    mutants = msgspec.convert(data["mutant"], list[Mutant])
+    if words:
+        mutants = [one for one in mutants if any(word in f"{one.file} {one.breaks}" for word in words)]
+    stale = [one for one in mutants if (ROOT / one.file).read_text().count(one.old) != 1]
+    for one in stale:
+        print(f"not there once: {one.file}: {one.old!r} ({one.breaks})")
+    if stale:
+        return 1
+    with tempfile.TemporaryDirectory() as folder:
+        tree = Path(folder)
+        _copy(tree)
+        tests = sorted({test for one in mutants for test in one.tests})
+        if _fails(tree, tests):
+            print("the tests fail as it is")
+            return 1
+        survivors = [one for one in mutants if not _is_killed(tree, one)]
+    print(f"{len(mutants)} mutants, {len(survivors)} survived")
+    return bool(survivors)
+
+
+def _copy(tree: Path) -> None:
+    ignored = shutil.ignore_patterns("__pycache__", "build", "results")
+    for name in _FOLDERS:
+        shutil.copytree(ROOT / name, tree / name, ignore=ignored)
+    for name in _FILES:
+        shutil.copy2(ROOT / name, tree)
+
+
+def _is_killed(tree: Path, mutant: Mutant) -> bool:
+    path, began = tree / mutant.file, time.monotonic()
+    source = path.read_text()
+    path.write_text(source.replace(mutant.old, mutant.new))
+    try:
+        is_killed = _fails(tree, mutant.tests)
+    finally:
+        path.write_text(source)
+    word = "killed" if is_killed else "SURVIVED"
+    print(f"{word:<8} {time.monotonic() - began:5.1f} s  {mutant.file}: {mutant.breaks}", flush=True)
+    return is_killed
+
+
+def _fails(tree: Path, tests: list[str]) -> bool:
+    """Whether one of these tests fails in the copy."""
+    native = [Path(test).stem for test in tests if test.startswith(_NATIVE)]
+    others = [test for test in tests if not test.startswith(_NATIVE)]
+    return any(_native_fails(tree, name) for name in native) or (bool(others) and _pytest_fails(tree, others))
+
+
+def _native_fails(tree: Path, name: str) -> bool:
+    folder, program = tree / _NATIVE, f"build/plain/{name}"
+    subprocess.run(["make", "-s", "-C", folder, program, "CFLAGS=-Wno-error"], check=True, timeout=LIMIT_S)
+    kept = [tree / "tests" / "fuzz" / "corpus" / f"{name.removeprefix('fuzz_')}.txt"]
+    command = [folder / program, *(path for path in kept if path.exists())]
+    try:
+        return bool(subprocess.run(command, capture_output=True, timeout=LIMIT_S, check=False).returncode)
+    except subprocess.TimeoutExpired:
+        return True
+
+
+def _pytest_fails(tree: Path, tests: list[str]) -> bool:
+    paths = os.pathsep.join([str(tree), str(tree / "clients")])
+    command = [sys.executable, "-m", "pytest", "-xq", "-n", "0", "-p", "no:cacheprovider", *tests]
+    try:
+        done = subprocess.run(
+            command,
+            cwd=tree,
+            env=os.environ | {"PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1"},
+            capture_output=True,
+            text=True,
+            timeout=LIMIT_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return True  # it hangs
+    if done.returncode not in (0, _FAILED):
+        raise RuntimeError(f"the tests could not be run:\n{done.stdout}\n{done.stderr}")
+    return done.returncode == _FAILED
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
