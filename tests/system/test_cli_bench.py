@@ -56,7 +56,7 @@ def pids_of(graph: Graph) -> dict[str, int]:
 
 
 def test_latency_on_the_bus_that_runs(daemon: Any) -> None:
-    result = bus("bench", "latency", "--size", "64,1KiB", *FEW)
+    result = bus("bench", "latency", "--size", "64,1KiB", *FEW, is_fresh=True)
     assert (result.err, result.code) == ("", 0)
     first, second, _, *rest = result.out.splitlines()
     assert first == "std_msgs/msg/String, 1 publisher, 1 subscriber, reliable + keep all"

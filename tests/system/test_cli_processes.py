@@ -1,0 +1,94 @@
+"""Each verb of `bus` once in an interpreter that starts for it; other tests fork one that has imported it."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from bus_cli.main import COMMANDS
+from cli import bus, script
+
+WORLD = """
+import asyncio, bus
+from bus.msg.std_msgs import String
+from bus.srv.std_srvs import Trigger
+async def main():
+    async with bus.Node("world") as node:
+        await node.create_publisher(String, "topic", 10)
+        await node.create_service(Trigger, "ask", lambda request: Trigger.Response(success=True))
+        await node.declare_parameter("speed", 42)
+        await node.declare_parameter("extra", 1, dynamic_typing=True)
+        print("ready", flush=True)
+        await asyncio.Event().wait()
+bus.run(main())
+"""
+TRIGGER = "std_srvs/srv/Trigger"
+LINES = {
+    "service call": f"/ask {TRIGGER}",
+    "service find": TRIGGER,
+    "service info": "/ask",
+    "service list": "",
+    "service type": "/ask",
+    "param delete": "/world extra",
+    "param describe": "/world speed",
+    "param dump": "/world",
+    "param get": "/world speed",
+    "param list": "",
+    "param load": "/world FOLDER/world.yaml",
+    "param set": "/world speed 43",
+    "interface list": "",
+    "interface package": "std_msgs",
+    "interface packages": "",
+    "interface proto": "std_msgs/msg/String",
+    "interface show": "std_msgs/msg/String",
+    "daemon install": "--dry-run",
+    "daemon peers": "",
+    "daemon restart": "",
+    "daemon start": "",
+    "daemon stop": "",
+    "daemon uninstall": "--help",
+    "bench fanout": "--help",
+    "bench latency": "--help",
+    "bench throughput": "--help",
+    "pkg create": "demo --build-type ament_python --destination-directory FOLDER",
+    "pkg executables": "",
+    "pkg list": "--help",
+    "pkg prefix": "--help",
+    "pkg xml": "--help",
+    "doctor": "",
+    "completion": "bash",
+}
+"""In this order, for each command."""
+ELSEWHERE = {
+    *(f"topic {verb}" for verb in COMMANDS["topic"][1]),
+    *("node info", "node list", "daemon status", "metrics", "run"),
+}
+"""Other tests start processes of these: `tests/system/test_cli_{tool,metrics,run}.py`."""
+
+
+@pytest.fixture
+def world(daemon: object) -> Iterator[None]:
+    with script(WORLD):
+        yield
+
+
+@pytest.mark.parametrize("command", sorted({line.partition(" ")[0] for line in LINES}))
+def test_all_verbs(world: None, tmp_path: Path, command: str) -> None:
+    (tmp_path / "world.yaml").write_text("/world: {ros__parameters: {speed: 44}}\n")
+    for line in (line for line in LINES if line.partition(" ")[0] == command):
+        words = f"{line} {LINES[line]}".replace("FOLDER", str(tmp_path)).split()
+        result = bus(*words, is_fresh=True)
+        assert (result.code, result.err) == (0, ""), words
+        assert result.out or line == "pkg executables", words
+
+
+def test_an_error(world: None) -> None:
+    why = "busd was started without --config, so there is nothing to reload\n"
+    assert bus("daemon", "reload", is_fresh=True) == ("", why, 1)
+
+
+def test_none_is_missing() -> None:
+    verbs = {
+        f"{command} {verb}".strip() for command, (_, verbs) in COMMANDS.items() for verb in verbs or [""]
+    }
+    assert verbs == LINES.keys() | ELSEWHERE | {"daemon reload"}
