@@ -354,7 +354,8 @@ class Subscription(Endpoint):
         )
 
 
-class Match(msgspec.Struct, eq=False, gc=False):  # its end takes it out of both ends' tables: no cycle stays
+@dataclass(slots=True, eq=False)
+class Match:
     """A publisher and a subscription that match. Nothing but `on` changes the state."""
 
     publisher: Publisher

@@ -118,7 +118,7 @@ def disconnect(graph: Graph, match: Match, out: list[Effect], *, is_lost: bool =
     `is_lost`: the subscription's process did not take its leave.
     """
     publisher, subscription = match.publisher, match.subscription
-    was_awaited = match.excuse()
+    was_awaited = match.acked_seq is not None
     last_seq = graph.remove_match(match)
     told = Unmatched(endpoint=publisher.id, other=subscription.id, lost=is_lost)
     out.append(Send(publisher.node.peer.id, told))

@@ -219,6 +219,18 @@ class TestExpected:
             made = world.process().subscription("/topic", last_seqs=known)
             assert entity.matches[EndpointId(made.id)].is_return is is_return
 
+    def test_one_that_was_rerouted_is_no_return(self) -> None:
+        """What went to others by the ring meanwhile, it has not lost."""
+        one = scene(MatchState.CATCHING_UP)
+        one.publisher.publish("1")
+        one.publisher.catch_up(one.subscription, "1")
+        one.publisher.publish("2")
+        one.publisher.resume(8)
+        one.publisher.publish("8")
+        totals = one.subscription.statistics()
+        assert not one.match.is_return
+        assert (one.subscription.payloads, totals.expected, totals.dropped) == ([*"128"], 3, {})
+
 
 class TestAwaited:
     """A lossless publisher waits for lossless subscriptions by socket, whatever the state is."""
