@@ -28,12 +28,14 @@ from bus.wire.runs import Account, Run
 from busd.core.absent import Absentees
 from busd.core.access import Access, Subject
 from busd.core.access_guard import Guard
+from busd.core.drops import Drops
 from busd.core.effects import Disconnect, Effect, Flush, Later, Note, Reload, Restart, Send, Stop
 from busd.core.entities import GRAPH, Peer, Publisher, Subscription
 from busd.core.graph import Graph
 from busd.core.leases import Leases
 from busd.core.limits import Limits, TopicRule
 from busd.core.matching import release
+from busd.core.overload import Overload
 from busd.core.queries import Queries
 from busd.core.quotas import Quotas
 from busd.core.rate_limit import TokenBucket
@@ -80,10 +82,12 @@ class Broker:
         self._out: list[Effect] = []
         emit = self._emit
         quotas = self._quotas = Quotas(self.limits)
+        self._drops = Drops(self.timers, emit)
+        overload = self._overload = Overload(quotas, self._drops, emit)
         self._router = Router(
-            self.timers,
             emit,
-            quotas,
+            self._drops,
+            overload,
             self.meter,
             window_bytes=self.limits.keep_all_window_bytes,
             window_samples=self.limits.keep_all_window_messages,
@@ -97,9 +101,9 @@ class Broker:
         self._guard = Guard(self.graph, access or Access(uid))
         self._absentees = Absentees(self.timers, emit)
         self._registry = Registry(
-            self.graph, quotas, rules, self._leases, self._router, self._guard, self._absentees
+            self.graph, quotas, rules, self._leases, self._router, overload, self._guard, self._absentees
         )
-        routes = Routes(self.graph, quotas, self._registry, self._router)
+        routes = Routes(self.graph, quotas, self._registry, overload)
         questions = self._queries = Queries(
             self.graph, quotas, self._guard, self.routing_times, self.meter, self._absentees, pid=pid
         )
@@ -142,11 +146,10 @@ class Broker:
         self._registry.rules = rules
         self._leases.lease_ns = int(limits.lease_s * 1e9)
         self._router.reconfigure(
-            now_ns,
-            self._peers.values(),
             window_bytes=limits.keep_all_window_bytes,
             window_samples=limits.keep_all_window_messages,
         )
+        self._overload.bound_all(now_ns, self._peers.values())
         self._renew_access(now_ns, access)
         return self._take_effects()
 
@@ -300,7 +303,7 @@ class Broker:
             return []
         self.meter.left -= len(peer.perishable) // QUEUES_PER_UNIT
         for subscription in peer.perishable:
-            self._router.expire(now_ns, subscription)
+            self._drops.expire(now_ns, subscription)
         return self._take_effects()
 
     def hear(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
@@ -315,7 +318,7 @@ class Broker:
         for peer in self._peers.values():
             for subscription in peer.subscriptions():
                 if subscription.is_drop_report_due:
-                    self._router.report_drops(subscription)
+                    self._drops.report(subscription)
         return self._take_effects()
 
     def next_deadline_ns(self) -> int | None:

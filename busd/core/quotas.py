@@ -1,7 +1,7 @@
 """How much each process and each user may have: every comparison with a limit, and what is said there.
 
 Owns the users and what all of a user's processes hold together. Must not know what is made where there is
-room. Reaching a limit raises QuotaExceeded; samples that are too many are dropped by `busd.core.router`.
+room. Reaching a limit raises QuotaExceeded; samples that are too many are dropped by `busd.core.overload`.
 """
 
 import logging

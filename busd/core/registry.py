@@ -36,6 +36,7 @@ from busd.core.leases import Leases
 from busd.core.limits import Limits, TopicCaps, TopicRule, rules_for
 from busd.core.match import MatchState
 from busd.core.matching import connect, disconnect
+from busd.core.overload import Overload
 from busd.core.quotas import Quotas
 from busd.core.router import Router
 from busd.core.work import ENDPOINT, MATCH, RUNS_PER_UNIT, UNMATCH, Work
@@ -58,6 +59,7 @@ class Registry:
         rules: tuple[TopicRule, ...],
         leases: Leases,
         router: Router,
+        overload: Overload,
         guard: Guard,
         absentees: Absentees,
     ) -> None:
@@ -66,6 +68,7 @@ class Registry:
         self.rules = rules
         self._leases = leases
         self._router = router
+        self._overload = overload
         self._guard = guard
         self._absentees = absentees
 
@@ -190,7 +193,7 @@ class Registry:
                 now_ns = yield MATCH
         now_ns = yield from self._absentees.settle(now_ns, subscription, out)
         subscription.forget_oldest()
-        self._router.bound(now_ns, subscription)
+        self._overload.bound(now_ns, subscription)
 
     def destroy_endpoint(
         self, now_ns: int, peer: Peer, message: m.DestroyEndpoint, out: list[Effect]

@@ -6,23 +6,18 @@ then calls `trim`, so that a subscriber that keeps up loses nothing to batching.
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from functools import partial
 
 from bus.base.ids import EndpointId
 from bus.errors import RemoteProtocolError
-from bus.wire.layout import MAX_COUNT, MAX_RUN_SAMPLES, RECORD_HEAD_BYTES
-from bus.wire.messages import Dropped
-from bus.wire.runs import Account, Run
-from busd.core.effects import Effect, Send
-from busd.core.entities import Peer, Publisher, Subscription
+from bus.wire.layout import MAX_RUN_SAMPLES, RECORD_HEAD_BYTES
+from bus.wire.runs import Run
+from busd.core.drops import Drops
+from busd.core.effects import Effect
+from busd.core.entities import Publisher, Subscription
 from busd.core.match import MatchEvent, MatchState
 from busd.core.matching import give_credit, release
-from busd.core.quotas import Quotas
-from busd.core.timers import Timers
+from busd.core.overload import Overload
 from busd.core.work import FRAME, QUEUES_PER_UNIT, SAMPLES_PER_UNIT, TELL, Meter, Work
-
-DROP_REPORT_NS = 100_000_000
-"""Drops are told to a subscription this long after the first one, all at once."""
 
 _MANY_QUEUES = 64
 
@@ -32,17 +27,17 @@ class Router:
 
     def __init__(
         self,
-        timers: Timers,
         emit: Callable[[Effect], None],
-        quotas: Quotas,
+        drops: Drops,
+        overload: Overload,
         meter: Meter,
         *,
         window_bytes: int,
         window_samples: int,
     ) -> None:
-        self._timers = timers
         self._emit = emit
-        self._quotas = quotas
+        self._drops = drops
+        self._overload = overload
         self._meter = meter
         self._credit_bytes = window_bytes // 8
         self._credit_samples = window_samples // 8
@@ -53,18 +48,11 @@ class Router:
         """`trim` is to be called."""
         return bool(self._overfull)
 
-    def reconfigure(
-        self, now_ns: int, peers: Iterable[Peer], *, window_bytes: int, window_samples: int
-    ) -> None:
-        """Go by other limits, of the accounts too, and drop what is too much by them."""
+    def reconfigure(self, *, window_bytes: int, window_samples: int) -> None:
+        """Give credit by other windows."""
         # Publishers that are there keep their window, so that they must not hear less often than it needs.
         self._credit_bytes = min(self._credit_bytes, window_bytes // 8)
         self._credit_samples = min(self._credit_samples, window_samples // 8)
-        for peer in peers:
-            for subscription in peer.subscriptions()[:1]:
-                self.bound(now_ns, subscription)
-            for publisher in peer.publishers()[:1]:
-                self._bound_history(now_ns, publisher)
 
     def route(self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect]) -> Work | None:
         """Queue `run` for every matched subscription. Where these are many, returns the work that this is.
@@ -101,7 +89,7 @@ class Router:
         history = publisher.history
         if history is not None and history.append(run):
             history.trim()
-            self._bound_history(now_ns, publisher)
+            self._overload.bound_history(now_ns, publisher)
         work = None
         if len(routed) > _MANY_QUEUES:
             work = self._distribute(
@@ -173,7 +161,7 @@ class Router:
             if gap:
                 self.miss(now_ns, publisher, gap, few, is_loss=is_loss)
             for subscription in few:
-                self.drop(now_ns, subscription, "too_large", count)
+                self._drops.drop(now_ns, subscription, "too_large", count)
                 if publisher.id not in _sources(subscription):
                     release(publisher.matches[subscription.id], publisher.next_seq - 1, self._emit)
             yield TELL * len(few)
@@ -183,87 +171,12 @@ class Router:
         for subscription in self._overfull:
             queue = subscription.queue
             if subscription in subscription.node.peer.perishable:
-                self.expire(now_ns, subscription)
+                self._drops.expire(now_ns, subscription)
             replaced = queue.trim()
             if replaced:
-                self.drop(now_ns, subscription, "replaced", replaced)
-            self.bound(now_ns, subscription)
+                self._drops.drop(now_ns, subscription, "replaced", replaced)
+            self._overload.bound(now_ns, subscription)
         self._overfull.clear()
-
-    def bound(self, now_ns: int, subscription: Subscription) -> None:
-        """Drop what waits for the subscription's process while that, or its user, is over its quota.
-
-        Of a user's processes the one with most loses. The longest queues lose their oldest first, each but
-        its newest run; these go last, and never the one that has just come for `subscription`, so that a
-        single message of any size gets through.
-        """
-        peer = subscription.node.peer
-        if peer.queued.is_over:
-            self._relieve(now_ns, peer, peer.queued, subscription)
-        whole = peer.user.queued
-        if whole.is_over:
-            for one in sorted(peer.user.peers.values(), key=lambda one: one.queued.used, reverse=True):
-                self._relieve(now_ns, one, whole, subscription)
-                if not whole.is_over:
-                    break
-
-    def _relieve(self, now_ns: int, peer: Peer, account: Account, latest: Subscription) -> None:
-        self._quotas.tell_bytes(now_ns, peer, "bytes queued for", account, self._emit)
-        longest_first = sorted(peer.subscriptions(), key=lambda one: one.queue.held_bytes, reverse=True)
-        spared = latest if latest.queue.runs or not longest_first else longest_first[0]
-        slack = _slack(account, len(longest_first))
-        for spare in (1, 0):
-            for one in longest_first:
-                if not account.is_over:
-                    return
-                if spare or one is not spared:
-                    drop = partial(one.queue.drop_over_quota, spare=spare, account=account, slack=slack)
-                    self._shed(now_ns, one, "memory_limit", drop)
-
-    def _bound_history(self, now_ns: int, publisher: Publisher) -> None:
-        """The same for the histories of the publisher's process. Nobody loses a sample for now by that."""
-        peer = publisher.node.peer
-        if peer.history.is_over:
-            self._shorten(now_ns, peer, peer.history, publisher)
-        whole = peer.user.history
-        if whole.is_over:
-            for one in sorted(peer.user.peers.values(), key=lambda one: one.history.used, reverse=True):
-                self._shorten(now_ns, one, whole, publisher)
-                if not whole.is_over:
-                    break
-
-    def _shorten(self, now_ns: int, peer: Peer, account: Account, latest: Publisher) -> None:
-        self._quotas.tell_bytes(now_ns, peer, "bytes of history of", account, self._emit)
-        histories = [one.history for one in peer.publishers() if one.history is not None]
-        histories.sort(key=lambda one: one.held_bytes, reverse=True)
-        slack = _slack(account, len(histories))
-        for spare in (1, 0):
-            for one in histories:
-                if not account.is_over:
-                    return
-                if spare or one is not latest.history:
-                    one.drop_over_quota(spare=spare, account=account, slack=slack)
-
-    def expire(self, now_ns: int, subscription: Subscription) -> None:
-        """Drop what has outlived its lifespan at the head of the subscription's queue."""
-        self._shed(
-            now_ns, subscription, "expired", lambda gone: subscription.queue.drop_expired(now_ns, gone)
-        )
-
-    def drop(self, now_ns: int, subscription: Subscription, reason: str, count: int) -> None:
-        """Count `count` samples that `subscription` lost, and see to it that its process learns of it."""
-        subscription.dropped[reason] = min(subscription.dropped.get(reason, 0) + count, MAX_COUNT)
-        if not subscription.is_drop_report_due:
-            subscription.is_drop_report_due = True
-            self._timers.add(now_ns + DROP_REPORT_NS, lambda _: self.report_drops(subscription))
-
-    def report_drops(self, subscription: Subscription) -> None:
-        subscription.is_drop_report_due = False
-        peer = subscription.node.peer
-        if subscription.id in peer.endpoints:
-            self._emit(
-                Send(peer.id, Dropped(subscription=subscription.id, dropped=dict(subscription.dropped)))
-            )
 
     def _catch_up(self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect]) -> None:
         """A run for one subscription, of samples that the others had before; as `route`."""
@@ -282,7 +195,7 @@ class Router:
         if match.state is MatchState.CATCHING_UP:
             subscription.remember(publisher, run.first_seq + run.count - 1)
         if self._is_too_large(run, publisher.max_message_bytes):
-            self.drop(now_ns, subscription, "too_large", run.count)
+            self._drops.drop(now_ns, subscription, "too_large", run.count)
             if publisher.id not in _sources(subscription):
                 release(match, run.first_seq + run.count - 1, self._emit)
             return
@@ -303,25 +216,11 @@ class Router:
             match.on(MatchEvent.REACH)
             subscription = match.subscription
             if lost := max(0, run.first_seq - match.began_seq):
-                self.drop(now_ns, subscription, "publisher_queue" if is_loss else "disconnected", lost)
+                self._drops.drop(now_ns, subscription, "publisher_queue" if is_loss else "disconnected", lost)
             fresh = run if run.first_seq >= match.began_seq else run.after(match.began_seq - 1)
             if subscription.queue.append(fresh):
                 self._overfull.append(subscription)
             out.append(subscription.flush)
-
-    def _shed(
-        self, now_ns: int, subscription: Subscription, reason: str, drop: Callable[[list[Run] | None], int]
-    ) -> None:
-        gone: list[Run] | None = [] if subscription.is_lossless else None
-        count = drop(gone)
-        if count:
-            self.drop(now_ns, subscription, reason, count)
-            for run in gone or ():
-                match = subscription.matches.get(EndpointId(run.source))
-                last_seq = run.first_seq + run.count - 1
-                # Where the newest were dropped, no acknowledgement will ever cover them.
-                if match is not None and last_seq >= match.publisher.next_seq - 1:
-                    release(match, last_seq, self._emit)
 
     def miss(
         self,
@@ -334,9 +233,11 @@ class Router:
     ) -> None:
         for subscription in subscriptions:
             if is_loss:  # the publisher's own queue replaced them before they could be handed over
-                self.drop(now_ns, subscription, "publisher_queue", gap)
+                self._drops.drop(now_ns, subscription, "publisher_queue", gap)
             elif (match := publisher.matches[subscription.id]).is_return:
-                self.drop(now_ns, subscription, "disconnected", gap)  # it would have got them, but was away
+                self._drops.drop(
+                    now_ns, subscription, "disconnected", gap
+                )  # it would have got them, but was away
             else:
                 match.began_seq += gap  # these went to others, by another route
 
@@ -350,11 +251,6 @@ def _pieces(publisher: Publisher, subscriptions: tuple[Subscription, ...]) -> It
     for start in range(0, len(subscriptions), _MANY_QUEUES):
         some = subscriptions[start : start + _MANY_QUEUES]
         yield [one for one in some if one.id in publisher.routed]
-
-
-def _slack(account: Account, queues: int) -> int:
-    """How much more than it must a process with many `queues` loses: to look for the longest costs."""
-    return account.limit // 16 if queues > _MANY_QUEUES else 0
 
 
 def _sources(subscription: Subscription) -> set[int]:

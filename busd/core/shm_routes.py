@@ -14,9 +14,9 @@ from busd.core.entities import SOCKET, Match, Peer
 from busd.core.graph import Graph
 from busd.core.match import MatchEvent, MatchState
 from busd.core.matching import release, reroute
+from busd.core.overload import Overload
 from busd.core.quotas import Quotas
 from busd.core.registry import Registry
-from busd.core.router import Router
 from busd.core.work import MATCH, TELL, Work
 
 
@@ -26,11 +26,11 @@ class Routes:
     What is said about a match that is gone, or that the other end has refused, is too late and no mistake.
     """
 
-    def __init__(self, graph: Graph, quotas: Quotas, registry: Registry, router: Router) -> None:
+    def __init__(self, graph: Graph, quotas: Quotas, registry: Registry, overload: Overload) -> None:
         self._graph = graph
         self._quotas = quotas
         self._registry = registry
-        self._router = router
+        self._overload = overload
 
     def share(
         self,
@@ -139,7 +139,7 @@ class Routes:
             return
         publisher, subscription = match.publisher, match.subscription
         reroute(now_ns, self._graph, match, out)
-        self._router.bound(now_ns, subscription)
+        self._overload.bound(now_ns, subscription)
         ends = f"{publisher.node.full_name} to {subscription.node.full_name}"
         out.append(
             Note(logging.WARNING, f"samples on '{publisher.topic.name}' from {ends} go by socket: {why}")

@@ -25,7 +25,7 @@ from accounts_world import World
 from bus import shm
 from bus.link import link
 from bus.qos import QoSProfile
-from busd.core import absent, router
+from busd.core import absent, drops
 from conftest import TEST_S
 from effort import examples
 
@@ -245,7 +245,7 @@ def test_against_the_model(
 ) -> None:
     monkeypatch.delenv("BUS_ROUTE", raising=False)
     monkeypatch.setattr(link, "_RETRY_S", (0.0, 0.001))
-    monkeypatch.setattr(router, "DROP_REPORT_NS", 0)
+    monkeypatch.setattr(drops, "DROP_REPORT_NS", 0)
     monkeypatch.setattr(absent, "RETURN_NS", 0)
 
     @settings(

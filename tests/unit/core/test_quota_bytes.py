@@ -1,4 +1,4 @@
-"""busd.core.quotas and busd.core.router: bytes of a process and of a user; and limits that change."""
+"""busd.core.quotas and busd.core.overload: bytes of a process and of a user; and limits that change."""
 
 from typing import Any
 

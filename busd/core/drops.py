@@ -1,0 +1,64 @@
+"""Samples that subscriptions lose in the daemon: counted by reason, and told to their processes.
+
+Also takes them out of the queues, where they are too old or too many. Must not know who decides that.
+"""
+
+from collections.abc import Callable
+
+from bus.base.ids import EndpointId
+from bus.wire.layout import MAX_COUNT
+from bus.wire.messages import Dropped
+from bus.wire.runs import Run
+from busd.core.effects import Effect, Send
+from busd.core.entities import Subscription
+from busd.core.matching import release
+from busd.core.timers import Timers
+
+DROP_REPORT_NS = 100_000_000
+"""Drops are told to a subscription this long after the first one, all at once."""
+
+
+class Drops:
+    """Counts drops at their subscriptions."""
+
+    def __init__(self, timers: Timers, emit: Callable[[Effect], None]) -> None:
+        self._timers = timers
+        self._emit = emit
+
+    def drop(self, now_ns: int, subscription: Subscription, reason: str, count: int) -> None:
+        """Count `count` samples that `subscription` lost, and see to it that its process learns of it."""
+        subscription.dropped[reason] = min(subscription.dropped.get(reason, 0) + count, MAX_COUNT)
+        if not subscription.is_drop_report_due:
+            subscription.is_drop_report_due = True
+            self._timers.add(now_ns + DROP_REPORT_NS, lambda _: self.report(subscription))
+
+    def shed(
+        self, now_ns: int, subscription: Subscription, reason: str, drop: Callable[[list[Run] | None], int]
+    ) -> None:
+        """Let `drop` take samples out of the subscription's queue, and count them.
+
+        It returns how many, and appends their runs to the list that it is given.
+        """
+        gone: list[Run] | None = [] if subscription.is_lossless else None
+        count = drop(gone)
+        if count:
+            self.drop(now_ns, subscription, reason, count)
+            for run in gone or ():
+                match = subscription.matches.get(EndpointId(run.source))
+                last_seq = run.first_seq + run.count - 1
+                # Where the newest were dropped, no acknowledgement will ever cover them.
+                if match is not None and last_seq >= match.publisher.next_seq - 1:
+                    release(match, last_seq, self._emit)
+
+    def expire(self, now_ns: int, subscription: Subscription) -> None:
+        """Drop what has outlived its lifespan at the head of the subscription's queue."""
+        self.shed(now_ns, subscription, "expired", lambda gone: subscription.queue.drop_expired(now_ns, gone))
+
+    def report(self, subscription: Subscription) -> None:
+        """Tell the subscription's process all that was dropped for it."""
+        subscription.is_drop_report_due = False
+        peer = subscription.node.peer
+        if subscription.id in peer.endpoints:
+            self._emit(
+                Send(peer.id, Dropped(subscription=subscription.id, dropped=dict(subscription.dropped)))
+            )

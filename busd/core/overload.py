@@ -1,0 +1,96 @@
+"""Who loses what when a process, or all processes of a user, hold more bytes of samples than they may.
+
+Of a user's processes the one with most loses. Its longest queues lose their oldest runs first, each but its
+newest; the newest go last, and never the one that has just come, so that a single message of any size gets
+through.
+"""
+
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import TypeVar
+
+from bus.wire.runs import Account, RunQueue
+from busd.core.drops import Drops
+from busd.core.effects import Effect
+from busd.core.entities import Holder, Peer, Publisher, Subscription
+from busd.core.quotas import Quotas
+
+_MANY_QUEUES = 64
+
+_T = TypeVar("_T")
+
+
+class Overload:
+    """Holds queues and histories against the accounts that they are charged to."""
+
+    def __init__(self, quotas: Quotas, drops: Drops, emit: Callable[[Effect], None]) -> None:
+        self._quotas = quotas
+        self._drops = drops
+        self._emit = emit
+
+    def bound_all(self, now_ns: int, peers: Iterable[Peer]) -> None:
+        """After the limits have changed."""
+        for peer in peers:
+            for subscription in peer.subscriptions()[:1]:
+                self.bound(now_ns, subscription)
+            for publisher in peer.publishers()[:1]:
+                self.bound_history(now_ns, publisher)
+
+    def bound(self, now_ns: int, subscription: Subscription) -> None:
+        """Drop what waits for the subscription's process while that, or its user, is over its quota."""
+        peer = subscription.node.peer
+        if peer.queued.is_over or peer.user.queued.is_over:
+            _relieve(peer, lambda one: one.queued, partial(self._drop_queued, now_ns, subscription))
+
+    def bound_history(self, now_ns: int, publisher: Publisher) -> None:
+        """The same for the histories of the publisher's process. Nobody loses a sample for now by that."""
+        peer = publisher.node.peer
+        if peer.history.is_over or peer.user.history.is_over:
+            _relieve(peer, lambda one: one.history, partial(self._drop_history, now_ns, publisher))
+
+    def _drop_queued(self, now_ns: int, latest: Subscription, peer: Peer, account: Account) -> None:
+        def drop(one: Subscription, spare: int, slack: int) -> None:
+            too_much = partial(one.queue.drop_over_quota, spare=spare, account=account, slack=slack)
+            self._drops.shed(now_ns, one, "memory_limit", too_much)
+
+        self._quotas.tell_bytes(now_ns, peer, "bytes queued for", account, self._emit)
+        longest_first = sorted(peer.subscriptions(), key=lambda one: one.queue.held_bytes, reverse=True)
+        spared = latest if latest.queue.runs or not longest_first else longest_first[0]
+        _drop_longest(account, longest_first, spared, drop)
+
+    def _drop_history(self, now_ns: int, latest: Publisher, peer: Peer, account: Account) -> None:
+        def drop(one: RunQueue, spare: int, slack: int) -> None:
+            one.drop_over_quota(spare=spare, account=account, slack=slack)
+
+        self._quotas.tell_bytes(now_ns, peer, "bytes of history of", account, self._emit)
+        histories = [one.history for one in peer.publishers() if one.history is not None]
+        histories.sort(key=lambda one: one.held_bytes, reverse=True)
+        _drop_longest(account, histories, latest.history, drop)
+
+
+def _relieve(
+    peer: Peer, account_of: Callable[[Holder], Account], relieve: Callable[[Peer, Account], None]
+) -> None:
+    """`relieve` the process, and then its user, by the processes with most, while they are over."""
+    if (own := account_of(peer)).is_over:
+        relieve(peer, own)
+    whole = account_of(peer.user)
+    if whole.is_over:
+        for one in sorted(peer.user.peers.values(), key=lambda one: account_of(one).used, reverse=True):
+            relieve(one, whole)
+            if not whole.is_over:
+                break
+
+
+def _drop_longest(
+    account: Account, longest_first: list[_T], spared: _T | None, drop: Callable[[_T, int, int], None]
+) -> None:
+    """`drop` of each all but its newest run, then the newest too, but of `spared`; while it is too much."""
+    # To look for the longest costs: with many queues some more goes at once.
+    slack = account.limit // 16 if len(longest_first) > _MANY_QUEUES else 0
+    for spare in (1, 0):
+        for one in longest_first:
+            if not account.is_over:
+                return
+            if spare or one is not spared:
+                drop(one, spare, slack)
