@@ -434,7 +434,8 @@ class Node(ParameterHost):
         leaves nothing behind.
 
             async for graph in node.watch_graph():
-                print([one.full_name for one in graph.nodes])
+                if "/chatter" in graph.topics():
+                    break
         """
         return self._watches.graphs(self._opened())
 

@@ -34,6 +34,8 @@ from bus.wire.runs import Run
 M = TypeVar("M", bound=msgspec.Struct)
 
 _ACK_DELAY_S = 0.02
+_new_info: Any = tuple.__new__
+"""Makes a MessageInfo of its parts, in half the time that a call of the class takes."""
 
 
 class MessageInfo(NamedTuple):
@@ -132,6 +134,33 @@ class Subscription(Endpoint[M]):
         """The oldest waiting message and its info; None where none waits. Never blocks."""
         taken = self._receiver.take()
         return None if taken is None else (taken[0], self._info(taken))
+
+    def take_many(self, limit: int) -> list[tuple[M, MessageInfo]]:
+        """Up to `limit` of the oldest waiting messages, each with its info; never blocks.
+
+        For those who take much at a time, with `raw` a recorder say: a message costs a fraction of what a
+        callback, or a `take`, costs. Wait for the first with `receive`.
+
+            batch = [await subscription.receive(), *subscription.take_many(1000)]
+        """
+        batch = self._receiver.take_many(limit)
+        offset_ns, number = self._link.wall_offset_ns, self._receiver.delivered - len(batch)
+        return [
+            (
+                message,
+                _new_info(
+                    MessageInfo,
+                    (
+                        stamp_ns + offset_ns,
+                        received_ns + offset_ns,
+                        seq,
+                        number := number + 1,
+                        source.gid if source.__class__ is PublisherProxy else b"",
+                    ),
+                ),
+            )
+            for message, stamp_ns, seq, source, received_ns in batch
+        ]
 
     async def receive(self) -> tuple[M, MessageInfo]:
         """Wait for the next message; returns it with its info.

@@ -3,6 +3,7 @@
 import array
 import asyncio
 from collections.abc import Callable
+from time import time_ns
 from typing import Any
 
 import msgspec
@@ -10,7 +11,7 @@ import pytest
 
 import bus
 from bus.msg.std_msgs import Int32, String
-from semantics import Wheel, node, until
+from semantics import KEEP_ALL, Wheel, node, until
 
 __all__ = ["node"]
 
@@ -200,3 +201,63 @@ class TestPublishers:
         await raw.wait_for_publishers()
         with pytest.raises(bus.ConfigurationError, match="description of a/msg/A on the bus is broken"):
             await node.create_subscription(None, "t", 10)
+
+
+class TestTakingMany:
+    async def test_each_with_its_info(self, node: bus.Node) -> None:
+        first = await node.create_publisher(Wheel, "t", 100)
+        second = await node.create_publisher(Wheel, "t", 100)
+        subscription = await node.create_subscription(None, "t", 200, raw=True)
+        await subscription.wait_for_publishers(2)
+        began_ns = time_ns()
+        for number in range(50):
+            for publisher in (first, second):
+                publisher.publish(Wheel(str(number)))
+            await asyncio.sleep(0)
+        await until(lambda: subscription.statistics().queued == 100)
+        batch = [await subscription.receive(), *subscription.take_many(30), *subscription.take_many(1000)]
+        assert subscription.take_many(1000) == []
+        assert [info.reception_sequence_number for _, info in batch] == [*range(1, 101)]
+        for publisher in (first, second):
+            mine = [(payload, info) for payload, info in batch if info.publisher_gid == publisher.gid]
+            assert [info.publication_sequence_number for _, info in mine] == [*range(1, 51)]
+            assert [msgspec.msgpack.decode(payload)["name"] for payload, _ in mine] == [*map(str, range(50))]
+        assert {type(info) for _, info in batch} == {bus.MessageInfo}
+        assert all(
+            began_ns - 10**9 < info.source_timestamp <= info.received_timestamp + 10**6 for _, info in batch
+        )
+        assert subscription.statistics().delivered == 100
+
+    @pytest.mark.parametrize("qos", [10, KEEP_ALL], ids=["keep last", "keep all"])
+    async def test_as_take_does_it(self, node: bus.Node, qos: Any) -> None:
+        publisher = await node.create_publisher(Wheel, "t", qos)
+        one = await node.create_subscription(Wheel, "t", qos)
+        other = await node.create_subscription(Wheel, "t", qos)
+        for _ in range(3):
+            for number in range(25):
+                await publisher.send(Wheel(str(number)))
+            await until(lambda: one.statistics().queued == other.statistics().queued >= 10)
+            single = []
+            while (taken := one.take()) is not None:
+                single.append(taken)
+            many = [taken for part in iter(lambda: other.take_many(7), []) for taken in part]
+            assert [(message, info[2:4]) for message, info in many] == [
+                (message, info[2:4]) for message, info in single
+            ]
+        assert one.statistics().dropped == other.statistics().dropped
+
+    async def test_none_that_does_not_decode(self, node: bus.Node) -> None:
+        subscription = await node.create_subscription(Wheel, "t", 10)
+        publisher = await node.create_publisher(bus.MessageSchema.of(Wheel), "t", 10)
+        for payload in (encoded(), b"\xc1", encoded(), b"", b"\xc1"):
+            publisher.publish_encoded(payload)
+        await until(lambda: subscription.statistics().expected == 5)
+        found: list[Any] = []
+
+        def is_all() -> bool:
+            found.extend(subscription.take_many(10))
+            return len(found) + subscription.statistics().dropped.get("undecodable", 0) == 5
+
+        await until(is_all)
+        assert len(found) == 2
+        assert subscription.take_many(0) == []

@@ -200,6 +200,19 @@ class Receiver(Generic[M]):
                 return taken
         return ahead.popleft()
 
+    def take_many(self, limit: int) -> list[Taken[M]]:
+        """Up to `limit` of the oldest messages, in as few steps as can be."""
+        ahead = self.ahead
+        found: list[Taken[M]] = []
+        while (left := limit - len(found)) > 0 and (taken := self.take(left)) is not None:
+            found.append(taken)
+            if len(ahead) < left:
+                found += ahead
+                ahead.clear()
+            else:
+                found += [ahead.popleft() for _ in range(left - 1)]
+        return found
+
     def take_messages(self, limit: int) -> list[M]:
         """Up to `limit` of the oldest messages, and they alone; nothing where `take` has to look closer."""
         if self.ahead:
