@@ -19,7 +19,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import Self
@@ -35,10 +35,12 @@ _IMPORTED = ("asyncio", "uvloop", "msgspec", "busd.run", "bus.wire.messages")
 _HEEDED = ("PYTHONASYNCIODEBUG", "PYTHONUNBUFFERED")
 
 
-def _for_interpreter() -> dict[str, str]:
+def _for_interpreter(environment: Mapping[str, str]) -> dict[str, str]:
     """What an interpreter reads only when it starts."""
     return {
-        name: value for name, value in os.environ.items() if name.startswith("PYTHON") and name not in _HEEDED
+        name: value
+        for name, value in environment.items()
+        if name.startswith("PYTHON") and name not in _HEEDED
     }
 
 
@@ -48,6 +50,7 @@ class Order(msgspec.Struct):
     words: list[str]
     environment: dict[str, str]
     folder: str
+    leads_session: bool
 
 
 class Fork:
@@ -95,17 +98,26 @@ class Forks:
     def __init__(self, imports: Sequence[str] = _IMPORTED) -> None:
         self._imports = imports
         self._line, self._theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._variables = _for_interpreter()
+        self._variables = _for_interpreter(os.environ)
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
 
-    def can_run(self) -> bool:
+    def can_run(self, environment: Mapping[str, str] = os.environ) -> bool:
         """Whether an interpreter that started now would be as the one that forks."""
-        return _for_interpreter() == self._variables
+        return _for_interpreter(environment) == self._variables
 
-    def run(self, words: Sequence[str], *, stdin: int = -1, stdout: int = -1, stderr: int = -1) -> Fork:
-        """Begin a program in the environment and folder of this process; -1: the stream is /dev/null."""
-        order = Order(list(words), dict(os.environ), str(Path.cwd()))
+    def run(
+        self,
+        words: Sequence[str],
+        *,
+        stdin: int = -1,
+        stdout: int = -1,
+        stderr: int = -1,
+        environment: Mapping[str, str] = os.environ,
+        leads_session: bool = False,
+    ) -> Fork:
+        """Begin a program in the folder of this process; -1: the stream is /dev/null."""
+        order = Order(list(words), dict(environment), str(Path.cwd()), leads_session)
         nothing = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
         try:
             streams = [nothing if number < 0 else number for number in (stdin, stdout, stderr)]
@@ -141,6 +153,8 @@ class Forks:
 
 def _become(order: Order, descriptors: list[int]) -> Order:
     """This process, just forked, becomes that program up to its first line."""
+    if order.leads_session:
+        os.setsid()
     for number, descriptor in enumerate(descriptors):
         os.dup2(descriptor, number)
     os.closerange(3, max(descriptors) + 1)

@@ -4,6 +4,7 @@ import asyncio
 import os
 import re
 import signal
+import subprocess
 import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
@@ -13,6 +14,9 @@ from typing import Any
 from uuid import uuid4
 
 import pytest
+
+import cli
+from forks import Fork
 
 LIMIT_S = 120.0 * float(os.environ.get("BUSD_TESTS_TIMEOUT_FACTOR", "1"))
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -24,8 +28,9 @@ on_one_loop = pytest.mark.asyncio(loop_factories=["uvloop"])
 class Program:
     """A running program; its lines, stdout and stderr in one, are kept as they come."""
 
-    def __init__(self, process: asyncio.subprocess.Process, mark: str) -> None:
+    def __init__(self, process: Fork | subprocess.Popen[bytes], output: int, mark: str) -> None:
         self.process = process
+        self._output = output
         self._mark = f"PROGRAM={mark}".encode()
         self.lines: list[str] = []
         self._news = asyncio.Condition()
@@ -44,7 +49,7 @@ class Program:
     async def end(self) -> int:
         """Its exit status, once it has ended and everything that it said is in `lines`."""
         await self._reader
-        return await self.process.wait()
+        return await asyncio.to_thread(self.process.wait, LIMIT_S)
 
     def family(self, command: str = "") -> list[int]:
         """Pids of the program and its children, those with `command` in their command line."""
@@ -60,11 +65,16 @@ class Program:
         return found
 
     async def _read(self) -> None:
-        assert self.process.stdout is not None
-        async for line in self.process.stdout:
+        lines = asyncio.StreamReader()
+        transport, _ = await asyncio.get_running_loop().connect_read_pipe(
+            lambda: asyncio.StreamReaderProtocol(lines), os.fdopen(self._output, "rb")
+        )
+        async for line in lines:
             async with self._news:
                 self.lines.append(line.decode().rstrip("\n"))
                 self._news.notify_all()
+        transport.close()
+        await asyncio.sleep(0)  # uvloop lets go of it in its next turn
         async with self._news:
             self._news.notify_all()
 
@@ -73,16 +83,14 @@ class Program:
 async def running(folder: Path, *command: str | Path, **variables: str) -> AsyncIterator[Program]:
     """A Python program with its temporary files in `folder`; killed if it outlives the test."""
     mark = str(uuid4())  # in the environment of its children, too
-    process = await asyncio.create_subprocess_exec(
-        sys.executable,
-        *command,
-        # asyncio takes any text but an empty one for a yes.
-        env={**os.environ, "PYTHONASYNCIODEBUG": "", "TMPDIR": str(folder), **variables, "PROGRAM": mark},
-        stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.STDOUT,
-        start_new_session=True,
-    )
-    program = Program(process, mark)
+    # asyncio takes any text but an empty one for a yes.
+    given = {"PYTHONASYNCIODEBUG": "", "TMPDIR": str(folder), **variables, "PROGRAM": mark}
+    output, theirs = os.pipe()
+    try:
+        process = _begin([*map(str, command)], theirs, {**os.environ, **given})
+    finally:
+        os.close(theirs)
+    program = Program(process, output, mark)
     try:
         async with asyncio.timeout(LIMIT_S):
             yield program
@@ -91,6 +99,20 @@ async def running(folder: Path, *command: str | Path, **variables: str) -> Async
             with suppress(ProcessLookupError):  # it was about to end
                 os.kill(pid, signal.SIGKILL)
         await program.end()
+
+
+def _begin(words: list[str], output: int, environment: dict[str, str]) -> Fork | subprocess.Popen[bytes]:
+    """In a session of its own."""
+    if cli.forks is not None and cli.forks.can_run(environment):
+        return cli.forks.run(words, stdout=output, stderr=output, environment=environment, leads_session=True)
+    return subprocess.Popen(
+        [sys.executable, *words],
+        stdin=subprocess.DEVNULL,
+        stdout=output,
+        stderr=output,
+        env=environment,
+        start_new_session=True,
+    )
 
 
 def assert_nothing_is_left(program: Program, folder: Path) -> None:
