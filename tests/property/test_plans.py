@@ -523,7 +523,7 @@ def test_by_plan_only_the_thread_that_made_it_publishes(talker: Talker) -> None:
     support = type_support(Header)
     talker.writer.prepare(Header, support.is_valid, support.encode, support.plan)
     with ThreadPoolExecutor(1) as pool:
-        assert pool.submit(talker.writer.publish, Header()).result() == core.FOREIGN
+        assert pool.submit(talker.writer.publish, Header()).result() == core.WRONG_THREAD
     talker.writer.close()
     with pytest.raises(ValueError, match="closed"):
         talker.writer.publish(Header())

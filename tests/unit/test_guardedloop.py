@@ -8,7 +8,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from types import FrameType
 from typing import Any
 
@@ -303,25 +302,6 @@ class TestInterrupts:
         finally:
             signal.signal(signal.SIGUSR1, before)
         assert len(handled) == 30
-
-    def test_who_only_asks_whether_it_is_his_is_not_busy(self, loop: GuardedLoop) -> None:
-        """He gives no guard away, where an interrupt that waits would be raised."""
-        frames: list[FrameType | None] = []
-
-        class Guard:
-            _is_owned = staticmethod(partial(signal.raise_signal, signal.SIGUSR1))  # with no frame of its own
-
-        before = signal.signal(signal.SIGUSR1, lambda _, frame: frames.append(frame))
-        guard = loop.guard
-        try:
-            loop.guard = Guard()
-            assert not loop.is_mine()
-        finally:
-            loop.guard = guard
-            signal.signal(signal.SIGUSR1, before)
-        (frame,) = frames
-        assert frame is not None and frame.f_code is GuardedLoop.is_mine.__code__
-        assert not loop.is_busy(frame)
 
 
 def test_four_threads_for_half_a_second(loop: GuardedLoop) -> None:

@@ -88,8 +88,35 @@ def test_only_the_thread_that_made_it_writes(talker: Talker) -> None:
     thread = threading.Thread(target=run)
     thread.start()
     thread.join()
-    assert outcomes == [core.FOREIGN] * 4
+    assert outcomes == [core.WRONG_THREAD] * 4
     assert writer.samples == 0
+
+
+def test_where_threads_share_it_whoever_holds_the_lock_writes(talker: Talker) -> None:
+    outcomes: list[object] = []
+    writer, lock = talker.writer, threading.RLock()
+
+    def run() -> None:
+        outcomes.append(writer.write(b"x"))
+        with lock:
+            outcomes.extend([writer.write(b"x"), writer.write_parts([b"x"])])
+
+    writer.is_mine = lock._is_owned  # type: ignore[attr-defined]
+    assert writer.write(b"") == core.WRONG_THREAD
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join()
+    assert outcomes == [core.WRONG_THREAD, True, True]
+    writer.is_mine = None
+    assert writer.write(b"x") is True
+    writer.is_mine = lambda: 1 // 0 == 0
+    with pytest.raises(ZeroDivisionError):
+        writer.write(b"x")
+    assert writer.samples == 3
+    writer.is_mine = lock._is_owned  # type: ignore[attr-defined]
+    writer.close()
+    with lock, pytest.raises(ValueError, match="closed"):
+        writer.write(b"x")
 
 
 def test_nothing_is_written_after_close(talker: Talker, listener: Listener) -> None:

@@ -176,8 +176,8 @@ def test_a_child_does_not_release_the_parents_pins(talker: Talker, listener: Lis
     if child == 0:
         try:
             held.clear()
-            is_foreign = talker.writer.write(b"x") == core.FOREIGN
-            os._exit(0 if is_foreign and not listener.readers.is_free(slot) else 1)
+            is_refused = talker.writer.write(b"x") == core.WRONG_THREAD
+            os._exit(0 if is_refused and not listener.readers.is_free(slot) else 1)
         finally:
             os._exit(2)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0

@@ -32,7 +32,7 @@ class Waiting:
         listener.join(talker)
         listener.readers.sleep()
         listener.reader.is_noted = True
-        talker.writer.is_guarded = True
+        talker.writer.is_mine = lambda: True
 
     def wait(
         self, time_s: float = 0.005, due_s: float = 0.0, decode: Any = bytes, has_origin: bool = False
@@ -155,7 +155,7 @@ def test_the_loop_has_its_turn_now_and_then(waiting: Waiting) -> None:
 
 def test_news_of_another_reader_are_told_by_the_doorbell(waiting: Waiting) -> None:
     talker = Talker()
-    talker.writer.is_guarded = True
+    talker.writer.is_mine = lambda: True
     other = another(waiting.listener, talker, "other")
     talker.writer.add_gate(1, waiting.listener.bell, 1, is_lossless=False)
     waiting.listener.readers.sleep()

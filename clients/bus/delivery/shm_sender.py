@@ -90,7 +90,8 @@ class ShmSender:
         self._announced: Descriptor | None = None
         self.writer = shm.native.Writer(memory, self._depth)
         self.writer.is_noted = False
-        self.writer.is_guarded = port.is_shared
+        if port.is_shared:
+            self.writer.is_mine = port.owns_thread
         support = owner._support
         self.writer.prepare(*support.steps)
         if text_fields(support.cls):

@@ -51,7 +51,7 @@ class Link:
         self.loop = asyncio.get_running_loop()
         self.guard = self.loop if isinstance(self.loop, GuardedLoop) else None
         self.is_shared = self.guard is not None
-        self.owns_thread = _is_thread(get_ident()) if self.guard is None else self.guard.owns
+        self.owns_thread = _is_thread(get_ident()) if self.guard is None else self.guard.is_mine
         self.now_ns = monotonic_ns
         self.soon = self.loop.call_soon
         self.soon_threadsafe = self.loop.call_soon_threadsafe

@@ -72,6 +72,8 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         """It runs only while a call waits (`foreground`). That it rests in between is no standstill."""
         self._main_thread = main_thread().ident
         self.guard: Any = RLock()
+        self.is_mine: Callable[[], bool] = self.guard._is_owned  # type: ignore[attr-defined]
+        """Whether this thread holds the guard; with no frame of Python's own."""
         self.on_signal: Callable[[], object] = int
         self._signals = _NOBODY
         self._csock: socket.socket
@@ -108,16 +110,6 @@ class GuardedLoop(asyncio.SelectorEventLoop):
     def release(self) -> None:
         """Give the guard away, without looking for interrupts."""
         self.guard.release()
-
-    def is_mine(self) -> bool:
-        """Whether this thread holds the guard."""
-        return bool(self.guard._is_owned())
-
-    @property
-    def owns(self) -> Callable[[], bool]:
-        """As `is_mine`, with no frame of Python's own."""
-        owns: Callable[[], bool] = self.guard._is_owned
-        return owns
 
     def is_busy(self, frame: FrameType | None) -> bool:
         """In a signal's handler, which interrupted `frame`: whether the main thread must not leave it now."""

@@ -20,8 +20,8 @@ PINNED: Final = 5
 """Not written: pinned records leave no room."""
 TOO_LARGE: Final = 6
 """Not written: more than `max_payload` or `most`."""
-FOREIGN: Final = 7
-"""Not written: called on another thread than the one that made the writer."""
+WRONG_THREAD: Final = 7
+"""Not written: the thread that calls may not use the writer now."""
 
 AS_TEXT: Final = 1
 AS_FLOAT: Final = 2
@@ -95,8 +95,7 @@ class Sends:
     def send(self, message: Any, /) -> Coroutine[Any, Any, None]: ...
 
 class Writer:
-    """A publisher's end of its ring. Only for the thread that made it, unless `is_guarded`; `memory` is its
-    own, formatted."""
+    """A publisher's end of its ring, for the thread that made it; `memory` is its own, formatted."""
 
     capacity: int
     index_length: int
@@ -115,8 +114,8 @@ class Writer:
     most: int
     """Largest payload that may be published, whatever the ring holds: beyond, TOO_LARGE. May be set;
     1 << 62 at first."""
-    is_guarded: bool
-    """May be set to True: the callers hold a lock of their own, and any thread may call."""
+    is_mine: Callable[[], bool] | None
+    """May be set: any thread may write for which that is true, as where it holds a lock."""
     is_noted: bool
     """May be set to False: then the next write returns REPORT_DUE once."""
     is_long: bool

@@ -17,7 +17,7 @@
 #include "ring.h"
 
 /* What a write says where it is not just True; see _core.pyi. */
-enum { REPORT_DUE = 2, FULL, SHORT, PINNED, TOO_LARGE, FOREIGN };
+enum { REPORT_DUE = 2, FULL, SHORT, PINNED, TOO_LARGE, WRONG_THREAD };
 
 /* Sequence numbers end here, as on the wire; beyond, the other side is broken. */
 #define MAX_SEQ ((UINT64_C(1) << 62) - 1)
@@ -67,6 +67,12 @@ struct gate_owner {
     Bell *bell;
 };
 
+/* Who may use a publisher's end. */
+struct home {
+    unsigned long thread;
+    PyObject *is_mine; /* where threads share it: says whether it is the caller's now; NULL or None: `thread`'s */
+};
+
 typedef struct Plan Plan;
 
 /* How the messages of one publisher are checked and encoded. */
@@ -79,10 +85,9 @@ typedef struct {
     PyObject_HEAD
     struct ring_writer ring;
     Mapping *memory;
-    unsigned long thread; /* that made it; 0 once closed */
+    struct home home; /* nobody's once it is closed */
     unsigned forks;
     bool is_closed;
-    char is_guarded; /* whoever calls holds a lock of its own: any thread may */
     char is_noted;
     char is_long;
     struct gate_owner *owners; /* beside ring.gates */
@@ -191,6 +196,7 @@ struct Reader {
 extern unsigned core_forks; /* of this process's ancestors since they loaded the core */
 CoreState *core_state(PyObject *object);
 uint64_t core_now_ns(void);
+int core_ask_home(const struct home *home);
 int core_arguments(const char *const *names, PyObject *const *args, Py_ssize_t count, PyObject *kwnames,
                    Py_ssize_t positional, PyObject **values);
 int core_as_u64(PyObject *value, void *number);
@@ -199,6 +205,12 @@ void core_free(void *object);
 /* (message, stamp, number, source, time of receipt), as bus.delivery.receiver.Taken; takes over all but the source. Where one of them
  * is NULL, so is the answer. */
 PyObject *core_with_origin(PyObject *message, PyObject *stamp_ns, uint64_t seq, PyObject *source, PyObject *received_ns);
+/* Whether the thread that calls may use it. -1: an error is set. To be asked first: it may run Python code. */
+static inline int is_home(const struct home *home)
+{
+    return home->is_mine == NULL ? PyThread_get_thread_ident() == home->thread : core_ask_home(home);
+}
+
 /* py_readers.c */
 void doorbell_ring(int number, uint64_t knock);
 uint64_t doorbell_clear(int number);

@@ -50,6 +50,17 @@ PyObject *core_with_origin(PyObject *message, PyObject *stamp_ns, uint64_t seq, 
     return item;
 }
 
+/* Where threads share it; see is_home(). */
+int core_ask_home(const struct home *home)
+{
+    if (home->is_mine == Py_None)
+        return PyThread_get_thread_ident() == home->thread;
+    PyObject *answer = PyObject_CallNoArgs(home->is_mine);
+    const int is_mine = answer == NULL ? -1 : answer == Py_True;
+    Py_XDECREF(answer);
+    return is_mine;
+}
+
 /* A converter for the "O&" of PyArg_ParseTuple: "K" would take a negative number for a huge one. */
 int core_as_u64(PyObject *value, void *number)
 {
@@ -144,7 +155,7 @@ static int core_exec(PyObject *module)
         const char *name;
         long number;
     } numbers[] = {{"REPORT_DUE", REPORT_DUE},   {"FULL", FULL},           {"SHORT", SHORT},
-                   {"PINNED", PINNED}, {"TOO_LARGE", TOO_LARGE}, {"FOREIGN", FOREIGN},
+                   {"PINNED", PINNED}, {"TOO_LARGE", TOO_LARGE}, {"WRONG_THREAD", WRONG_THREAD},
                    {"AS_TEXT", AS_TEXT}, {"AS_FLOAT", AS_FLOAT}, {"AS_BOOL", AS_BOOL},
                    {"AS_INT", AS_INT}, {"AS_STRUCT", AS_STRUCT}, {"AS_BYTES", AS_BYTES},
                    {"AS_LIST", AS_LIST}};

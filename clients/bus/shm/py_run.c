@@ -29,8 +29,7 @@ typedef struct {
     uint64_t samples, size, budget, most;
     uint64_t begins_below; /* publish() begins a run with a payload shorter than that; 0: never */
     uint64_t before; /* size of the last run that had more than one sample: the next will be alike */
-    unsigned long thread;
-    PyObject *is_mine; /* where threads share the run: says whether it is the caller's now; NULL or None: `thread`'s */
+    struct home home;
 } OpenRun;
 
 static PyObject *run_new(PyTypeObject *type, PyObject *Py_UNUSED(args), PyObject *Py_UNUSED(kwargs))
@@ -38,7 +37,7 @@ static PyObject *run_new(PyTypeObject *type, PyObject *Py_UNUSED(args), PyObject
     OpenRun *self = core_allocate(type);
     if (self == NULL)
         return NULL;
-    self->thread = PyThread_get_thread_ident();
+    self->home.thread = PyThread_get_thread_ident();
     self->most = UINT64_MAX;
     return (PyObject *)self;
 }
@@ -52,7 +51,7 @@ static int run_traverse(PyObject *object, visitproc visit, void *arg)
     Py_VISIT(self->encoder.encode);
     Py_VISIT(self->may_begin);
     Py_VISIT(self->begun);
-    Py_VISIT(self->is_mine);
+    Py_VISIT(self->home.is_mine);
     return 0;
 }
 
@@ -62,7 +61,7 @@ static int run_clear(PyObject *object)
     encoder_drop(&self->encoder);
     Py_CLEAR(self->may_begin);
     Py_CLEAR(self->begun);
-    Py_CLEAR(self->is_mine);
+    Py_CLEAR(self->home.is_mine);
     return 0;
 }
 
@@ -72,17 +71,6 @@ static void run_dealloc(PyObject *object)
     run_clear(object);
     Py_XDECREF(((OpenRun *)object)->frame);
     core_free(object);
-}
-
-/* Whether the thread that calls may use the run. -1: an error is set. To be asked first: it may run Python code. */
-static int is_at_home(const OpenRun *self)
-{
-    if (self->is_mine == NULL || self->is_mine == Py_None)
-        return PyThread_get_thread_ident() == self->thread;
-    PyObject *answer = PyObject_CallNoArgs(self->is_mine);
-    const int is_mine = answer == NULL ? -1 : answer == Py_True;
-    Py_XDECREF(answer);
-    return is_mine;
 }
 
 /* Whether a payload of that size may go into the run that is open. */
@@ -134,13 +122,13 @@ static PyObject *run_add(PyObject *object, PyObject *const *args, Py_ssize_t cou
     }
     if (count == 2 && !core_as_u64(args[1], &stamp_ns))
         return NULL;
-    const int is_home = is_at_home(self);
-    if (is_home < 0)
+    const int is_mine = is_home(&self->home);
+    if (is_mine < 0)
         return NULL;
     Py_buffer buffer;
     if (PyObject_GetBuffer(args[0], &buffer, PyBUF_SIMPLE) < 0)
         return NULL;
-    const bool does_fit = is_home && fits(self, (uint64_t)buffer.len);
+    const bool does_fit = is_mine && fits(self, (uint64_t)buffer.len);
     const bool is_done = !does_fit || append(self, buffer.buf, (uint64_t)buffer.len,
                                              stamp_ns != 0 ? stamp_ns : core_now_ns());
     PyBuffer_Release(&buffer);
@@ -225,7 +213,7 @@ static PyObject *run_publish(PyObject *object, PyObject *message)
 {
     OpenRun *self = (OpenRun *)object;
     const struct encoder *encoder = &self->encoder;
-    int status = (PyObject *)Py_TYPE(message) == encoder->kind ? is_at_home(self) : 0;
+    int status = (PyObject *)Py_TYPE(message) == encoder->kind ? is_home(&self->home) : 0;
     if (status <= 0)
         return status < 0 ? NULL : PyBool_FromLong(0);
     unsigned char bytes[PLAN_BYTES];
@@ -252,7 +240,7 @@ static PyObject *run_write(PyObject *object, PyObject *payload)
 {
     OpenRun *self = (OpenRun *)object;
     Py_buffer buffer;
-    int status = is_at_home(self);
+    int status = is_home(&self->home);
     if (status <= 0)
         return status < 0 ? NULL : PyBool_FromLong(0);
     if (PyObject_GetBuffer(payload, &buffer, PyBUF_SIMPLE) < 0)
@@ -429,8 +417,8 @@ static PyMemberDef members[] = {
     {"budget", T_ULONGLONG, offsetof(OpenRun, budget), 0, NULL},
     {"most", T_ULONGLONG, offsetof(OpenRun, most), 0, NULL},
     {"begins_below", T_ULONGLONG, offsetof(OpenRun, begins_below), 0, NULL},
-    {"thread", T_ULONG, offsetof(OpenRun, thread), 0, NULL},
-    {"is_mine", T_OBJECT, offsetof(OpenRun, is_mine), 0, NULL},
+    {"thread", T_ULONG, offsetof(OpenRun, home.thread), 0, NULL},
+    {"is_mine", T_OBJECT, offsetof(OpenRun, home.is_mine), 0, NULL},
     {0},
 };
 

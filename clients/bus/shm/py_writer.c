@@ -219,7 +219,7 @@ static PyObject *writer_new(PyTypeObject *type, PyObject *args, PyObject *kwargs
     self->ring.keep = keep == 0 ? 1 : keep;
     HOLD(memory);
     self->memory = memory;
-    self->thread = PyThread_get_thread_ident();
+    self->home.thread = PyThread_get_thread_ident();
     self->forks = core_forks;
     self->is_noted = 1;
     self->most = self->longest = UINT64_C(1) << 62;
@@ -234,23 +234,25 @@ static void writer_dealloc(PyObject *object)
     PyMem_Free(self->owners);
     PyMem_Free(self->bells);
     encoder_drop(&self->encoder);
+    Py_XDECREF(self->home.is_mine);
     DROP(self->memory);
     core_free(self);
 }
 
 /* --- writing */
 
-static inline bool is_at_home(const Writer *self)
+/* Whether it may be written to now. False: *outcome says why not, or is NULL with an error set. */
+static inline bool is_open(const Writer *self, PyObject **outcome)
 {
-    return (self->is_guarded || PyThread_get_thread_ident() == self->thread) && self->forks == core_forks;
-}
-
-static PyObject *turned_away(const Writer *self)
-{
-    if (!self->is_closed)
-        return PyLong_FromLong(FOREIGN);
-    PyErr_SetString(PyExc_ValueError, "writer is closed");
-    return NULL;
+    const int is_mine = is_home(&self->home);
+    if (is_mine == 1 && self->forks == core_forks && !self->is_closed)
+        return true;
+    *outcome = NULL;
+    if (is_mine >= 0 && self->is_closed)
+        PyErr_SetString(PyExc_ValueError, "writer is closed");
+    else if (is_mine >= 0)
+        *outcome = PyLong_FromLong(WRONG_THREAD);
+    return false;
 }
 
 static PyObject *refused(enum ring_status status)
@@ -297,14 +299,15 @@ static inline PyObject *put(Writer *self, const void *bytes, Py_ssize_t size)
 static PyObject *writer_write(PyObject *object, PyObject *payload)
 {
     Writer *self = (Writer *)object;
-    if (!is_at_home(self))
-        return turned_away(self);
+    PyObject *outcome;
+    if (!is_open(self, &outcome))
+        return outcome;
     if (PyBytes_Check(payload))
         return put(self, PyBytes_AsString(payload), PyBytes_Size(payload));
     Py_buffer buffer;
     if (PyObject_GetBuffer(payload, &buffer, PyBUF_SIMPLE) < 0)
         return NULL;
-    PyObject *outcome = put(self, buffer.buf, buffer.len);
+    outcome = put(self, buffer.buf, buffer.len);
     PyBuffer_Release(&buffer);
     return outcome;
 }
@@ -320,20 +323,21 @@ static PyObject *writer_publish(PyObject *object, PyObject *message)
 {
     Writer *self = (Writer *)object;
     const struct encoder *encoder = &self->encoder;
+    PyObject *outcome;
     if ((PyObject *)Py_TYPE(message) != encoder->kind || self->is_long)
         Py_RETURN_FALSE;
     if (encoder->plan != NULL) {
         unsigned char bytes[PLAN_BYTES];
         const Py_ssize_t size = plan_encode(encoder->plan, message, bytes, sizeof bytes);
         if (size >= 0)
-            return is_at_home(self) ? put(self, bytes, size) : turned_away(self);
+            return is_open(self, &outcome) ? put(self, bytes, size) : outcome;
     }
     PyObject *payload = encoder_encode(encoder, message);
     if (payload == NULL)
         return PyErr_Occurred() ? NULL : PyBool_FromLong(0);
     /* Long ones come in a row, and are worth being copied once less than this way does. */
     self->is_long = PyBytes_Check(payload) && (uint64_t)PyBytes_Size(payload) > self->longest;
-    PyObject *outcome = writer_write(object, payload);
+    outcome = writer_write(object, payload);
     Py_DECREF(payload);
     return outcome;
 }
@@ -399,7 +403,7 @@ static PyObject *writer_write_parts(PyObject *object, PyObject *const *args, Py_
     while (held < length && get_part(PyTuple_GetItem(parts, held), &buffers[held]))
         held++;
     if (held == length)
-        outcome = is_at_home(self) ? put_parts(self, buffers, length, force, stamp_ns) : turned_away(self);
+        outcome = is_open(self, &outcome) ? put_parts(self, buffers, length, force, stamp_ns) : outcome;
     while (held > 0)
         PyBuffer_Release(&buffers[--held]);
     if (buffers != few)
@@ -424,8 +428,9 @@ static PyObject *writer_lend(PyObject *object, PyObject *const *args, Py_ssize_t
             PyErr_SetString(PyExc_ValueError, "size must be a number from 0 on");
         return NULL;
     }
-    if (!is_at_home(self))
-        return turned_away(self);
+    PyObject *outcome;
+    if (!is_open(self, &outcome))
+        return outcome;
     if ((uint64_t)size > self->most)
         return PyLong_FromLong(TOO_LARGE);
     void *payload;
@@ -439,8 +444,9 @@ static PyObject *writer_lend(PyObject *object, PyObject *const *args, Py_ssize_t
 static PyObject *writer_publish_lent(PyObject *object, PyObject *Py_UNUSED(none))
 {
     Writer *self = (Writer *)object;
-    if (!is_at_home(self))
-        return turned_away(self);
+    PyObject *outcome;
+    if (!is_open(self, &outcome))
+        return outcome;
     if (self->ring.loan == 0) {
         PyErr_SetString(PyExc_ValueError, "nothing is lent: another write took the place back");
         return NULL;
@@ -471,8 +477,6 @@ static PyObject *writer_close(PyObject *object, PyObject *Py_UNUSED(none))
     Writer *self = (Writer *)object;
     if (!self->is_closed) {
         self->is_closed = true;
-        self->is_guarded = 0;
-        self->thread = 0;
         ring_close(&self->ring);
         ring_bells(self, true);
     }
@@ -663,7 +667,7 @@ static PyMemberDef members[] = {
     {"samples", T_ULONGLONG, offsetof(Writer, samples), READONLY, NULL},
     {"bytes", T_ULONGLONG, offsetof(Writer, bytes), READONLY, NULL},
     {"rung", T_ULONGLONG, offsetof(Writer, rung), READONLY, NULL},
-    {"is_guarded", T_BOOL, offsetof(Writer, is_guarded), 0, NULL},
+    {"is_mine", T_OBJECT, offsetof(Writer, home.is_mine), 0, NULL},
     {"is_noted", T_BOOL, offsetof(Writer, is_noted), 0, NULL},
     {"is_long", T_BOOL, offsetof(Writer, is_long), 0, NULL},
     {"longest", T_ULONGLONG, offsetof(Writer, longest), 0, NULL},
