@@ -115,7 +115,7 @@ def reader(data: bytes) -> None:
                 held += taker.take(1 + script.byte() % 8, _decode)
             case 8:
                 looks = (
-                    readers.wake,
+                    partial(readers.deliver, False),
                     readers.sleep,
                     partial(readers.deliver, True),
                     partial(readers.look, 0),

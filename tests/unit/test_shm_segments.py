@@ -170,7 +170,7 @@ with socket.socket(fileno=line) as sock:
 taken = []
 while len(taken) < 3:
     select.select([doorbell], [], [])
-    readers.wake()
+    readers.deliver(False)
     taken += reader.messages(9, bytes)
     while readers.sleep():
         taken += reader.messages(9, bytes)
@@ -194,7 +194,7 @@ def test_another_process_sleeps_and_is_rung() -> None:
             talker.write(b"one", b"two", b"three")
             output, _ = process.communicate(timeout=WAIT_S)
     assert output == b"[b'one', b'two', b'three']\n"
-    assert talker.writer.rung >= 1
+    assert talker.writer._debug()["rung"] >= 1
     assert not select.select([doorbell.number], [], [], 0)[0]
 
 
@@ -330,12 +330,13 @@ def test_no_lie_of_a_reader_is_more_than_an_error(lies: dict[int, int]) -> None:
     talker = Talker(CAPACITY, INDEX)
     with contextlib.suppress(ValueError):
         bell = core.Bell(segments.map_readers(liar), talker.doorbell.number)
-        for slot in range(bell.slot_count)[:12]:
-            talker.writer.add_gate(slot, bell, slot, is_lossless=slot % 2 == 0)
+        for slot in range(12):
+            with contextlib.suppress(ValueError):  # it may say that it has less
+                talker.writer.add_gate(slot, bell, slot, is_lossless=slot % 2 == 0)
         for _ in range(100):
             talker.writer.write(bytes(100))
         talker.writer.wait_for_room()
-        assert 0 <= talker.writer.taken() <= talker.writer.latest + 1
+        assert 0 <= talker.writer._debug()["taken"] <= talker.writer.latest + 1
         talker.grow(1 << 14)
         for slot in range(12):
             talker.writer.has_pins(slot)

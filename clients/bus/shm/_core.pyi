@@ -53,7 +53,6 @@ class Bell:
     `doorbell` open.
     """
 
-    slot_count: int
     def __init__(self, memory: Mapping, doorbell: int) -> None: ...
 
 class Plan:
@@ -98,15 +97,11 @@ class Writer:
     """A publisher's end of its ring, for the thread that made it; `memory` is its own, formatted."""
 
     capacity: int
-    index_length: int
-    max_payload: int
     latest: int
     oldest: int
     samples: int
     """Published by this writer, in all its rings."""
     bytes: int
-    rung: int
-    """Doorbells rung."""
     keep: int
     """Newest records that must stay. May be set."""
     hold: int
@@ -164,11 +159,7 @@ class Writer:
         """
     def remove_gate(self, key: int) -> None: ...
     def has_pins(self, key: int) -> bool: ...
-    def is_lossless(self, key: int) -> bool: ...
     def make_lossy(self, key: int) -> None: ...
-    def taken(self) -> int:
-        """Everything before this seq was taken by all lossless readers, `hold` apart; latest + 1 without
-        any, and at most."""
     def wait_for_room(self) -> bool:
         """After FULL: announce the sleep. True: the doorbell will ring; False: try again at once."""
     def woken(self) -> None:
@@ -182,11 +173,13 @@ class Writer:
         where it does not fit."""
     def close(self) -> None:
         """Nothing more will be written: readers are told by the ring itself, and rung."""
+    def _debug(self) -> dict[str, int]:
+        """For tests. `lossless`: gates; `rung`: doorbells so far; `taken`: everything before this seq was
+        taken by all lossless readers, `hold` apart; latest + 1 without any, and at most."""
 
 class Readers:
     """This process's readers' segment (`memory`, formatted) and doorbell (`doorbell`, an eventfd)."""
 
-    slot_count: int
     has_writers: bool
     """Writers wait for room by the same doorbell. May be set."""
     def __init__(self, memory: Mapping, doorbell: int) -> None: ...
@@ -198,13 +191,12 @@ class Readers:
         that must look, perhaps none, and it is awake. An exception of a callback that is no Exception comes
         out of here, and the doorbell rings: what is left to do, the next call does.
         """
-    def wake(self) -> list[Any]:
-        """The doorbell rang: read it, disarm, and give the owners of readers for whom something new has come
-        since `wake` or `sleep` looked last."""
     def sleep(self, spin_ns: int = 0) -> list[Any]:
-        """Look for up to `spin_ns` for news; else arm the bell and look again. [] = asleep; else as `wake`.
+        """Look for up to `spin_ns` for news; else arm the bell and look again. [] = asleep; else the owners
+        of readers for whom something has come since the last look.
 
-        What `attach` and `extend` find is news to the next `sleep`, `look` or `wake`: do one of them after.
+        What `attach` and `extend` find is news to the next `deliver`, `sleep` or `look`: do one of them
+        after.
         """
     def look(self, spin_ns: int) -> list[Any] | None:
         """Look for up to `spin_ns` for news, without arming the bell (busy polling); give turns as `deliver`.

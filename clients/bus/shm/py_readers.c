@@ -74,12 +74,9 @@ static void bell_dealloc(PyObject *object)
     core_free(object);
 }
 
-static PyMemberDef bell_members[] = {{"slot_count", T_ULONGLONG, offsetof(Bell, slot_count), READONLY, NULL}, {0}};
-
 static PyType_Slot bell_slots[] = {
     {Py_tp_new, (void *)bell_new},
     {Py_tp_dealloc, (void *)bell_dealloc},
-    {Py_tp_members, bell_members},
     {0},
 };
 
@@ -200,19 +197,6 @@ static int collect(Readers *self, PyObject *owners)
             return -1;
     }
     return 0;
-}
-
-static PyObject *readers_wake(PyObject *object, PyObject *Py_UNUSED(none))
-{
-    Readers *self = (Readers *)object;
-    PyObject *owners = PyList_New(0);
-    if (owners == NULL)
-        return NULL;
-    doorbell_clear(self->doorbell);
-    bell_disarm(&self->header->arrival);
-    if (collect(self, owners) < 0)
-        Py_CLEAR(owners);
-    return owners;
 }
 
 /* The owner of `reader` is to look. */
@@ -437,7 +421,6 @@ static PyObject *readers_is_free(PyObject *object, PyObject *argument)
 
 static PyMethodDef methods[] = {
     {"deliver", readers_deliver, METH_O, NULL},
-    {"wake", readers_wake, METH_NOARGS, NULL},
     {"sleep", (PyCFunction)(void (*)(void))readers_sleep, FAST_KEYWORDS, NULL},
     {"look", readers_look, METH_O, NULL},
     {"is_free", readers_is_free, METH_O, NULL},
@@ -446,7 +429,6 @@ static PyMethodDef methods[] = {
 };
 
 static PyMemberDef members[] = {
-    {"slot_count", T_ULONGLONG, offsetof(Readers, slot_count), READONLY, NULL},
     {"has_writers", T_BOOL, offsetof(Readers, has_writers), 0, NULL},
     {0},
 };

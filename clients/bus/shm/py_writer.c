@@ -174,13 +174,6 @@ static PyObject *writer_has_pins(PyObject *object, PyObject *key)
     return PyBool_FromLong(has_pins);
 }
 
-static PyObject *writer_is_lossless(PyObject *object, PyObject *key)
-{
-    bool is_error;
-    const struct ring_gate *gate = gate_of((Writer *)object, key, &is_error);
-    return is_error ? NULL : PyBool_FromLong(gate != NULL && gate->is_lossless);
-}
-
 static PyObject *writer_make_lossy(PyObject *object, PyObject *key)
 {
     Writer *self = (Writer *)object;
@@ -455,12 +448,6 @@ static PyObject *writer_publish_lent(PyObject *object, PyObject *Py_UNUSED(none)
     return published(self, self->lent);
 }
 
-static PyObject *writer_taken(PyObject *object, PyObject *Py_UNUSED(none))
-{
-    const Writer *self = (Writer *)object;
-    return PyLong_FromUnsignedLongLong(ring_taken_of(&self->ring, self->ring.latest + 1));
-}
-
 static PyObject *writer_wait_for_room(PyObject *object, PyObject *Py_UNUSED(none))
 {
     return PyBool_FromLong(ring_wait_for_room(&((Writer *)object)->ring));
@@ -635,6 +622,19 @@ static int set_hold(PyObject *object, PyObject *value, void *Py_UNUSED(closure))
     return set_number(value, &((Writer *)object)->ring.hold, UINT64_MAX);
 }
 
+/* What only tests ask for. */
+static PyObject *writer_debug(PyObject *object, PyObject *Py_UNUSED(none))
+{
+    const Writer *self = (Writer *)object;
+    uint64_t lossless = 0;
+    for (size_t i = 0; i < self->ring.gate_count; i++)
+        lossless += self->ring.gates[i].is_lossless;
+    const uint64_t taken = ring_taken_of(&self->ring, self->ring.latest + 1);
+    return Py_BuildValue("{sKsKsKsKsK}", "index_length", (unsigned long long)self->ring.index_length, "lossless",
+                         (unsigned long long)lossless, "max_payload", (unsigned long long)self->ring.max_payload,
+                         "rung", (unsigned long long)self->rung, "taken", (unsigned long long)taken);
+}
+
 static PyMethodDef methods[] = {
     {"write", writer_write, METH_O, NULL},
     {"prepare", writer_prepare, METH_VARARGS, NULL},
@@ -647,26 +647,22 @@ static PyMethodDef methods[] = {
     {"add_gate", (PyCFunction)(void (*)(void))writer_add_gate, KEYWORDS, NULL},
     {"remove_gate", writer_remove_gate, METH_O, NULL},
     {"has_pins", writer_has_pins, METH_O, NULL},
-    {"is_lossless", writer_is_lossless, METH_O, NULL},
     {"make_lossy", writer_make_lossy, METH_O, NULL},
-    {"taken", writer_taken, METH_NOARGS, NULL},
     {"wait_for_room", writer_wait_for_room, METH_NOARGS, NULL},
     {"woken", writer_woken, METH_NOARGS, NULL},
     {"carry_from", writer_carry_from, METH_O, NULL},
     {"move", writer_move, METH_O, NULL},
     {"close", writer_close, METH_NOARGS, NULL},
+    {"_debug", writer_debug, METH_NOARGS, NULL},
     {0},
 };
 
 static PyMemberDef members[] = {
     {"capacity", T_ULONGLONG, offsetof(Writer, ring.capacity), READONLY, NULL},
-    {"index_length", T_ULONGLONG, offsetof(Writer, ring.index_length), READONLY, NULL},
-    {"max_payload", T_ULONGLONG, offsetof(Writer, ring.max_payload), READONLY, NULL},
     {"latest", T_ULONGLONG, offsetof(Writer, ring.latest), READONLY, NULL},
     {"oldest", T_ULONGLONG, offsetof(Writer, ring.oldest), READONLY, NULL},
     {"samples", T_ULONGLONG, offsetof(Writer, samples), READONLY, NULL},
     {"bytes", T_ULONGLONG, offsetof(Writer, bytes), READONLY, NULL},
-    {"rung", T_ULONGLONG, offsetof(Writer, rung), READONLY, NULL},
     {"is_mine", T_OBJECT, offsetof(Writer, home.is_mine), 0, NULL},
     {"is_noted", T_BOOL, offsetof(Writer, is_noted), 0, NULL},
     {"is_long", T_BOOL, offsetof(Writer, is_long), 0, NULL},
