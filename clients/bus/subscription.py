@@ -359,6 +359,7 @@ class Subscription(Endpoint[M]):
     def _drain_rings(self) -> None:
         """What waits in the rings is brought in order with what comes by socket."""
         self._receiver.drain_rings()
+        self._link.report(self)  # nothing else may ever come that would have it reported
         self._link.soon(self._wake)  # a publisher that has refused to share did not ring
 
     def _counts(self) -> str:

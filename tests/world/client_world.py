@@ -266,6 +266,7 @@ class Client(ListPort):
         assert self.connection is None and not self.is_dead
         self.connection = Connection(self._world, f"client {self.number}")
         self.is_away, self.outbox = False, Outbox()
+        self.broker = 1, self._world.brokers
         self._has_shared = False
         self._asked.clear()
         self._request(
@@ -319,10 +320,6 @@ class Client(ListPort):
         return self.connection is not None and self.connection.serve()
 
     # --- as the link
-
-    @property
-    def broker(self) -> tuple[int, int]:
-        return 1, self._world.brokers
 
     def write(self, data: bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
         if self.connection is not None and not self.connection.has_ended:
@@ -423,7 +420,7 @@ class Client(ListPort):
                 self._drains.release()
         elif (field := _ABOUT.get(type(message))) is not None:
             endpoint = self._by_id.get(getattr(message, field))
-            if endpoint is not None:
+            if endpoint is not None and not isinstance(message, m.Incompatible):  # it would ask with a task
                 endpoint._handle(message, descriptors)
 
     def _lost(self) -> None:

@@ -228,7 +228,8 @@ class Sender:
 
     def first_seq_to_send(self) -> int:
         """The number of the first sample that a broker will get."""
-        if self._ring is None or self._socket.is_active:
+        # What waits goes there, even where no match that is known needs it any more.
+        if self._ring is None or self._socket.is_active or self._socket.queue.runs:
             return self._socket.first_seq_to_send()
         return self._ring.writer.latest + 1
 

@@ -215,6 +215,21 @@ class TestReroute:
         assert subscription.statistics().dropped == {}
 
     @by_shared_memory
+    def test_the_graph_hears_what_has_become_of_what_was_in_the_ring(self) -> None:
+        """Also where nothing comes after it."""
+        pair = Pair("shm", QoSProfile(3))
+        pair.refuse()
+        while pair.listener.serve():
+            pass
+        pair.publish(5)
+        assert pair.heard() == [3, 4, 5]
+        pair.world.advance(1)
+        graph = pair.world.whole_graph(statistics=True)
+        (found,) = (one.statistics for one in graph.endpoints if one.gid == pair.subscription.gid)
+        assert found is not None
+        assert (found.samples, found.expected, found.dropped) == (3, 5, {"replaced": 2})
+
+    @by_shared_memory
     def test_of_one_that_keeps_all(self) -> None:
         pair = Pair("shm", KEEP_ALL)
         pair.publish(4)
@@ -322,6 +337,26 @@ class TestBrokerThatDies:
         pair.world.advance(1)
         assert pair.heard() == [1, 2, 3, 4]
         assert pair.dropped == {}
+
+    @by_shared_memory
+    def test_what_waited_for_one_that_has_left_is_no_surprise_to_the_next_broker(self) -> None:
+        """It hears of it in the declaration: a number that goes back would end the connection."""
+        world = ClientWorld()
+        talker, far = world.client(shares=True), world.client()
+        subscription = far.subscription(LAST_10)
+        world.settle()
+        publisher = talker.publisher(LAST_10)
+        world.settle()
+        talker.is_choked = True
+        talker.publish(publisher, 3)
+        world.settle()
+        far.close(subscription)
+        world.settle()
+        assert not publisher._sender.goes_by_socket and publisher._sender.queued == 3
+        talker.hang_up()
+        talker.unchoke()
+        world.connect_all()
+        assert talker.connection is not None and talker.connection.cut_reason is None
 
     @by_either
     def test_a_connection_alone_that_ends_and_comes_back(self, route: str) -> None:
