@@ -466,7 +466,7 @@ class ClientWorld(broker_world.World):
         for client in self.clients:
             client.end()
         self.clock.forget()
-        self._forget_broker()
+        self.processes.clear()
 
     def process_of(self, identity: tuple[int, int]) -> Client:
         """Whose readers' segment that is."""
@@ -510,15 +510,9 @@ class ClientWorld(broker_world.World):
         for client in self.clients:
             if client.connection is not None:
                 client.connection.has_ended = True
-        self._forget_broker()
+        self.processes.clear()
         self.brokers += 1
         self.broker = Broker(self._limits, (), self.broker._guard.access, uid=broker_world.UID, pid=1)
-
-    def _forget_broker(self) -> None:
-        """It says nothing more. Its matches must end: the garbage collector does not look at them."""
-        for peer in tuple(self.processes):
-            self.broker.detach(self.now_ns, peer)
-        self.processes.clear()
 
     def connect_all(self) -> None:
         """Whoever has lost its connection has another."""
