@@ -4,10 +4,12 @@ import gc
 import sys
 from collections.abc import Callable
 from types import BuiltinFunctionType, FunctionType, ModuleType
+from weakref import ref
 
 import pytest
 
 from broker_world import ALL_MAY, SECOND, UID, Refusal, World
+from bus.base.ids import EndpointId
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from busd.core.absent import KEEP_NS, TELL_AGAIN_NS
@@ -161,3 +163,16 @@ def test_nothing_is_left_of(story: Callable[[Stage], None]) -> None:
 
     weight = play(SETTLING)
     assert play(TIMES) - weight < 20 * TIMES, "something is left each time"
+
+
+def test_a_broker_that_is_dropped_whole_is_gone_with_its_matches() -> None:
+    """What they hold, descriptors say, is closed then."""
+    stage = Stage()
+    stage.world.process(shares=True).subscription("/topic", ALL)
+    matches = stage.world.broker.graph.publishers[EndpointId(stage.publisher.id)].matches
+    assert {one.route for one in matches.values()} == {"shm", "socket"}
+    broker = ref(stage.world.broker)
+    ring = ref(stage.world.broker.graph.publishers[EndpointId(stage.publisher.id)].ring)
+    del stage, matches
+    gc.collect()
+    assert broker() is ring() is None

@@ -11,7 +11,7 @@ from bus.base.ids import EndpointId
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from busd.core import entities
-from busd.core.entities import SHM, SOCKET, Match
+from busd.core.entities import SHM, SOCKET, Match, Owed
 from busd.core.match import TRANSITIONS, MatchError, MatchEvent, MatchState
 from match_tables import check_matches
 
@@ -230,6 +230,46 @@ class TestExpected:
         totals = one.subscription.statistics()
         assert not one.match.is_return
         assert (one.subscription.payloads, totals.expected, totals.dropped) == ([*"128"], 3, {})
+
+
+class TestOwed:
+    """What is remembered of a publisher for a subscription that may be lost, or come back."""
+
+    @pytest.mark.parametrize("state", LIVE)
+    def test_by_state(self, state: MatchState) -> None:
+        owed = scene(state).match.owed
+        from_where = {
+            MatchState.OFFERED: 0,
+            MatchState.ATTACHED: 0,
+            MatchState.AHEAD: 4,
+            MatchState.ROUTED: 1,
+        }
+        assert (owed.first_seq if owed is not None else None) == from_where.get(state)
+
+    def test_what_is_found_in_the_ring_is_not_owed(self) -> None:
+        match = scene(MatchState.NEW).match
+        match.subscription.owed[GID] = Owed(5, is_kept=False)
+        match.share()
+        assert match.subscription.owed == {}
+
+    @pytest.mark.parametrize("leaves", [True, False])
+    def test_whether_the_publisher_took_its_leave(self, leaves: bool) -> None:
+        """By shared memory, only one that did has said how much is in its ring."""
+        for state, known in ((MatchState.ROUTED, {GID: 0}), (MatchState.OFFERED, {GID: 0} if leaves else {})):
+            one = scene(state)
+            if leaves:
+                one.publisher.destroy()
+            else:
+                one.publisher.process.die()
+            assert one.match.subscription.last_seqs == known
+            assert [owed.has_left for owed in one.match.subscription.owed.values()] == [leaves] * len(known)
+
+    def test_a_run_for_one_alone_tells_how_far_it_is_only_while_it_catches_up(self) -> None:
+        for state, known in ((MatchState.CATCHING_UP, 2), (MatchState.ROUTED, None), (MatchState.AHEAD, 3)):
+            one = scene(state)
+            one.publisher.publish(*"1234")
+            one.publisher.catch_up(one.subscription, *"12")
+            assert one.match.subscription.last_seqs.get(GID) == known
 
 
 class TestAwaited:
