@@ -194,7 +194,7 @@ class Member:
         self.process.send_bytes(bytes(raw))
         new = self.process.sent[before:]
         if kind in ("message", "carrier") and content["m"] in self.ids:
-            self.ids[content["m"]] += [answer.id for answer in new if isinstance(answer, m.Created)]
+            self.ids[content["m"]] += [answer.id for answer in new if isinstance(answer, m.Created)]  # type: ignore[operator]
 
     def _message(self, fields: dict[str, Any]) -> bytes:
         body = msgspec.msgpack.encode({name: self._found(value) for name, value in fields.items()})
@@ -221,7 +221,7 @@ class Member:
         if not isinstance(value, Mine):
             return value
         ids = self.ids[value.kind]
-        return ids[value.index % len(ids)]
+        return ids[value.index % len(ids)]  # type: ignore[arg-type, index]
 
 
 @settings(deadline=None, max_examples=examples(100))

@@ -117,9 +117,9 @@ class TestBetweenUsers:
             rule(f"users = [{STRANGER}]", "/chat", "subscribe"),
         )
         environment = {"BUSD_SOCKET": str(busd.path), "BUS_ROUTE": wished}
-        with running(program(STRANGER, LISTENER, **environment)) as (listener, _):
+        with running(program(STRANGER, LISTENER, **environment)) as (listener, _):  # type: ignore[arg-type]
             assert listener.readline() == "ready\n"
-            with running(program(GUEST, TALKER, "stranger", **environment)) as (talker, _):
+            with running(program(GUEST, TALKER, "stranger", **environment)) as (talker, _):  # type: ignore[arg-type]
                 assert talker.readline() == "socket\n"
                 assert listener.readline() == "hello stranger\n"
 

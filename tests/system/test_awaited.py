@@ -97,7 +97,7 @@ async def test_what_is_sent_is_sent_all_the_same(node: bus.Node) -> None:
     async with asyncio.timeout(10):
         assert (await subscription.receive())[0].data == "forgotten"
     with pytest.warns(RuntimeWarning) as told:
-        publisher.send(String(data="next"))
+        publisher.send(String(data="next"))  # type: ignore[unused-coroutine]
         frame = currentframe()
         assert frame is not None
         assert told[0].lineno == frame.f_lineno - 3
@@ -134,7 +134,7 @@ async def test_where_it_is_not_forgotten(node: bus.Node, recwarn: pytest.Warning
     cancelled.cancel()
     await asyncio.wait([cancelled])
     coroutine = made[0].close()
-    assert asyncio.iscoroutine(coroutine) and coroutine.cr_frame is not None
+    assert asyncio.iscoroutine(coroutine) and coroutine.cr_frame is not None  # type: ignore[attr-defined]
     await coroutine
     with pytest.raises(RuntimeError, match="reuse"):
         await coroutine

@@ -196,7 +196,7 @@ class TestDepth:
         with pytest.raises(bus.MessageTypeError, match="data"):
             await sending
         (error,) = await asyncio.gather(publisher.send(wrong), return_exceptions=True)
-        assert isinstance(error, bus.MessageTypeError)
+        assert isinstance(error, bus.MessageTypeError)  # type: ignore[has-type]
         await publisher.close()
         with pytest.raises(bus.ConnectionClosed):
             await publisher.send(Int32())

@@ -122,14 +122,16 @@ class TestFullBacklog:
             if len(pauses) == 5:
                 daemon.process.send_signal(signal.SIGCONT)
 
-        monkeypatch.setattr(query.time, "sleep", pause)
+        monkeypatch.setattr(query.time, "sleep", pause)  # type: ignore[attr-defined]
         with full_backlog(daemon), Query(daemon.path, may_start=False, answer_s=WAIT_S) as asked:
             assert asked.graph().nodes == ()
         assert len(tries) > 5
 
     async def test_neither_waits_for_ever(self, daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(
-            bus.link.reach.Patience.__init__, "__defaults__", (0.05, bus.link.reach.monotonic)
+            bus.link.reach.Patience.__init__,
+            "__defaults__",
+            (0.05, bus.link.reach.monotonic),  # type: ignore[attr-defined]
         )
         reason = f"busd at {daemon.path} takes no connection: too many wait to be accepted; tried for 0.05 s"
         with full_backlog(daemon):

@@ -12,7 +12,7 @@ import pytest
 
 import bus
 from benchmarks.adapters.holding import usage_of
-from bus.delivery import shm_sender
+from bus.delivery import ring_size, shm_sender
 from bus.msg.rcl_interfaces import Log
 from bus.msg.std_msgs import Int32, String
 from bus.shm import segments
@@ -53,7 +53,7 @@ def none_early(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def later(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     """Makes all that was published seem to be long ago."""
-    laps_slowly = shm_sender.laps_slowly
+    laps_slowly = ring_size.laps_slowly
 
     def pass_by() -> None:
         monkeypatch.setattr(

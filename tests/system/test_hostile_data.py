@@ -196,7 +196,7 @@ class TestDeclarations:
         ]:
             with RawPeer(daemon.path) as peer:
                 node = peer.hello().node()
-                peer.write(control(msgspec.msgpack.encode({**sound, "node": node, **wrong})))
+                peer.write(control(msgspec.msgpack.encode({**sound, "node": node, **wrong})))  # type: ignore[dict-item]
                 assert reason in peer.fault(), wrong
 
     def test_a_depth_above_the_limit(self, peer: RawPeer) -> None:

@@ -125,7 +125,7 @@ class TestOneThatWantsTooMuch:
             answers = [peer.expect(m.Created | m.Refused) for _ in range(10_000)]  # type: ignore[arg-type]
         assert [type(answer) for answer in answers] == [m.Created] * 4096 + [m.Refused] * 5904
         last = answers[-1]
-        assert (last.resource, last.used, last.limit) == ("endpoints of a process", 4096, 4096)
+        assert (last.resource, last.used, last.limit) == ("endpoints of a process", 4096, 4096)  # type: ignore[attr-defined]
         graph: m.Graph = peer.ask(m.GetGraph(request=peer.request()))
         assert len(graph.endpoints) == 4096 + 2
         peer.publisher(node, "/more")
@@ -137,7 +137,7 @@ class TestOneThatWantsTooMuch:
         with written(peer.hello(), wanted):
             answers = [peer.expect(m.Created | m.Refused) for _ in range(10_000)]  # type: ignore[arg-type]
         assert sum(isinstance(answer, m.Created) for answer in answers) == 1024
-        assert (answers[-1].resource, answers[-1].limit) == ("nodes of a process", 1024)
+        assert (answers[-1].resource, answers[-1].limit) == ("nodes of a process", 1024)  # type: ignore[attr-defined]
 
     @with_limits(topics=100)
     def test_topics(self, peer: RawPeer) -> None:

@@ -187,7 +187,7 @@ class TestFacade:
         publisher = world.node("liar").create_publisher(message, "/clock", 10)
         for sec, nanosec in (*CLOCKS, (7, 0)):
             clock = message()
-            clock.clock.sec, clock.clock.nanosec = sec, nanosec
+            clock.clock.sec, clock.clock.nanosec = sec, nanosec  # type: ignore[attr-defined]
             publisher.publish(clock)
             world.spin_until(lambda: publisher.wait_for_all_acked(), node)
         world.spin_until(lambda: node.get_clock().now().nanoseconds == 7 * 10**9, node)
@@ -205,11 +205,11 @@ class TestFacade:
         ]
         parameters = []
         for fields in values:
-            parameter = message_class("rcl_interfaces/msg/Parameter")(name="x")
-            parameter.value = message_class("rcl_interfaces/msg/ParameterValue")(**fields)
+            parameter = message_class("rcl_interfaces/msg/Parameter")(name="x")  # type: ignore[call-arg]
+            parameter.value = message_class("rcl_interfaces/msg/ParameterValue")(**fields)  # type: ignore[attr-defined]
             parameters.append(parameter)
         with world.spinning(node):
-            results = client.call(service.Request(parameters=parameters)).results
+            results = client.call(service.Request(parameters=parameters)).results  # type: ignore[attr-defined]
         assert [one.successful for one in results] == [False] * len(values)
         assert node.get_parameter("x").value == 1
 

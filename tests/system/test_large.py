@@ -76,7 +76,7 @@ class TestBuffers:
         buffer = bytearray(LONG)
         for number in range(5):
             buffer[:] = pattern(number)
-            publisher.publish(Image(number, buffer))
+            publisher.publish(Image(number, buffer))  # type: ignore[arg-type]
         for number in range(5):
             assert (await subscription.receive())[0] == Image(number, pattern(number))
 

@@ -96,7 +96,7 @@ def test_domains_are_apart(world: World, tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.delenv("BUSD_SOCKET")
     daemons = [Daemon(tmp_path / "busd" / f"{domain}.sock") for domain in (3, 4)]
     try:
-        nodes = []
+        nodes: list[Node] = []
         for domain in (3, 4, 4):
             context = Context()
             context.init([], domain_id=domain)
@@ -118,7 +118,7 @@ def test_callbacks_at_the_end(world: World) -> None:
     context, told = Context(), []
     context.init([])
     context.on_shutdown(lambda: told.append("first"))
-    context.on_shutdown(lambda: told.append(context.ok()))
+    context.on_shutdown(lambda: told.append(context.ok()))  # type: ignore[arg-type]
     with pytest.raises(TypeError):
         context.on_shutdown("no function")  # type: ignore[arg-type]
     context.shutdown()

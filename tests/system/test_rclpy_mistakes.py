@@ -36,10 +36,10 @@ NAMES: dict[str, tuple[str, int | None]] = {
 }
 
 CALLS: dict[str, tuple[_Mistake, type[Exception], str]] = {
-    "spinning nothing": (lambda node: rclpy.spin(None), TypeError, "a node is needed here, not None"),
-    "spinning a class": (lambda node: rclpy.spin_once(Node), TypeError, "a node is needed here, not <class"),
+    "spinning nothing": (lambda node: rclpy.spin(None), TypeError, "a node is needed here, not None"),  # type: ignore[arg-type]
+    "spinning a class": (lambda node: rclpy.spin_once(Node), TypeError, "a node is needed here, not <class"),  # type: ignore[arg-type]
     "arguments in the wrong order": (
-        lambda node: node.create_publisher("t", String, 1),
+        lambda node: node.create_publisher("t", String, 1),  # type: ignore[arg-type]
         AttributeError,
         "This might be a ROS 1 message type",
     ),
@@ -54,7 +54,7 @@ CALLS: dict[str, tuple[_Mistake, type[Exception], str]] = {
         "this might be a message or action",
     ),
     "a subscription's callback was called": (
-        lambda node: node.create_subscription(String, "t", ignore(None), 1),
+        lambda node: node.create_subscription(String, "t", ignore(None), 1),  # type: ignore[arg-type]
         TypeError,
         "callback must be callable, not NoneType",
     ),
@@ -79,7 +79,7 @@ CALLS: dict[str, tuple[_Mistake, type[Exception], str]] = {
         "expected a AddTwoInts_Request, got dict",
     ),
     "no QoS": (
-        lambda node: node.create_publisher(String, "t", None),
+        lambda node: node.create_publisher(String, "t", None),  # type: ignore[arg-type]
         TypeError,
         "Expected QoSProfile or int, but received <class 'NoneType'>",
     ),
@@ -88,10 +88,10 @@ CALLS: dict[str, tuple[_Mistake, type[Exception], str]] = {
         ValueError,
         "depth must be greater than or equal to zero",
     ),
-    "a period that is no number": (lambda node: node.create_timer("often", ignore), ValueError, "'often'"),
+    "a period that is no number": (lambda node: node.create_timer("often", ignore), ValueError, "'often'"),  # type: ignore[arg-type]
     "a period below zero": (lambda node: node.create_timer(-1, ignore), ValueError, "-1 is below zero"),
     "a timer's callback by its name": (
-        lambda node: node.create_timer(1.0, "ignore"),
+        lambda node: node.create_timer(1.0, "ignore"),  # type: ignore[arg-type]
         TypeError,
         "callback must be callable, not str",
     ),
@@ -107,7 +107,7 @@ CALLS: dict[str, tuple[_Mistake, type[Exception], str]] = {
     ),
     "a rate of zero": (lambda node: node.create_rate(0), ValueError, "frequency must be > 0"),
     "a dictionary for parameters": (
-        lambda node: node.set_parameters({"x": 1}),
+        lambda node: node.set_parameters({"x": 1}),  # type: ignore[dict-item]
         TypeError,
         "parameter must be instance of type",
     ),

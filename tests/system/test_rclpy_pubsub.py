@@ -208,13 +208,13 @@ class TestPublishing:
     def test_a_message_whose_contents_went_wrong(self, world: World, node: Node) -> None:
         joints = message_class("sensor_msgs/msg/JointState")
         publisher = node.create_publisher(joints, "t", 10)
-        message = joints(name=["a"])
-        message.name.append(1)
+        message = joints(name=["a"])  # type: ignore[call-arg]
+        message.name.append(1)  # type: ignore[attr-defined]
         with pytest.raises(TypeError, match="name"):
             publisher.publish(message)
         heard: list[Any] = []
         node.create_subscription(joints, "t", heard.append, 10)
-        message.name.pop()
+        message.name.pop()  # type: ignore[attr-defined]
         publisher.publish(message)
         world.spin_until(lambda: heard)
         assert heard == [message]

@@ -180,13 +180,13 @@ def test_an_answer_that_is_too_large_is_refused_and_the_server_goes_on(
 ) -> None:
     kind = service_class("std_srvs/srv/Trigger")
     sizes = iter((200_000, 5))
-    server.create_service(kind, "say", lambda request, response: kind.Response(message="x" * next(sizes)))
+    server.create_service(kind, "say", lambda request, response: kind.Response(message="x" * next(sizes)))  # type: ignore[attr-defined]
     client = node.create_client(kind, "say")
     with world.spinning(server):
         assert client.wait_for_service(timeout_sec=WAIT_S)
         with pytest.raises(ServiceError, match="PayloadTooLarge"):
-            client.call(kind.Request(), timeout_sec=WAIT_S)
-        assert client.call(kind.Request(), timeout_sec=WAIT_S).message == "xxxxx"
+            client.call(kind.Request(), timeout_sec=WAIT_S)  # type: ignore[attr-defined]
+        assert client.call(kind.Request(), timeout_sec=WAIT_S).message == "xxxxx"  # type: ignore[attr-defined]
 
 
 def test_a_server_that_raises(world: World, server: Node, client: Client) -> None:

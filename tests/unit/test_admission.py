@@ -76,8 +76,8 @@ class Door:
         self.admission.close()
         self._stack.close()
         self.listening.close()
-        for sock, _ in self.host.inside:
-            sock.close()
+        for inside, _ in self.host.inside:  # type: ignore[assignment]
+            inside.close()
 
     def come(self, words: bytes = b"") -> socket.socket:
         """One more connection, which has said that."""

@@ -13,7 +13,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks import soak
-from benchmarks.figures import percentile
 from benchmarks.harness import Failure
 from benchmarks.machine import ROOT
 from benchmarks.soaking import picture, tables
@@ -23,6 +22,7 @@ from benchmarks.soaking.load import LATCHED, LISTENERS, STREAMS, TALKERS, head_o
 from benchmarks.soaking.record import Record, Totals
 from benchmarks.soaking.slope import Quantity, after_warm_up, fit
 from benchmarks.soaking.usage import QUANTITIES, Usage
+from bus_cli.bench.figures import percentile
 
 pytestmark = pytest.mark.nightly
 

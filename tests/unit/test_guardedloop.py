@@ -361,8 +361,8 @@ def test_four_threads_for_half_a_second(loop: GuardedLoop) -> None:
         with loop:
             loop.call_later(0.02, loop.wake)
         wait_until(lambda: len(told) == sum(map(len, expected)))
-    for thread, numbers in enumerate(expected):
-        assert sorted(number for who, number in told if who == thread) == numbers
+    for index, numbers in enumerate(expected):
+        assert sorted(number for who, number in told if who == index) == numbers
     assert shared[0] == sum(touches) + len(told)
 
 

@@ -1,5 +1,6 @@
 """bus.delivery.receiver: what waits, what is given out and counted, what a lossless publisher is told."""
 
+import builtins
 from typing import Any
 
 import pytest
@@ -202,7 +203,7 @@ class _Rings:
 
     overrun = expired = replaced = undecodable = samples = bytes = 0
 
-    def __init__(self, source: PublisherProxy, *waiting: tuple[int, bytes]) -> None:
+    def __init__(self, source: PublisherProxy, *waiting: "tuple[int, builtins.bytes]") -> None:
         self.depth = 0
         self._source = source
         self._waiting = list(waiting)
@@ -223,7 +224,7 @@ class _Rings:
 class TestRings:
     def test_what_waits_there_is_brought_before_what_comes_by_socket(self) -> None:
         box = Box()
-        box.receiver.reader = _Rings(box.source(), (1, b"1"), (2, b"22"))
+        box.receiver.reader = _Rings(box.source(), (1, b"1"), (2, b"22"))  # type: ignore[assignment]
         assert (box.receiver.queued, box.receiver.has_more) == (2, True)
         box.receiver.drain_rings()
         box.source().last_seq = 2  # as whoever leaves the ring knows
@@ -235,7 +236,7 @@ class TestRings:
 
     def test_they_are_within_the_depth_too(self) -> None:
         box = Box()
-        rings = box.receiver.reader = _Rings(box.source())
+        rings = box.receiver.reader = _Rings(box.source())  # type: ignore[assignment]
         box.receiver.set_depth(3)
         assert rings.depth == 3
         box.put(1, *numbers(1, 6))
@@ -244,7 +245,7 @@ class TestRings:
     def test_what_a_ring_gave_up_unread_is_the_publishers_loss_where_all_is_kept(self) -> None:
         for depth, reason in ((0, "publisher_queue"), (5, "replaced")):
             box = Box(depth)
-            rings = box.receiver.reader = _Rings(box.source())
+            rings = box.receiver.reader = _Rings(box.source())  # type: ignore[assignment]
             rings.overrun, rings.replaced, rings.expired = 2, 3, 4
             together = {"replaced": 3} | {reason: 2 + 3 * (reason == "replaced")}
             assert box.receiver.dropped == together | {"expired": 4}

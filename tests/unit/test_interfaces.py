@@ -180,8 +180,8 @@ def test_a_class_is_made_once_and_has_its_neighbours(own: Path) -> None:
     write(own, "demo/msg/Spoke", "std_msgs/String label")
     cls = make(own, "Spoke first\nSpoke[] others\n")
     assert message_class("demo/msg/Wheel") is cls is find_type("demo/Wheel") is find_type("demo/msg/Wheel")
-    assert type(cls().first) is message_class("demo/msg/Spoke")
-    assert type(cls().first.label) is String
+    assert type(cls().first) is message_class("demo/msg/Spoke")  # type: ignore[attr-defined]
+    assert type(cls().first.label) is String  # type: ignore[attr-defined]
 
 
 def test_a_field_may_be_a_word_of_python(own: Path) -> None:
@@ -256,7 +256,7 @@ def test_a_malformed_definition_hurts_only_who_asks_for_it(own: Path) -> None:
     write(own, "demo/msg/Good", "int32 x\n")
     write(own, "demo/msg/WithBad", "Bad bad\n")
     (own / "demo" / "msg" / "Binary.msg").write_bytes(b"\xff\xfe")
-    assert message_class("demo/msg/Good")().x == 0
+    assert message_class("demo/msg/Good")().x == 0  # type: ignore[attr-defined]
     assert len(names("msg", "demo")) == 4
     for name in ("demo/msg/Bad", "demo/msg/WithBad"):
         with pytest.raises(ConfigurationError, match=r"demo/msg/Bad\.msg:1: 'int33' is not a known type"):
@@ -313,7 +313,7 @@ def test_a_workspace_is_found_from_within(tmp_path: Path, monkeypatch: pytest.Mo
         assert names(package="first") == ["first/msg/Wheel"]
         assert definition_path("second/msg/Wheel") == root / "src" / "second" / "msg" / "Wheel.msg"
         assert names(package="third") == []
-    assert type(message_class("second/msg/Wheel")().wheels) is list
+    assert type(message_class("second/msg/Wheel")().wheels) is list  # type: ignore[attr-defined]
 
 
 def test_a_workspace_is_found_around_the_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

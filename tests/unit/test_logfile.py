@@ -205,7 +205,7 @@ def test_one_that_is_made_just_now_is_waited_for(path: Path, monkeypatch: pytest
         append(path.with_name("other"))
         path.with_name("other").rename(path)
 
-    monkeypatch.setattr(logfile.time, "sleep", write_the_mark)
+    monkeypatch.setattr(logfile.time, "sleep", write_the_mark)  # type: ignore[attr-defined]
     append(path, "text\n")
     assert lines(path) == ["text"]
 

@@ -35,7 +35,7 @@ def test_ctrl_c_leaves_no_lock_taken(monkeypatch: pytest.MonkeyPatch) -> None:
         try:
             handler.handle(logging.makeLogRecord({"levelno": 20, "msg": "hi"}))
         except KeyboardInterrupt:
-            assert not lock._is_owned(), number
+            assert not lock._is_owned(), number  # type: ignore[attr-defined]
         else:
             break
         finally:

@@ -198,7 +198,7 @@ def test_the_page_has_all_of_them() -> None:
     for name, family in families().items():
         if not name.startswith("busd_process_"):
             labels = (
-                tuple(label for label in family.samples[0].labels if label != "le") if family.samples else ()
+                tuple(label for label in family.samples[0].labels if label != "le") if family.samples else ()  # type: ignore[assignment]
             )
             kind = "gauge" if family.type == "info" else family.type
             seen[name + suffix.get(family.type, "")] = (kind, labels)

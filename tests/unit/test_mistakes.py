@@ -26,7 +26,7 @@ class Pose:
 
 
 class Frame(msgspec.Struct):
-    pixels: list[array.array]
+    pixels: list[array.array]  # type: ignore[type-arg]
 
 
 @pytest.mark.parametrize(

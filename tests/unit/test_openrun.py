@@ -171,7 +171,7 @@ class TestPublish:
 
     def test_an_encoder_may_end_the_run(self) -> None:
         route = Route(budget=1000)
-        frames = []
+        frames: list[Any] = []
 
         def encode(message: String) -> bytes:
             if run.samples:
@@ -186,7 +186,7 @@ class TestPublish:
 
     def test_the_route_may_end_the_run_while_it_is_told(self) -> None:
         route = Route()
-        frames = []
+        frames: list[Any] = []
         run = route.prepare()
         route.act = lambda: frames.append(run.end(1, 1, 0))
         assert run.publish(String(data="a")) and run.publish(String(data="b"))

@@ -19,7 +19,7 @@ def descriptor(**fields: Any) -> Any:
 
 
 def result(successful: bool, reason: str = "") -> Any:
-    return message_class("rcl_interfaces/msg/SetParametersResult")(successful=successful, reason=reason)
+    return message_class("rcl_interfaces/msg/SetParametersResult")(successful=successful, reason=reason)  # type: ignore[call-arg]
 
 
 class Host:

@@ -79,7 +79,7 @@ def test_values_that_no_parameter_has() -> None:
         Parameter("a", Type.DOUBLE_ARRAY, 1.0)
     with pytest.raises(TypeError, match="type must be an instance of"):
         Parameter("a", 1, 1)  # type: ignore[arg-type]
-    value = message_class("rcl_interfaces/msg/ParameterValue")(type=77)
+    value = message_class("rcl_interfaces/msg/ParameterValue")(type=77)  # type: ignore[call-arg]
     with pytest.raises(RuntimeError, match="unexpected parameter type 77"):
         parameter_value_to_python(value)
 

@@ -124,7 +124,7 @@ def test_a_scalar_has_one_meaning(text: str) -> None:
     """Whether it comes alone, or by way of YAML as an item of a list."""
     alone = parse_scalar(text)
     try:
-        (listed,) = parse_value(f"[{text}]")  # type: ignore[misc,union-attr]
+        (listed,) = parse_value(f"[{text}]")  # type: ignore[str-unpack]
     except (ConfigurationError, ValueError):
         return
     assert repr(listed) == repr(alone)

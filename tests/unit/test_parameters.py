@@ -27,15 +27,15 @@ def descriptor(**fields: Any) -> Any:
 
 
 def integers(low: int, high: int, step: int = 0) -> Any:
-    return message_class("rcl_interfaces/msg/IntegerRange")(from_value=low, to_value=high, step=step)
+    return message_class("rcl_interfaces/msg/IntegerRange")(from_value=low, to_value=high, step=step)  # type: ignore[call-arg]
 
 
 def floats(low: float, high: float, step: float = 0.0) -> Any:
-    return message_class("rcl_interfaces/msg/FloatingPointRange")(from_value=low, to_value=high, step=step)
+    return message_class("rcl_interfaces/msg/FloatingPointRange")(from_value=low, to_value=high, step=step)  # type: ignore[call-arg]
 
 
 def result(successful: bool, reason: str = "") -> Any:
-    return message_class("rcl_interfaces/msg/SetParametersResult")(successful=successful, reason=reason)
+    return message_class("rcl_interfaces/msg/SetParametersResult")(successful=successful, reason=reason)  # type: ignore[call-arg]
 
 
 def node(**options: Any) -> NodeParameters:

@@ -26,7 +26,7 @@ from conftest import WAIT_S
 from feeding import feed, frame_record
 from stepcount import StepCounter
 
-KIND = {"type_name": "test/msg/Text", "type_hash": "hash"}
+KIND: dict[str, Any] = {"type_name": "test/msg/Text", "type_hash": "hash"}
 UID = os.getuid()
 
 

@@ -281,7 +281,7 @@ def nodes_are_ours(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def clock_message(seconds: int) -> Any:
-    return message_class("rosgraph_msgs/msg/Clock")(clock=at(seconds).to_msg())
+    return message_class("rosgraph_msgs/msg/Clock")(clock=at(seconds).to_msg())  # type: ignore[call-arg]
 
 
 def test_a_time_source_follows_the_parameter() -> None:

@@ -67,7 +67,7 @@ def test_events_of_a_subscription() -> None:
     callbacks = dict.fromkeys(
         ("deadline", "incompatible_qos", "liveliness", "message_lost", "incompatible_type", "matched"), print
     )
-    events = subscription_events(SubscriptionEventCallbacks(**callbacks), line.enqueue)
+    events = subscription_events(SubscriptionEventCallbacks(**callbacks), line.enqueue)  # type: ignore[arg-type]
     assert isinstance(events, native.SubscriptionEvents)
     fire(
         events,
@@ -202,11 +202,11 @@ def test_overrides_that_are_wrong() -> None:
 
     def refuse(qos: QoSProfile) -> Any:
         seen.append(qos)
-        return result(successful=False, reason="too deep")
+        return result(successful=False, reason="too deep")  # type: ignore[call-arg]
 
     with pytest.raises(InvalidQosOverridesError, match=r"Provided QoS overrides .* not valid: too deep"):
         declare(Node(), QoSOverridingOptions([QoSPolicyKind.DEPTH], callback=refuse))
-    accept = QoSOverridingOptions([], callback=lambda qos: result(successful=True))
+    accept = QoSOverridingOptions([], callback=lambda qos: result(successful=True))  # type: ignore[call-arg]
     assert declare(Node(), accept) == seen[0]
 
 

@@ -82,7 +82,7 @@ def test_throttle_by_the_steady_clock(
     log: RcutilsLogger, entries: list[LogEntry], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now_ns = iter([0, 900_000_000, 1_000_000_000, 1_900_000_000, 2_000_000_000])
-    monkeypatch.setattr(rcutils_logger.time, "monotonic_ns", lambda: next(now_ns))
+    monkeypatch.setattr(rcutils_logger.time, "monotonic_ns", lambda: next(now_ns))  # type: ignore[attr-defined]
     logged = [log.info(number, throttle_duration_sec=1) for number in range(5)]
     assert logged == [True, False, True, False, True]
 
@@ -92,7 +92,7 @@ def test_throttle_by_a_clock_of_the_program(log: RcutilsLogger) -> None:
     logged = []
     for seconds in (0, 4, 5, 9, 2):  # the last one: the simulation began anew
         clock.set_ros_time_override(Time(seconds=seconds, clock_type=ClockType.ROS_TIME))
-        logged.append(log.warn("x", throttle_duration_sec=5.0, throttle_time_source_type=clock))
+        logged.append(log.warn("x", throttle_duration_sec=5.0, throttle_time_source_type=clock))  # type: ignore[call-arg]
     assert logged == [True, False, True, False, True]
 
 

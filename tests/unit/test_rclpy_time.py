@@ -97,15 +97,15 @@ def test_out_of_range() -> None:
 @pytest.mark.parametrize(
     "wrong",
     [
-        lambda: Time() + 1,
-        lambda: Time() + Time(),
-        lambda: Time() - 1,
-        lambda: Time() < 1,
-        lambda: Duration() + 1,
-        lambda: Duration() - 1,
-        lambda: Duration() * "2",
-        lambda: Duration() >= 1,
-        lambda: Time(clock_type=3),
+        lambda: Time() + 1,  # type: ignore[operator]
+        lambda: Time() + Time(),  # type: ignore[operator]
+        lambda: Time() - 1,  # type: ignore[operator]
+        lambda: Time() < 1,  # type: ignore[operator]
+        lambda: Duration() + 1,  # type: ignore[operator]
+        lambda: Duration() - 1,  # type: ignore[operator]
+        lambda: Duration() * "2",  # type: ignore[operator]
+        lambda: Duration() >= 1,  # type: ignore[operator]
+        lambda: Time(clock_type=3),  # type: ignore[arg-type]
         lambda: Time(5),
     ],
 )
@@ -117,7 +117,7 @@ def test_other_types(wrong: Callable[[], object]) -> None:
 def test_messages() -> None:
     stamp = Time(seconds=7, nanoseconds=8).to_msg()
     assert type(stamp) is message_class("builtin_interfaces/msg/Time")
-    assert (stamp.sec, stamp.nanosec) == (7, 8)
+    assert (stamp.sec, stamp.nanosec) == (7, 8)  # type: ignore[attr-defined]
     assert Time.from_msg(stamp) == Time(seconds=7, nanoseconds=8, clock_type=ROS)
     assert Time.from_msg(stamp, clock_type=STEADY).clock_type is STEADY
     span = Duration(seconds=-0.5).to_msg()

@@ -193,7 +193,7 @@ def test_one_that_can_not_read_it_gets_as_much_history_as_any_other(
         )
         for number in range(20):
             publisher.publish(Numbered(1, number))
-        monkeypatch.setattr(shm_receiver.segments, "map_ring", refuse)
+        monkeypatch.setattr(shm_receiver.segments, "map_ring", refuse)  # type: ignore[attr-defined]
         qos = QoSProfile(requested, durability="transient_local")
         late = await listener.create_subscription(Numbered, TOPIC, qos)
         await world.settle()

@@ -89,7 +89,7 @@ def test_any_message_gives_the_bytes_of_the_native_one(data: st.DataObject) -> N
 def test_by_plan_only_what_is_surely_right_is_encoded() -> None:
     point, pose = cls("geometry_msgs/msg/Point"), cls("geometry_msgs/msg/Pose")
 
-    class Corner(point):  # type: ignore[misc]
+    class Corner(point):  # type: ignore[valid-type]
         pass
 
     plan = support("geometry_msgs/msg/Pose").plan

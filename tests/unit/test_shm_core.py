@@ -22,7 +22,7 @@ __all__ = ["listener", "talker"]
 def test_what_is_written_is_taken(talker: Talker, listener: Listener) -> None:
     listener.join(talker)
     before = time.monotonic_ns()
-    talker.write(b"one", bytearray(b"two"), memoryview(b"three"), b"")
+    talker.write(b"one", bytearray(b"two"), memoryview(b"three"), b"")  # type: ignore[arg-type]
     assert talker.writer.write_parts([b"fo", bytearray(b"u"), b"r"] + [b""] * 20) is True
     after = time.monotonic_ns()
     assert (talker.writer.samples, talker.writer.bytes, talker.writer.latest) == (5, 15, 5)

@@ -254,7 +254,7 @@ class TestClaim:
         assert len(looks) == 1
         headroom.claim(MiB)
         assert len(looks) == 2  # large ones never
-        monkeypatch.setattr(headroom, "monotonic_ns", lambda clock=headroom.monotonic_ns: clock() + 10**9)
+        monkeypatch.setattr(headroom, "monotonic_ns", lambda clock=headroom.monotonic_ns: clock() + 10**9)  # type: ignore[attr-defined]
         headroom.claim(8192)
         assert len(looks) == 3
 

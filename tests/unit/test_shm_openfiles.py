@@ -130,7 +130,7 @@ def test_where_the_kernel_does_not_say_how_many_are_open(monkeypatch: pytest.Mon
             raise FileNotFoundError(errno.ENOENT, "No such file or directory")
         return stat("/proc/self/limits")  # of size 0
 
-    monkeypatch.setattr(openfiles.os, "stat", look)
+    monkeypatch.setattr(openfiles.os, "stat", look)  # type: ignore[attr-defined]
     found = openfiles._used()
     monkeypatch.undo()
     assert 3 <= found <= known + 1

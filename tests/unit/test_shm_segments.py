@@ -145,7 +145,7 @@ def test_out_of_descriptors_and_out_of_memory_are_errors() -> None:
             with pytest.raises(OSError, match="Too many open files"):
                 make()
     with limited(resource.RLIMIT_AS, 1 << 20):
-        for make in (lambda: segments.map_ring(ring), lambda: segments.make_ring(1 << 20, 512, 1)):
+        for make in (lambda: segments.map_ring(ring), lambda: segments.make_ring(1 << 20, 512, 1)):  # type: ignore[assignment]
             with pytest.raises(OSError, match="memory"):
                 make()
     ring.close()

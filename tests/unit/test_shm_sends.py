@@ -147,7 +147,7 @@ async def test_it_is_known_as_a_coroutine() -> None:
     sending = room.sends.send("a")
     assert asyncio.iscoroutine(sending) and inspect.isawaitable(sending)
     assert isinstance(sending, collections.abc.Coroutine)
-    assert (sending.__name__, sending.__qualname__) == ("send", "Publisher.send")
+    assert (sending.__name__, sending.__qualname__) == ("send", "Publisher.send")  # type: ignore[attr-defined]
     assert repr(sending).startswith("<coroutine object Publisher.send at ")
     task = asyncio.create_task(sending)
     assert "Publisher.send" in repr(task)

@@ -101,7 +101,7 @@ def ring(number: int, filling: int = 0) -> bytes:
             topic="x" * filling,
             type_name="",
             type_hash="",
-            qos=m.QoSProfile(),
+            qos=m.QoSProfile(),  # type: ignore[attr-defined]
             gid=b"",
             descriptors=1,
         )
@@ -132,7 +132,7 @@ async def test_both_ways_at_once_among_other_traffic(pair: Pair) -> None:
         assert [one.number for one in end.items if isinstance(one, m.Ping)] == [*range(3, 201, 3)]
         carried = [one for one in end.items if isinstance(one, Carried)]
         rings = [one for one in carried if isinstance(one.message, m.CreatePublisher)]
-        assert [one.message.request for one in rings] == [*range(5, 201, 5)]
+        assert [one.message.request for one in rings] == [*range(5, 201, 5)]  # type: ignore[attr-defined]
         assert [values(one) for one in rings] == [(number,) for number in range(5, 201, 5)]
         shared = [one for one in carried if isinstance(one.message, m.Share)]
         assert [values(one) for one in shared] == [(number, 2 * number) for number in range(7, 201, 7)]

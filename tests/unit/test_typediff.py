@@ -96,7 +96,7 @@ def test_how_it_is_sent() -> None:
 def test_a_service_is_told_without_its_envelope() -> None:
     def requests(request: Any, response: Any) -> bytes:
         parts = (msgspec.defstruct("Part", [("a", kind)], bases=(Message,)) for kind in (request, response))
-        return msgspec.msgpack.encode(service_support(make_service("demo/srv/Do", *parts)).requests.schema)
+        return msgspec.msgpack.encode(service_support(make_service("demo/srv/Do", *parts)).requests.schema)  # type: ignore[arg-type]
 
     first = requests(int, int)
     assert difference(first, requests(str, int)) == (
@@ -129,7 +129,7 @@ def test_types_within_themselves_end() -> None:
     fields = [{"name": "x", "type": "a/msg/A"}, {"name": "y", "type": "int"}]
     one = {"root": "a/msg/A", "types": {"a/msg/A": {"fields": fields}}}
     other = {"root": "a/msg/A", "types": {"a/msg/A": {"fields": [fields[0], fields[1] | {"type": "any"}]}}}
-    assert difference(*map(msgspec.msgpack.encode, (one, other)), ("P", "S")) == (
+    assert difference(*map(msgspec.msgpack.encode, (one, other)), ("P", "S")) == (  # type: ignore[arg-type, call-arg]
         "field 'y' is int at P and any at S"
     )
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
+from bus.base.ids import EndpointId
 from bus.wire import messages as m
 from bus.wire.layout import DATA, DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES, REPLAY, RESUMED
 from bus.wire.runs import data_head
@@ -33,7 +34,7 @@ class _Endpoint:
     def __init__(self, process: "Process", created: m.Created, gid: bytes) -> None:
         self.process = process
         self.created = created
-        self.id = created.id
+        self.id = EndpointId(created.id)
         self.gid = gid
 
     def statistics(self, asker: "Process | None" = None) -> m.EndpointStatistics:

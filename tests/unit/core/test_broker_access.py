@@ -108,7 +108,7 @@ class TestSharing:
         """Whoever they are. A program of an earlier version says that it would."""
         users = (UID, 0, ALICE, BOB)
         both = ("publish", "subscribe")
-        world = World(access=(rule("/a", both), rule("/a", both, BOB)))
+        world = World(access=(rule("/a", both), rule("/a", both, BOB)))  # type: ignore[arg-type]
         talkers = [world.process(uid=uid, shares=True, capabilities=says).publisher("/a") for uid in users]
         for uid in users:
             process = world.process(uid=uid, shares=True, capabilities=says)

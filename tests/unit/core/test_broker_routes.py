@@ -148,7 +148,7 @@ class TestAttaching:
             case "never matched":
                 publisher = pair.talker.publisher("/other")
             case "never there":
-                publisher.id += 1000
+                publisher.id += 1000  # type: ignore[assignment]
             case "socket":
                 publisher = pair.world.process().publisher("/topic")
             case "refused":

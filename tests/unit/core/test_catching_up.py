@@ -1,5 +1,7 @@
 """busd.core.router: samples for one subscription alone, and subscriptions that know more than came here."""
 
+from typing import Any
+
 import pytest
 
 from broker_endpoints import Publisher, Subscription
@@ -92,7 +94,7 @@ class TestAlone:
 class TestAhead:
     """It knows numbers that its publisher, which a busd before knew too, sends once more."""
 
-    def back(self, known: int, **more: int) -> tuple[Publisher, Subscription]:
+    def back(self, known: int, **more: Any) -> tuple[Publisher, Subscription]:
         world = World()
         back = world.process().subscription("/topic", last_seqs={GID: known})
         return world.process().publisher("/topic", gid=GID, **more), back

@@ -205,7 +205,7 @@ class TestTypes:
     @pytest.mark.parametrize("field", ["type_name", "type_hash"])
     def test_what_would_play_tricks_on_a_terminal_is_no_name(self, field: str, text: str) -> None:
         process = World().process()
-        process.tell(m.DeclareType(**{"type_name": "a", "type_hash": "1", field: text}))
+        process.tell(m.DeclareType(**{"type_name": "a", "type_hash": "1", field: text}))  # type: ignore[arg-type]
         assert process.cut_reason == f"type name or hash {text!r}, which can't be printed"
 
     def test_the_first_schema_of_a_type_stays(self) -> None:

@@ -1,5 +1,6 @@
 """busd.core.match: every cell of the table, what leads from state to state, and what goes with a state."""
 
+from collections.abc import Container
 from itertools import product
 from typing import NamedTuple
 
@@ -58,7 +59,11 @@ def scene(state: MatchState) -> Scene:
 
 def tables(publisher: entities.Publisher, number: EndpointId) -> set[str]:
     """Which of the publisher's tables have something of the match with that subscription."""
-    found = {"routed": publisher.routed, "ahead": publisher.ahead, "awaited": publisher.awaited}
+    found: dict[str, Container[EndpointId]] = {
+        "routed": publisher.routed,
+        "ahead": publisher.ahead,
+        "awaited": publisher.awaited,
+    }
     return {name for name, table in found.items() if number in table}
 
 
