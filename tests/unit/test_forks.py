@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -91,3 +92,32 @@ def test_an_interpreter_that_would_start_otherwise_is_not_forked(
     assert forks.can_run()
     monkeypatch.setenv("PYTHONPATH", "/somewhere/else")
     assert not forks.can_run()
+
+
+def test_a_program_on_the_command_line(forks: Forks, tmp_path: Path) -> None:
+    source = (
+        "import msgspec, sys\n"
+        "class One(msgspec.Struct):\n    next: 'One | None' = None\n"
+        "print(__name__, sys.argv, repr(sys.path[0]), sys.modules['__main__'].One is One)\n"
+        "print(msgspec.json.decode(b'{\"next\":{}}', type=One))\n"
+        "sys.exit(3)"
+    )
+    with (tmp_path / "stdout").open("wb") as out:
+        program = forks.run(["-c", source, "a", "b c"], stdout=out.fileno())
+    assert program.wait(60) == 3
+    said = "__main__ ['-c', 'a', 'b c'] '' True\nOne(next=One(next=None))\n"
+    assert (tmp_path / "stdout").read_text() == said
+
+
+def test_a_forking_process_nobody_needed_never_starts() -> None:
+    with Forks() as unused:
+        assert unused.can_run()
+    assert unused._process is None
+
+
+def test_several_threads_begin_and_end_programs(forks: Forks) -> None:
+    def run(code: int) -> int:
+        return forks.run(["-c", f"raise SystemExit({code})"]).wait(60)
+
+    with ThreadPoolExecutor(4) as threads:
+        assert list(threads.map(run, range(20))) == list(range(20))
