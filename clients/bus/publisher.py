@@ -39,6 +39,7 @@ from bus.types.support import ENCODE_ERRORS, TypeSupport, wrong_class
 from bus.wire import messages as m
 from bus.wire.layout import MAX_MESSAGE_BYTES
 from bus.wire.runs import Buffer
+from bus.wire.source_time import source_head
 
 M = TypeVar("M", bound=msgspec.Struct)
 
@@ -148,14 +149,20 @@ class Publisher(Endpoint[M]):
             raise self._support.explain(message) or error from None
         return self._sender.write(payload) or self._put(payload)
 
-    def publish_encoded(self, payload: Buffer) -> bool:
+    def publish_encoded(self, payload: Buffer, *, source_time_ns: int | None = None) -> bool:
         """Publish a message that is encoded already; as `publish`, but nothing checks its type here.
 
         What a subscription with `raw` received can be passed on like this. A subscription counts what is
         no message of its type as `undecodable`.
+
+        `source_time_ns`: when the message came about, in nanoseconds of the wall clock, for those who bring
+        it from elsewhere. It is the `source_timestamp` that subscriptions see; all else (order, lifespan)
+        goes by when it was published. Raises ConfigurationError for what is no time.
         """
         if isinstance(payload, str):
             raise TypeError(f"an encoded message on '{self.topic_name}' must be bytes, not text")
+        if source_time_ns is not None:
+            return self._put(source_head(source_time_ns), in_bytes(payload))
         return self._sender.write(payload) or self._put(in_bytes(payload))
 
     def loan(self, message: M, field: str, size: int) -> Loan | None:

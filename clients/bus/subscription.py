@@ -48,7 +48,8 @@ class MessageInfo(NamedTuple):
     """
 
     source_timestamp: int
-    """When it was published: nanoseconds of the wall clock."""
+    """When it was published, or came about elsewhere (`Publisher.publish_encoded`): nanoseconds of the wall
+    clock."""
     received_timestamp: int
     """When it came to this process: nanoseconds of the wall clock."""
     publication_sequence_number: int
@@ -151,7 +152,7 @@ class Subscription(Endpoint[M]):
                 _new_info(
                     MessageInfo,
                     (
-                        stamp_ns + offset_ns,
+                        stamp_ns + offset_ns if stamp_ns >= 0 else -stamp_ns,
                         received_ns + offset_ns,
                         seq,
                         number := number + 1,
@@ -375,7 +376,7 @@ class Subscription(Endpoint[M]):
         _, stamp_ns, seq, source, received_ns = taken
         offset_ns = self._link.wall_offset_ns
         return MessageInfo(
-            stamp_ns + offset_ns,
+            stamp_ns + offset_ns if stamp_ns >= 0 else -stamp_ns,
             received_ns + offset_ns,
             seq,
             self._receiver.delivered,

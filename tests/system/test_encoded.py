@@ -11,7 +11,8 @@ import pytest
 
 import bus
 from bus.msg.std_msgs import Int32, String
-from semantics import KEEP_ALL, Wheel, node, until
+from bus.wire.source_time import SOURCE_MARK
+from semantics import KEEP_ALL, LATCHED, Wheel, node, until
 
 __all__ = ["node"]
 
@@ -261,3 +262,77 @@ class TestTakingMany:
         await until(is_all)
         assert len(found) == 2
         assert subscription.take_many(0) == []
+
+
+THEN_NS = 1_234_567_890_123_456_789
+
+
+class TestSourceTime:
+    @pytest.mark.parametrize("size", [5, 5000, LONG])
+    @pytest.mark.parametrize("raw", [True, False])
+    async def test_it_comes_with_the_message(self, node: bus.Node, raw: bool, size: int) -> None:
+        heard: list[tuple[Any, bus.MessageInfo]] = []
+        plain: list[Any] = []
+        publisher = await node.create_publisher(Wheel, "t", 50)
+        one = await node.create_subscription(Wheel, "t", 50, raw=raw)
+        await node.create_subscription(
+            Wheel, "t", 50, lambda message, info: heard.append((message, info)), raw=raw
+        )
+        await node.create_subscription(Wheel, "t", 50, plain.append, raw=raw)
+        await publisher.wait_for_subscriptions(3)
+        expected = encoded(size) if raw else msgspec.msgpack.decode(encoded(size), type=Wheel)
+        for number in range(3):  # alone, and several in a run
+            for _ in range(1 + 4 * number):
+                assert publisher.publish_encoded(encoded(size), source_time_ns=THEN_NS + number)
+                publisher.publish_encoded(encoded(size))
+            await until(lambda: len(heard) == len(plain) == one.statistics().queued)
+            await asyncio.sleep(0.01)
+        await until(lambda: len(heard) == len(plain) == one.statistics().queued == 30)
+        for batch in ([await one.receive(), *one.take_many(50)], heard):
+            assert all(message == expected for message, _ in batch)
+            times = [info.source_timestamp for _, info in batch]
+            assert times[::2] == [THEN_NS] + [THEN_NS + 1] * 5 + [THEN_NS + 2] * 9
+            assert all(abs(time - time_ns()) < 60 * 10**9 for time in times[1::2])
+        assert all(message == expected for message in plain)
+
+    async def test_order_and_lifespan_go_by_the_publishing(self, node: bus.Node) -> None:
+        """A time of long ago makes a message neither old, nor part of the history."""
+        qos = bus.QoSProfile(50, lifespan=30.0)
+        publishers = [await node.create_publisher(Wheel, "t", qos) for _ in range(2)]
+        subscription = await node.create_subscription(Wheel, "t", qos)
+        await subscription.wait_for_publishers(2)
+        for number in range(10):
+            for publisher in publishers:
+                payload = msgspec.msgpack.encode(Wheel(str(number)))
+                publisher.publish_encoded(payload, source_time_ns=THEN_NS - number)
+        await until(lambda: subscription.statistics().queued == 20)
+        batch = subscription.take_many(100)
+        for publisher in publishers:
+            mine = [message.name for message, info in batch if info.publisher_gid == publisher.gid]
+            assert mine == [*"0123456789"]
+        assert not subscription.statistics().dropped
+
+    async def test_late_joiners_have_it_too(self, node: bus.Node) -> None:
+        publisher = await node.create_publisher(Wheel, "t", LATCHED)
+        for number in range(1, 9):
+            publisher.publish_encoded(encoded(), source_time_ns=number)
+        subscription = await node.create_subscription(Wheel, "t", LATCHED)
+        times = [(await subscription.receive())[1].source_timestamp for _ in range(5)]
+        assert times == [4, 5, 6, 7, 8]
+
+    @pytest.mark.parametrize("wrong", [0, -1, 1 << 63, 1.5, "now"])
+    async def test_what_is_no_time(self, node: bus.Node, wrong: Any) -> None:
+        publisher = await node.create_publisher(Wheel, "t", 10)
+        with pytest.raises(bus.ConfigurationError, match=r"source_time_ns is nanoseconds.* it is "):
+            publisher.publish_encoded(encoded(), source_time_ns=wrong)
+        assert publisher.statistics().published == 0
+
+    async def test_a_time_and_no_message(self, node: bus.Node) -> None:
+        subscription = await node.create_subscription(Wheel, "t", 10)
+        publisher = await node.create_publisher(Wheel, "t", 10)
+        publisher.publish_encoded(b"", source_time_ns=THEN_NS)
+        publisher.publish_encoded(SOURCE_MARK + bytes(8) + encoded())
+        publisher.publish_encoded(SOURCE_MARK + b"\xff" * 8 + encoded())
+        publisher.publish_encoded(encoded())
+        assert msgspec.msgpack.encode((await subscription.receive())[0]) == encoded()
+        assert subscription.statistics().dropped == {"undecodable": 3}

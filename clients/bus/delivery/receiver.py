@@ -15,6 +15,7 @@ from bus.delivery.allowance import STEP_BYTES, begin, extend
 from bus.delivery.sequence import PublisherProxy, SequenceTracker
 from bus.wire.layout import MAX_COUNT, RECORD_HEAD, RECORD_HEAD_BYTES
 from bus.wire.runs import Account, Run, RunQueue
+from bus.wire.source_time import SOURCE_BYTES, SOURCE_MARK, source_head, source_ns_of
 
 M = TypeVar("M")
 
@@ -30,7 +31,9 @@ _MOST_AT_ONCE = 64
 
 
 Taken: TypeAlias = tuple[M, int, int, Any, int]
-"""Message, stamp, number, `PublisherProxy`, time of receipt; times in ns of the monotonic clock."""
+"""Message, stamp, number, `PublisherProxy`, time of receipt; times in ns of the monotonic clock.
+
+A stamp below 0 is the time that the message's source gave it: on the wall clock, with its sign changed."""
 
 
 class Receiver(Generic[M]):
@@ -130,6 +133,8 @@ class Receiver(Generic[M]):
         while left > 0 and (batch := self.reader.take(min(left, _MOST_AT_ONCE), bytes)):
             left -= len(batch)
             for payload, stamp_ns, seq, source, received_ns in batch:
+                if stamp_ns < 0:
+                    payload, stamp_ns = source_head(-stamp_ns) + payload, received_ns
                 body = RECORD_HEAD.pack(len(payload), min(stamp_ns, MAX_COUNT)) + payload  # a liar's is more
                 run = Run(0, source.number, seq, 1, body, lifespan_ns=source.lifespan_ns)
                 run.received_ns, run.origin = received_ns, source
@@ -189,7 +194,8 @@ class Receiver(Generic[M]):
                 elif not batch:
                     return None
                 if batch:
-                    self.stamp_ns = batch[-1][1]
+                    stamp_ns = batch[-1][1]
+                    self.stamp_ns = stamp_ns if stamp_ns >= 0 else batch[-1][4]
                     self.note()
                 ahead += batch
                 continue
@@ -320,8 +326,11 @@ class Receiver(Generic[M]):
         if RECORD_HEAD_BYTES + size > len(body):
             self.drop("undecodable", 1)
             return None
+        payload = body[RECORD_HEAD_BYTES : RECORD_HEAD_BYTES + size]
+        if payload[:8] == SOURCE_MARK and (source_ns := source_ns_of(payload)):
+            payload, stamp_ns = payload[SOURCE_BYTES:], -source_ns
         try:
-            message = self._decode(body[RECORD_HEAD_BYTES : RECORD_HEAD_BYTES + size])
+            message = self._decode(payload)
         except Exception as error:  # a message class may raise anything
             self._reject([(size, error)])
             return None
@@ -366,8 +375,11 @@ class Receiver(Generic[M]):
             if start + size > length:
                 break
             offset = start + size
+            payload = body[start:offset]
+            if payload[:8] == SOURCE_MARK and (source_ns := source_ns_of(payload)):
+                payload, stamp_ns = payload[SOURCE_BYTES:], -source_ns
             try:
-                ahead.append((decode(body[start:offset]), stamp_ns, seq, run.origin, run.received_ns))
+                ahead.append((decode(payload), stamp_ns, seq, run.origin, run.received_ns))
             except Exception as error:
                 rejected.append((size, error))
         else:

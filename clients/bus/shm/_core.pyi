@@ -280,7 +280,8 @@ class Reader(Generic[S]):
     def waiting(self) -> int:
         """Samples that could be taken now, within the depth."""
     def take(self, limit: int, decode: Callable[[Any], M]) -> list[tuple[M, int, int, S, int]]:
-        """Up to `limit` messages: (message, stamp ns, seq, source, time of taking in ns).
+        """Up to `limit` messages: (message, stamp ns, seq, source, time of taking in ns). A stamp below 0 is
+        the time that the source gave: see `bus.delivery.receiver.Taken`.
 
         A batch ends early once it has 256 KiB of payload.
         """

@@ -22,6 +22,18 @@ enum { REPORT_DUE = 2, FULL, SHORT, PINNED, TOO_LARGE, WRONG_THREAD };
 /* Sequence numbers end here, as on the wire; beyond, the other side is broken. */
 #define MAX_SEQ ((UINT64_C(1) << 62) - 1)
 
+/* What a payload begins with where its source has given it a time: bus.wire.source_time says it. */
+enum { SOURCE_BYTES = 16 };
+
+/* `head`: the first SOURCE_BYTES of a payload. True: they are none of the message, but the time. */
+static inline bool core_source_time(const unsigned char *head, int64_t *source_ns)
+{
+    if (memcmp(head, "\xc7\x0d\x54\0\0\0\0\0", 8) != 0)
+        return false;
+    memcpy(source_ns, head + 8, 8);
+    return *source_ns > 0;
+}
+
 /* References to objects of the core's own types; DROP allows NULL. */
 #define HOLD(object) Py_INCREF((PyObject *)(object))
 #define DROP(object) Py_XDECREF((PyObject *)(object))

@@ -350,7 +350,15 @@ static PyObject *decode_run(PyObject *const *args, const struct origin *origin)
         is_sound = look(&body, offset, &size, &stamp_ns);
         if (!is_sound)
             break;
-        PyObject *payload = payload_at(args[0], &body, &view, offset + RECORD_HEAD, size), *item = NULL;
+        uint64_t start = offset + RECORD_HEAD;
+        uint32_t length = size;
+        int64_t source_ns;
+        if (size > SOURCE_BYTES && core_source_time((const unsigned char *)body.buf + start, &source_ns)) {
+            start += SOURCE_BYTES;
+            length -= SOURCE_BYTES;
+            stamp_ns = -source_ns;
+        }
+        PyObject *payload = payload_at(args[0], &body, &view, start, length), *item = NULL;
         if (payload != NULL)
             item = PyObject_CallFunctionObjArgs(args[3], payload, NULL);
         Py_XDECREF(payload);

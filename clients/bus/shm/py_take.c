@@ -67,16 +67,33 @@ static int poll_feeds(Reader *self)
     return 0;
 }
 
-/* The head of the feed, for decode(): bytes, or a memoryview of the pinned record. The feed has stepped on. NULL: the
- * record was overrun, or an error is set. */
-static PyObject *fetch(Reader *self, struct feed *feed)
+/* Goes past the time that the source gave, where it did; its bytes count once the record is found intact. */
+static void pass_source_time(struct ring_record *record, int64_t *source_ns)
 {
-    const struct ring_record record = feed->head;
+    unsigned char head[SOURCE_BYTES];
+    if (record->size <= SOURCE_BYTES)
+        return;
+    copy_from_shared(head, record->payload, SOURCE_BYTES);
+    if (core_source_time(head, source_ns)) {
+        record->payload = (const unsigned char *)record->payload + SOURCE_BYTES;
+        record->size -= SOURCE_BYTES;
+    } else {
+        *source_ns = 0;
+    }
+}
+
+/* The head of the feed, for decode(): bytes, or a memoryview of the pinned record. The feed has stepped on. NULL: the
+ * record was overrun, or an error is set. *source_ns: see core_source_time(); else 0. */
+static PyObject *fetch(Reader *self, struct feed *feed, int64_t *source_ns)
+{
+    struct ring_record record = feed->head;
     unsigned pin;
+    *source_ns = 0;
     feed->has_head = false;
     if (record.size > SHORT_BYTES && feed_may_pin(feed)) {
         const enum ring_status status = ring_pin(&feed->ring, &record, &pin);
         if (status == RING_OK) {
+            pass_source_time(&record, source_ns);
             feed_step(feed);
             Readers *readers = self->readers;
             return view_new(core_state((PyObject *)readers), feed->memory, readers->memory, feed->ring.slot, pin,
@@ -87,6 +104,7 @@ static PyObject *fetch(Reader *self, struct feed *feed)
             return NULL;
         }
     }
+    pass_source_time(&record, source_ns);
     PyObject *bytes = PyBytes_FromStringAndSize(NULL, record.size);
     if (bytes == NULL)
         return NULL;
@@ -132,7 +150,8 @@ static int take_one(Reader *self, struct feed *feed, PyObject *decode, uint64_t 
     }
     PyObject *source = feed->source;
     Py_INCREF(source);
-    PyObject *payload = fetch(self, feed);
+    int64_t source_ns;
+    PyObject *payload = fetch(self, feed, &source_ns);
     int taken = payload == NULL && PyErr_Occurred() ? -1 : 0;
     if (payload != NULL) {
         *item = PyObject_CallFunctionObjArgs(decode, payload, NULL);
@@ -143,8 +162,10 @@ static int take_one(Reader *self, struct feed *feed, PyObject *decode, uint64_t 
             self->samples++;
             self->bytes += record.size;
             if (has_origin)
-                *item = core_with_origin(*item, PyLong_FromUnsignedLongLong(record.stamp_ns), record.seq, source,
-                                         PyLong_FromUnsignedLongLong(now_ns));
+                *item = core_with_origin(*item,
+                                         source_ns != 0 ? PyLong_FromLongLong(-source_ns)
+                                                        : PyLong_FromUnsignedLongLong(record.stamp_ns),
+                                         record.seq, source, PyLong_FromUnsignedLongLong(now_ns));
             taken = *item == NULL ? -1 : 1;
         }
     }
