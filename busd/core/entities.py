@@ -399,7 +399,7 @@ class Match:
             publisher.routed[number] = self.subscription
         elif state is MatchState.AHEAD:
             publisher.ahead[number] = self
-        elif state is MatchState.ENDED:
+        elif state is MatchState.ENDED and self.acked_seq is not None:
             self.excuse()
 
     def share(self) -> None:
@@ -420,16 +420,15 @@ class Match:
     def end(self) -> int:
         """Returns up to which number the subscription has had all, or that was routed for it."""
         publisher, subscription = self.publisher, self.subscription
-        was_shared, was_routed = self.is_shared, self.state is MatchState.ROUTED
-        routed_count = self.routed_count
+        before = self.state
         self.on(MatchEvent.END)
-        if was_routed:
-            subscription.expected_besides += routed_count
+        if before is MatchState.ROUTED:
+            subscription.expected_besides += publisher.next_seq - self.began_seq
             subscription.remember(publisher, publisher.next_seq - 1)
             subscription.owe(publisher, self.began_seq)
             subscription.owed[publisher.gid].has_left = publisher.has_left
         last_seq = subscription.last_seqs.get(publisher.gid, 0)
-        if was_shared and publisher.has_left:  # with what it has said is in its ring
+        if before in SHARED and publisher.has_left:  # with what it has said is in its ring
             subscription.remember(publisher, publisher.next_seq - 1)
             subscription.owed[publisher.gid] = Owed(0, is_kept=False, has_left=True)
         return last_seq

@@ -13,6 +13,8 @@ __all__ = ["SHARED", "TRANSITIONS", "MatchError", "MatchEvent", "MatchState"]
 class MatchState(Enum):
     """Where a match stands."""
 
+    __hash__ = object.__hash__  # Enum's own is a call in Python
+
     NEW = "new"
     """Its route is not chosen yet."""
     OFFERED = "offered"
@@ -33,6 +35,8 @@ class MatchState(Enum):
 
 class MatchEvent(Enum):
     """What happens to a match."""
+
+    __hash__ = object.__hash__
 
     SHARE = "share"
     """Both ends can share memory."""

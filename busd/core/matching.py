@@ -54,6 +54,7 @@ def connect(
     is_shared = can_share(publisher, subscription)
     match = Match(publisher, subscription, now_ns)
     graph.add_match(match, is_shared=is_shared)
+    route = match.route
     ring: tuple[Any, ...] = (publisher.ring, publisher.node.peer.doorbell) if is_shared else ()
     for mine, other, brings in ((publisher, subscription, ()), (subscription, publisher, ring)):
         message = Matched(
@@ -62,7 +63,7 @@ def connect(
             node=other.node.full_name,
             gid=other.gid,
             qos=other.qos,
-            route=match.route,
+            route=route,
             next_seq=publisher.next_seq,
             at_ns=now_ns,
             descriptors=len(brings),
