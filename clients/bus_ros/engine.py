@@ -18,7 +18,7 @@ from contextlib import suppress
 from threading import Lock, get_ident
 from time import monotonic_ns
 from types import FrameType
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from bus.errors import ForkError, again
 from bus.process.shared_loop import GuardedLoop
@@ -29,6 +29,21 @@ _SHUT = (None,)
 _TURN_S = 1.0
 _TICK_S = 0.02
 """For so long, or twice, a thread may be away from the loop before the keeper runs it."""
+
+
+class Sleeper(Protocol):
+    """A wait that a context ends."""
+
+    def wake_up(self) -> None: ...
+
+
+class Lifetime(Protocol):
+    """A context as those see it that wait for its end."""
+
+    @property
+    def is_valid(self) -> bool: ...
+    def ok(self) -> bool: ...
+    def wake_at_end(self, sleeper: Sleeper) -> None: ...
 
 
 class Engine:
@@ -45,7 +60,7 @@ class Engine:
         self._turns = 0
         self.held = 0
         """Callback groups that are held: executors look at groups while there are any."""
-        self.passed_over: set[Any] = set()
+        self.passed_over: set[Sleeper] = set()
         """Executors that left something in line because of its group."""
         self._is_urgent = True
         self._is_asleep = False
@@ -61,7 +76,7 @@ class Engine:
         function: Callable[[], Coroutine[Any, Any, T]],
         timeout_s: float | None = None,
         *,
-        context: Any = None,
+        context: Lifetime | None = None,
     ) -> T:
         """Run a coroutine function on the loop to its end, from any thread without the guard.
 
@@ -263,7 +278,7 @@ class Waiter:
 
     __slots__ = ("__weakref__", "_engine", "_lock", "is_set", "shut")
 
-    def __init__(self, engine: Engine, context: Any = None) -> None:
+    def __init__(self, engine: Engine, context: Lifetime | None = None) -> None:
         self.is_set = False
         self.shut = [*_SHUT]
         """Empty while its thread runs the loop, and takes each message as it comes."""

@@ -2,10 +2,52 @@
 
 from collections import deque
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias
+
+from bus_ros.engine import Lifetime, Waiter
 
 Work: TypeAlias = tuple[Callable[..., object], tuple[Any, ...]]
 """A call to be made without the guard."""
+
+
+class Group(Protocol):
+    """A callback group."""
+
+    @property
+    def is_exclusive(self) -> bool: ...
+    @property
+    def is_shared(self) -> bool: ...
+    def add_entity(self, entity: "Entity") -> None: ...
+    def can_execute(self, entity: object) -> bool: ...
+    def beginning_execution(self, entity: object) -> bool: ...
+    def ending_execution(self, entity: object) -> None: ...
+
+
+class Line(Protocol):
+    """An executor as its entities see it."""
+
+    @property
+    def ready(self) -> deque[Any]: ...
+    @property
+    def waiter(self) -> Waiter: ...
+    def is_looking(self) -> bool: ...
+    def look_at_timers(self) -> None: ...
+    def create_task(self, callback: Callable[..., Any], *args: Any) -> object: ...
+
+
+class Owner(Protocol):
+    """A node as its entities see it."""
+
+    @property
+    def own_executor(self) -> Line | None: ...
+    @property
+    def context(self) -> Lifetime: ...
+    def get_logger(self) -> Any: ...
+    def destroy_subscription(self, subscription: Any) -> bool: ...
+    def destroy_client(self, client: Any) -> bool: ...
+    def destroy_service(self, service: Any) -> bool: ...
+    def destroy_guard_condition(self, guard: Any) -> bool: ...
+    def destroy_timer(self, timer: Any) -> bool: ...
 
 
 class Entity:
@@ -20,7 +62,7 @@ class Entity:
     """After one `take` there is nothing more to take for now."""
     is_timer = False
 
-    def __init__(self, node: Any, callback_group: Any) -> None:
+    def __init__(self, node: Owner, callback_group: Group | None) -> None:
         self.node = node
         self.callback_group = callback_group
         self.held_group = callback_group
@@ -52,7 +94,7 @@ class Entity:
 class Calls(Entity):
     """A queue of calls, each made once: the events of a node."""
 
-    def __init__(self, node: Any, callback_group: Any) -> None:
+    def __init__(self, node: Owner, callback_group: Group | None) -> None:
         super().__init__(node, callback_group)
         self._calls: deque[Work] = deque()
 

@@ -46,7 +46,7 @@ INSIDE_OF_CLASSES = {
     "rclpy.clock.JumpThreshold": {"is_exceeded"},
     "rclpy.context.Context": {
         *("all", "arguments", "domain_id", "end_by_signal", "nodes", "parameters", "wake_at_end"),
-        "was_ended_by_signal",
+        *("is_valid", "was_ended_by_signal"),
     },
     "rclpy.executors.Executor": {
         *(

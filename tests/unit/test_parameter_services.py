@@ -1,7 +1,7 @@
 """The services of a node's parameters, and the client of those of another."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -136,7 +136,7 @@ class Caller:
 
 
 def test_client(host: Host, tmp_path: Path) -> None:
-    client = AsyncParameterClient(Caller(host), "/node")
+    client = AsyncParameterClient(cast(Any, Caller(host)), "/node")
     done: list[Any] = []
     assert client.list_parameters().result().result.names == ["a", "unset", "b.c"]
     assert client.list_parameters(["b"], 1, done.append).result().result.names == ["b.c"]
@@ -156,7 +156,7 @@ def test_client(host: Host, tmp_path: Path) -> None:
 
 def test_client_waits(host: Host) -> None:
     caller = Caller(host)
-    client = AsyncParameterClient(caller, "node")
+    client = AsyncParameterClient(cast(Any, caller), "node")
     assert client.services_are_ready()
     assert client.wait_for_services()
     assert client.wait_for_services(5.0)

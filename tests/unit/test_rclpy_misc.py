@@ -5,7 +5,7 @@ import sys
 import threading
 from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -27,7 +27,8 @@ class Entity:
 
 
 def test_one_callback_at_a_time() -> None:
-    group, first, second = MutuallyExclusiveCallbackGroup(), Entity(), Entity()
+    group = MutuallyExclusiveCallbackGroup()
+    first, second = cast(Any, Entity()), cast(Any, Entity())
     group.add_entity(first)
     assert group.has_entity(first) and not group.has_entity(second)
     assert group.can_execute(first) and group.beginning_execution(first)
@@ -46,7 +47,7 @@ def test_reentrant_callbacks() -> None:
 
 
 def test_a_group_keeps_nothing_alive() -> None:
-    group, entity = ReentrantCallbackGroup(), Entity()
+    group, entity = ReentrantCallbackGroup(), cast(Any, Entity())
     group.add_entity(entity)
     assert len(group.entities) == 1
     del entity

@@ -4,8 +4,9 @@ Every method may be called from any thread.
 """
 
 from threading import Lock
-from typing import Any
 from weakref import WeakSet, ref
+
+from bus_ros.entity import Entity, Owner
 
 __all__ = ["CallbackGroup", "MutuallyExclusiveCallbackGroup", "ReentrantCallbackGroup"]
 
@@ -20,12 +21,12 @@ class CallbackGroup:
     """A thread may make several calls of an entity in a row: no other could make one meanwhile."""
 
     def __init__(self) -> None:
-        self.entities: WeakSet[Any] = WeakSet()
+        self.entities: WeakSet[Entity] = WeakSet()
         self.is_shared = False
         """Entities of more than one node are in it, which may have executors in different threads."""
-        self._node: Any = None
+        self._node: ref[Owner] | None = None
 
-    def add_entity(self, entity: Any) -> None:
+    def add_entity(self, entity: Entity) -> None:
         self.entities.add(entity)
         node = getattr(entity, "node", None)
         if node is not None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from bus.errors import BusError, ServiceUnavailable
 from bus_ros.engine import Engine, Waiter, deadline_after
-from bus_ros.entity import Entity, Work
+from bus_ros.entity import Entity, Group, Owner, Work
 from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.qos import QoSProfile
 from bus_ros.rclpy.task import Future
@@ -26,8 +26,8 @@ class Client(Entity):
         srv_type: Any,
         srv_name: str,
         qos_profile: QoSProfile,
-        callback_group: Any,
-        node: Any,
+        callback_group: Group,
+        node: Owner,
     ) -> None:
         self.srv_type = srv_type
         self.srv_name = srv_name
@@ -35,7 +35,7 @@ class Client(Entity):
         self.native: ServiceClient | None = None
         self._engine = engine
         self._futures: dict[int, Future[Any]] = {}
-        self._answers: deque[tuple[Future[Any], Any]] = deque()
+        self._answers: deque[tuple[Future[Any], object]] = deque()
         self._callers: list[Waiter] = []  # threads in `call`
         super().__init__(node, callback_group)
         self.held_group = None  # an answer calls no callback, and one of the group may await it
@@ -45,7 +45,7 @@ class Client(Entity):
         assert self.native is not None
         return self.native.service_name
 
-    def call(self, request: Any, timeout_sec: float | None = None) -> Any:
+    def call(self, request: object, timeout_sec: float | None = None) -> Any:
         """Call the service and wait for the answer; None where `timeout_sec` is over first.
 
         Others may spin or not. Raises TypeError for what is no request, and what the service raised.
@@ -75,7 +75,7 @@ class Client(Entity):
             return None
         return future.result()
 
-    def call_async(self, request: Any) -> Future[Any]:
+    def call_async(self, request: object) -> Future[Any]:
         """Call the service; returns a future of the answer, which stays open where no answer comes.
 
         Raises TypeError for what is no request, InvalidHandle after the client, or its node, was destroyed.
@@ -136,7 +136,7 @@ class Client(Entity):
 
     # --- for the native client and the executor, under the guard
 
-    def on_response(self, number: int, outcome: Any) -> None:
+    def on_response(self, number: int, outcome: object) -> None:
         future = self._futures.pop(number, None)
         if future is None or isinstance(outcome, ServiceUnavailable):
             return  # as in ROS, a call whose service has gone waits on

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import IntEnum
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary, ref
 
 from bus_ros.rclpy.duration import Duration
@@ -101,8 +101,8 @@ class JumpHandle:
         *,
         clock: "Clock",
         threshold: JumpThreshold,
-        pre_callback: Callable[[], Any] | None,
-        post_callback: Callable[[TimeJump], Any] | None,
+        pre_callback: Callable[[], object] | None,
+        post_callback: Callable[[TimeJump], object] | None,
     ) -> None:
         if pre_callback is None and post_callback is None:
             raise ValueError("One of pre_callback or post_callback must be callable")
@@ -204,8 +204,8 @@ class Clock:
         self,
         threshold: JumpThreshold,
         *,
-        pre_callback: Callable[[], Any] | None = None,
-        post_callback: Callable[[TimeJump], Any] | None = None,
+        pre_callback: Callable[[], object] | None = None,
+        post_callback: Callable[[TimeJump], object] | None = None,
     ) -> JumpHandle:
         """Call `pre_callback()` before and `post_callback(jump)` after each jump of the threshold's kind.
 

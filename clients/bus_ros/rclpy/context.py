@@ -4,7 +4,7 @@ import sys
 from collections.abc import Callable, Sequence
 from threading import Lock, Thread
 from types import TracebackType
-from typing import Any
+from typing import Protocol
 from weakref import WeakSet
 
 from bus.errors import ConfigurationError
@@ -18,18 +18,24 @@ from bus_ros.rclpy.exceptions import NotInitializedException, RCLInvalidROSArgsE
 __all__ = ["Context", "get_default_context"]
 
 
+class _Node(Protocol):
+    """A node as its context sees it."""
+
+    def destroy_node(self) -> None: ...
+
+
 class Context:
     """A life of the facade, from `init` to `shutdown`. In a `with`, entering begins and leaving ends it."""
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._is_valid = False
+        self.is_valid = False
         self.was_ended_by_signal = False
         self.domain_id: int | None = None
         """As given to `init`; None = as the environment says."""
         self._callbacks: list[Callable[[], object]] = []
-        self._sleepers: WeakSet[Any] = WeakSet()
-        self._nodes: WeakSet[Any] = WeakSet()
+        self._sleepers: WeakSet[engines.Sleeper] = WeakSet()
+        self._nodes: WeakSet[_Node] = WeakSet()
         self.arguments: tuple[str, ...] = ()
         self.parameters: tuple[file.Section, ...] = ()
         _contexts.add(self)
@@ -39,7 +45,7 @@ class Context:
         return self
 
     def __enter__(self) -> "Context":
-        if not self._is_valid:
+        if not self.is_valid:
             self.init()
         return self
 
@@ -65,23 +71,23 @@ class Context:
         if domain_id is not None and domain_id < 0:
             raise RuntimeError(f"Domain id ({domain_id}) should not be lower than zero.")
         with self._lock:
-            if self._is_valid:
+            if self.is_valid:
                 raise RuntimeError("Context.init() must only be called once")
             self.arguments = words
             self.parameters = parameters
             self.domain_id = domain_id
             self.was_ended_by_signal = False
-            self._is_valid = True
+            self.is_valid = True
         if initialize_logging:
             configure(arguments)
 
     def ok(self) -> bool:
         """Whether it has begun and not ended."""
-        return self._is_valid
+        return self.is_valid
 
     def get_domain_id(self) -> int:
         """The bus it is on: `--domain` of busd. Raises NotInitializedException."""
-        if not self._is_valid:
+        if not self.is_valid:
             raise NotInitializedException("cannot get the domain id")
         return domain_id(self.domain_id)
 
@@ -109,21 +115,21 @@ class Context:
         """Those that are in use."""
         return list(_contexts)
 
-    def nodes(self) -> list[Any]:
+    def nodes(self) -> list[_Node]:
         """Those that were made in it and still exist."""
         return list(self._nodes)
 
-    def track_node(self, node: Any) -> None:
+    def track_node(self, node: _Node) -> None:
         self._nodes.add(node)
 
-    def wake_at_end(self, sleeper: Any) -> None:
+    def wake_at_end(self, sleeper: engines.Sleeper) -> None:
         """Call its `wake_up` at the end; it is not kept alive. Under the engine's guard."""
         self._sleepers.add(sleeper)
 
     def end_by_signal(self) -> None:
         """In a signal's handler: end; other threads do what takes locks."""
-        if self._is_valid:
-            self._is_valid = False
+        if self.is_valid:
+            self.is_valid = False
             self.was_ended_by_signal = True
             if engine := engines.current():
                 engine.loop.call_soon_threadsafe(self._wake_all)
@@ -138,7 +144,7 @@ class Context:
 
     def _end(self) -> bool:
         with self._lock:
-            was_valid, self._is_valid = self._is_valid, False
+            was_valid, self.is_valid = self.is_valid, False
         if was_valid:
             if engine := engines.current():
                 engine.call(self._wake_all)

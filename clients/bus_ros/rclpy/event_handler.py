@@ -127,8 +127,8 @@ class QoSSubscriptionMatchedInfo(NamedTuple):
     current_count_change: int
 
 
-Callback: TypeAlias = Callable[[Any], Any] | None
-Enqueue: TypeAlias = Callable[[Callable[[Any], Any], Any], Any]
+Callback: TypeAlias = Callable[[Any], object] | None
+Enqueue: TypeAlias = Callable[[Callable[[Any], object], object], object]
 """`enqueue(callback, info)` has the executor call `callback(info)`."""
 
 
@@ -208,7 +208,7 @@ def publisher_events(callbacks: PublisherEventCallbacks, enqueue: Enqueue) -> ev
 
 
 def _on(
-    callback: Callback, enqueue: Enqueue, convert: Callable[[Any], Any], otherwise: Callback = None
+    callback: Callback, enqueue: Enqueue, convert: Callable[[Any], object], otherwise: Callback = None
 ) -> Callback:
     """The callback for the bus; None where the bus logs its own warning."""
     if callback is None:

@@ -7,17 +7,17 @@ waits (`bus_ros.engine`); calls are made without the guard.
 import os
 import warnings
 from collections import deque
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterable
 from threading import get_ident
 from time import monotonic_ns
 from types import TracebackType
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 from bus_ros.engine import Waiter, deadline_after, engine
-from bus_ros.entity import Entity, Work
+from bus_ros.entity import Entity, Owner, Work
 from bus_ros.rclpy.context import Context, get_default_context
 from bus_ros.rclpy.task import UNFINISHED, Future, Step, Task
-from bus_ros.rclpy.timer import NEVER_NS
+from bus_ros.rclpy.timer import NEVER_NS, Timer
 
 __all__ = [
     "ConditionReachedException",
@@ -59,6 +59,16 @@ class ConditionReachedException(Exception):
     """The condition of the wait is true."""
 
 
+class _Node(Owner, Protocol):
+    """A node as its executor sees it."""
+
+    own_executor: "Executor | None"
+
+    @property
+    def timers(self) -> Iterable[Timer]: ...
+    def own_entities(self) -> Iterable[Entity]: ...
+
+
 class Executor:
     """Base of the executors. Any number of nodes; each node has one executor.
 
@@ -72,13 +82,13 @@ class Executor:
         self._context = context or get_default_context()
         self._engine = engine()
         self.waiter = Waiter(self._engine)
-        self._nodes: list[Any] = []
+        self._nodes: list[_Node] = []
         self.ready: deque[Ready] = deque()
         self._timer_ns = 0  # when a timer is due; `_next` does not look at timers before
         self._is_simulated = False  # then any message may have moved the time
         self._failures: deque[BaseException] = deque()
         self._is_shutdown = False
-        self._only: list[Any] | None = None  # the nodes that are asked for, where not all are
+        self._only: list[_Node] | None = None  # the nodes that are asked for, where not all are
         self._until: Future[Any] | None = None  # the future that an executor of a program's own spins for
         with self._engine.loop:
             self._context.wake_at_end(self)
@@ -101,7 +111,7 @@ class Executor:
 
     # --- nodes and tasks
 
-    def add_node(self, node: Any) -> bool:
+    def add_node(self, node: _Node) -> bool:
         """Work for `node` from now on; returns False where that is so already."""
         if node.own_executor is self:
             return False
@@ -117,7 +127,7 @@ class Executor:
                 entity.notify()
         return True
 
-    def remove_node(self, node: Any) -> None:
+    def remove_node(self, node: _Node) -> None:
         """Work for `node` no longer; its messages wait."""
         with self._engine.loop:
             if node.own_executor is not self:
@@ -131,12 +141,12 @@ class Executor:
             for one in [one for one in self.ready if one.node is node]:
                 self.ready.remove(one)
 
-    def get_nodes(self) -> list[Any]:
+    def get_nodes(self) -> list[_Node]:
         """The nodes that it works for."""
         return list(self._nodes)
 
     def create_task(
-        self, callback: Callable[..., Any] | Coroutine[Any, Any, Any], *args: Any, **kwargs: Any
+        self, callback: Callable[..., object] | Coroutine[Any, Any, Any], *args: Any, **kwargs: Any
     ) -> Task[Any]:
         """Have `callback(*args)`, `def` or `async def`, or a coroutine run here; from any thread."""
         step = self._step(callback, args, kwargs)
@@ -200,9 +210,9 @@ class Executor:
     def wait_for_ready_callbacks(
         self,
         timeout_sec: float | None = None,
-        nodes: list[Any] | None = None,
+        nodes: list[_Node] | None = None,
         condition: Callable[[], bool] = lambda: False,
-    ) -> tuple[Task[Any], Entity | None, Any]:
+    ) -> tuple[Task[Any], Entity | None, Owner | None]:
         """Wait for one callback, of `nodes` if they are given. Not for several threads at once.
 
         Returns (handler, entity, node); the latter two are None for a task. `handler()`, in any thread, makes
@@ -221,7 +231,7 @@ class Executor:
         with self._engine.loop:
             self._only, self.asks_always = nodes, nodes is not None or type(self).asks_always
             try:
-                found = self._next(deadline_after(timeout_sec), 1, _Until(is_over))
+                found = self._next(deadline_after(timeout_sec), 1, is_over)
             finally:
                 self._only, self.asks_always = None, type(self).asks_always
             if found is not None:
@@ -232,7 +242,8 @@ class Executor:
 
     def can_execute(self, entity: Entity) -> bool:
         """Whether the entity's callback could begin now."""
-        return not entity.is_destroyed and bool(entity.callback_group.can_execute(entity))
+        group = entity.callback_group
+        return not entity.is_destroyed and (group is None or group.can_execute(entity))
 
     def is_custom(self) -> bool:
         """Whether `spin_once` is the program's own."""
@@ -276,9 +287,9 @@ class Executor:
     # --- inside, under the guard
 
     def _next(
-        self, deadline_ns: int, most: int, until: "Future[Any] | _Until | None"
+        self, deadline_ns: int, most: int, until: Callable[[], bool] | None
     ) -> tuple[Ready, Work] | None:
-        """The next call; None at the deadline, on shutdown of the executor, and where `until` is done.
+        """The next call; None at the deadline, on shutdown of the executor, and where `until()` is true.
 
         Raises what a call in another thread raised, and ExternalShutdownException.
         """
@@ -304,7 +315,7 @@ class Executor:
                     self._timer_ns = 0
                 if work is not None:
                     return entity, work
-            if self._is_shutdown or (until is not None and until.done()):
+            if self._is_shutdown or (until is not None and until()):
                 return None
             if not self._context.ok():
                 if engine.loop.is_interrupted and engine.is_main():
@@ -334,7 +345,7 @@ class Executor:
 
     def _collect_timers(self) -> None:
         now_ns, next_ns, self._is_simulated = monotonic_ns(), NEVER_NS, False
-        due: list[tuple[int, Any]] = []
+        due: list[tuple[int, Timer]] = []
         for node in self._nodes:
             for timer in node.timers:
                 self._is_simulated |= timer.is_simulated
@@ -354,7 +365,7 @@ class Executor:
             entity.held_group.beginning_execution(entity)
             self._engine.held += 1
 
-    def _handler(self, entity: Ready, work: Work) -> tuple[Task[Any], Entity | None, Any]:
+    def _handler(self, entity: Ready, work: Work) -> tuple[Task[Any], Entity | None, Owner | None]:
         """For a program that makes the call itself: a task whose end is the end of the call."""
         if isinstance(entity, Step):
             step = entity
@@ -382,8 +393,8 @@ class Executor:
 
     def _step(
         self,
-        function: Callable[..., Any] | Coroutine[Any, Any, Any],
-        arguments: tuple[Any, ...],
+        function: Callable[..., object] | Coroutine[Any, Any, Any],
+        arguments: tuple[object, ...],
         keywords: dict[str, Any],
         holder: Entity | None = None,
     ) -> Step:
@@ -402,13 +413,6 @@ class Executor:
         return function(*arguments) is not UNFINISHED
 
 
-class _Until:
-    """A condition for which `_next` waits, besides work."""
-
-    def __init__(self, done: Callable[[], bool]) -> None:
-        self.done = done
-
-
 async def await_or_execute(callback: Callable[..., Any], *args: Any) -> Any:
     """Call it, and await what it returns where that is a coroutine."""
     result = callback(*args)
@@ -421,7 +425,7 @@ class SingleThreadedExecutor(Executor):
     def _spin_once(self, deadline_ns: int, most: int, until: Future[Any] | None = None) -> None:
         loop = self._engine.loop
         with loop.guard:
-            found = self._next(deadline_ns, most, until)
+            found = self._next(deadline_ns, most, None if until is None else until.done)
             if found is not None:
                 entity, work = found
                 group = entity.held_group
@@ -520,7 +524,7 @@ class MultiThreadedExecutor(Executor):
     def _spin_once(self, deadline_ns: int, most: int, until: Future[Any] | None = None) -> None:
         with self._engine.loop:
             try:
-                found = self._next(deadline_ns, most, until)
+                found = self._next(deadline_ns, most, None if until is None else until.done)
             except ExternalShutdownException:
                 if self._context.was_ended_by_signal:
                     raise
@@ -568,7 +572,7 @@ class MultiThreadedExecutor(Executor):
         """The next call for this thread; another thread is woken for the rest."""
         if self._failures or not self._context.ok():
             return None
-        found = self._next(0, MOST_AT_ONCE, _NOW)
+        found = self._next(0, MOST_AT_ONCE, _NOW.done)
         if found is None:
             return None
         self._begin(found[0])

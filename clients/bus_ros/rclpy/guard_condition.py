@@ -1,11 +1,10 @@
 """Guard conditions: a callback that any thread can have called by an executor."""
 
 from collections.abc import Callable
-from typing import Any
 
 from bus.base.callbacks import is_async
 from bus_ros.engine import engine
-from bus_ros.entity import Entity, Work
+from bus_ros.entity import Entity, Group, Owner, Work
 
 __all__ = ["GuardCondition"]
 
@@ -15,7 +14,7 @@ class GuardCondition(Entity):
 
     is_single = True
 
-    def __init__(self, callback: Callable[[], object], callback_group: Any, node: Any) -> None:
+    def __init__(self, callback: Callable[[], object], callback_group: Group, node: Owner) -> None:
         self.callback = callback
         self.is_async = is_async(callback)
         self._is_triggered = False

@@ -56,6 +56,9 @@ from bus_ros.rclpy.type_support import check_is_valid_msg_type, check_is_valid_s
 from bus_ros.rclpy.validate_topic_name import validate_namespace, validate_node_name, validate_topic_name
 
 if TYPE_CHECKING:  # most programs need none
+    from bus.client import ServiceClient
+    from bus.service import ServiceServer
+    from bus.subscription import Subscription as NativeSubscription
     from bus_ros.rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
     from bus_ros.rclpy.executors import Executor
     from bus_ros.rclpy.qos_overriding_options import QoSOverridingOptions
@@ -236,7 +239,7 @@ class Node(NodeGraph, NodeParameters):
         self,
         msg_type: type[M],
         topic: str,
-        callback: Callable[..., Any],
+        callback: Callable[..., object],
         qos_profile: QoSProfile | int,
         *,
         callback_group: CallbackGroup | None = None,
@@ -312,7 +315,7 @@ class Node(NodeGraph, NodeParameters):
     def create_timer(
         self,
         timer_period_sec: float,
-        callback: Callable[..., Any] | None,
+        callback: Callable[..., object] | None,
         callback_group: CallbackGroup | None = None,
         clock: Clock | None = None,
         autostart: bool = True,
@@ -490,7 +493,9 @@ class Node(NodeGraph, NodeParameters):
             entity.notify()
         return entity
 
-    def __remove(self, entity: Entity, native: Any) -> bool:
+    def __remove(
+        self, entity: Entity, native: "NativeSubscription[Any] | ServiceClient | ServiceServer | None"
+    ) -> bool:
         with self.__engine.loop:
             is_ours = entity in self.__entities
             entity.is_destroyed = True

@@ -8,14 +8,20 @@ from collections.abc import Callable, Sequence
 from math import inf
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bus_ros.rclpy.parameter import Parameter, parameter_dict_from_yaml_file
 from bus_ros.rclpy.qos import QoSProfile, qos_profile_services_default
+from bus_ros.rclpy.task import Future
+
+if TYPE_CHECKING:
+    from bus_ros.rclpy.callback_groups import CallbackGroup
+    from bus_ros.rclpy.client import Client
+    from bus_ros.rclpy.node import Node
 
 __all__ = ["AsyncParameterClient"]
 
-_Callback = Callable[[Any], None]
+_Callback = Callable[[Future[Any]], object]
 
 
 class AsyncParameterClient:
@@ -26,16 +32,16 @@ class AsyncParameterClient:
 
     def __init__(
         self,
-        node: Any,
+        node: "Node",
         remote_node_name: str,
         qos_profile: QoSProfile = qos_profile_services_default,
-        callback_group: Any = None,
+        callback_group: "CallbackGroup | None" = None,
     ) -> None:
         from bus_ros.rosidl import service_class
 
         self.remote_node_name = remote_node_name
 
-        def create(service: str, topic: str) -> Any:
+        def create(service: str, topic: str) -> "Client":
             return node.create_client(
                 service_class(f"rcl_interfaces/srv/{service}"),
                 f"{remote_node_name}/{topic}",
@@ -78,35 +84,37 @@ class AsyncParameterClient:
         prefixes: list[str] | None = None,
         depth: int | None = None,
         callback: _Callback | None = None,
-    ) -> Any:
+    ) -> Future[Any]:
         """Names below any of `prefixes` (none = all), at most `depth` levels down (none = all)."""
         return _call(self._list_parameter_client, callback, prefixes=prefixes or [], depth=depth or 0)
 
-    def get_parameters(self, names: list[str], callback: _Callback | None = None) -> Any:
+    def get_parameters(self, names: list[str], callback: _Callback | None = None) -> Future[Any]:
         return _call(self._get_parameter_client, callback, names=names)
 
-    def set_parameters(self, parameters: Sequence[Any], callback: _Callback | None = None) -> Any:
+    def set_parameters(self, parameters: Sequence[Any], callback: _Callback | None = None) -> Future[Any]:
         """Each for itself; they are Parameters, or messages of them."""
         return _call(self._set_parameter_client, callback, parameters=_messages(parameters))
 
-    def set_parameters_atomically(self, parameters: Sequence[Any], callback: _Callback | None = None) -> Any:
+    def set_parameters_atomically(
+        self, parameters: Sequence[Any], callback: _Callback | None = None
+    ) -> Future[Any]:
         """All or none."""
         return _call(self._set_parameters_atomically_client, callback, parameters=_messages(parameters))
 
-    def delete_parameters(self, names: list[str], callback: _Callback | None = None) -> Any:
+    def delete_parameters(self, names: list[str], callback: _Callback | None = None) -> Future[Any]:
         """Undeclare them; a node refuses that for those with a static type."""
         unset = [Parameter(name, Parameter.Type.NOT_SET) for name in names]
         return self.set_parameters(unset, callback)
 
-    def describe_parameters(self, names: list[str], callback: _Callback | None = None) -> Any:
+    def describe_parameters(self, names: list[str], callback: _Callback | None = None) -> Future[Any]:
         return _call(self._describe_parameters_client, callback, names=names)
 
-    def get_parameter_types(self, names: list[str], callback: _Callback | None = None) -> Any:
+    def get_parameter_types(self, names: list[str], callback: _Callback | None = None) -> Future[Any]:
         return _call(self._get_parameter_types_client, callback, names=names)
 
     def load_parameter_file(
         self, parameter_file: str | Path, use_wildcard: bool = False, callback: _Callback | None = None
-    ) -> Any:
+    ) -> Future[Any]:
         """Set what the file says of this node, and with `use_wildcard` of all nodes. Raises RuntimeError."""
         found = parameter_dict_from_yaml_file(
             parameter_file, use_wildcard, target_nodes=[self.remote_node_name]
@@ -118,7 +126,7 @@ def _messages(parameters: Sequence[Any]) -> list[Any]:
     return [one.to_parameter_msg() if isinstance(one, Parameter) else one for one in parameters]
 
 
-def _call(client: Any, callback: _Callback | None, **fields: Any) -> Any:
+def _call(client: "Client", callback: _Callback | None, **fields: object) -> Future[Any]:
     future = client.call_async(client.srv_type.Request(**fields))
     if callback is not None:
         future.add_done_callback(callback)

@@ -8,7 +8,7 @@ from bus.base.callbacks import is_async
 from bus.errors import PayloadTooLarge
 from bus.service import RequestId, ServiceServer
 from bus_ros.engine import Engine
-from bus_ros.entity import Entity, Work
+from bus_ros.entity import Entity, Group, Owner, Work
 from bus_ros.rclpy.qos import QoSProfile
 
 __all__ = ["Service"]
@@ -26,9 +26,9 @@ class Service(Entity):
         srv_type: Any,
         srv_name: str,
         callback: Callable[[Any, Any], Any],
-        callback_group: Any,
+        callback_group: Group,
         qos_profile: QoSProfile,
-        node: Any,
+        node: Owner,
     ) -> None:
         self.srv_type = srv_type
         self.srv_name = srv_name
@@ -37,7 +37,7 @@ class Service(Entity):
         self.is_async = is_async(callback)
         self.native: ServiceServer | None = None
         self._engine = engine
-        self._waiting: deque[tuple[Any, RequestId]] = deque()
+        self._waiting: deque[tuple[object, RequestId]] = deque()
         super().__init__(node, callback_group)
 
     @property
@@ -45,7 +45,7 @@ class Service(Entity):
         assert self.native is not None
         return self.native.service_name
 
-    def send_response(self, response: Any, header: RequestId) -> None:
+    def send_response(self, response: object, header: RequestId) -> None:
         """Answer the request that came with `header`. Raises TypeError for what is no response."""
         if not isinstance(response, self.srv_type.Response):
             raise TypeError(
@@ -66,7 +66,7 @@ class Service(Entity):
 
     # --- for the executor and the native server, under the guard
 
-    def on_request(self, request: Any, request_id: RequestId) -> None:
+    def on_request(self, request: object, request_id: RequestId) -> None:
         if len(self._waiting) >= MOST_WAITING:
             _, oldest = self._waiting.popleft()
             self._refuse(oldest, RuntimeError("too many requests wait: nobody spins the server"))
@@ -78,7 +78,7 @@ class Service(Entity):
             return None
         return (self._answer_async if self.is_async else self._answer), self._waiting.popleft()
 
-    def _answer(self, request: Any, request_id: RequestId) -> None:
+    def _answer(self, request: object, request_id: RequestId) -> None:
         try:
             response = self.callback(request, self.srv_type.Response())
             self._answer_with(response, request_id)
@@ -86,7 +86,7 @@ class Service(Entity):
             self._refuse(request_id, error)
             raise
 
-    async def _answer_async(self, request: Any, request_id: RequestId) -> None:
+    async def _answer_async(self, request: object, request_id: RequestId) -> None:
         try:
             response = await self.callback(request, self.srv_type.Response())
             self._answer_with(response, request_id)
@@ -94,7 +94,7 @@ class Service(Entity):
             self._refuse(request_id, error)
             raise
 
-    def _answer_with(self, response: Any, request_id: RequestId) -> None:
+    def _answer_with(self, response: object, request_id: RequestId) -> None:
         try:
             self.send_response(response, request_id)
         except PayloadTooLarge as error:
@@ -110,7 +110,7 @@ class Service(Entity):
         with self._engine.loop:
             native.respond(request_id, None, f"{type(error).__name__}: {error}")
 
-    def _respond(self, request_id: RequestId, response: Any) -> None:
+    def _respond(self, request_id: RequestId, response: object) -> None:
         native = self.native
         assert native is not None
         with self._engine.loop:

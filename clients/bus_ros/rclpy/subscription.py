@@ -6,9 +6,10 @@ from time import monotonic_ns
 from typing import Any, Generic, TypedDict, TypeVar
 
 from bus.base.callbacks import is_async, takes_info
+from bus.subscription import MessageInfo as NativeInfo
 from bus.subscription import Subscription as NativeSubscription
 from bus_ros.engine import Engine
-from bus_ros.entity import Entity, Work
+from bus_ros.entity import Entity, Group, Line, Owner, Work
 from bus_ros.rclpy.qos import QoSProfile
 
 __all__ = ["MessageInfo", "Subscription"]
@@ -41,11 +42,11 @@ class Subscription(Entity, Generic[M]):
         engine: Engine,
         native: NativeSubscription[Any],
         msg_type: type[M],
-        callback: Callable[..., Any],
-        callback_group: Any,
+        callback: Callable[..., object],
+        callback_group: Group,
         qos_profile: QoSProfile,
         raw: bool,
-        node: Any,
+        node: Owner,
     ) -> None:
         self.msg_type = msg_type
         self.callback = callback
@@ -60,7 +61,7 @@ class Subscription(Entity, Generic[M]):
         self._batch = 1  # of messages to be taken at once
         self._takes_one = self.is_async or self._wants_info
         super().__init__(node, callback_group)
-        self._handed_to: Any = None  # the executor that may be handed a message as it comes
+        self._handed_to: Line | None = None  # the executor that may be handed a message as it comes
         with engine.loop:
             native._on_arrival = self._look
 
@@ -117,7 +118,7 @@ class Subscription(Entity, Generic[M]):
             return self.callback, (messages[0],)
         return self._call_with, (messages, self.node.own_executor)
 
-    def _call_with(self, messages: list[Any], executor: Any) -> None:
+    def _call_with(self, messages: list[M], executor: Line | None) -> None:
         """Call back for all, unless that takes long or the executor loses the node.
 
         A callback that proves fast gets more at a time, which saves the rest.
@@ -130,7 +131,7 @@ class Subscription(Entity, Generic[M]):
                 callback(message)
                 if monotonic_ns() > end_ns or node.own_executor is not executor:
                     break
-                if self.is_destroyed or not context._is_valid:
+                if self.is_destroyed or not context.is_valid:
                     break
         finally:
             if rest := list(left):
@@ -148,16 +149,16 @@ class Subscription(Entity, Generic[M]):
                 self._receiver.call_back(self._hand, _raise, executor.ready, executor.waiter.shut)
         self.notify()
 
-    def _hand(self, message: Any) -> None:
+    def _hand(self, message: M) -> None:
         """The native reader took it, while the executor's thread runs the loop and has nothing else to do."""
         self._batch = 2
         self._receiver.ahead.append((message, 0, 0, None, 0))
-        if not self.is_queued:
-            executor = self._handed_to
+        executor = self._handed_to
+        if executor is not None and not self.is_queued:
             self.is_queued = executor.waiter.is_set = True
             executor.ready.append(self)
 
-    def _put_back(self, messages: list[Any]) -> None:
+    def _put_back(self, messages: list[M]) -> None:
         self._batch = 1
         self._receiver.put_back(messages)
         self.notify()
@@ -167,7 +168,7 @@ def _raise(error: Exception) -> None:
     raise error
 
 
-def _info(info: Any) -> MessageInfo:
+def _info(info: NativeInfo) -> MessageInfo:
     return MessageInfo(
         source_timestamp=info.source_timestamp,
         received_timestamp=info.received_timestamp,

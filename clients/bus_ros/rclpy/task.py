@@ -13,8 +13,7 @@ from types import CoroutineType
 from typing import Any, Generic, Protocol, TypeVar
 
 from bus.base.printable import printable
-from bus_ros.entity import Entity, Work
-from bus_ros.rclpy.callback_groups import CallbackGroup
+from bus_ros.entity import Entity, Group, Work
 
 __all__ = ["UNFINISHED", "Future", "Step", "Task"]
 
@@ -28,7 +27,7 @@ UNFINISHED = object()
 class Executor(Protocol):
     """An executor as a future sees it: it runs the callbacks."""
 
-    def create_task(self, callback: Callable[..., Any], *args: Any) -> object: ...
+    def create_task(self, callback: Callable[..., object], *args: Any) -> object: ...
 
 
 class Future(Generic[T]):
@@ -42,8 +41,8 @@ class Future(Generic[T]):
         self._result: T | None = None
         self._exception: BaseException | None = None
         self._is_exception_seen = False
-        self._callbacks: list[Callable[[Future[T]], Any]] = []
-        self._waiters: list[Callable[[], Any]] = []
+        self._callbacks: list[Callable[[Future[T]], object]] = []
+        self._waiters: list[Callable[[], object]] = []
         self._lock = Lock()
         self._executor: weakref.ref[Executor] | None = None
         if executor is not None:
@@ -95,7 +94,7 @@ class Future(Generic[T]):
             self._is_exception_seen = False
         self._finish(_FINISHED)
 
-    def add_done_callback(self, callback: "Callable[[Future[T]], Any]") -> None:
+    def add_done_callback(self, callback: "Callable[[Future[T]], object]") -> None:
         """Call `callback(future)` once it is done; where it is done already, at once or by the executor.
 
         What a callback raises is a warning, but for one that is called at once: then it is raised here.
@@ -110,7 +109,7 @@ class Future(Generic[T]):
         else:
             callback(self)
 
-    def remove_done_callback(self, callback: "Callable[[Future[T]], Any]") -> bool:
+    def remove_done_callback(self, callback: "Callable[[Future[T]], object]") -> bool:
         """Whether it was there."""
         with self._lock:
             if callback not in self._callbacks:
@@ -118,7 +117,7 @@ class Future(Generic[T]):
             self._callbacks.remove(callback)
             return True
 
-    def call_when_done(self, waiter: Callable[[], Any]) -> None:
+    def call_when_done(self, waiter: Callable[[], object]) -> None:
         """For executors and threads that wait: call `waiter()`, which must be quick, where it gets done.
 
         Unlike callbacks, these need no executor. Where it is done already, at once.
@@ -129,7 +128,7 @@ class Future(Generic[T]):
                 return
         waiter()
 
-    def forget_waiter(self, waiter: Callable[[], Any]) -> None:
+    def forget_waiter(self, waiter: Callable[[], object]) -> None:
         """Undo `call_when_done`, once; nothing happens where it was called already."""
         with self._lock:
             if waiter in self._waiters:
@@ -172,11 +171,11 @@ class Task(Future[T]):
 
     def __init__(
         self,
-        handler: Callable[..., Any] | Coroutine[Any, Any, Any],
+        handler: Callable[..., object] | Coroutine[Any, Any, Any],
         args: Iterable[Any] | None = None,
         kwargs: dict[str, Any] | None = None,
         executor: Executor | None = None,
-        reschedule: Callable[[], Any] | None = None,
+        reschedule: Callable[[], object] | None = None,
     ) -> None:
         super().__init__(executor=executor)
         self._handler: Any = handler
@@ -276,7 +275,7 @@ class Step:
         self.holder = holder
         self.ends_itself = False
         """The end of the task ends the hold on the holder's group, too, in whichever thread it comes."""
-        self.held_group: CallbackGroup | None = None
+        self.held_group: Group | None = None
         self.is_destroyed = False
         self.is_queued = False
         self.node = None

@@ -2,11 +2,10 @@
 
 from collections.abc import Callable
 from time import monotonic_ns
-from typing import Any
 
 from bus.base.callbacks import is_async
-from bus_ros.engine import Engine, Waiter, engine
-from bus_ros.entity import Entity, Work
+from bus_ros.engine import Engine, Lifetime, Waiter, engine
+from bus_ros.entity import Entity, Group, Owner, Work
 from bus_ros.rclpy.clock import ANY_JUMP, CHANGES_OF_SOURCE, Clock, JumpHandle, ROSClock, TimeJump
 from bus_ros.rclpy.exceptions import InvalidHandle, ROSInterruptException
 
@@ -31,11 +30,11 @@ class Timer(Entity):
     def __init__(
         self,
         callback: Callable[..., object] | None,
-        callback_group: Any,
+        callback_group: Group,
         timer_period_ns: int,
         clock: Clock,
         *,
-        node: Any,
+        node: Owner,
         autostart: bool = True,
     ) -> None:
         self.callback = callback
@@ -172,7 +171,7 @@ class Rate:
     no thread spins, or all are in callbacks, a sleeper fires it itself.
     """
 
-    def __init__(self, timer: Timer, *, context: Any) -> None:
+    def __init__(self, timer: Timer, *, context: Lifetime) -> None:
         self._timer = timer
         self._context = context
         self._has_fired = False  # and no sleep has ended by it

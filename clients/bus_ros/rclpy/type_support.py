@@ -1,11 +1,9 @@
 """Whether a class is a message or a service that can be put on the bus. Must not know how that is done."""
 
-from typing import Any
-
 __all__ = ["check_for_type_support", "check_is_valid_msg_type", "check_is_valid_srv_type"]
 
 
-def check_for_type_support(msg_or_srv_type: Any) -> None:
+def check_for_type_support(msg_or_srv_type: object) -> None:
     """Raises AttributeError for what is neither a message nor a service class."""
     has_name = isinstance(getattr(msg_or_srv_type, "__type_name__", None), str)
     # A msgspec.Struct of the user's own is a message of the native API.
@@ -22,7 +20,7 @@ def check_for_type_support(msg_or_srv_type: Any) -> None:
         )
 
 
-def check_is_valid_msg_type(msg_type: Any) -> None:
+def check_is_valid_msg_type(msg_type: object) -> None:
     """Raises AttributeError as above, RuntimeError for a service or an action."""
     check_for_type_support(msg_type)
     if hasattr(msg_type, "Request") or hasattr(msg_type, "Goal"):
@@ -31,7 +29,7 @@ def check_is_valid_msg_type(msg_type: Any) -> None:
         )
 
 
-def check_is_valid_srv_type(srv_type: Any) -> None:
+def check_is_valid_srv_type(srv_type: object) -> None:
     """Raises AttributeError as above, RuntimeError for a message or an action."""
     check_for_type_support(srv_type)
     if not (hasattr(srv_type, "Request") and hasattr(srv_type, "Response")):

@@ -9,7 +9,7 @@ class ActionClient:
     """Would send goals to an action server."""
 
     def __init__(
-        self, node: object = None, action_type: object = None, action_name: str = "", **_: Any
+        self, node: object = None, action_type: object = None, action_name: str = "", **_: object
     ) -> None:
         raise NotImplementedError(
             f"busd has no actions yet, so there is no ActionClient for '{action_name}': "
@@ -20,7 +20,7 @@ class ActionClient:
 class ClientGoalHandle:
     """Would stand for a goal that was sent."""
 
-    def __init__(self, *_: Any, **__: Any) -> None:
+    def __init__(self, *_: object, **__: object) -> None:
         raise NotImplementedError("busd has no actions yet, so there are no goals")
 
 

@@ -63,7 +63,7 @@ class ActionServer:
         action_type: object = None,
         action_name: str = "",
         execute_callback: object = None,
-        **_: Any,
+        **_: object,
     ) -> None:
         raise NotImplementedError(
             f"busd has no actions yet, so there is no ActionServer '{action_name}': "
@@ -74,5 +74,5 @@ class ActionServer:
 class ServerGoalHandle:
     """Would stand for a goal that came."""
 
-    def __init__(self, *_: Any, **__: Any) -> None:
+    def __init__(self, *_: object, **__: object) -> None:
         raise NotImplementedError("busd has no actions yet, so there are no goals")

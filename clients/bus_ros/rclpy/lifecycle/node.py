@@ -1,7 +1,7 @@
 """The names of rclpy.lifecycle.node; making a node of them says that lifecycles are missing."""
 
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 __all__ = [
     "LifecycleNode",
@@ -32,7 +32,7 @@ class LifecycleState(NamedTuple):
 class LifecycleNode:
     """Would be a node that others configure, activate and shut down."""
 
-    def __init__(self, node_name: str = "", **_: Any) -> None:
+    def __init__(self, node_name: str = "", **_: object) -> None:
         raise NotImplementedError(
             f"busd has no lifecycle nodes yet, so '{node_name}' can't be one: "
             "use rclpy.node.Node and do in its constructor what on_configure and on_activate do"
@@ -42,7 +42,7 @@ class LifecycleNode:
 class LifecyclePublisher:
     """Would publish while its node is active."""
 
-    def __init__(self, *_: Any, **__: Any) -> None:
+    def __init__(self, *_: object, **__: object) -> None:
         raise NotImplementedError("busd has no lifecycle nodes yet: use rclpy.node.Node's create_publisher")
 
 
