@@ -71,7 +71,7 @@ class Subscription(Endpoint[M]):
 
     _kind = "subscription"
 
-    def __init__(
+    def __init__(  # noqa: PLR0913
         self,
         link: Link,
         node: str,

@@ -109,7 +109,7 @@ def try_shutdown(*, context: Context | None = None, uninstall_handlers: bool | N
     _end(context, uninstall_handlers, (context or get_default_context()).try_shutdown)
 
 
-def create_node(
+def create_node(  # noqa: PLR0913
     node_name: str,
     *,
     context: Context | None = None,

@@ -83,7 +83,7 @@ class Node(NodeGraph, NodeParameters):
     and none could be started.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913
         self,
         node_name: str,
         *,
