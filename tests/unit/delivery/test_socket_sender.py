@@ -342,6 +342,15 @@ class TestCatchingUp:
         runs = way.port.runs()
         assert [(numbers(run), run.is_resumed) for run in runs] == [([10], True), ([11], False)]
 
+    def test_what_went_by_the_ring_does_not_fill_the_window(self) -> None:
+        way = Way(KEEP_ALL, window=4)
+        way.number = 9
+        way.sender.resume(10)
+        for _ in range(4):
+            assert way.sender.can_take(1)
+            way.put_apart(1)
+        assert not way.sender.can_take(1)
+
     def test_they_never_go_back(self) -> None:
         way = Way(LAST_3)
         way.put_apart(2)

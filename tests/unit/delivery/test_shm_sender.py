@@ -1,0 +1,115 @@
+"""bus.delivery.shm_sender, shm_receiver: after the broker has died, who reads on and who is waited for.
+
+In a world without a process, a socket or a clock (`tests/world/client_world.py`).
+"""
+
+import pytest
+
+from bus import shm
+from bus.delivery.port import RETURN_S
+from bus.qos import QoSProfile
+from bus.subscription import Subscription
+from client_world import Client, ClientWorld, Numbered
+from list_port import Task
+
+pytestmark = pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
+
+LAST_10, KEEP_ALL = QoSProfile(10), QoSProfile(history="keep_all")
+LONG = "x" * 20_000
+
+
+def heard(client: Client, subscription: Subscription[Numbered]) -> list[int]:
+    return [number for _, number in client.take(subscription)]
+
+
+def test_a_reader_that_lives_and_does_not_come_back_is_waited_for_so_long_and_no_longer() -> None:
+    world = ClientWorld()
+    talker, listener = world.client(shares=True), world.client(shares=True)
+    listener.subscription(KEEP_ALL)
+    world.settle()
+    publisher = talker.publisher(KEEP_ALL)
+    world.settle()
+    talker.publish(publisher, 10_000, LONG)
+    world.restart_broker()
+    world.settle()
+    talker.connect()
+    world.settle()
+
+    async def send() -> None:
+        while not talker.publish(publisher, 1, LONG):
+            await publisher.wait_for_room()
+
+    task = Task(talker.soon, send())
+    world.advance(RETURN_S - 1)
+    assert not task.is_done
+    world.advance(2)
+    assert task.is_done and task.error is None
+
+
+def test_a_ring_whose_publisher_does_not_come_back_is_read_to_its_end_and_left() -> None:
+    world = ClientWorld()
+    talker, listener = world.client(shares=True), world.client(shares=True)
+    subscription = listener.subscription(LAST_10)
+    world.settle()
+    publisher = talker.publisher(LAST_10)
+    world.settle()
+    world.restart_broker()
+    world.settle()
+    talker.publish(publisher, 3)
+    talker.die()
+    listener.connect()
+    world.advance(RETURN_S - 1)
+    rings = subscription._rings
+    assert rings is not None and len(rings._rings) == 1
+    assert heard(listener, subscription) == [1, 2, 3]
+    world.advance(2)
+    rings.sweep()
+    assert not rings._rings
+    totals = subscription.statistics()
+    assert (totals.expected, totals.delivered, totals.dropped) == (3, 3, {})
+
+
+def test_a_ring_that_grows_while_the_new_broker_is_told_of_it() -> None:
+    world = ClientWorld()
+    talker, listener = world.client(shares=True), world.client(shares=True)
+    subscription = listener.subscription(LAST_10)
+    world.settle()
+    publisher = talker.publisher(LAST_10)
+    world.settle()
+    talker.publish(publisher)
+    world.restart_broker()
+    world.settle()
+    talker.connect()
+    talker.serve()
+    talker.step()  # the node is there, the publisher is declared, and nobody has read that
+    talker.publish(publisher, 1, 10 * LONG)
+    listener.connect()
+    world.settle()
+    talker.publish(publisher)
+    world.settle()
+    assert heard(listener, subscription) == [1, 2, 3]
+    assert subscription.statistics().dropped == {}
+
+
+def test_one_by_socket_that_comes_back_later_has_missed_nothing() -> None:
+    """Until it is there, what is published goes by socket, too, and waits."""
+    world = ClientWorld()
+    talker, near, far = world.client(shares=True), world.client(shares=True), world.client()
+    subscriptions = {near: near.subscription(LAST_10), far: far.subscription(LAST_10)}
+    world.settle()
+    publisher = talker.publisher(LAST_10)
+    world.settle()
+    talker.publish(publisher, 2)
+    world.settle()
+    world.restart_broker()
+    world.settle()
+    talker.connect()
+    near.connect()
+    world.settle()
+    talker.publish(publisher, 3)
+    world.advance(0.5)
+    far.connect()
+    world.settle()
+    for client, subscription in subscriptions.items():
+        assert heard(client, subscription) == [1, 2, 3, 4, 5]
+        assert subscription.statistics().dropped == {}
