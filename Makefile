@@ -68,12 +68,15 @@ test: $(TOOLS) ## the whole test suite (BUS_NATIVE=no: as without the native cor
 	$(PYTEST) $(PYTEST_ARGS)
 
 # Each part runs also where another has failed; the last lines say which have.
-NIGHTLY = test-nightly native sanitize arm chaos fuzz soak
-nightly: $(TOOLS) ## all that is slow: every test and combination, sanitizers, chaos, fuzz, soak; an hour
+NIGHTLY = test-nightly native sanitize arm mutants chaos fuzz soak
+nightly: $(TOOLS) ## all that is slow: every test and combination, sanitizers, mutants, chaos, fuzz, soak
 	@$(MAKE) --no-print-directory --keep-going --jobs 1 $(NIGHTLY)
 
 test-nightly: $(TOOLS)
 	$(PYTEST) --nightly $(PYTEST_ARGS)
+
+mutants: $(TOOLS) ## break lines of the source one at a time, and see that tests fail (ARGS="busd/core qos")
+	@PYTHONPATH=tests $(BIN)/python -m mutants $(ARGS)
 
 lint: $(TOOLS) ## style, types and layers
 	$(BIN)/ruff format --check .
@@ -181,4 +184,4 @@ clean: ## remove what the other targets made
 	rm -rf $(VENV) $(ROS_VENV) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test nightly test-nightly native arm lint sanitize fuzz api types fmt bench-quick bench peers chaos soak bench-compare bench-report wheels test-pythons clean
+.PHONY: help setup demo robot test nightly test-nightly mutants native arm lint sanitize fuzz api types fmt bench-quick bench peers chaos soak bench-compare bench-report wheels test-pythons clean

@@ -16,7 +16,7 @@ from pathlib import Path
 import msgspec
 
 ROOT = Path(__file__).parents[2]
-LIMIT_S = 300
+LIMIT_S = 100
 _FAILED = 1
 """pytest's status where tests failed, and not where they could not be run."""
 _FOLDERS = ("busd", "clients", "tests", "examples", "benchmarks", "docs")

@@ -249,6 +249,27 @@ static void test_lossless_reader_holds_its_writer_back(void)
     free(memory);
 }
 
+static void test_the_slowest_lossless_reader_counts(void)
+{
+    void *memory = new_ring(CAPACITY, INDEX, 1);
+    struct reader_slot slots[3] = {{.cursor = 9}, {.cursor = 3}, {.cursor = 1}};
+    struct ring_gate gates[3] = {
+        {.slot = &slots[0], .is_lossless = true},
+        {.slot = &slots[1], .is_lossless = true},
+        {.slot = &slots[2]}, /* lossy: holds nobody back */
+    };
+    struct ring_writer w;
+    ring_writer_attach(&w, memory);
+    w.gates = gates;
+    w.gate_count = 3;
+    CHECK_EQ(ring_taken(&w), 3);
+    atomic_store(&slots[1].cursor, 12);
+    CHECK_EQ(ring_taken(&w), 9);
+    w.hold = 5;
+    CHECK_EQ(ring_taken(&w), 5);
+    free(memory);
+}
+
 static void test_growth_keeps_order(void)
 {
     void *first = new_ring(CAPACITY, INDEX, 1);
@@ -346,6 +367,7 @@ int main(void)
     test_late_joiner_gets_the_lesser_of_both_depths();
     test_keep_is_given_up_only_by_force();
     test_lossless_reader_holds_its_writer_back();
+    test_the_slowest_lossless_reader_counts();
     test_growth_keeps_order();
     test_takeover();
     test_bell_is_rung_once_for_each_sleep();

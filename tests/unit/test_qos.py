@@ -315,3 +315,9 @@ def test_lines_of_topic_info() -> None:
         "  Liveliness: MANUAL_BY_TOPIC",
         "  Liveliness lease duration: 2000000000 nanoseconds",
     ]
+
+
+def test_lossless_is_reliable_and_keeps_all() -> None:
+    kinds = itertools.product(History, Reliability)
+    lossless = [(one, two) for one, two in kinds if QoSProfile(history=one, reliability=two).is_lossless]
+    assert lossless == [(History.KEEP_ALL, Reliability.RELIABLE)]

@@ -312,3 +312,19 @@ class TestNewest:
         waiting.append(old)
         (again,) = waiting.newest(1, 0)
         assert (again.source, again.lifespan_ns) == (9, 77)
+
+
+def test_what_is_charged_is_charged_to_the_parent_too() -> None:
+    user = Account(100)
+    first, second = Account(70, user), Account(70, user)
+    first.charge(60)
+    second.charge(50)
+    assert (first.is_over, second.is_over, user.is_over) == (False, False, True)
+    first.charge(-20)
+    assert (first.used, user.used, user.is_over) == (40, 90, False)
+
+
+def test_what_is_left_behind_a_sample() -> None:
+    rest = run("abcd", 7).after(8)
+    assert (rest.first_seq, rest.count) == (9, 2)
+    assert [(bytes(payload), stamp_ns) for payload, stamp_ns in rest.records()] == [(b"c", 102), (b"d", 103)]

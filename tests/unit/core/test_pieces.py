@@ -123,6 +123,16 @@ class TestTheBudget:
         assert measure(world, lambda: publisher.publish("x")) > 5
         assert all(one.payloads == ["x"] for one in subscriptions)
 
+    def test_a_gap_for_many(self, world: World) -> None:
+        listener, talker = world.process(), world.process()
+        subscriptions = [listener.subscription("/t") for _ in range(10 * MANY)]
+        publisher = talker.publisher("/t")
+        publisher.publish("x")
+        publisher.next_seq += 3
+        assert measure(world, lambda: publisher.publish("y")) > 5
+        for one in subscriptions[:: MANY // 4]:
+            assert one.statistics(talker).dropped == {"publisher_queue": 3}
+
     def test_a_gap_and_one_too_large_for_many(self) -> None:
         world = World(Limits(message_bytes=1024, matches_per_peer=1 << 20, matches_per_user=1 << 20))
         listener, talker = world.process(), world.process()
