@@ -50,7 +50,7 @@ static bool look_at_all(void)
     return found;
 }
 
-static uint64_t hush(void)
+static uint64_t clear(void)
 {
     uint64_t count = 0;
     return read(doorbell, &count, sizeof count) == sizeof count ? count : 0;
@@ -66,7 +66,7 @@ static void *run_reader(void *unused)
     while (!is_over) {
         if (poll(&set, 1, 20) == 0)
             continue;
-        const uint64_t slot = knock_slot(hush());
+        const uint64_t slot = knock_slot(clear());
         if (slot < SLOTS) {
             bell_arm(&arrival, 0);
             if (look(slot)) {
@@ -80,7 +80,7 @@ static void *run_reader(void *unused)
             bell_disarm(&arrival);
             look_at_all();
             delay(random_next(&state) % 2000);
-            hush();
+            clear();
             bell_arm(&arrival, 0);
         } while (look_at_all());
     }
@@ -171,7 +171,7 @@ int main(int argc, char **argv)
         is_over = 1;
         pthread_join(reader, NULL);
         bell_disarm(&arrival);
-        hush();
+        clear();
     }
     printf("knock: published %" PRIu64 ", rung %" PRIu64 ", looks at one %" PRIu64 ", at all %" PRIu64 "\n",
            published[0] + published[1], rung[0] + rung[1], looks_at_one, looks_at_all);
