@@ -15,10 +15,10 @@ from benchmarks.plan import Plan
 from benchmarks.systems import BUS_BYTES, ICEORYX, RCLPY, ROS, ROS_LARGE, ZENOH, System
 from benchmarks.work import IMAGE, Work
 
+pytestmark = pytest.mark.nightly
+
 READER = """
 import json, os, sys
-
-pytestmark = pytest.mark.nightly
 print('{"event": "ready"}', flush=True)
 if sys.argv[1] == "subscriber":
     says = json.loads(os.environ["SAYS"])

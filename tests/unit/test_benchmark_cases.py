@@ -34,6 +34,8 @@ from benchmarks.versus import against_best
 from benchmarks.work import Work
 from bus.transport import memory
 
+pytestmark = pytest.mark.nightly
+
 QUICK, THOROUGH = Plan(quick=True, repetitions=1), Plan(quick=False, repetitions=2)
 
 # --- the best of the others
@@ -266,8 +268,6 @@ def test_goals_name_cases_of_the_other_sections_too() -> None:
 
 LOSER = """
 import json, os, sys
-
-pytestmark = pytest.mark.nightly
 def tell(**event): print(json.dumps(event), flush=True)
 tell(event="ready")
 seen = json.loads(os.environ["SEEN"])

@@ -24,12 +24,12 @@ from benchmarks.systems import (
 )
 from benchmarks.work import Work
 
+pytestmark = pytest.mark.nightly
+
 # --- accounting, with a system that says what the test wants
 
 PUPPET = """
 import json, os, sys
-
-pytestmark = pytest.mark.nightly
 def tell(event): print(json.dumps(event), flush=True)
 for number, says in enumerate(json.loads(os.environ["SAYS"])[sys.argv[1]]):
     try:

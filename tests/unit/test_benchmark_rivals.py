@@ -11,6 +11,8 @@ from benchmarks.harness import START_S, Child, Failure, Group
 from benchmarks.systems import NATS, PIPE, PYZMQ, PYZMQ_PROXY, QUEUE, REDIS, RIVALS, ROS, System
 from benchmarks.work import AT_ONCE, Work
 
+pytestmark = pytest.mark.nightly
+
 LARGEST = 4 << 20
 ALL = [PIPE, QUEUE, PYZMQ, PYZMQ_PROXY, NATS, REDIS]
 FANS = [system for system in ALL if system.fans_out]
@@ -104,8 +106,6 @@ def test_a_thread_that_takes_ends_the_process_when_it_fails(
 from benchmarks.adapters import roles
 from benchmarks.work import Work
 from benchmarks.worker import run
-
-pytestmark = pytest.mark.nightly
 
 async def main(parent):
     taker = roles.Taker(parent, Work(size=1, count=2, warm_up=0))

@@ -17,6 +17,8 @@ from benchmarks.harness import Failure
 from benchmarks.systems import BUS, BUS_SOCKET, PYZMQ, RIVALS, System
 from benchmarks.work import TOPIC
 
+pytestmark = pytest.mark.nightly
+
 
 def _or_skip(system: System) -> System:
     reason = system.missing()
@@ -80,8 +82,6 @@ def test_every_rival_that_fans_out_has_a_talker() -> None:
 
 BROKEN = """
 import sys
-
-pytestmark = pytest.mark.nightly
 print('{"event": "ready"}', flush=True)
 sys.exit(3)
 """

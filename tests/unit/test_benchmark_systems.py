@@ -25,12 +25,12 @@ from benchmarks.systems import (
 )
 from benchmarks.work import Work
 
+pytestmark = pytest.mark.nightly
+
 # --- accounting, with a system that says what the test wants
 
 LIAR = """
 import os, sys
-
-pytestmark = pytest.mark.nightly
 def tell(text): print(text, flush=True)
 tell('{"event": "ready"}')
 if sys.argv[1] == "subscriber":
