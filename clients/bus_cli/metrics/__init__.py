@@ -3,6 +3,8 @@
 A program of its own, so that busd parses no HTTP: to busd a scrape is two questions.
 """
 
+import signal
+import sys
 from argparse import ArgumentParser, Namespace
 from typing import TYPE_CHECKING
 
@@ -59,6 +61,10 @@ def main(args: Namespace) -> int:
             print_json({"listening": where})
         else:
             say(f"metrics at {where}")
+        sys.stdout.flush()
+        # Nothing is to be tidied up. As an exception, a Ctrl-C that comes within a finalizer is lost.
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
         server.serve_forever(_LOOK_S)
     return 0
 
