@@ -174,7 +174,12 @@ def _run(body: Callable[[], Any], *, of_package: bool = False) -> NoReturn:
     except SystemExit as end:
         code = end.code
     except KeyboardInterrupt:
-        raise  # whoever called us says nothing of it
+        import signal
+
+        # One more ends the program at once. The hook that keeps silent about it says so, too, but one that
+        # comes as the hook begins would be shown.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        raise
     except BaseException as error:
         if isinstance(error, BrokerUnavailable):
             print(f"{type(error).__name__}: {error}", file=sys.stderr)  # as bus.run does
