@@ -167,6 +167,7 @@ class TestDenied:
         await own.graph()  # whose answer comes after the news
         said = lines_of(capfd.readouterr().err, "was denied access")
         assert len(said) == 1 and "node /guest was denied access to '/chat'" in said[0] and text in said[0]
+        await until(lambda: lines_of(busd.log, text))  # a thread writes it
         (line,) = lines_of(busd.log, text)
         assert "/guest of " in line
         heard = await guest.create_subscription(String, "/chat", 10)  # and all else works
