@@ -11,6 +11,8 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Final
 
+from bus_ros.filled import Filled, spec_of
+
 __all__ = ["MODULES", "install"]
 
 _PACKAGE: Final = "bus_ros.rclpy."
@@ -59,22 +61,14 @@ class _Finder:
         if short == name or short not in MODULES:
             return None
         is_package = any(other.startswith(f"{short}.") for other in MODULES)
-        return ModuleSpec(name, _Loader, is_package=is_package)  # type: ignore[arg-type]
+        return spec_of(name, Filled(_fill), is_package=is_package)
 
 
-class _Loader:
-    """No subclass of the abstract one, which takes 40 ms to import."""
-
-    @staticmethod
-    def create_module(spec: ModuleSpec) -> None:
-        return None
-
-    @staticmethod
-    def exec_module(module: ModuleType) -> None:
-        target, names = MODULES[module.__name__.removeprefix(_PACKAGE)]
-        source = vars(import_module(_PACKAGE + target))
-        vars(module).update(
-            {name: source[name] for name in names},
-            __all__=list(names),
-            __doc__=f"Names of `rclpy.{target}`, where programs of ROS 2 look for them, too.",
-        )
+def _fill(module: ModuleType) -> None:
+    target, names = MODULES[module.__name__.removeprefix(_PACKAGE)]
+    source = vars(import_module(_PACKAGE + target))
+    vars(module).update(
+        {name: source[name] for name in names},
+        __all__=list(names),
+        __doc__=f"Names of `rclpy.{target}`, where programs of ROS 2 look for them, too.",
+    )

@@ -21,6 +21,8 @@ from importlib.machinery import ModuleSpec, PathFinder
 from types import FrameType, ModuleType
 from typing import Any, Final, NoReturn
 
+from bus_ros.filled import Filled, spec_of
+
 __all__ = ["install"]
 
 _KINDS: Final = ("msg", "srv", "action")
@@ -117,7 +119,7 @@ def _spec(name: str) -> ModuleSpec | None:
     if name in _ALIASES:
         return _alias(name, _ALIASES[name]) if _is_ours(root) else None
     if name in _PACKAGES:
-        return _made(name, _Filled(partial(_fill_package, _PACKAGES[name])), is_package=True)
+        return spec_of(name, Filled(partial(_fill_package, _PACKAGES[name])), is_package=True)
     kind, _, part = rest.partition(".")
     if rest and (kind not in _KINDS or "." in part):
         return None
@@ -128,7 +130,7 @@ def _spec(name: str) -> ModuleSpec | None:
         return None  # it is being imported, and what it imports looks for a module that isn't there
     if not rest:
         is_known = root.isidentifier() and definitions.names(None, root)
-        return _made(name, _Filled(_fill_empty), is_package=True) if is_known else None
+        return spec_of(name, Filled(_fill_empty), is_package=True) if is_known else None
     known = [full.rpartition("/")[2] for full in definitions.names(kind, root)]  # type: ignore[arg-type]
     if part:
         from bus_ros.rosidl.classes import module_of
@@ -138,16 +140,11 @@ def _spec(name: str) -> ModuleSpec | None:
         known = [short for short in known if module_of(f"{root}/{kind}/{short}") == name]
     if not known:
         return None
-    return _made(name, _Filled(partial(_fill_types, root, kind, known)), is_package=not part)
-
-
-def _made(name: str, loader: Any, *, is_package: bool) -> ModuleSpec:
-    # No subclass of the abstract Loader, which takes 40 ms to import.
-    return ModuleSpec(name, loader, is_package=is_package)
+    return spec_of(name, Filled(partial(_fill_types, root, kind, known)), is_package=not part)
 
 
 def _is_ours(name: str) -> bool:
-    return isinstance(getattr(sys.modules.get(name), "__loader__", None), _Filled)
+    return isinstance(getattr(sys.modules.get(name), "__loader__", None), Filled)
 
 
 def _refuse(name: str) -> None:
@@ -195,23 +192,10 @@ def _alias(name: str, target: str) -> ModuleSpec | None:
 
     if target not in sys.modules and find_spec(target) is None:
         return None
-    return _made(name, _Alias(target), is_package=False)
+    return spec_of(name, _Alias(target), is_package=False)
 
 
 # --- modules made here
-
-
-class _Filled:
-    """Loads a module that has no file: `fill` puts its names in."""
-
-    def __init__(self, fill: Any) -> None:
-        self._fill = fill
-
-    def create_module(self, spec: ModuleSpec) -> None:
-        return None
-
-    def exec_module(self, module: ModuleType) -> None:
-        self._fill(module)
 
 
 def _fill_empty(module: ModuleType) -> None:
