@@ -15,7 +15,7 @@ from bus.node import Node
 from bus.process.termination import Terminated
 from bus.runner import loop_factory
 from bus.types.diff import difference
-from bus.types.support import find_type, type_hash, type_support
+from bus.types.support import find_type, type_hash
 from bus_cli.output import CommandError, complain
 from bus_cli.query import full_type_name
 
@@ -28,7 +28,7 @@ __all__ = [
     "positive_int",
     "run_stream",
     "unsigned_int",
-    "wait_for_topic",
+    "warn_if_unknown",
 ]
 
 _ENDING: dict[int, type[KeyboardInterrupt]] = {signal.SIGINT: KeyboardInterrupt, signal.SIGTERM: Terminated}
@@ -115,11 +115,8 @@ async def _difference(node: Node, one: GraphEndpoint, other: GraphEndpoint) -> s
     if one.type_name != other.type_name:
         return ""
     try:
-        schemas = [
-            type_support(await node.get_type(end.type_name, end.type_hash)).schema for end in (one, other)
-        ]
-        ours, theirs = map(msgspec.msgpack.encode, schemas)
-        found = difference(ours, theirs, (one.node.full_name, other.node.full_name))
+        ours, theirs = [await node.get_schema(end.type_name, end.type_hash) for end in (one, other)]
+        found = difference(ours.encoded, theirs.encoded, (one.node.full_name, other.node.full_name))
     except ConfigurationError:
         found = None
     found = found or f"their definitions differ ({one.type_hash} and {other.type_hash})"
@@ -133,12 +130,11 @@ def not_published(topic: str, graph: Graph) -> None:
     complain(f"WARNING: topic [{topic}] does not appear to be published yet{near_topic(topic, graph)}")
 
 
-async def wait_for_topic(node: Node, topic: str) -> None:
-    """Wait until somebody has the topic."""
+async def warn_if_unknown(node: Node, topic: str) -> None:
+    """Say so where nobody has the topic yet, for which a subscription without a class waits."""
     graph = await node.graph()
     if topic not in graph.topics():
         not_published(topic, graph)
-        await node.wait_for_graph(lambda graph: topic in graph.topics())
 
 
 async def for_ever() -> int:

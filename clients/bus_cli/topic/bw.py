@@ -7,7 +7,7 @@ from bus_cli.completion import completed_by, topics
 from bus_cli.output import in_unit, print_json, say, unit_of
 from bus_cli.qosargs import add_qos_arguments, given_profile
 from bus_cli.stats import Bandwidth
-from bus_cli.stream import for_ever, open_node, positive_int, run_stream, wait_for_topic
+from bus_cli.stream import for_ever, open_node, positive_int, run_stream, warn_if_unknown
 
 _WINDOW = 100
 _PERIOD_S = 1.0
@@ -39,7 +39,7 @@ async def _measure(args: Namespace) -> int:
         def hear(payload: bytes) -> None:
             bandwidth.add(monotonic_ns(), len(payload))
 
-        await wait_for_topic(node, topic)
+        await warn_if_unknown(node, topic)
         await node.create_subscription(None, topic, given_profile(args), hear, raw=True)
         if not args.json:
             say(f"Subscribed to [{topic}]")

@@ -9,7 +9,7 @@ from bus_cli.completion import completed_by, topics
 from bus_cli.output import CommandError, print_json, say
 from bus_cli.qosargs import add_qos_arguments, given_profile
 from bus_cli.stats import Delays
-from bus_cli.stream import open_node, positive_int, run_stream, wait_for_topic
+from bus_cli.stream import open_node, positive_int, run_stream, warn_if_unknown
 
 _WINDOW = 10000
 _PERIOD_S = 1.0
@@ -36,7 +36,7 @@ async def _measure(args: Namespace) -> int:
     async with open_node(args) as node:
         topic = node.resolve_topic_name(args.topic_name)
         delays = Delays(args.window)
-        await wait_for_topic(node, topic)
+        await warn_if_unknown(node, topic)
         subscription: Subscription[Any] = await node.create_subscription(None, topic, given_profile(args))
         if "header" not in subscription.type.__struct_fields__:
             raise CommandError("msg does not have header")

@@ -13,7 +13,7 @@ from bus_cli.filter import compile_filter
 from bus_cli.output import dropped_text, print_json, say, table
 from bus_cli.qosargs import add_qos_arguments, given_profile
 from bus_cli.stats import Flow, Intervals, Spread
-from bus_cli.stream import for_ever, open_node, positive_int, run_stream, wait_for_topic
+from bus_cli.stream import for_ever, open_node, positive_int, run_stream, warn_if_unknown
 
 _WINDOW = 10000
 _PERIOD_S = 1.0
@@ -88,7 +88,7 @@ class _Meter:
                 self.intervals.add(clock())
                 on_message(self)
 
-        await wait_for_topic(self._node, self.topic)
+        await warn_if_unknown(self._node, self.topic)
         self._subscription = await self._node.create_subscription(
             None, self.topic, given_profile(self._args), hear, raw=passes is None
         )
