@@ -30,31 +30,15 @@ _RETURN_NS, _PAUSE_NS = 100_000_000, 1_000_000_000
 """While busd is away a message waits at most so long for it; those of the pause after that do not wait."""
 
 
-class BlockingPublisher(Generic[M]):
-    """Publishes messages of one type on one topic; made by `BlockingNode.create_publisher`.
+class _BlockingEndpoint:
+    """What the two have in common."""
 
-    For example:
-
-        publisher.wait_for_subscriptions(timeout=5)
-    """
+    _native: Publisher[Any] | Subscription[Any]
 
     def __init__(self, foreground: Foreground) -> None:
         self._foreground = foreground
         self._loop = foreground.loop
         self._guard = foreground.loop.guard
-        self._native: Publisher[M]
-        self._has_new_matches = False
-        self._next_try_ns = 0
-
-    @classmethod
-    async def _make(
-        cls, foreground: Foreground, node: Node, message_type: type[M], topic: str, qos: QoS
-    ) -> "BlockingPublisher[M]":
-        """For BlockingNode."""
-        self = cls(foreground)
-        events = PublisherEvents(matched=self._matched)
-        self._native = await node.create_publisher(message_type, topic, qos, events=events)
-        return self
 
     def __repr__(self) -> str:
         return f"<Blocking{repr(self._native)[1:]}"
@@ -68,6 +52,32 @@ class BlockingPublisher(Generic[M]):
     def matches(self) -> tuple[Match, ...]:
         """The endpoints that this one is matched with now."""
         return self._native.matches
+
+
+class BlockingPublisher(_BlockingEndpoint, Generic[M]):
+    """Publishes messages of one type on one topic; made by `BlockingNode.create_publisher`.
+
+    For example:
+
+        publisher.wait_for_subscriptions(timeout=5)
+    """
+
+    _native: Publisher[M]
+
+    def __init__(self, foreground: Foreground) -> None:
+        super().__init__(foreground)
+        self._has_new_matches = False
+        self._next_try_ns = 0
+
+    @classmethod
+    async def _make(
+        cls, foreground: Foreground, node: Node, message_type: type[M], topic: str, qos: QoS
+    ) -> "BlockingPublisher[M]":
+        """For BlockingNode."""
+        self = cls(foreground)
+        events = PublisherEvents(matched=self._matched)
+        self._native = await node.create_publisher(message_type, topic, qos, events=events)
+        return self
 
     def publish(self, message: M, timeout: float | None = None) -> None:
         """Publish `message`. On return it is in the ring, and was sent where it goes by socket. From any
@@ -178,7 +188,7 @@ class BlockingPublisher(Generic[M]):
         )
 
 
-class BlockingSubscription(Generic[M]):
+class BlockingSubscription(_BlockingEndpoint, Generic[M]):
     """Receives messages of one type on one topic; made by `BlockingNode.create_subscription`.
 
     `for message in subscription` waits for each; `listen` not for ever.
@@ -187,27 +197,14 @@ class BlockingSubscription(Generic[M]):
             print(message.data)
     """
 
+    _native: Subscription[M]
+
     def __init__(self, foreground: Foreground, native: Subscription[M]) -> None:
-        self._foreground = foreground
+        super().__init__(foreground)
         self._native = native
-        self._loop = foreground.loop
-        self._guard = foreground.loop.guard
         self._receiver = native._receiver
         self._arrival = Signal()
         native._on_arrival = native._on_end = self._arrival.set
-
-    def __repr__(self) -> str:
-        return f"<Blocking{repr(self._native)[1:]}"
-
-    @property
-    def topic_name(self) -> str:
-        """The full name of its topic."""
-        return self._native.topic_name
-
-    @property
-    def matches(self) -> tuple[Match, ...]:
-        """The endpoints that this one is matched with now."""
-        return self._native.matches
 
     def __iter__(self) -> Iterator[M]:
         return self.listen()
