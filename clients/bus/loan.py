@@ -1,7 +1,6 @@
 """A place for a long field of a message, filled where it will be read."""
 
 from collections.abc import Callable
-from contextlib import suppress
 from types import TracebackType
 
 from bus.errors import LocalProtocolError
@@ -16,6 +15,8 @@ class Loan:
             with loan as buffer:
                 camera.readinto(buffer)
     """
+
+    __slots__ = ("__weakref__", "_finish", "buffer")
 
     def __init__(self, buffer: memoryview, finish: Callable[[bool], bool]) -> None:
         self.buffer = buffer
@@ -46,12 +47,15 @@ class Loan:
             self.discard()
 
     def __del__(self) -> None:
-        self.discard()
+        if self._finish is not None:
+            self._end(False)
 
     def _end(self, is_wanted: bool) -> bool:
         finish, self._finish = self._finish, None
         if finish is None:
             raise LocalProtocolError("the loan has ended already")
-        with suppress(BufferError):  # an array is still there that was made of it
+        try:
             self.buffer.release()
+        except BufferError:  # an array is still there that was made of it
+            pass
         return finish(is_wanted)

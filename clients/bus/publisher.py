@@ -28,10 +28,10 @@ from bus.qos import History, QoSProfile
 from bus.transport.memory import LARGE_BYTES, keep_freed_memory
 from bus.types.large_fields import (
     bytes_fields,
-    check_field,
     encode_around,
     in_bytes,
     long_field,
+    no_such_field,
     text_fields,
     with_field,
 )
@@ -108,6 +108,7 @@ class Publisher(Endpoint[M]):
             self.send = sends.send  # type: ignore[method-assign, assignment]
         self._sender = Sender(link, self, logger, ring, sends)
         self._long_fields = bytes_fields(support.cls)
+        self._bytes_fields = {name: support.cls.__struct_fields__.index(name) for name in self._long_fields}
         if ring is not None:  # by socket, text had to be copied once more to be joined with the rest
             self._long_fields += text_fields(support.cls)
         self._watch_deadline()
@@ -176,10 +177,16 @@ class Publisher(Endpoint[M]):
         Raises as `publish`, and MessageTypeError for a field that is no bytes, LocalProtocolError on another
         thread.
         """
-        check_field(self.type, field)
+        index = self._bytes_fields.get(field)
+        if index is None:
+            raise no_such_field(self.type, field)
+        sender = self._sender
+        place = sender.lend_field(message, index, size)
+        if place.__class__ is memoryview:
+            return Loan(place, sender.end_loan)
         before, after = self._encode_around(message, field, b"", size)
         self._check_size(len(before) + size + len(after))
-        loan = self._sender.lend(before, size, after)
+        loan = sender.lend(before, size, after)
         self._refused += loan is None
         return loan
 
@@ -364,7 +371,10 @@ class Publisher(Endpoint[M]):
         """What comes before and after `size` bytes as `field`; the check of types sees `value` there."""
         if message.__class__ is not self.type:
             raise wrong_class(self.type, message)
-        message = with_field(message, field, value)
+        try:
+            message = with_field(message, field, value)
+        except AttributeError as unset:  # a field was deleted
+            raise self._support.explain(message) or unset from None
         if not self._support.is_valid(message):
             error = self._support.explain(message)
             if error is not None:

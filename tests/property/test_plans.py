@@ -20,6 +20,7 @@ from bus.msg.geometry_msgs import Point, PoseStamped, Vector3
 from bus.msg.nav_msgs import OccupancyGrid
 from bus.msg.sensor_msgs import Image, JointState, LaserScan
 from bus.msg.std_msgs import Float64, Header, String, UInt64
+from bus.types.large_fields import bytes_fields, encode_around, with_field
 from bus.types.schema import build, describe, type_name
 from bus.types.support import find_type, type_support
 from effort import examples
@@ -185,6 +186,34 @@ def test_the_bytes_of_ready_made_classes(cls: type[Message], data: st.DataObject
     same_as_the_long_way(message)
     change(data, message)
     same_as_the_long_way(message)
+
+
+WITH_BYTES = [cls for cls in CLASSES if bytes_fields(cls)]
+
+
+@pytest.mark.parametrize("cls", WITH_BYTES, ids=type_name)
+@settings(max_examples=examples(60))
+@given(data=st.data())
+def test_what_stands_around_a_loan(cls: type[Message], data: st.DataObject) -> None:
+    support, talker = type_support(cls), Talker()
+    message, name = cls(), data.draw(st.sampled_from(bytes_fields(cls)))
+    talker.writer.prepare(*support.steps)
+    change(data, message)
+    setattr(message, name, b"")
+    size = data.draw(st.sampled_from([0, 1, 9, 4096, 60_000]))
+    place = talker.writer.lend_field(message, cls.__struct_fields__.index(name), size)
+    try:
+        support.encode_checked(lent := with_field(message, name, bytes(size)))
+        before, after = encode_around(lent, name, size, support.encode)
+    except (MessageTypeError, AttributeError):
+        assert place is False
+    else:
+        if place is False:
+            assert message != cls()  # there was not room enough for a plan
+        else:
+            place[:] = b"x" * size
+            assert bytes(talker.writer.lent()) == before + b"x" * size + after
+    talker.close()
 
 
 def test_which_ready_made_classes_have_a_plan() -> None:

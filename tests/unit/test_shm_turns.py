@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from effort import examples
-from shm_ends import Listener, Talker
+from shm_ends import Listener, Talker, core
 
 SIZE = (64 << 10) - 32
 CAPACITY = 4 << 20
@@ -39,6 +39,39 @@ def test_what_is_lent_is_soon_lent_again(is_lossless: bool) -> None:
         places.add(place_of_loan(talker))
         assert len(listener.take()) == 1
     assert len(places) == 3
+    talker.close()
+    listener.close()
+
+
+def test_a_hold_in_the_way_is_asked_for_once_a_record() -> None:
+    talker, listener = Talker(4 * CAPACITY), Listener(tells_cursor=True)
+    listener.join(talker, start=1)
+    talker.writer.hold = 1
+    asked, places = [], set()
+    for number in range(1, 400):
+        place = talker.writer.lend(SIZE)
+        if place == core.HELD:
+            asked.append(number)
+            talker.writer.hold = number
+            place = talker.writer.lend(SIZE)
+        places.add(ctypes.addressof(ctypes.c_char.from_buffer(place)))
+        del place
+        assert talker.writer.publish_lent() is True
+        assert len(listener.take()) == 1
+    assert len(places) == FITTING
+    assert asked == list(range(FITTING + 1, 400, FITTING))
+    talker.close()
+    listener.close()
+
+
+def test_who_does_not_move_a_hold_goes_on_in_the_ring() -> None:
+    talker, listener = Talker(4 * CAPACITY), Listener(tells_cursor=True)
+    listener.join(talker, start=1)
+    talker.writer.hold = 1
+    outcomes = [talker.writer.write_parts([bytes(SIZE)]) for _ in range(8 * FITTING)]
+    assert outcomes.count(True) == 4 * FITTING
+    assert outcomes.count(core.HELD) == 4 * FITTING - FITTING
+    assert outcomes[-1] == core.FULL
     talker.close()
     listener.close()
 

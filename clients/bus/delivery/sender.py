@@ -65,7 +65,7 @@ class Sender:
         self._return: Timer | None = None
         self._totals: tuple[int, int] | None = None  # at the end
         self._refusal: BusError | None = None
-        self._is_lent = False
+        self._lent: memoryview | None = None  # what is not yet filled, where there is no ring
         self._bursts = BurstWatch(port.soon, owner.topic_name, logger, is_awaitable=not port.is_shared)
         self._socket.on_replaced = lambda count: self._bursts.note_replaced(count, self._depth)
         self.publish: Callable[[Any], bool | int | bytes] = _not_so_quick
@@ -73,6 +73,8 @@ class Sender:
         self._sends = sends
         self.write: Callable[[Any], bool] = _not_so_quick
         """The quick way for an encoded sample, by socket; False: ask `put`."""
+        self.lend_field: Callable[[Any, int, int], memoryview | bool | int] = _never_so_quick
+        """The quick way for a loan, to be ended by `end_loan`; anything but a place: ask `lend`."""
         self._choose_routes()
 
     @property
@@ -136,7 +138,8 @@ class Sender:
         self._check_loan()
         if self._from_threads.late:
             return None
-        start, stop, whole = len(before), len(before) + size, len(before) + size + len(after)
+        start = len(before)
+        stop, whole = start + size, start + size + len(after)
         if self._socket.is_active and not self._socket.can_take(whole):
             return None
         ring = self._ring
@@ -144,26 +147,33 @@ class Sender:
         if place is None:
             return None
         place[:start], place[stop:] = before, after
-        self._is_lent = True
-        self._set_quick()
+        if ring is None:
+            self._lent = place
+            self._set_quick()  # the ring's own one takes nothing meanwhile
+        return Loan(place[start:stop], self.end_loan)
 
-        def finish(is_wanted: bool) -> bool:
-            if not self._port.owns_thread():
-                self._port.soon_threadsafe(finish, False)
-                if is_wanted:
-                    raise LocalProtocolError("a loan can only be published on the event loop's thread")
-                return False
-            self._is_lent = False
-            if self._refusal is not None:
-                if is_wanted:
-                    raise again(self._refusal)
-                return False
+    def end_loan(self, is_wanted: bool) -> bool:
+        """What was lent is filled; where it is wanted, publish it. Returns whether it was taken."""
+        if not self._port.owns_thread():
+            self._port.soon_threadsafe(self.end_loan, False)
+            if is_wanted:
+                raise LocalProtocolError("a loan can only be published on the event loop's thread")
+            return False
+        place, self._lent = self._lent, None
+        if self._refusal is not None:
+            if is_wanted:
+                raise again(self._refusal)
+            return False
+        is_taken = False
+        if self._ring is not None and is_wanted:
+            is_taken = self._put_lent(self._ring)
+        elif self._ring is not None:
+            self._ring.writer.is_lent = False
+        elif place is not None:
+            is_taken = is_wanted and self._put_now((bytes(place),), self._port.now_ns())
             self._choose_routes()
-            is_taken = is_wanted and self._put_lent(ring, place)
-            self.release_waiters()
-            return is_taken
-
-        return Loan(place[start:stop], finish)
+        self.release_waiters()
+        return is_taken
 
     def hand_over(self) -> None:
         """End the run that is open, and send it."""
@@ -322,26 +332,33 @@ class Sender:
         if socket.is_active and not is_needed:
             socket.hand_over()
         socket.is_active = is_needed
-        if self._totals is not None or self._is_lent or self._from_threads.late or self._has_deadline:
+        if self._totals is not None or self._from_threads.late or self._has_deadline:
             self._set_quick()
         elif ring is None:
-            self._set_quick(socket.run.publish, socket.run.write)
-        elif ring.can_publish and not is_needed and not self._is_manual:
-            # Who reads in this event loop has its turn with every hundred that are sent, lest depth suffers.
-            self._set_quick(ring.writer.publish, spares_turns=not ring.is_read_here)
-        else:
+            if self._lent is None:
+                self._set_quick(socket.run.publish, socket.run.write)
+        elif is_needed or self._is_manual:
             self._set_quick()
+        else:
+            # Who reads in this event loop has its turn with every hundred that are sent, lest depth suffers.
+            self._set_quick(
+                ring.writer.publish if ring.can_publish else None,
+                lend_field=ring.writer.lend_field,
+                spares_turns=not ring.is_read_here,
+            )
 
     def _set_quick(
         self,
         publish: Callable[[Any], bool | int | bytes] | None = None,
         write: Callable[[Any], bool] | None = None,
         *,
+        lend_field: Callable[[Any, int, int], memoryview | bool | int] | None = None,
         spares_turns: bool = False,
     ) -> None:
         """The quick ways from now on; `spares_turns` is for `send`."""
         self.publish = publish or _not_so_quick
         self.write = write or _not_so_quick
+        self.lend_field = lend_field or _never_so_quick
         if self._sends is not None:
             self._sends.publish = self.publish
             self._sends.spares_turns = spares_turns
@@ -373,16 +390,19 @@ class Sender:
         self.last_ns = stamp_ns
         return True
 
-    def _put_lent(self, ring: ShmSender | None, place: memoryview) -> bool:
-        """Publish what was filled, in `ring` where it was lent there."""
-        stamp_ns = self._port.now_ns()
-        if ring is None:
-            return self._put_now((bytes(place),), stamp_ns)
+    def _put_lent(self, ring: ShmSender) -> bool:
+        """Publish what was filled in the ring."""
+        payload = bytes(ring.writer.lent()) if self._socket.is_active else b""
         ring.publish_lent()
+        if self._has_deadline or self._socket.is_active:
+            self.last_ns = self._port.now_ns()
         if self._socket.is_active:
-            self._put_in_socket(bytes(place), stamp_ns)
-        self.last_ns = stamp_ns
+            self._put_in_socket(payload, self.last_ns)
         return True
+
+    @property
+    def _is_lent(self) -> bool:
+        return self._lent is not None if self._ring is None else self._ring.writer.is_lent
 
     def _check_loan(self) -> None:
         if self._is_lent:
@@ -438,4 +458,9 @@ class Sender:
 
 def _not_so_quick(payload: object) -> Literal[False]:
     """The quick way, switched off."""
+    return False
+
+
+def _never_so_quick(message: object, index: int, size: int) -> Literal[False]:
+    """That of a loan."""
     return False

@@ -147,7 +147,9 @@ class ShmSender:
         while (status := writer.write_parts(parts, force=may_force, stamp_ns=stamp_ns)) is not True:
             if status == shm.native.REPORT_DUE:
                 break
-            if status == shm.native.FULL:
+            if status == shm.native.HELD:
+                self._move_guard()
+            elif status == shm.native.FULL:
                 if not self._make_way():
                     return False
             else:
@@ -162,7 +164,9 @@ class ShmSender:
             place = self.writer.lend(size, force=may_force)
             if isinstance(place, memoryview):
                 return place
-            if place == shm.native.FULL:
+            if place == shm.native.HELD:
+                self._move_guard()
+            elif place == shm.native.FULL:
                 if not self._make_way():
                     return None
             else:
@@ -192,10 +196,7 @@ class ShmSender:
     def _make_way(self) -> bool:
         """Something is held by those who have not read it. Returns whether to try again now."""
         writer = self.writer
-        if self._is_lossless and self._guard != writer.latest and self._port.is_quiet():
-            # All matches made so far are known here; later ones start after `latest`.
-            self._guard = writer.latest
-            self._set_hold()
+        if self._move_guard():
             return True
         if self._is_lossless:
             # Not without a broker: readers would not hear of it, and the ring that they have would stay full.
@@ -207,6 +208,16 @@ class ShmSender:
             writer.make_lossy(gate.key)
             gate.is_held = False
         self._holds.clear()
+        self._set_hold()
+        return True
+
+    def _move_guard(self) -> bool:
+        """Hold no more for matches that may have been made. Returns whether that was out of date."""
+        latest = self.writer.latest
+        if not self._is_lossless or self._guard == latest or not self._port.is_quiet():
+            return False
+        # All matches made so far are known here; later ones start after `latest`.
+        self._guard = latest
         self._set_hold()
         return True
 
@@ -239,7 +250,8 @@ class ShmSender:
     def expect(self, matched: m.Matched) -> None:
         """A match by this route: hold what its reader is to find, until it says where it tells of itself."""
         is_held = matched.qos.is_lossless
-        if self._watches_laps and ShmSender._early < EARLY and self._grow(0, must=True):
+        is_small = self._watches_laps and not self.writer.is_lent
+        if is_small and ShmSender._early < EARLY and self._grow(0, must=True):
             # Now it holds nothing up yet. Later, busd may be slow or gone, and readers wait for its word.
             self._is_early = True
             ShmSender._early += 1

@@ -22,6 +22,8 @@ TOO_LARGE: Final = 6
 """Not written: more than `max_payload` or `most`."""
 WRONG_THREAD: Final = 7
 """Not written: the thread that calls may not use the writer now."""
+HELD: Final = 8
+"""Not written: `hold` may be out of date; said once for a record. Move it if so, and try again."""
 
 AS_TEXT: Final = 1
 AS_FLOAT: Final = 2
@@ -116,6 +118,8 @@ class Writer:
     is_long: bool
     """`publish` took a message that was longer than `longest`: it takes no more until this is False."""
     longest: int
+    is_lent: bool
+    """From `lend` to `publish_lent`: `publish` takes nothing. May be set to False: it was given back."""
 
     def __init__(self, memory: Mapping, keep: int) -> None: ...
     def write(self, payload: Buffer, /) -> Literal[True] | int:
@@ -131,7 +135,7 @@ class Writer:
         """What `publish` is to publish. Raises ValueError the second time."""
     def publish(self, message: Any, /) -> bool | int:
         """Check, encode and `write` a message, in one pass where it is as planned. False: it is none of that
-        kind, not surely valid, can't be encoded, or `is_long` is set. Else as `write`."""
+        kind, not surely valid, can't be encoded, or `is_long` or `is_lent` is set. Else as `write`."""
     def write_parts(
         self, parts: Sequence[Buffer | str], /, *, force: bool = False, stamp_ns: int = 0
     ) -> Literal[True] | int:
@@ -144,6 +148,10 @@ class Writer:
 
         Another write takes it back: then `publish_lent` says so.
         """
+    def lend_field(self, message: Any, index: int, size: int, /) -> memoryview | bool | int:
+        """As `publish`, but for `size` bytes that are to be the field `index` of `message`: their place."""
+    def lent(self) -> memoryview:
+        """The place of the whole payload that is lent; empty where nothing is."""
     def publish_lent(self) -> Literal[True] | int:
         """Publish what was lent. Raises ValueError where nothing is lent any more."""
     def since(self, stamp_ns: int) -> list[tuple[int, int, Bytes]]:

@@ -17,7 +17,7 @@
 #include "ring.h"
 
 /* What a write says where it is not just True; see _core.pyi. */
-enum { REPORT_DUE = 2, FULL, SHORT, PINNED, TOO_LARGE, WRONG_THREAD };
+enum { REPORT_DUE = 2, FULL, SHORT, PINNED, TOO_LARGE, WRONG_THREAD, HELD };
 
 /* Sequence numbers end here, as on the wire; beyond, the other side is broken. */
 #define MAX_SEQ ((UINT64_C(1) << 62) - 1)
@@ -102,6 +102,7 @@ typedef struct {
     bool is_closed;
     char is_noted;
     char is_long;
+    char is_lent; /* the place at head is filled by who has the loan: nothing else may be published */
     struct gate_owner *owners; /* beside ring.gates */
     struct bell_pull *bells;   /* each bell of the gates once */
     size_t room;               /* allocated, of all three arrays */
@@ -254,6 +255,11 @@ enum { PLAN_BYTES = 4096 };
  * lost, and no error is set. Where it gives up, an error may have been made and dropped, and with that anything may
  * have run; else no Python code has. */
 Py_ssize_t plan_encode(const Plan *self, PyObject *message, void *at, Py_ssize_t room);
+
+/* The same, but of field `index`, which is bytes, only the head is put, for `size` of them; they belong at *gap. That is
+ * a multiple of eight where a longer head of the array makes it one. PLAN_NONE, also where there is not room enough. */
+Py_ssize_t plan_encode_around(const Plan *self, PyObject *message, Py_ssize_t index, uint64_t size, void *bytes,
+                              Py_ssize_t room, Py_ssize_t *gap);
 
 /* From the arguments (kind, is_valid, encode, plan or None) of a method of `owner`. False: an error is set. */
 bool encoder_prepare(struct encoder *self, PyObject *owner, PyObject *args);

@@ -155,7 +155,7 @@ static int core_exec(PyObject *module)
         const char *name;
         long number;
     } numbers[] = {{"REPORT_DUE", REPORT_DUE},   {"FULL", FULL},           {"SHORT", SHORT},
-                   {"PINNED", PINNED}, {"TOO_LARGE", TOO_LARGE}, {"WRONG_THREAD", WRONG_THREAD},
+                   {"PINNED", PINNED}, {"TOO_LARGE", TOO_LARGE}, {"WRONG_THREAD", WRONG_THREAD}, {"HELD", HELD},
                    {"AS_TEXT", AS_TEXT}, {"AS_FLOAT", AS_FLOAT}, {"AS_BOOL", AS_BOOL},
                    {"AS_INT", AS_INT}, {"AS_STRUCT", AS_STRUCT}, {"AS_BYTES", AS_BYTES},
                    {"AS_LIST", AS_LIST}};

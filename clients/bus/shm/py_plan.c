@@ -39,6 +39,9 @@ struct Plan {
 struct place {
     unsigned char *at, *end;
     bool is_full;
+    const struct plan_field *left_out; /* of bytes: only the head is put, for so many; NULL: none */
+    uint64_t left_bytes;
+    unsigned char *gap; /* where these belong */
 };
 
 static inline bool has_room(struct place *place, Py_ssize_t size)
@@ -225,6 +228,13 @@ static bool put_struct(const Plan *self, PyObject *message, struct place *place)
             memcpy(place->at, PyBytes_AsString(field->key), (size_t)size);
             place->at += size;
         }
+        if (field == place->left_out) {
+            if (!has_room(place, MOST_HEAD))
+                return false;
+            put_number(place, 0xc6, place->left_bytes, 4);
+            place->gap = place->at;
+            continue;
+        }
         PyObject *value = field->get(field->slot, message, self->kind);
         if (value == NULL)
             return false;
@@ -238,11 +248,39 @@ static bool put_struct(const Plan *self, PyObject *message, struct place *place)
 
 Py_ssize_t plan_encode(const Plan *self, PyObject *message, void *at, Py_ssize_t room)
 {
-    struct place place = {at, (unsigned char *)at + room, false};
+    struct place place = {.at = at, .end = (unsigned char *)at + room};
     if (put_struct(self, message, &place))
         return place.at - (unsigned char *)at;
     PyErr_Clear();
     return place.is_full ? PLAN_SHORT : PLAN_NONE;
+}
+
+Py_ssize_t plan_encode_around(const Plan *self, PyObject *message, Py_ssize_t index, uint64_t size, void *bytes,
+                              Py_ssize_t room, Py_ssize_t *gap)
+{
+    enum { LONGER = 2 };
+    unsigned char *at = bytes;
+    if (index < 0 || index >= self->count || size > UINT32_MAX)
+        return PLAN_NONE;
+    const struct plan_field *field = &self->fields[index];
+    if (field->value.code != AS_BYTES || (int64_t)size < field->value.least || size > field->value.most)
+        return PLAN_NONE;
+    struct place place = {.at = at, .end = at + room - LONGER, .left_out = field, .left_bytes = size};
+    if (!put_struct(self, message, &place)) {
+        PyErr_Clear();
+        return PLAN_NONE;
+    }
+    Py_ssize_t length = place.at - at;
+    *gap = place.gap - at;
+    if (self->is_array && self->count < 16 && *gap % 8 == 8 - LONGER) {
+        memmove(at + 1 + LONGER, at + 1, (size_t)length - 1);
+        at[0] = 0xdc;
+        at[1] = 0;
+        at[2] = (unsigned char)self->count;
+        length += LONGER;
+        *gap += LONGER;
+    }
+    return length;
 }
 
 /* Types */

@@ -257,9 +257,19 @@ static PyObject *refused(enum ring_status status)
         return PyLong_FromLong(SHORT);
     case RING_PINNED:
         return PyLong_FromLong(PINNED);
+    case RING_HELD:
+        return PyLong_FromLong(HELD);
     default:
         return PyLong_FromLong(TOO_LARGE);
     }
+}
+
+/* Of a quick way: the caller tries again by another one, which shall be told the same. */
+static PyObject *refused_for_now(Writer *self, enum ring_status status)
+{
+    if (status == RING_HELD)
+        self->ring.asked = 0;
+    return refused(status);
 }
 
 static inline PyObject *published(Writer *self, uint64_t size)
@@ -286,7 +296,7 @@ static inline PyObject *put(Writer *self, const void *bytes, Py_ssize_t size)
         return PyLong_FromLong(TOO_LARGE);
     const enum ring_status status = ring_write(&self->ring, bytes, (uint32_t)size, next_stamp(self, core_now_ns()), 0,
                                               false);
-    return status == RING_OK ? published(self, (uint64_t)size) : refused(status);
+    return status == RING_OK ? published(self, (uint64_t)size) : refused_for_now(self, status);
 }
 
 static PyObject *writer_write(PyObject *object, PyObject *payload)
@@ -317,7 +327,7 @@ static PyObject *writer_publish(PyObject *object, PyObject *message)
     Writer *self = (Writer *)object;
     const struct encoder *encoder = &self->encoder;
     PyObject *outcome;
-    if ((PyObject *)Py_TYPE(message) != encoder->kind || self->is_long)
+    if ((PyObject *)Py_TYPE(message) != encoder->kind || self->is_long || self->is_lent)
         Py_RETURN_FALSE;
     if (encoder->plan != NULL) {
         unsigned char bytes[PLAN_BYTES];
@@ -431,7 +441,52 @@ static PyObject *writer_lend(PyObject *object, PyObject *const *args, Py_ssize_t
     if (status != RING_OK)
         return refused(status);
     self->lent = (uint32_t)size;
+    self->is_lent = 1;
     return loan_new(core_state(object), self->memory, payload, size);
+}
+
+/* All that a loan is where nothing stands against it; else as writer_publish(). */
+static PyObject *writer_lend_field(PyObject *object, PyObject *const *args, Py_ssize_t count)
+{
+    Writer *self = (Writer *)object;
+    const struct encoder *encoder = &self->encoder;
+    unsigned char bytes[PLAN_BYTES], *place;
+    Py_ssize_t gap;
+    PyObject *outcome;
+    if (count != 3) {
+        PyErr_SetString(PyExc_TypeError, "message, index and size are needed");
+        return NULL;
+    }
+    const Py_ssize_t index = PyLong_AsSsize_t(args[1]), size = PyLong_AsSsize_t(args[2]);
+    if (PyErr_Occurred())
+        return NULL;
+    if (encoder->plan == NULL || self->is_lent || size < 0)
+        Py_RETURN_FALSE;
+    const Py_ssize_t around = plan_encode_around(encoder->plan, args[0], index, (uint64_t)size, bytes, sizeof bytes,
+                                                 &gap);
+    if (around < 0)
+        Py_RETURN_FALSE;
+    if (!is_open(self, &outcome))
+        return outcome;
+    const uint64_t whole = (uint64_t)(around + size);
+    if (whole > self->most)
+        return PyLong_FromLong(TOO_LARGE);
+    const enum ring_status status = ring_reserve(&self->ring, whole, false, (void **)&place);
+    if (status != RING_OK)
+        return refused_for_now(self, status);
+    copy_to_shared(place, bytes, (uint64_t)gap);
+    copy_to_shared(place + gap + size, bytes + gap, (uint64_t)(around - gap));
+    self->lent = (uint32_t)whole;
+    self->is_lent = 1;
+    return loan_new(core_state(object), self->memory, place + gap, size);
+}
+
+static PyObject *writer_lent(PyObject *object, PyObject *Py_UNUSED(none))
+{
+    const Writer *self = (const Writer *)object;
+    const struct ring_writer *ring = &self->ring;
+    void *place = ring->data + (ring->head & (ring->capacity - 1)) + RING_HEAD_BYTES;
+    return loan_new(core_state(object), self->memory, place, self->is_lent ? self->lent : 0);
 }
 
 static PyObject *writer_publish_lent(PyObject *object, PyObject *Py_UNUSED(none))
@@ -444,6 +499,7 @@ static PyObject *writer_publish_lent(PyObject *object, PyObject *Py_UNUSED(none)
         PyErr_SetString(PyExc_ValueError, "nothing is lent: another write took the place back");
         return NULL;
     }
+    self->is_lent = 0;
     ring_publish(&self->ring, self->lent, next_stamp(self, core_now_ns()), 0);
     return published(self, self->lent);
 }
@@ -641,6 +697,8 @@ static PyMethodDef methods[] = {
     {"publish", writer_publish, METH_O, NULL},
     {"write_parts", (PyCFunction)(void (*)(void))writer_write_parts, FAST_KEYWORDS, NULL},
     {"lend", (PyCFunction)(void (*)(void))writer_lend, FAST_KEYWORDS, NULL},
+    {"lend_field", (PyCFunction)(void (*)(void))writer_lend_field, METH_FASTCALL, NULL},
+    {"lent", writer_lent, METH_NOARGS, NULL},
     {"publish_lent", writer_publish_lent, METH_NOARGS, NULL},
     {"since", writer_since, METH_O, NULL},
     {"seq_since", writer_seq_since, METH_O, NULL},
@@ -666,6 +724,7 @@ static PyMemberDef members[] = {
     {"is_mine", T_OBJECT, offsetof(Writer, home.is_mine), 0, NULL},
     {"is_noted", T_BOOL, offsetof(Writer, is_noted), 0, NULL},
     {"is_long", T_BOOL, offsetof(Writer, is_long), 0, NULL},
+    {"is_lent", T_BOOL, offsetof(Writer, is_lent), 0, NULL},
     {"longest", T_ULONGLONG, offsetof(Writer, longest), 0, NULL},
     {0},
 };

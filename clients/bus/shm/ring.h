@@ -33,6 +33,7 @@ enum ring_status {
     RING_SHORT,     /* fewer than the newest `keep` records would be left: grow, or force */
     RING_FULL,      /* a lossless reader has not taken what would be overwritten: wait */
     RING_PINNED,    /* pinned records leave no room: grow, or drop */
+    RING_HELD,      /* `hold` may be out of date: move it where that is so, and try again */
 };
 
 static inline uint64_t ring_record_bytes(uint64_t size)

@@ -19,6 +19,10 @@
 #endif
 #define RING_ROUND 3u /* of them before they do */
 
+#ifndef RING_ASK
+#define RING_ASK (4u << 20) /* bytes since the start of the ring from which on `hold` is worth asking for */
+#endif
+
 /* A pinned record that the writer has given up and steps over; active while the pin still holds `seq`. */
 struct ring_hole {
     uint64_t seq; /* 0: none */
@@ -44,6 +48,7 @@ struct ring_writer {
     uint64_t island, island_end;   /* after a leap: what is before this seq lies ahead, up to that position */
     uint64_t loan;                 /* bytes of the record reserved at head; 0: none */
     uint64_t hold;                 /* nothing from this seq on may be given up; UINT64_MAX: none */
+    uint64_t asked;                /* the seq for which RING_HELD was said */
     uint64_t floor;                /* what lossless readers had taken when last looked at; 0 after hold is set */
     uint64_t admissions;           /* tickets shown so far */
     struct ring_gate *gates;
@@ -194,25 +199,31 @@ static inline void ring_give_up(struct ring_writer *w, uint64_t survivor)
 
 /* Before a large record of `total` bytes: goes back to the start of the ring, which is still in the cache. Not where
  * something lies there that is needed: by lossless readers, `hold` or the depth, and one more, which may be being
- * read. Nor where that is more than a quarter of the ring. */
-static inline void ring_turn_back(struct ring_writer *w, uint64_t next, uint64_t total)
+ * read. Nor where that is more than a quarter of the ring. False: `hold` stands in the way, and moving it is worth
+ * the owner's while; said once for a record. */
+static inline bool ring_turn_back(struct ring_writer *w, uint64_t next, uint64_t total)
 {
     const uint64_t offset = w->head & (w->capacity - 1), lap = w->head - offset + w->capacity;
     if (offset < RING_ROUND * total || next <= w->keep)
-        return;
+        return true;
+    if (w->hold < next && offset >= RING_ASK && w->asked != next) {
+        w->asked = next;
+        return false;
+    }
     uint64_t needed = next - w->keep;
     if (needed > w->floor && needed > (w->floor = ring_taken(w)))
         needed = w->floor;
     if (needed < w->oldest)
-        return;
+        return true;
     if (needed <= w->latest) {
         const uint64_t at = ring_position(w, needed);
         if (at + w->capacity < lap + total || w->head - at > w->capacity / 4)
-            return;
+            return true;
     }
     w->turn = next;
     w->behind = lap + offset;
     w->head = lap;
+    return true;
 }
 
 /* Where the ring has turned back and finds no room any more, it goes on behind what lay there then, which becomes an
@@ -229,7 +240,7 @@ static inline bool ring_leap(struct ring_writer *w)
 
 /* Makes room for a record of up to `size` bytes and lends the place in *payload; ring_publish() ends the loan,
  * another ring_reserve() takes it back. `force` gives up depth (never a lossless reader's records, nor pins).
- * Returns RING_OK, RING_TOO_LARGE, RING_SHORT, RING_FULL or RING_PINNED; after RING_PINNED
+ * Returns RING_OK, RING_TOO_LARGE, RING_SHORT, RING_FULL, RING_HELD or RING_PINNED; after RING_PINNED
  * records may be given up that are still whole; after the other refusals all that was there is. */
 static inline enum ring_status ring_reserve(struct ring_writer *w, uint64_t size, bool force, void **payload)
 {
@@ -237,8 +248,8 @@ static inline enum ring_status ring_reserve(struct ring_writer *w, uint64_t size
     if (size > w->max_payload)
         return RING_TOO_LARGE;
     const uint64_t total = ring_record_bytes(size), next = w->latest + 1;
-    if (total >= RING_LARGE)
-        ring_turn_back(w, next, total);
+    if (total >= RING_LARGE && !ring_turn_back(w, next, total))
+        return RING_HELD;
     uint64_t position = ring_place(w, w->head, total), survivor;
     while (position <= w->head + w->capacity - total
            && (survivor = ring_survivor(w, next, position + total)) != w->oldest) {

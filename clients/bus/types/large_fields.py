@@ -5,9 +5,9 @@ found in an encoding; knows neither topics nor routes.
 """
 
 import os
+import struct
 from collections.abc import Callable, Sequence
 from functools import cache
-from struct import pack
 from typing import Any, TypeVar, cast
 
 import msgspec
@@ -25,6 +25,7 @@ LONG_TEXT = 256 << 10
 """From this length on, one of text is, where it is ASCII: then its UTF-8 is what Python holds."""
 
 _BIN_32, _STR_32, _ARRAY_16 = 0xC6, 0xDB, 0xDC  # of MessagePack
+_pack_head = struct.Struct(">BI").pack
 
 # Stands for the field while the rest is encoded. Random, so that no message contains it.
 _MARK = os.urandom(24)
@@ -79,9 +80,7 @@ def long_field(message: msgspec.Struct, names: tuple[str, ...]) -> tuple[str, me
 
 def with_field(message: M, name: str, value: Any) -> M:
     """A copy of `message` with `value` as field `name`. Its class has no say: it has seen the message."""
-    from copy import copy
-
-    changed = copy(message)
+    changed: M = cast(Any, message).__copy__()
     msgspec.structs.force_setattr(changed, name, value)
     return changed
 
@@ -99,7 +98,7 @@ def encode_around(
         # A longer head of the same array: in a String what is long then begins at a multiple of 8, and its
         # reader checks and copies it in one go.
         before = bytes((_ARRAY_16, 0, before[0] & 15)) + before[1:]
-    return before + pack(">BI", _STR_32 if is_text else _BIN_32, size), after
+    return before + _pack_head(_STR_32 if is_text else _BIN_32, size), after
 
 
 def joined(parts: Sequence[Buffer | str]) -> Buffer:
@@ -115,12 +114,11 @@ def in_bytes(payload: Buffer) -> Buffer:
     return payload if view.nbytes == len(payload) else view.cast("B")
 
 
-def check_field(cls: type[msgspec.Struct], name: str) -> None:
-    """Raises MessageTypeError where `name` is no field of bytes."""
+def no_such_field(cls: type[msgspec.Struct], name: str) -> MessageTypeError:
+    """What is wrong with `name`, which is no field of bytes."""
     names = bytes_fields(cls)
-    if name not in names:
-        known = f"it has {', '.join(names)}" if names else "it has none"
-        raise MessageTypeError(f"{cls.__qualname__} has no field of bytes called {name!r}; {known}")
+    known = f"it has {', '.join(names)}" if names else "it has none"
+    return MessageTypeError(f"{cls.__qualname__} has no field of bytes called {name!r}; {known}")
 
 
 def view_type(cls: type[M]) -> type[M]:

@@ -388,6 +388,22 @@ class TestLoan:
         pair.publish()
         assert pair.heard() == [1, 2]
 
+    @by_shared_memory
+    def test_a_match_that_is_made_meanwhile_takes_nothing_away(self) -> None:
+        world = ClientWorld()
+        talker, listener = world.client(shares=True), world.client(shares=True)
+        publisher = talker.publisher(LAST_10)
+        world.settle()
+        encoded = publisher._encode(Numbered(world.number_of(publisher), 1))
+        loan = publisher._sender.lend(b"", len(encoded), b"")
+        assert loan is not None
+        subscription = listener.subscription(LAST_10)
+        world.settle()
+        loan.buffer[:] = encoded
+        assert loan.publish()
+        world.settle()
+        assert heard(listener, subscription) == [1]
+
     @by_either
     def test_what_other_threads_publish_meanwhile_comes_after_it(self, route: str) -> None:
         pair = Pair(route)
