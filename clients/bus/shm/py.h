@@ -3,9 +3,9 @@
  * Each call from Python is one whole operation on mapped segments, under the GIL. Nothing here waits (but for the
  * bounded spin of Readers.sleep, and Reader.wait, which gives the GIL away) and nothing here makes, passes or closes
  * descriptors: bus.shm.segments does.
- * Types: Mapping (py_segment.c), with View and Loan, which are what memoryviews of records hold; Writer (py_writer.c);
- * Readers and Bell (py_readers.c); Reader (py_reader.c), which takes (py_take.c) from feeds (py_feed.c). Plan
- * (py_plan.c), OpenRun (py_run.c, of the other route) and Sends (py_send.c) have no segment.
+ * Types: Mapping (py_segment.c), with View and Loan, which are what memoryviews of records hold; Writer (py_writer.c),
+ * which has gates (py_gates.c); Readers and Bell (py_readers.c); Reader (py_reader.c), which takes (py_take.c) from
+ * feeds (py_feed.c). Plan (py_plan.c), OpenRun (py_run.c, of the other route) and Sends (py_send.c) have no segment.
  */
 #ifndef BUS_SHM_PY_H
 #define BUS_SHM_PY_H
@@ -273,6 +273,17 @@ PyObject *encoder_encode(const struct encoder *self, PyObject *message);
 PyObject *view_new(CoreState *state, Mapping *ring, Mapping *readers, struct reader_slot *slot, unsigned pin,
                    const struct ring_record *record);
 PyObject *loan_new(CoreState *state, Mapping *ring, void *place, Py_ssize_t size);
+
+/* py_gates.c */
+
+/* After anything became visible in the ring: rings each process that sleeps, once, and once more where another ring of
+ * this process was rung for. `is_for_any`: more than what is published. */
+void writer_ring_bells(Writer *self, bool is_for_any);
+void writer_drop_gates(Writer *self);
+PyObject *writer_add_gate(PyObject *object, PyObject *args, PyObject *kwargs);
+PyObject *writer_remove_gate(PyObject *object, PyObject *key);
+PyObject *writer_has_pins(PyObject *object, PyObject *key);
+PyObject *writer_make_lossy(PyObject *object, PyObject *key);
 
 /* py_feed.c */
 struct feed *feed_new(PyObject *source, Mapping *memory, const struct ring_geometry *geometry, struct reader_slot *slot,

@@ -254,7 +254,7 @@ static struct feed *feed_rung_for(Readers *self, uint64_t count)
     const uint64_t slot = knock_slot(count);
     if (slot >= self->slot_count || self->is_anew || self->feeds[slot] == NULL || !is_asleep(self))
         return NULL;
-    bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: ring_bells(). */
+    bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring_bells(). */
     struct feed *feed = self->feeds[slot];
     return has_news(&self->watches[feed->watch]) ? feed : NULL;
 }
@@ -312,7 +312,7 @@ static PyObject *readers_deliver(PyObject *object, PyObject *may_sleep)
         Py_RETURN_NONE; /* now it may be another file's number, or, in the child of a fork, the parent's doorbell */
     doorbell_clear(self->doorbell); /* whoever rang before, published before: the look finds it */
     if (self->told == NULL && may_sleep == Py_True) {
-        bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: ring_bells(). */
+        bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring_bells(). */
         self->had_news = any_news(self);
         if (!self->had_news) {
             self->is_anew = false;
@@ -380,7 +380,7 @@ static PyObject *readers_sleep(PyObject *object, PyObject *const *args, Py_ssize
     if (status == 1)
         status = collect(self, owners);
     if (status == 0 && PyList_Size(owners) == 0) {
-        bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: ring_bells(). */
+        bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring_bells(). */
         status = collect(self, owners);
     }
     self->had_news = PyList_Size(owners) != 0;

@@ -417,7 +417,7 @@ static bool fall_asleep(Reader *reader)
         self->is_rung = false;
         doorbell_clear(self->doorbell); /* whoever rang before, published before: the look finds it */
     }
-    bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: ring_bells(). */
+    bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring_bells(). */
     if (!readers_have_news_besides(self, reader))
         return true;
     doorbell_ring(self->doorbell, KNOCK_ANY); /* its ring may be the one that was just read */
