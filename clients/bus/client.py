@@ -14,17 +14,17 @@ from typing import Any, Final
 import msgspec
 
 from bus.base.awaited import done_anyway
-from bus.base.callbacks import ignore
 from bus.diagnostics.provoked import warn
 from bus.errors import BusError, LocalProtocolError, ServiceError, ServiceUnavailable, again
-from bus.events import IncompatibleQoS, IncompatibleType, MatchedChange, PublisherEvents, SubscriptionEvents
+from bus.events import MatchedChange
 from bus.link.link import Link
 from bus.logger import Logger
 from bus.names import reply_topic, request_topic
 from bus.publisher import Publisher
-from bus.qos import QoSProfile, in_words
+from bus.qos import QoSProfile
+from bus.service_base import ServiceEnd
 from bus.subscription import Subscription
-from bus.types.service import Reply, ServiceSupport, keeping_all, service_support
+from bus.types.service import Reply
 
 __all__ = ["MAX_PENDING", "ServiceClient", "ServiceClientStatistics"]
 
@@ -68,7 +68,7 @@ class _Call:
         self.is_lost = False
 
 
-class ServiceClient:
+class ServiceClient(ServiceEnd):
     """Calls one service; made by `Node.create_client`.
 
     `on_response` is for calls by `send_request`: it gets a request's number, and the response or the error
@@ -76,6 +76,12 @@ class ServiceClient:
 
         response = await client.call(AddTwoInts.Request(a=1, b=2))
     """
+
+    _other = "server"
+    _type_consequence = "no requests will be sent to its server"
+
+    _requests: Publisher[Any]
+    _replies: Subscription[Any]
 
     def __init__(
         self,
@@ -89,14 +95,7 @@ class ServiceClient:
         *,
         on_response: Callable[[int, Any], object] | None = None,
     ) -> None:
-        self.service_name = service
-        """The service's full name."""
-        self.type: Any = service_type
-        """The class with `Request` and `Response`."""
-        self.qos = qos
-        """The policies that it was made with."""
-        self._support: ServiceSupport = service_support(service_type)
-        self._logger = logger
+        super().__init__(link, node, service, service_type, qos, logger, on_error)
         self._loop = link.loop
         self._on_response = on_response
         self._numbers = count(1)
@@ -104,43 +103,16 @@ class ServiceClient:
         self._servers: frozenset[bytes] = frozenset()
         self._grace: asyncio.TimerHandle | None = None
         self._sent = self._answered = self._errors = self._late = 0
-        self._requests: Publisher[Any] = Publisher(
-            link,
-            node,
-            request_topic(service),
-            self._support.requests,
-            qos,
-            PublisherEvents(
-                matched=self._on_matched,
-                incompatible_type=self._warn_of_type,
-                incompatible_qos=self._warn_of_qos,
-            ),
-            logger,
-            on_error,
+        self._requests = self._make_publisher(
+            request_topic(service), self._support.requests, self._on_matched
         )
         self._gid = self._requests.gid
-        self._replies: Subscription[Any] = Subscription(
-            link,
-            node,
-            reply_topic(service),
-            self._support.replies(self._gid),
-            keeping_all(qos),
-            # Of another type, the topic of requests tells.
-            SubscriptionEvents(incompatible_type=ignore, incompatible_qos=self._warn_of_qos),
-            logger,
-            on_error,
-            self._take,
+        self._replies = self._make_subscription(
+            reply_topic(service), self._support.replies(self._gid), self._take
         )
-        self._replies._on_end = self._end
-
-    def __repr__(self) -> str:
-        name = f"{self._requests._state()}{self.service_name} {self._support.name}"
-        counts = f"servers={len(self._servers)} requests={self._sent} pending={len(self._calls)}"
-        return f"<{type(self).__name__} {name} ({in_words(self.qos)}) {counts}>"
 
     @property
     def _endpoints(self) -> tuple[Subscription[Any], Publisher[Any]]:
-        """In the order in which they are to be declared."""
         return self._replies, self._requests
 
     async def call(self, request: Any) -> Any:
@@ -210,12 +182,12 @@ class ServiceClient:
     @done_anyway
     async def close(self) -> None:
         """Leave the graph; calls that wait get ConnectionClosed. Closing twice is allowed."""
-        try:
-            await self._requests.close()
-        finally:
-            await self._replies.close()
+        await self._close()
 
     # --- inside
+
+    def _counts(self) -> str:
+        return f"servers={len(self._servers)} requests={self._sent} pending={len(self._calls)}"
 
     def _send(self, request: Any, deliver: Callable[[int, Any], object]) -> int:
         if len(self._calls) >= MAX_PENDING:
@@ -287,17 +259,3 @@ class ServiceClient:
         for number in numbers:
             if (call := self._calls.pop(number, None)) is not None:
                 call.deliver(number, reason)
-
-    def _warn_of_type(self, event: IncompatibleType) -> None:
-        warn(
-            self._logger,
-            f"Incompatible type of service '{self.service_name}', no requests will be sent to its server. "
-            f"(node {event.node}: {event.text})",
-        )
-
-    def _warn_of_qos(self, event: IncompatibleQoS) -> None:
-        warn(
-            self._logger,
-            f"New server discovered of service '{self.service_name}', with incompatible QoS. "
-            f"Last incompatible policy: {event.policy} (node {event.node}: {event.text.rstrip(';')})",
-        )

@@ -14,17 +14,17 @@ from typing import Any, Final, NamedTuple
 import msgspec
 
 from bus.base.awaited import done_anyway
-from bus.base.callbacks import ignore, is_async, takes_info
+from bus.base.callbacks import is_async, takes_info
 from bus.diagnostics.provoked import warn
 from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
-from bus.events import IncompatibleQoS, IncompatibleType, PublisherEvents, SubscriptionEvents
 from bus.link.link import Link
 from bus.logger import Logger
 from bus.names import reply_topic, request_topic
 from bus.publisher import Publisher
-from bus.qos import QoSProfile, in_words
+from bus.qos import QoSProfile
+from bus.service_base import ServiceEnd
 from bus.subscription import Subscription
-from bus.types.service import Request, ServiceSupport, keeping_all, service_support
+from bus.types.service import Request
 
 __all__ = ["RequestId", "ServiceServer", "ServiceServerStatistics"]
 
@@ -67,7 +67,7 @@ class ServiceServerStatistics(msgspec.Struct, frozen=True):
     """Clients matched now."""
 
 
-class ServiceServer:
+class ServiceServer(ServiceEnd):
     """Serves one service; made by `Node.create_service`.
 
     With `callback`, it is called for each request and what it returns is the answer. With `on_request` in its
@@ -76,6 +76,12 @@ class ServiceServer:
 
         server = await node.create_service(AddTwoInts, "later", on_request=start_work)
     """
+
+    _other = "client"
+    _type_consequence = "no requests will be taken from its client"
+
+    _requests: Subscription[Any]
+    _replies: Publisher[Any]
 
     def __init__(
         self,
@@ -90,15 +96,7 @@ class ServiceServer:
         callback: Callable[..., Any] | None = None,
         on_request: Callable[[Any, RequestId], Any] | None = None,
     ) -> None:
-        self.service_name = service
-        """The service's full name."""
-        self.type: Any = service_type
-        """The class with `Request` and `Response`."""
-        self.qos = qos
-        """The policies that it was made with."""
-        self._support: ServiceSupport = service_support(service_type)
-        self._logger = logger
-        self._on_error = on_error
+        super().__init__(link, node, service, service_type, qos, logger, on_error)
         self._taken = self._answered = self._errors = 0
         if (callback is None) is (on_request is None):
             raise TypeError("a service needs either a callback or on_request")
@@ -107,38 +105,15 @@ class ServiceServer:
             on_request = self._work.on_request
         assert on_request is not None
         self._on_request = on_request
-        self._replies: Publisher[Any] = Publisher(
-            link,
-            node,
-            reply_topic(service),
-            self._support.replies(b""),
-            qos,
-            # Of another type, the topic of requests tells.
-            PublisherEvents(incompatible_type=ignore, incompatible_qos=self._warn_of_qos),
-            logger,
-            on_error,
-        )
-        self._requests: Subscription[Any] = Subscription(
-            link,
-            node,
+        self._replies = self._make_publisher(reply_topic(service), self._support.replies(b""))
+        self._requests = self._make_subscription(
             request_topic(service),
             self._support.requests,
-            keeping_all(qos),
-            SubscriptionEvents(incompatible_type=self._warn_of_type, incompatible_qos=self._warn_of_qos),
-            logger,
-            on_error,
             self._take_async if is_async(on_request) else self._take,
         )
-        self._requests._on_end = self._end_work
-
-    def __repr__(self) -> str:
-        name = f"{self._requests._state()}{self.service_name} {self._support.name}"
-        counts = f"clients={len(self._requests.matches)} requests={self._taken} responses={self._answered}"
-        return f"<{type(self).__name__} {name} ({in_words(self.qos)}) {counts}>"
 
     @property
     def _endpoints(self) -> tuple[Publisher[Any], Subscription[Any]]:
-        """In the order in which they are to be declared."""
         return self._replies, self._requests
 
     def respond(self, request_id: RequestId, response: Any, error: str = "") -> bool:
@@ -183,10 +158,12 @@ class ServiceServer:
 
         Callbacks that are still at work are cancelled; their clients are told that the service has gone.
         """
-        await self._requests.close()
-        await self._replies.close()
+        await self._close()
 
     # --- inside
+
+    def _counts(self) -> str:
+        return f"clients={len(self._requests.matches)} requests={self._taken} responses={self._answered}"
 
     def _take(self, request: Request) -> None:
         self._taken += 1
@@ -196,26 +173,12 @@ class ServiceServer:
         self._taken += 1
         await self._on_request(request.body, RequestId(request.client, request.number))
 
-    def _end_work(self, _: object) -> None:
+    def _end(self, reason: BusError) -> None:
         if self._work is not None:
             self._work.end()
 
     def _warn_of_size(self, error: PayloadTooLarge) -> None:
         warn(self._logger, f"no answer of service '{self.service_name}' to one request: {error}")
-
-    def _warn_of_type(self, event: IncompatibleType) -> None:
-        warn(
-            self._logger,
-            f"Incompatible type of service '{self.service_name}', no requests will be taken from its client. "
-            f"(node {event.node}: {event.text})",
-        )
-
-    def _warn_of_qos(self, event: IncompatibleQoS) -> None:
-        warn(
-            self._logger,
-            f"New client discovered of service '{self.service_name}', with incompatible QoS. "
-            f"Last incompatible policy: {event.policy} (node {event.node}: {event.text.rstrip(';')})",
-        )
 
 
 class _Work:

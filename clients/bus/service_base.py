@@ -1,0 +1,134 @@
+"""What both ends of a service have in common: two endpoints that come and go together, and their warnings.
+
+Owns: the policies and events of the two endpoints, and the order in which they close. Must not know: which
+of the two ends it is, nodes, graphs.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from bus.base.callbacks import ignore
+from bus.diagnostics.provoked import warn
+from bus.errors import BusError
+from bus.events import IncompatibleQoS, IncompatibleType, MatchedChange, PublisherEvents, SubscriptionEvents
+from bus.link.link import Link
+from bus.logger import Logger
+from bus.names import request_topic
+from bus.publisher import Publisher
+from bus.qos import QoSProfile, in_words
+from bus.subscription import Subscription
+from bus.types.service import ServiceSupport, keeping_all, service_support
+from bus.types.support import TypeSupport
+
+__all__ = ["ServiceEnd"]
+
+
+class ServiceEnd:
+    """Base of ServiceServer and ServiceClient; not made by users."""
+
+    _other = ""
+    """What the other end is called in warnings."""
+    _type_consequence = ""
+    """What does not happen where the types differ."""
+
+    _requests: Publisher[Any] | Subscription[Any]
+    _replies: Publisher[Any] | Subscription[Any]
+
+    def __init__(
+        self,
+        link: Link,
+        node: str,
+        service: str,
+        service_type: Any,
+        qos: QoSProfile,
+        logger: Logger,
+        on_error: Callable[[BaseException], None],
+    ) -> None:
+        self.service_name = service
+        """The service's full name."""
+        self.type: Any = service_type
+        """The class with `Request` and `Response`."""
+        self.qos = qos
+        """The policies that it was made with."""
+        self._support: ServiceSupport = service_support(service_type)
+        self._link = link
+        self._node = node
+        self._logger = logger
+        self._on_error = on_error
+
+    def __repr__(self) -> str:
+        name = f"{self._requests._state()}{self.service_name} {self._support.name}"
+        return f"<{type(self).__name__} {name} ({in_words(self.qos)}) {self._counts()}>"
+
+    @property
+    def _endpoints(self) -> tuple[Publisher[Any] | Subscription[Any], Publisher[Any] | Subscription[Any]]:
+        """In the order in which they are to be declared; they are closed the other way round."""
+        raise NotImplementedError
+
+    def _counts(self) -> str:
+        """For `repr`, at any time and from any thread."""
+        raise NotImplementedError
+
+    def _end(self, reason: BusError) -> None:
+        """Nothing arrives any more."""
+        raise NotImplementedError
+
+    async def _close(self) -> None:
+        first, second = self._endpoints
+        try:
+            await second.close()
+        finally:
+            await first.close()
+
+    def _make_publisher(
+        self, topic: str, support: TypeSupport[Any], matched: Callable[[MatchedChange], object] | None = None
+    ) -> Publisher[Any]:
+        return Publisher(
+            self._link,
+            self._node,
+            topic,
+            support,
+            self.qos,
+            PublisherEvents(matched=matched, **self._warnings(topic)),
+            self._logger,
+            self._on_error,
+        )
+
+    def _make_subscription(
+        self, topic: str, support: TypeSupport[Any], callback: Callable[[Any], object]
+    ) -> Subscription[Any]:
+        subscription: Subscription[Any] = Subscription(
+            self._link,
+            self._node,
+            topic,
+            support,
+            keeping_all(self.qos),
+            SubscriptionEvents(**self._warnings(topic)),
+            self._logger,
+            self._on_error,
+            callback,
+        )
+        subscription._on_end = self._end
+        return subscription
+
+    def _warnings(self, topic: str) -> dict[str, Callable[[Any], object]]:
+        # The types of both topics differ together: one of them tells.
+        is_told = topic == request_topic(self.service_name)
+        return {
+            "incompatible_type": self._warn_of_type if is_told else ignore,
+            "incompatible_qos": self._warn_of_qos,
+        }
+
+    def _warn_of_type(self, event: IncompatibleType) -> None:
+        warn(
+            self._logger,
+            f"Incompatible type of service '{self.service_name}', {self._type_consequence}. "
+            f"(node {event.node}: {event.text})",
+        )
+
+    def _warn_of_qos(self, event: IncompatibleQoS) -> None:
+        warn(
+            self._logger,
+            f"New {self._other} discovered of service '{self.service_name}', with incompatible QoS. "
+            f"Last incompatible policy: {event.policy} (node {event.node}: {event.text.rstrip(';')})",
+        )
