@@ -117,7 +117,8 @@ $(FUZZ_STAMP): $(TOOLS)
 api: $(TOOLS) ## write docs/api.md, out of the docstrings
 	@$(BIN)/python tests/apipage.py
 
-types: $(TOOLS) ## write clients/bus/msg/_described.py: hashes and descriptions of the ready-made classes
+messages: $(TOOLS) ## write the classes of bus.msg and bus.srv out of clients/bus/share, and their hashes
+	@$(BIN)/python tests/messageclasses.py
 	@$(BIN)/python tests/describedtypes.py
 
 fmt: $(TOOLS) ## format the sources
@@ -184,4 +185,4 @@ clean: ## remove what the other targets made
 	rm -rf $(VENV) $(ROS_VENV) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test nightly test-nightly mutants native arm lint sanitize fuzz api types fmt bench-quick bench peers chaos soak bench-compare bench-report wheels test-pythons clean
+.PHONY: help setup demo robot test nightly test-nightly mutants native arm lint sanitize fuzz api messages fmt bench-quick bench peers chaos soak bench-compare bench-report wheels test-pythons clean

@@ -1,6 +1,6 @@
-"""`make types`: clients/bus/msg/_described.py, made of the ready-made message classes.
+"""A part of `make messages`: clients/bus/msg/_described.py, made of the ready-made message classes.
 
-To be run after a class of `bus.msg` was added or changed; a test says so where it was forgotten.
+A test says so where it was forgotten.
 """
 
 from importlib import import_module
@@ -16,7 +16,7 @@ MODULE = Path(__file__).parents[1] / "clients" / "bus" / "msg" / "_described.py"
 HEAD = '''\
 """Hash and description of each class of bus.msg, so that no program works them out at its start.
 
-Made by `make types`.
+Made by `make messages`.
 """
 # ruff: noqa: E501
 

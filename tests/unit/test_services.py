@@ -11,10 +11,8 @@ from bus import names
 from bus.graph import Graph, GraphEndpoint, GraphNode
 from bus.msg import Message, int64, string
 from bus.msg.geometry_msgs import Point
-from bus.srv import PACKAGES, example_interfaces, std_srvs
+from bus.srv import std_srvs
 from bus.srv.example_interfaces import AddTwoInts
-from bus.types.classes import message_class
-from bus.types.definitions import find_definition
 from bus.types.schema import build
 from bus.types.service import GID_BYTES, Reply, Request, ServiceSupport, message_of, service_support
 from bus.types.support import type_support
@@ -23,9 +21,6 @@ from bus_cli.service.definitions import full_service_type
 
 GID = bytes(range(GID_BYTES))
 OTHER = bytes(GID_BYTES)
-READY_MADE = [
-    getattr(module, name) for module in (example_interfaces, std_srvs) for name in vars(module)["__all__"]
-]
 
 
 class Move(bus.Service):
@@ -69,18 +64,6 @@ class TestDefinitions:
         assert Move.__type_name__ == "local/srv/Move"
         assert type_support(Move.Response).name == "local/srv/Move_Response"
         assert type_support(Shared.Request).name == "local/msg/Text"
-
-    @pytest.mark.parametrize("service", READY_MADE, ids=lambda service: service.__type_name__)
-    def test_ready_made_ones_are_those_of_the_files(self, service: Any) -> None:
-        found = find_definition(service.__type_name__)
-        for part, described in (("Request", found.request), ("Response", found.response)):  # type: ignore[union-attr]
-            cls = getattr(service, part)
-            assert [field.name for field in described.fields] == list(cls.__struct_fields__)
-            made = message_class(f"{service.__type_name__}_{part}")
-            assert type_support(made).hash == type_support(cls).hash
-
-    def test_packages_are_listed(self) -> None:
-        assert {cls.__type_name__.partition("/")[0] for cls in READY_MADE} == set(PACKAGES)
 
     def test_made_once(self) -> None:
         assert service_support(Move) is service_support(Move)

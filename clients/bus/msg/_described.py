@@ -1,6 +1,6 @@
 """Hash and description of each class of bus.msg, so that no program works them out at its start.
 
-Made by `make types`.
+Made by `make messages`.
 """
 # ruff: noqa: E501
 

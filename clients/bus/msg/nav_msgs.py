@@ -1,4 +1,7 @@
-"""nav_msgs of ROS 2 Jazzy: maps, paths and odometry."""
+"""nav_msgs of ROS 2 Jazzy: maps, paths and odometry.
+
+Made by `make messages`.
+"""
 
 from msgspec import field
 
@@ -15,6 +18,13 @@ __all__ = [
     "Odometry",
     "Path",
 ]
+
+
+class Goals(Message, kw_only=True):
+    """Poses to reach, in order."""
+
+    header: Header = field(default_factory=Header)
+    goals: list[PoseStamped] = field(default_factory=list)
 
 
 class GridCells(Message, kw_only=True):
@@ -58,10 +68,3 @@ class Path(Message, kw_only=True):
 
     header: Header = field(default_factory=Header)
     poses: list[PoseStamped] = field(default_factory=list)
-
-
-class Goals(Message, kw_only=True):
-    """Poses to reach, in order."""
-
-    header: Header = field(default_factory=Header)
-    goals: list[PoseStamped] = field(default_factory=list)

@@ -1,4 +1,7 @@
-"""rcl_interfaces of ROS 2 Jazzy, as far as the bus itself needs them: the log."""
+"""rcl_interfaces of ROS 2 Jazzy, as far as the bus itself needs them: the log.
+
+Made by `make messages`.
+"""
 
 from typing import ClassVar
 

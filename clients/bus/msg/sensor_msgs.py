@@ -1,4 +1,7 @@
-"""sensor_msgs of ROS 2 Jazzy: what sensors measure. Units are SI."""
+"""sensor_msgs of ROS 2 Jazzy: what sensors measure. Units are SI.
+
+Made by `make messages`.
+"""
 
 from typing import ClassVar
 

@@ -1,4 +1,7 @@
-"""std_msgs of ROS 2 Jazzy: single values, arrays and the header."""
+"""std_msgs of ROS 2 Jazzy: single values, arrays and the header.
+
+Made by `make messages`.
+"""
 
 from msgspec import field
 
@@ -68,6 +71,28 @@ class Byte(Message, kw_only=True):
     data: byte = b"\x00"
 
 
+class MultiArrayDimension(Message, kw_only=True):
+    """One dimension of a multi-array: its label, size and stride in elements."""
+
+    label: string = ""
+    size: uint32 = 0
+    stride: uint32 = 0
+
+
+class MultiArrayLayout(Message, kw_only=True):
+    """The dimensions of a multi-array, outermost first, and the padding before its data."""
+
+    dim: list[MultiArrayDimension] = field(default_factory=list)
+    data_offset: uint32 = 0
+
+
+class ByteMultiArray(Message, kw_only=True):
+    """An array of octets, of any number of dimensions."""
+
+    layout: MultiArrayLayout = field(default_factory=MultiArrayLayout)
+    data: byte_array = b""
+
+
 class Char(Message, kw_only=True):
     """One character code, 0 to 255."""
 
@@ -93,10 +118,24 @@ class Float32(Message, kw_only=True):
     data: float32 = 0.0
 
 
+class Float32MultiArray(Message, kw_only=True):
+    """An array of numbers of single precision, of any number of dimensions."""
+
+    layout: MultiArrayLayout = field(default_factory=MultiArrayLayout)
+    data: list[float32] = field(default_factory=list)
+
+
 class Float64(Message, kw_only=True):
     """A number of double precision."""
 
     data: float64 = 0.0
+
+
+class Float64MultiArray(Message, kw_only=True):
+    """An array of numbers of double precision, of any number of dimensions."""
+
+    layout: MultiArrayLayout = field(default_factory=MultiArrayLayout)
+    data: list[float64] = field(default_factory=list)
 
 
 class Header(Message, kw_only=True):
@@ -112,89 +151,17 @@ class Int8(Message, kw_only=True):
     data: int8 = 0
 
 
-class Int16(Message, kw_only=True):
-    """An integer of 16 bits."""
-
-    data: int16 = 0
-
-
-class Int32(Message, kw_only=True):
-    """An integer of 32 bits."""
-
-    data: int32 = 0
-
-
-class Int64(Message, kw_only=True):
-    """An integer of 64 bits."""
-
-    data: int64 = 0
-
-
-class UInt8(Message, kw_only=True):
-    """An integer of 8 bits, not negative."""
-
-    data: uint8 = 0
-
-
-class UInt16(Message, kw_only=True):
-    """An integer of 16 bits, not negative."""
-
-    data: uint16 = 0
-
-
-class UInt32(Message, kw_only=True):
-    """An integer of 32 bits, not negative."""
-
-    data: uint32 = 0
-
-
-class UInt64(Message, kw_only=True):
-    """An integer of 64 bits, not negative."""
-
-    data: uint64 = 0
-
-
-class MultiArrayDimension(Message, kw_only=True):
-    """One dimension of a multi-array: its label, size and stride in elements."""
-
-    label: string = ""
-    size: uint32 = 0
-    stride: uint32 = 0
-
-
-class MultiArrayLayout(Message, kw_only=True):
-    """The dimensions of a multi-array, outermost first, and the padding before its data."""
-
-    dim: list[MultiArrayDimension] = field(default_factory=list)
-    data_offset: uint32 = 0
-
-
-class ByteMultiArray(Message, kw_only=True):
-    """An array of octets, of any number of dimensions."""
-
-    layout: MultiArrayLayout = field(default_factory=MultiArrayLayout)
-    data: byte_array = b""
-
-
-class Float32MultiArray(Message, kw_only=True):
-    """An array of numbers of single precision, of any number of dimensions."""
-
-    layout: MultiArrayLayout = field(default_factory=MultiArrayLayout)
-    data: list[float32] = field(default_factory=list)
-
-
-class Float64MultiArray(Message, kw_only=True):
-    """An array of numbers of double precision, of any number of dimensions."""
-
-    layout: MultiArrayLayout = field(default_factory=MultiArrayLayout)
-    data: list[float64] = field(default_factory=list)
-
-
 class Int8MultiArray(Message, kw_only=True):
     """An array of integers of 8 bits, of any number of dimensions."""
 
     layout: MultiArrayLayout = field(default_factory=MultiArrayLayout)
     data: list[int8] = field(default_factory=list)
+
+
+class Int16(Message, kw_only=True):
+    """An integer of 16 bits."""
+
+    data: int16 = 0
 
 
 class Int16MultiArray(Message, kw_only=True):
@@ -204,11 +171,23 @@ class Int16MultiArray(Message, kw_only=True):
     data: list[int16] = field(default_factory=list)
 
 
+class Int32(Message, kw_only=True):
+    """An integer of 32 bits."""
+
+    data: int32 = 0
+
+
 class Int32MultiArray(Message, kw_only=True):
     """An array of integers of 32 bits, of any number of dimensions."""
 
     layout: MultiArrayLayout = field(default_factory=MultiArrayLayout)
     data: list[int32] = field(default_factory=list)
+
+
+class Int64(Message, kw_only=True):
+    """An integer of 64 bits."""
+
+    data: int64 = 0
 
 
 class Int64MultiArray(Message, kw_only=True):
@@ -218,11 +197,29 @@ class Int64MultiArray(Message, kw_only=True):
     data: list[int64] = field(default_factory=list)
 
 
+class String(Message, kw_only=True):
+    """A text."""
+
+    data: string = ""
+
+
+class UInt8(Message, kw_only=True):
+    """An integer of 8 bits, not negative."""
+
+    data: uint8 = 0
+
+
 class UInt8MultiArray(Message, kw_only=True):
     """An array of integers of 8 bits, not negative, of any number of dimensions."""
 
     layout: MultiArrayLayout = field(default_factory=MultiArrayLayout)
     data: uint8_array = b""
+
+
+class UInt16(Message, kw_only=True):
+    """An integer of 16 bits, not negative."""
+
+    data: uint16 = 0
 
 
 class UInt16MultiArray(Message, kw_only=True):
@@ -232,6 +229,12 @@ class UInt16MultiArray(Message, kw_only=True):
     data: list[uint16] = field(default_factory=list)
 
 
+class UInt32(Message, kw_only=True):
+    """An integer of 32 bits, not negative."""
+
+    data: uint32 = 0
+
+
 class UInt32MultiArray(Message, kw_only=True):
     """An array of integers of 32 bits, not negative, of any number of dimensions."""
 
@@ -239,14 +242,14 @@ class UInt32MultiArray(Message, kw_only=True):
     data: list[uint32] = field(default_factory=list)
 
 
+class UInt64(Message, kw_only=True):
+    """An integer of 64 bits, not negative."""
+
+    data: uint64 = 0
+
+
 class UInt64MultiArray(Message, kw_only=True):
     """An array of integers of 64 bits, not negative, of any number of dimensions."""
 
     layout: MultiArrayLayout = field(default_factory=MultiArrayLayout)
     data: list[uint64] = field(default_factory=list)
-
-
-class String(Message, kw_only=True):
-    """A text."""
-
-    data: string = ""

@@ -1,4 +1,7 @@
-"""example_interfaces of ROS 2 Jazzy: its services."""
+"""example_interfaces of ROS 2 Jazzy: its services.
+
+Made by `make messages`.
+"""
 
 from bus.msg._types import Message, int64, string
 from bus.srv import Service
@@ -11,7 +14,7 @@ __all__ = [
 
 
 class AddTwoInts(Service):
-    """Two numbers in, their sum out."""
+    """Add two numbers."""
 
     class Request(Message, kw_only=True):
         a: int64 = 0
@@ -22,7 +25,7 @@ class AddTwoInts(Service):
 
 
 class SetBool(Service):
-    """Switch something on or off."""
+    """Switch something on or off; an example, use a type that says what it means."""
 
     class Request(Message, kw_only=True):
         data: bool = False
@@ -33,7 +36,7 @@ class SetBool(Service):
 
 
 class Trigger(Service):
-    """Have something done."""
+    """Make something happen; an example, use a type that says what it means."""
 
     class Request(Message, kw_only=True):
         pass

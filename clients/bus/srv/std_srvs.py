@@ -1,4 +1,7 @@
-"""std_srvs of ROS 2 Jazzy."""
+"""std_srvs of ROS 2 Jazzy.
+
+Made by `make messages`.
+"""
 
 from bus.msg._types import Message, string
 from bus.srv import Service
@@ -11,7 +14,7 @@ __all__ = [
 
 
 class Empty(Service):
-    """Have something done; nothing is said about it."""
+    """A call without content."""
 
     class Request(Message, kw_only=True):
         pass
@@ -32,7 +35,7 @@ class SetBool(Service):
 
 
 class Trigger(Service):
-    """Have something done."""
+    """Make something happen."""
 
     class Request(Message, kw_only=True):
         pass
