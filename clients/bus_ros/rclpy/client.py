@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from bus.errors import BusError, ServiceUnavailable
 from bus_ros.engine import Engine, Waiter, deadline_after
-from bus_ros.entity import Entity, Group, Owner, Work
+from bus_ros.entity import Destroyable, Entity, Group, Owner, Work
 from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.qos import QoSProfile
 from bus_ros.rclpy.task import Future
@@ -17,8 +17,11 @@ if TYPE_CHECKING:  # most programs have no clients
 __all__ = ["Client"]
 
 
-class Client(Entity):
+class Client(Entity, Destroyable):
     """Made by `Node.create_client`."""
+
+    native: "ServiceClient"
+    """Set by the node as soon as it is made: it calls back from then on."""
 
     def __init__(
         self,
@@ -32,7 +35,6 @@ class Client(Entity):
         self.srv_type = srv_type
         self.srv_name = srv_name
         self.qos_profile = qos_profile
-        self.native: ServiceClient | None = None
         self._engine = engine
         self._futures: dict[int, Future[Any]] = {}
         self._answers: deque[tuple[Future[Any], object]] = deque()
@@ -42,7 +44,6 @@ class Client(Entity):
 
     @property
     def service_name(self) -> str:
-        assert self.native is not None
         return self.native.service_name
 
     def call(self, request: object, timeout_sec: float | None = None) -> Any:
@@ -82,13 +83,11 @@ class Client(Entity):
         """
         if not isinstance(request, self.srv_type.Request):
             raise TypeError(f"expected a {self.srv_type.Request.__name__}, got {type(request).__name__}")
-        native = self.native
-        assert native is not None
         if self.is_destroyed:
             raise InvalidHandle(f"the client of service '{self.service_name}' is destroyed")
         with self._engine.loop:
             future: Future[Any] = Future(executor=self.node.own_executor)
-            number = native.send_request(request)
+            number = self.native.send_request(request)
             if number:
                 self._futures[number] = future
         if not number:
@@ -101,38 +100,26 @@ class Client(Entity):
 
     def remove_pending_request(self, future: Future[Any]) -> None:
         """Wait for this answer no more."""
-        native = self.native
-        assert native is not None
         with self._engine.loop:
             for number, one in tuple(self._futures.items()):
                 if one is future:
                     del self._futures[number]
-                    native.forget(number)
+                    self.native.forget(number)
 
     def service_is_ready(self) -> bool:
         """Whether the service is there."""
-        native = self.native
-        assert native is not None
         with self._engine.loop:
-            return native.service_is_ready()
+            return self.native.service_is_ready()
 
     def wait_for_service(self, timeout_sec: float | None = None) -> bool:
         """Wait for the service, `timeout_sec` at most (None, below zero: for ever); returns whether."""
-        native = self.native
-        assert native is not None
         with suppress(TimeoutError):
-            self._engine.run(native.wait_for_service, timeout_sec, context=self.node.context)
+            self._engine.run(self.native.wait_for_service, timeout_sec, context=self.node.context)
         return self.service_is_ready()
 
     def destroy(self) -> None:
         """Wait for no more answers."""
         self.node.destroy_client(self)
-
-    def __enter__(self) -> "Client":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.destroy()
 
     # --- for the native client and the executor, under the guard
 

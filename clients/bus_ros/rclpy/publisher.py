@@ -5,6 +5,7 @@ from typing import Any, Generic, TypeVar
 from bus.errors import ConnectionClosed
 from bus.publisher import Publisher as NativePublisher
 from bus_ros.engine import Engine
+from bus_ros.entity import Destroyable
 from bus_ros.rclpy.duration import Duration
 from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.qos import QoSProfile
@@ -17,7 +18,7 @@ ROOM_S = 10.0
 """How long `publish` waits for room where the QoS is reliable + keep all."""
 
 
-class Publisher(Generic[M]):
+class Publisher(Destroyable, Generic[M]):
     """Made by `Node.create_publisher`."""
 
     def __init__(
@@ -87,12 +88,6 @@ class Publisher(Generic[M]):
     def destroy(self) -> None:
         """No more publishing."""
         self.node.destroy_publisher(self)
-
-    def __enter__(self) -> "Publisher[M]":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.destroy()
 
     # --- inside
 

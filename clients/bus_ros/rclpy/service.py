@@ -8,7 +8,7 @@ from bus.base.callbacks import is_async
 from bus.errors import PayloadTooLarge
 from bus.service import RequestId, ServiceServer
 from bus_ros.engine import Engine
-from bus_ros.entity import Entity, Group, Owner, Work
+from bus_ros.entity import Destroyable, Entity, Group, Owner, Work
 from bus_ros.rclpy.qos import QoSProfile
 
 __all__ = ["Service"]
@@ -17,8 +17,11 @@ MOST_WAITING = 1000
 """Requests that wait for an executor; beyond, the oldest are refused."""
 
 
-class Service(Entity):
+class Service(Entity, Destroyable):
     """Made by `Node.create_service`."""
+
+    native: ServiceServer
+    """Set by the node as soon as it is made: it calls back from then on."""
 
     def __init__(
         self,
@@ -35,14 +38,12 @@ class Service(Entity):
         self.callback = callback
         self.qos_profile = qos_profile
         self.is_async = is_async(callback)
-        self.native: ServiceServer | None = None
         self._engine = engine
         self._waiting: deque[tuple[object, RequestId]] = deque()
         super().__init__(node, callback_group)
 
     @property
     def service_name(self) -> str:
-        assert self.native is not None
         return self.native.service_name
 
     def send_response(self, response: object, header: RequestId) -> None:
@@ -57,12 +58,6 @@ class Service(Entity):
     def destroy(self) -> None:
         """Take no more requests."""
         self.node.destroy_service(self)
-
-    def __enter__(self) -> "Service":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.destroy()
 
     # --- for the executor and the native server, under the guard
 
@@ -105,15 +100,11 @@ class Service(Entity):
 
     def _refuse(self, request_id: RequestId, error: Exception) -> None:
         """In ROS the client would wait for ever."""
-        native = self.native
-        assert native is not None
         with self._engine.loop:
-            native.respond(request_id, None, f"{type(error).__name__}: {error}")
+            self.native.respond(request_id, None, f"{type(error).__name__}: {error}")
 
     def _respond(self, request_id: RequestId, response: object) -> None:
-        native = self.native
-        assert native is not None
         with self._engine.loop:
-            has_room = native.respond(request_id, response)
+            has_room = self.native.respond(request_id, response)
         if not has_room:
             raise RuntimeError(f"no room for a response of service '{self.service_name}'")

@@ -9,7 +9,7 @@ from bus.base.callbacks import is_async, takes_info
 from bus.subscription import MessageInfo as NativeInfo
 from bus.subscription import Subscription as NativeSubscription
 from bus_ros.engine import Engine
-from bus_ros.entity import Entity, Group, Line, Owner, Work
+from bus_ros.entity import Destroyable, Entity, Group, Line, Owner, Work
 from bus_ros.rclpy.qos import QoSProfile
 
 __all__ = ["MessageInfo", "Subscription"]
@@ -28,7 +28,7 @@ class MessageInfo(TypedDict):
     reception_sequence_number: int
 
 
-class Subscription(Entity, Generic[M]):
+class Subscription(Entity, Destroyable, Generic[M]):
     """Made by `Node.create_subscription`."""
 
     class CallbackType(Enum):
@@ -81,12 +81,6 @@ class Subscription(Entity, Generic[M]):
     def destroy(self) -> None:
         """No more calls."""
         self.node.destroy_subscription(self)
-
-    def __enter__(self) -> "Subscription[M]":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.destroy()
 
     # --- for the executor
 
