@@ -16,7 +16,6 @@ from benchmarks.systems import (
     BUS_SOCKET,
     C_FLOOR,
     FLOOR,
-    PIPE,
     RIVALS,
     TUNED,
     System,
@@ -82,26 +81,23 @@ def report_of(result: Result, source: str) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def speed_of(result: Result, source: str) -> str:
-    """What stands between the marks in the README: busd, Python's pipe, the best rivals of each column."""
+def speed_of(result: Result) -> str:
+    """What stands between the marks in the README: busd by both routes, the best rivals, and a limit."""
     columns = [one for one in _measured(result) if one.is_in_readme]
     if not columns:
         return "No result yet."
-    best = [_best_direct_rival(result, one) for one in columns]
-    systems = [BUS, *(one for one in RIVALS if one == PIPE or one in best)]
     machine = result.machine
     kind = "quick" if result.is_quick else "full"
     return "\n\n".join(
         [
-            _essentials(result, columns, systems),
-            "Beside busd: Python's own pipe, and the best rival without a broker of each column. In "
-            "brackets: how many times better busd is; **bold** where a rival is ahead. "
-            f"{_like_for_like(columns)}"
+            _table(["", *(one.heading for one in columns)], _speed_rows(result, columns)),
+            "The best rival is that of each column. In brackets: how many times better busd by shared memory "
+            "is; **bold** where a rival is ahead. The limit is no rival: it does less, and wakes its reader "
+            f"for each message. {_like_for_like(columns)}"
             f"Medians of the {kind} run of {result.began[:10]} at commit {machine.commit or 'unknown'}: "
             f"{machine.processor}, {machine.cpus} CPUs, {'virtual, ' if machine.is_virtual else ''}"
-            f"{machine.kernel}, {machine.python}. The other systems, CPU time, start, pictures, and where "
-            "busd loses: [benchmarks/REPORT.md](benchmarks/REPORT.md). Again: `make bench`, then "
-            f"`make bench-report RESULT=...` (this one: `benchmarks/{source}`).",
+            f"{machine.kernel}, {machine.python}. Each system, CPU time, start, pictures, where busd loses, "
+            "and how to measure again: [benchmarks/REPORT.md](benchmarks/REPORT.md).",
         ]
     )
 
@@ -293,13 +289,28 @@ def _measured(result: Result) -> list[_Essential]:
     return [one for one in _ESSENTIALS if _essential(result, one, BUS) is not None]
 
 
-def _best_direct_rival(result: Result, one: _Essential) -> System | None:
-    """Of those without a broker, which are much of a kind."""
-    found = [
-        (value, system)
-        for system in RIVALS
-        if system.kind == "direct" and (value := _essential(result, one, system)) is not None
-    ]
+def _speed_rows(result: Result, columns: Sequence[_Essential]) -> Iterator[list[str]]:
+    for name, kind, systems in (
+        (f"**{BUS.name}**", "", (BUS,)),
+        (f"**{BUS_SOCKET.name}**", "", (BUS_SOCKET,)),
+        ("best rival with a broker", "brokered", RIVALS),
+        ("best rival without", "direct", RIVALS),
+        (_named(C_FLOOR), "", (C_FLOOR,)),
+    ):
+        best = [
+            _best(result, one, [system for system in systems if kind in ("", system.kind)]) for one in columns
+        ]
+        if any(best):
+            cells = [
+                _cell(result, one, system) if system else "-"
+                for one, system in zip(columns, best, strict=True)
+            ]
+            of = [f" {_text(system.name)}" if kind and system else "" for system in best]
+            yield [name, *(f"{cell}{rival}" for cell, rival in zip(cells, of, strict=True))]
+
+
+def _best(result: Result, one: _Essential, systems: Iterable[System]) -> System | None:
+    found = [(value, system) for system in systems if (value := _essential(result, one, system)) is not None]
     choose = max if one.higher_is_better else min
     return choose(found, key=lambda pair: pair[0])[1] if found else None
 

@@ -45,7 +45,7 @@ def _publish(result: Result, path: Path) -> None:
     if not path.is_relative_to(REPORT.parent):
         raise ValueError(f"{path.name} is not in benchmarks/results, so nobody else could look at it")
     source = path.relative_to(REPORT.parent).as_posix()
-    readme = markdown.with_speed(README.read_text(), markdown.speed_of(result, source))
+    readme = markdown.with_speed(README.read_text(), markdown.speed_of(result))
     REPORT.write_text(markdown.report_of(result, source))
     README.write_text(readme)
 
@@ -53,7 +53,7 @@ def _publish(result: Result, path: Path) -> None:
 def _preview(result: Result, path: Path, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / REPORT.name).write_text(markdown.report_of(result, path.name))
-    (folder / "speed.md").write_text(markdown.speed_of(result, path.name) + "\n")
+    (folder / "speed.md").write_text(markdown.speed_of(result) + "\n")
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -134,48 +134,58 @@ def test_the_readmes_table_has_long_messages_also_with_malloc_set_alike() -> Non
         }.items()
     ]
 
-    lines = markdown.speed_of(result(Section("latency", "", latency().columns, rows)), "x").splitlines()
+    lines = markdown.speed_of(result(Section("latency", "", latency().columns, rows))).splitlines()
 
     assert lines[0] == "|  | 1 MiB: p50 µs | 1 MiB, malloc alike: p50 µs |"
     assert lines[2:4] == [
         "| **busd, shared memory** | **10.0** | **9.00** |",
-        "| multiprocessing.Pipe | 90.0 (9.00x) | 18.0 (2.00x) |",
+        "| best rival without | 90.0 (9.00x) multiprocessing.Pipe | 18.0 (2.00x) multiprocessing.Pipe |",
     ]
     assert "*malloc alike*" in lines[-1]
-    assert "malloc" not in markdown.speed_of(RESULT, "x")
+    assert "malloc" not in markdown.speed_of(RESULT)
 
 
 def test_the_short_tables_have_ratios_and_tell_where_a_rival_is_ahead() -> None:
     whole = markdown.report_of(RESULT, "results/x.json").splitlines()
-    short = markdown.speed_of(RESULT, "results/x.json").splitlines()
+    short = markdown.speed_of(RESULT).splitlines()
 
     assert short[0] == "|  | latency 64 B: p50 µs | p99 µs | 1 MiB: p50 µs |"
-    assert short[2:4] == [
+    assert short[2:5] == [
         "| **busd, shared memory** | **10.0** | **20.0** | **10.0** |",
-        "| pyzmq | 40.0 (4.00x) | 80.0 (4.00x) | 40.0 (4.00x) |",
+        "| best rival with a broker "
+        "| 5.00 (**0.500x**) nats-py | 10.0 (**0.500x**) nats-py | 5.00 (**0.500x**) nats-py |",
+        "| best rival without | 40.0 (4.00x) pyzmq | 80.0 (4.00x) pyzmq | 40.0 (4.00x) pyzmq |",
     ]
     assert "full run of 2025-01-02 at commit abc" in short[-1]
     assert "|  | latency 64 B: p50 µs | p99 µs | 1 MiB: p50 µs | CPU s per 100k |" in whole
     assert "| nats-py (a broker) | 5.00 (**0.500x**) | 10.0 (**0.500x**) | 5.00 (**0.500x**) | - |" in whole
 
 
-def test_the_readmes_table_has_the_best_of_each_column_and_pythons_own_pipe() -> None:
+def test_the_readmes_table_has_busd_the_best_rivals_of_each_column_and_a_limit() -> None:
     medians = [
         (BUS, 10, 20),
+        (BUS_SOCKET, 30, 40),
+        (C_FLOOR, 1, 2),
         (PIPE, 90, 90),
         (PYZMQ, 40, 80),
         (ICEORYX, 50, 81),
         (ECAL, 60, 9),
-        (NATS, 5, 5),  # a broker
+        (NATS, 15, 5),
+        (PYZMQ_PROXY, 5, 15),
     ]
     rows = [
         Row(system.name, {"p50": one(p50), "p99": one(p99)}, "", system.name, 64)
         for system, p50, p99 in medians
     ]
-    found = markdown.speed_of(result(Section("latency", "", latency().columns, rows)), "x.json").splitlines()
+    found = markdown.speed_of(result(Section("latency", "", latency().columns, rows))).splitlines()
 
-    shown = [line.split(" | ")[0].strip("|* ") for line in found if line.startswith("| ")]
-    assert shown[2:] == [BUS.name, PIPE.name, PYZMQ.name, ECAL.name]
+    assert [line for line in found if line.startswith("| ")][2:] == [
+        "| **busd, shared memory** | **10.0** | **20.0** |",
+        "| **busd, socket** | 30.0 (3.00x) | 40.0 (2.00x) |",
+        "| best rival with a broker | 5.00 (**0.500x**) pyzmq, XSUB/XPUB proxy | 5.00 (**0.250x**) nats-py |",
+        "| best rival without | 40.0 (4.00x) pyzmq | 9.00 (**0.450x**) eclipse-ecal |",
+        "| C, shared memory + eventfd (a limit) | 1.00 (0.100x) | 2.00 (0.100x) |",
+    ]
 
 
 def test_what_stands_between_the_marks_is_replaced_and_nothing_else() -> None:
@@ -193,7 +203,7 @@ def test_a_result_without_figures_has_a_report() -> None:
     text = markdown.report_of(result(), "results/x.json")
 
     assert "Nothing was asked for" in text and "Nothing: every case was measured." in text
-    assert markdown.speed_of(result(), "results/x.json") == "No result yet."
+    assert markdown.speed_of(result()) == "No result yet."
     assert pictures.available(result()) == []
 
 
@@ -247,6 +257,6 @@ def test_report_and_readme_are_of_the_result_that_they_name() -> None:
 
     assert not found.is_quick
     assert text == markdown.report_of(found, source[1])
-    assert speed == markdown.speed_of(found, source[1])
+    assert speed == markdown.speed_of(found)
     drawn = {file for picture in pictures.available(found) for file in picture.files().values()}
     assert {path.name for path in (write.REPORT.parent / markdown.FOLDER).glob("*.svg")} == drawn
