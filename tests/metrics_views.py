@@ -12,7 +12,7 @@ PUBLISHER, SUBSCRIPTION = "publisher", "subscription"
 HELLO = m.Hello(version=1, program="busd", lease_s=10.0, release=RELEASE)
 
 
-def endpoint(
+def endpoint(  # noqa: PLR0913
     id: int,
     kind: str,
     topic: str = "/chatter",

@@ -15,10 +15,9 @@ import msgspec
 
 from bus.base.awaited import done_anyway
 from bus.diagnostics.provoked import warn
+from bus.endpoint import NodeContext
 from bus.errors import BusError, LocalProtocolError, ServiceError, ServiceUnavailable, again
 from bus.events import MatchedChange
-from bus.link.link import Link
-from bus.logger import Logger
 from bus.names import reply_topic, request_topic
 from bus.publisher import Publisher
 from bus.qos import QoSProfile
@@ -85,18 +84,15 @@ class ServiceClient(ServiceEnd):
 
     def __init__(
         self,
-        link: Link,
-        node: str,
+        node: NodeContext,
         service: str,
         service_type: Any,
         qos: QoSProfile,
-        logger: Logger,
-        on_error: Callable[[BaseException], None],
         *,
         on_response: Callable[[int, Any], object] | None = None,
     ) -> None:
-        super().__init__(link, node, service, service_type, qos, logger, on_error)
-        self._loop = link.loop
+        super().__init__(node, service, service_type, qos)
+        self._loop = node.link.loop
         self._on_response = on_response
         self._numbers = count(1)
         self._calls: dict[int, _Call] = {}

@@ -67,6 +67,17 @@ class Match(msgspec.Struct, frozen=True):
     """How messages travel: `shm` or `socket`."""
 
 
+class NodeContext(msgspec.Struct, frozen=True):
+    """What endpoints, services and clients know of the node that makes them."""
+
+    link: Link
+    name: str
+    """The node's full name."""
+    logger: Logger
+    on_error: Callable[[BaseException], None]
+    """Told of what a callback raises."""
+
+
 class Endpoint(Generic[M]):
     """Base of Publisher and Subscription; not made by users."""
 
@@ -74,18 +85,15 @@ class Endpoint(Generic[M]):
 
     def __init__(
         self,
-        link: Link,
-        node: str,
+        node: NodeContext,
         topic: str,
         support: TypeSupport[M],
         qos: QoSProfile,
         events: PublisherEvents | SubscriptionEvents,
-        logger: Logger,
-        on_error: Callable[[BaseException], None],
     ) -> None:
         self.topic_name = topic
         """The topic's full name."""
-        self.node_name = node
+        self.node_name: str = node.name
         """The full name of its node."""
         self.type: type[M] = support.cls
         """The message class; `bytes` where messages stay encoded because there is none."""
@@ -96,9 +104,9 @@ class Endpoint(Generic[M]):
         self._support = support
         self._id = 0  # the broker's number, another one after a reconnection
         self._refusal: BusError | None = None  # why it cannot be used any more
-        self._link = link
-        self._on_error = on_error
-        self._logger = logger
+        self._link = node.link
+        self._on_error = node.on_error
+        self._logger = node.logger
         self._events: Any = events
         self._matches: dict[int, Match] = {}
         self._total_matches = 0

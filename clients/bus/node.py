@@ -16,6 +16,7 @@ import msgspec
 from bus import names, shm
 from bus.base.awaited import done_anyway, to_be_awaited
 from bus.diagnostics.slow_callback import watched
+from bus.endpoint import NodeContext
 from bus.errors import BusError, CommandLineError, ConfigurationError, ConnectionClosed, ForkError
 from bus.events import PublisherEvents, SubscriptionEvents
 from bus.link.graph_watch import GraphWatches
@@ -114,6 +115,7 @@ class Node(ParameterHost):
         configure(self._arguments)
         self._read_parameters(self._arguments)
         self._link: Link | None = None
+        self._context: NodeContext  # since it was opened
         self._endpoints: list[Publisher[Any] | Subscription[Any]] = []  # some of them may be closed
         self._sweep_at = _LEAST_SWEPT
         self._timers: weakref.WeakSet[Timer] = weakref.WeakSet()  # one that runs is held by the loop
@@ -151,12 +153,13 @@ class Node(ParameterHost):
 
             raise no_loop()
         self._link = await Link.acquire(self._path)
+        self._context = NodeContext(self._link, self.full_name, self._logger, self._fail)
         if self._link.shm_context is None and not names.is_hidden_node(self.name):
             _say_why_slow()
         try:
             await self._link.declare_node(self)
             if self._wants_rosout:
-                await self._open_rosout(self._link)
+                await self._open_rosout(self._context)
             await self._open_parameters()
         except BaseException:
             await self.close()
@@ -241,14 +244,15 @@ class Node(ParameterHost):
         *,
         by_socket: bool = False,
     ) -> Publisher[Any]:
-        link = self._opened()
-        publisher = self._make_publisher(link, message_type, topic, qos, events, by_socket=by_socket)
-        await self._declare(link, publisher)
+        publisher = self._make_publisher(
+            self._opened(), message_type, topic, qos, events, by_socket=by_socket
+        )
+        await self._declare(publisher)
         return publisher
 
     def _make_publisher(
         self,
-        link: Link,
+        node: NodeContext,
         message_type: type[M] | MessageSchema,
         topic: str,
         qos: QoS,
@@ -261,14 +265,11 @@ class Node(ParameterHost):
         else:
             support = type_support(message_type)
         return Publisher(
-            link,
-            self.full_name,
+            node,
             self.resolve_topic_name(topic),
             support,
             profile(qos),
             events or PublisherEvents(),
-            self._logger,
-            self._fail,
             by_socket=by_socket,
         )
 
@@ -337,9 +338,9 @@ class Node(ParameterHost):
             subscription = await node.create_subscription(String, "chatter", 10, print)
             recorded = await node.create_subscription(None, "chatter", 10, print, raw=True)
         """
-        from bus.subscription import Subscription
+        from bus.subscription import Subscription, decoder_of_views
 
-        link, name = self._opened(), self.resolve_topic_name(topic)
+        node, name = self._opened(), self.resolve_topic_name(topic)
         if message_type is None or isinstance(message_type, str):
             message_type = await self._find_schema(name, message_type)
         if isinstance(message_type, MessageSchema):
@@ -349,20 +350,16 @@ class Node(ParameterHost):
         if callback is not None:
             callback = watched(callback, f"subscription '{name}'", self._logger)
         subscription: Subscription[Any] = Subscription(
-            link,
-            self.full_name,
+            node,
             name,
             support,
             profile(qos),
             events or SubscriptionEvents(),
-            self._logger,
-            self._fail,
             callback,
-            raw=raw,
-            views=views,
+            decode=bytes if raw else decoder_of_views(support) if views else None,
             busy_poll=busy_poll,
         )
-        await self._declare(link, subscription)
+        await self._declare(subscription)
         return subscription
 
     def create_timer(self, period_s: float, callback: Callable[[], Any]) -> Timer:
@@ -405,7 +402,7 @@ class Node(ParameterHost):
         """
         from bus.graph import graph_of
 
-        snapshot = await self._opened().request(
+        snapshot = await self._opened().link.request(
             lambda number: m.GetGraph(request=number, statistics=statistics), m.Graph
         )
         return graph_of(snapshot)
@@ -419,7 +416,7 @@ class Node(ParameterHost):
 
             await node.wait_for_graph(lambda graph: "/chatter" in graph.topics())
         """
-        async with aclosing(self._watches.graphs(self._opened())) as graphs:
+        async with aclosing(self._watches.graphs(self._opened().link)) as graphs:
             async for graph in graphs:
                 if condition(graph):
                     return graph
@@ -437,7 +434,7 @@ class Node(ParameterHost):
                 if "/chatter" in graph.topics():
                     break
         """
-        return self._watches.graphs(self._opened())
+        return self._watches.graphs(self._opened().link)
 
     async def spin(self) -> None:
         """Wait for ever while callbacks and timers work; an exception of theirs ends the `async with`.
@@ -469,7 +466,7 @@ class Node(ParameterHost):
             publisher = (await node.graph()).publishers_of("/chatter")[0]
             schema = await node.get_schema(publisher.type_name, publisher.type_hash)
         """
-        encoded = await self._opened().description(type_name, type_hash)
+        encoded = await self._opened().link.description(type_name, type_hash)
         return MessageSchema(type_name, type_hash, encoded)
 
     def statistics(self) -> NodeStatistics:
@@ -499,7 +496,7 @@ class Node(ParameterHost):
         """The one type of `topic`, or the one of that name, as soon as there is one."""
         from bus.graph import types_of
 
-        async with aclosing(self._watches.graphs(self._opened())) as graphs:
+        async with aclosing(self._watches.graphs(self._opened().link)) as graphs:
             async for graph in graphs:
                 found = types_of(graph, topic, type_name)
                 if len(found) > 1:
@@ -512,7 +509,7 @@ class Node(ParameterHost):
                     return MessageSchema.of(ready_made)
         raise ConnectionClosed(f"node {self.full_name} is closed")
 
-    def _opened(self) -> Link:
+    def _opened(self) -> NodeContext:
         if self._link is None:
             raise ConnectionClosed(
                 f"node {self.full_name} is not open; use: async with bus.Node(...) as node"
@@ -523,9 +520,10 @@ class Node(ParameterHost):
             from bus.process.mistakes import other_loop
 
             raise other_loop(f"node {self.full_name}", self._link.loop)
-        return self._link
+        return self._context
 
-    async def _declare(self, link: Link, endpoint: Publisher[Any] | Subscription[Any]) -> None:
+    async def _declare(self, endpoint: Publisher[Any] | Subscription[Any]) -> None:
+        link = endpoint._link
         try:
             await link.declare(self, endpoint)
         except BaseException as error:
@@ -563,27 +561,27 @@ class Node(ParameterHost):
                 {"message": f"exception in a callback of {self.full_name}", "exception": error}
             )
 
-    async def _open_rosout(self, link: Link) -> None:
+    async def _open_rosout(self, node: NodeContext) -> None:
         """Declare it before anything else that the program declares, which need not wait for the answer."""
         from bus.msg.rcl_interfaces import Log
 
         # Each node has one, few say much, and busd keeps the history anyway: no ring is worth its memory.
-        publisher = self._make_publisher(link, Log, "/rosout", rosout_default, by_socket=True)
+        publisher = self._make_publisher(node, Log, "/rosout", rosout_default, by_socket=True)
         self._rosout = Rosout(publisher)
         self._logger.add_sink(self._rosout.publish)  # what is logged until the answer comes waits for it
-        self._declaring_rosout = link.loop.create_task(
-            self._declare_rosout(link, publisher), name="declare /rosout"
+        self._declaring_rosout = node.link.loop.create_task(
+            self._declare_rosout(publisher), name="declare /rosout"
         )
-        if link.guard is None:
+        if node.link.guard is None:
             await asyncio.sleep(0)  # that has left now
         else:  # such a loop may rest as soon as nobody waits, and what is logged with it
             await asyncio.wait([self._declaring_rosout])
 
-    async def _declare_rosout(self, link: Link, publisher: Publisher[Any]) -> None:
+    async def _declare_rosout(self, publisher: Publisher[Any]) -> None:
         try:
-            await self._declare(link, publisher)
+            await self._declare(publisher)
         except (BusError, TimeoutError) as error:
-            if self._link is link:  # else it is closed meanwhile
+            if self._link is publisher._link:  # else it is closed meanwhile
                 self._logger.warning(f"the log of this node stays here: {error}")
 
     async def _end_rosout(self) -> None:

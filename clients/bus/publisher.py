@@ -6,7 +6,6 @@ by shared memory, and goes to the broker while there are others (`bus.delivery`)
 
 import asyncio
 import contextlib
-from collections.abc import Callable
 from time import monotonic_ns
 from typing import Any, TypeVar
 
@@ -18,12 +17,10 @@ from bus.base.descriptor import Descriptor
 from bus.delivery.sender import Sender
 from bus.delivery.shm_sender import ShmSender
 from bus.diagnostics.provoked import warn
-from bus.endpoint import Endpoint
+from bus.endpoint import Endpoint, NodeContext
 from bus.errors import BusError, ConnectionClosed, PayloadTooLarge, again
 from bus.events import LivelinessLost, PublisherEvents
-from bus.link.link import Link
 from bus.loan import Loan
-from bus.logger import Logger
 from bus.qos import History, QoSProfile
 from bus.transport.memory import LARGE_BYTES, keep_freed_memory
 from bus.types.large_fields import (
@@ -84,29 +81,26 @@ class Publisher(Endpoint[M]):
 
     def __init__(
         self,
-        link: Link,
-        node: str,
+        node: NodeContext,
         topic: str,
         support: TypeSupport[M],
         qos: QoSProfile,
         events: PublisherEvents,
-        logger: Logger,
-        on_error: Callable[[BaseException], None],
         *,
         by_socket: bool = False,
     ) -> None:
-        super().__init__(link, node, topic, support, qos, events, logger, on_error)
+        super().__init__(node, topic, support, qos, events)
         self._encode = support.encode
         self._max_bytes = MAX_MESSAGE_BYTES
         self._refused = 0
         self._sends_in_turn = 0
         self._lost_liveliness = 0
-        ring = None if by_socket else ShmSender.make(link, self, logger)
+        ring = None if by_socket else ShmSender.make(node.link, self, node.logger)
         sends = None
         if shm.has_core():  # with it, `send` costs what `publish` costs where there is room
             sends = shm.native.Sends(self._send, self._send_on, self.send)
             self.send = sends.send  # type: ignore[method-assign, assignment]
-        self._sender = Sender(link, self, logger, ring, sends)
+        self._sender = Sender(node.link, self, node.logger, ring, sends)
         self._long_fields = bytes_fields(support.cls)
         self._bytes_fields = {name: support.cls.__struct_fields__.index(name) for name in self._long_fields}
         if ring is not None:  # by socket, text had to be copied once more to be joined with the rest

@@ -16,9 +16,8 @@ import msgspec
 from bus.base.awaited import done_anyway
 from bus.base.callbacks import is_async, takes_info
 from bus.diagnostics.provoked import warn
+from bus.endpoint import NodeContext
 from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
-from bus.link.link import Link
-from bus.logger import Logger
 from bus.names import reply_topic, request_topic
 from bus.publisher import Publisher
 from bus.qos import QoSProfile
@@ -85,22 +84,19 @@ class ServiceServer(ServiceEnd):
 
     def __init__(
         self,
-        link: Link,
-        node: str,
+        node: NodeContext,
         service: str,
         service_type: Any,
         qos: QoSProfile,
-        logger: Logger,
-        on_error: Callable[[BaseException], None],
         *,
         callback: Callable[..., Any] | None = None,
         on_request: Callable[[Any, RequestId], Any] | None = None,
     ) -> None:
-        super().__init__(link, node, service, service_type, qos, logger, on_error)
+        super().__init__(node, service, service_type, qos)
         self._taken = self._answered = self._errors = 0
         if (callback is None) is (on_request is None):
             raise TypeError("a service needs either a callback or on_request")
-        self._work = None if callback is None else _Work(self, callback, on_error)
+        self._work = None if callback is None else _Work(self, callback, node.on_error)
         if self._work is not None:
             on_request = self._work.on_request
         assert on_request is not None

@@ -9,10 +9,9 @@ from typing import Any
 
 from bus.base.callbacks import ignore
 from bus.diagnostics.provoked import warn
+from bus.endpoint import NodeContext
 from bus.errors import BusError
 from bus.events import IncompatibleQoS, IncompatibleType, MatchedChange, PublisherEvents, SubscriptionEvents
-from bus.link.link import Link
-from bus.logger import Logger
 from bus.names import request_topic
 from bus.publisher import Publisher
 from bus.qos import QoSProfile, in_words
@@ -34,16 +33,7 @@ class ServiceEnd:
     _requests: Publisher[Any] | Subscription[Any]
     _replies: Publisher[Any] | Subscription[Any]
 
-    def __init__(
-        self,
-        link: Link,
-        node: str,
-        service: str,
-        service_type: Any,
-        qos: QoSProfile,
-        logger: Logger,
-        on_error: Callable[[BaseException], None],
-    ) -> None:
+    def __init__(self, node: NodeContext, service: str, service_type: Any, qos: QoSProfile) -> None:
         self.service_name = service
         """The service's full name."""
         self.type: Any = service_type
@@ -51,10 +41,8 @@ class ServiceEnd:
         self.qos = qos
         """The policies that it was made with."""
         self._support: ServiceSupport = service_support(service_type)
-        self._link = link
         self._node = node
-        self._logger = logger
-        self._on_error = on_error
+        self._logger = node.logger
 
     def __repr__(self) -> str:
         name = f"{self._requests._state()}{self.service_name} {self._support.name}"
@@ -84,28 +72,22 @@ class ServiceEnd:
         self, topic: str, support: TypeSupport[Any], matched: Callable[[MatchedChange], object] | None = None
     ) -> Publisher[Any]:
         return Publisher(
-            self._link,
             self._node,
             topic,
             support,
             self.qos,
             PublisherEvents(matched=matched, **self._warnings(topic)),
-            self._logger,
-            self._on_error,
         )
 
     def _make_subscription(
         self, topic: str, support: TypeSupport[Any], callback: Callable[[Any], object]
     ) -> Subscription[Any]:
         subscription: Subscription[Any] = Subscription(
-            self._link,
             self._node,
             topic,
             support,
             keeping_all(self.qos),
             SubscriptionEvents(**self._warnings(topic)),
-            self._logger,
-            self._on_error,
             callback,
         )
         subscription._on_end = self._end

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from bus.base.awaited import to_be_awaited
 from bus.diagnostics.slow_callback import watched
+from bus.endpoint import NodeContext
 from bus.errors import ConnectionClosed
-from bus.link.link import Link
 from bus.logger import Logger
 from bus.publisher import Publisher
 from bus.qos import QoS, QoSProfile, profile
@@ -40,13 +40,10 @@ class ServiceHost(ABC):
     def resolve_topic_name(self, topic: str) -> str: ...
 
     @abstractmethod
-    def _opened(self) -> Link: ...
+    def _opened(self) -> NodeContext: ...
 
     @abstractmethod
-    async def _declare(self, link: Link, endpoint: "Publisher[Any] | Subscription[Any]") -> None: ...
-
-    @abstractmethod
-    def _fail(self, error: BaseException) -> None: ...
+    async def _declare(self, endpoint: "Publisher[Any] | Subscription[Any]") -> None: ...
 
     @to_be_awaited
     async def create_service(
@@ -74,17 +71,14 @@ class ServiceHost(ABC):
         """
         from bus.service import ServiceServer
 
-        link, full_name = self._opened(), self.resolve_service_name(name)
+        node, full_name = self._opened(), self.resolve_service_name(name)
         if callback is not None:
             callback = watched(callback, f"service '{full_name}'", self._logger)
         server = ServiceServer(
-            link,
-            self.full_name,
+            node,
             full_name,
             service_type,
             profile(qos),
-            self._logger,
-            self._fail,
             callback=callback,
             on_request=on_request,
         )
@@ -111,12 +105,9 @@ class ServiceHost(ABC):
 
         client = ServiceClient(
             self._opened(),
-            self.full_name,
             self.resolve_service_name(name),
             service_type,
             profile(qos),
-            self._logger,
-            self._fail,
             on_response=on_response,
         )
         await self._declare_both(*client._endpoints)
@@ -133,13 +124,12 @@ class ServiceHost(ABC):
         self, first: "Publisher[Any] | Subscription[Any]", second: "Publisher[Any] | Subscription[Any]"
     ) -> None:
         """The two endpoints of a service or client: both, or none."""
-        link = self._opened()
         try:
-            await self._declare(link, first)
-            await self._declare(link, second)
+            await self._declare(first)
+            await self._declare(second)
         except BaseException as error:
             for endpoint in (first, second):
                 if endpoint._refusal is None:
-                    link.forget(endpoint)
+                    endpoint._link.forget(endpoint)
                     endpoint._end(ConnectionClosed(f"not created: {error}"))
             raise

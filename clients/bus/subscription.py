@@ -19,11 +19,9 @@ from bus.delivery.dispatcher import Dispatcher
 from bus.delivery.receiver import Receiver, Taken
 from bus.delivery.sequence import PublisherProxy
 from bus.delivery.shm_receiver import ShmReceiver
-from bus.endpoint import Endpoint
+from bus.endpoint import Endpoint, NodeContext
 from bus.errors import BusError, ConnectionClosed, again
 from bus.events import LivelinessChanged, MessageLost, SubscriptionEvents
-from bus.link.link import Link
-from bus.logger import Logger
 from bus.qos import History, QoSProfile
 from bus.types.large_fields import view_type
 from bus.types.support import TypeSupport
@@ -71,26 +69,23 @@ class Subscription(Endpoint[M]):
 
     _kind = "subscription"
 
-    def __init__(  # noqa: PLR0913
+    def __init__(
         self,
-        link: Link,
-        node: str,
+        node: NodeContext,
         topic: str,
         support: TypeSupport[M],
         qos: QoSProfile,
         events: SubscriptionEvents,
-        logger: Logger,
-        on_error: Callable[[BaseException], None],
         callback: Callable[..., Any] | None = None,
         *,
-        raw: bool = False,
-        views: bool = False,
+        decode: Callable[[Any], Any] | None = None,
         busy_poll: float = 0.0,
     ) -> None:
-        super().__init__(link, node, topic, support, qos, events, logger, on_error)
+        super().__init__(node, topic, support, qos, events)
+        link = node.link
         keeps_all = qos.history is History.KEEP_ALL
         self._receiver: Receiver[M] = Receiver(
-            _decoder(support, raw=raw, views=views),
+            decode or support.decode,
             0 if keeps_all else qos.depth,
             is_lossless=qos.is_lossless,
             on_drop=lambda reason, count: self._tell_lost(),
@@ -124,7 +119,7 @@ class Subscription(Endpoint[M]):
                 self._receiver,
                 make_info=self._info,
                 receive=self.receive,
-                on_error=on_error,
+                on_error=node.on_error,
                 name=topic,
                 is_timed=qos.deadline is not None,
             )
@@ -445,10 +440,7 @@ class Subscription(Endpoint[M]):
         )
 
 
-def _decoder(support: TypeSupport[Any], *, raw: bool, views: bool) -> Callable[[Any], Any]:
-    if raw:
-        return bytes
-    if not views:
-        return support.decode
+def decoder_of_views(support: TypeSupport[Any]) -> Callable[[Any], Any]:
+    """As `support.decode`, but fields of bytes are read-only views into what is decoded."""
     decode = msgspec.msgpack.Decoder(view_type(support.cls)).decode
     return lambda payload: decode(memoryview(payload).toreadonly())  # by socket it is a buffer of our own

@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 
 from bus.base.descriptor import Descriptor
+from bus.endpoint import NodeContext
 from bus.errors import BusError, RemoteProtocolError
 from bus.events import PublisherEvents, SubscriptionEvents
 from bus.graph import graph_of
@@ -122,14 +123,14 @@ class _Client:
         self.rings: list[HostileRing] = []
         self.asked: list[asyncio.Task[Any]] = []
         logger, support = get_logger("fuzz"), type_support(String)
-        link, lossless = self.link, QoSProfile(**_LOSSLESS)
+        lossless = QoSProfile(**_LOSSLESS)
+        node = NodeContext(self.link, "/node", logger, self.fail)
         logger.set_level("FATAL")
-        self.publishers = [
-            Publisher(link, "/node", "/a", support, qos, PublisherEvents(), logger, self.fail)
-            for qos in (QoSProfile(depth=3), lossless)
+        self.publishers: list[Publisher[String]] = [
+            Publisher(node, "/a", support, qos, PublisherEvents()) for qos in (QoSProfile(depth=3), lossless)
         ]
-        self.subscriptions = [
-            Subscription(link, "/node", "/a", support, qos, SubscriptionEvents(), logger, self.fail)
+        self.subscriptions: list[Subscription[String]] = [
+            Subscription(node, "/a", support, qos, SubscriptionEvents())
             for qos in (QoSProfile(depth=3), lossless)
         ]
 

@@ -96,12 +96,10 @@ async def other(daemon: Daemon) -> AsyncIterator[bus.Node]:
 
 async def liar(node: bus.Node, topic: str, support: Any) -> Publisher[Any]:
     """A publisher that says it has the type of `support`, and sends any bytes."""
-    link = node._opened()
-    events = PublisherEvents()
     publisher: Publisher[Any] = Publisher(
-        link, node.full_name, topic, support, bus.QoSProfile(1000), events, node._logger, node._fail
+        node._opened(), topic, support, bus.QoSProfile(1000), PublisherEvents()
     )
-    await node._declare(link, publisher)
+    await node._declare(publisher)
     return publisher
 
 

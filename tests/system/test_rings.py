@@ -234,7 +234,7 @@ class TestBusyPolling:
         """It ends by itself; then the doorbell rings again."""
         publisher = await node.create_publisher(Int32, "t", 10)
         subscription = await node.create_subscription(Int32, "t", 10, busy_poll=0.002)
-        shm_context = node._opened().shm_context
+        shm_context = node._opened().link.shm_context
         assert shm_context is not None
         for number in range(3):
             publisher.publish(Int32(data=number))

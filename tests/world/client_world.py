@@ -31,6 +31,7 @@ import broker_world
 from bus import shm
 from bus.base.descriptor import Descriptor
 from bus.delivery.port import ShmPort
+from bus.endpoint import NodeContext
 from bus.errors import ConnectionClosed
 from bus.events import PublisherEvents, SubscriptionEvents
 from bus.link.declarations import _ABOUT
@@ -198,6 +199,8 @@ class Client(ListPort):
         self.connection: Connection | None = None
         self.errors: list[BaseException] = []
         self._world = world
+        link: Any = self
+        self._context = NodeContext(link, f"/node_{number}", get_logger("t"), self.errors.append)
         self._by_id: dict[int, Any] = {}
         self._node = 0
         self._requests = count(1)
@@ -212,20 +215,14 @@ class Client(ListPort):
     # --- for tests
 
     def publisher(self, qos: QoSProfile, topic: str = TOPIC, **more: Any) -> Publisher[Numbered]:
-        name, events = f"/node_{self.number}", PublisherEvents()
-        link: Any = self
-        made = Publisher(link, name, topic, SUPPORT, qos, events, get_logger("t"), self.errors.append, **more)
+        made = Publisher(self._context, topic, SUPPORT, qos, PublisherEvents(), **more)
         self._add(made)
         return made
 
     def subscription(
         self, qos: QoSProfile, callback: Callable[..., Any] | None = None, topic: str = TOPIC
     ) -> Subscription[Numbered]:
-        name, events = f"/node_{self.number}", SubscriptionEvents()
-        link: Any = self
-        made = Subscription(
-            link, name, topic, SUPPORT, qos, events, get_logger("t"), self.errors.append, callback
-        )
+        made = Subscription(self._context, topic, SUPPORT, qos, SubscriptionEvents(), callback)
         self._add(made)
         return made
 

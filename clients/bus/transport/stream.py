@@ -54,7 +54,7 @@ class Stream:
     socket can be read or written again. Where they say no, that waits for `read_on` and `write_on`.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913
         self,
         sock: socket.socket,
         session: Session,

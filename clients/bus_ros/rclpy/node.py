@@ -235,7 +235,7 @@ class Node(NodeGraph, NodeParameters):
             self.__publishers = (*self.__publishers, publisher)
         return publisher
 
-    def create_subscription(
+    def create_subscription(  # noqa: PLR0913
         self,
         msg_type: type[M],
         topic: str,
