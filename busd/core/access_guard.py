@@ -37,6 +37,8 @@ class Guard:
 
         The log and the other end, who may be waiting for that user, learn of it the first time.
         """
+        if not node.peer.is_guest:
+            return
         who = node.peer.subject
         if not self.access.decide(who, action, topic).is_allowed:
             text = self.access.why_not(who, action, topic)
@@ -53,7 +55,7 @@ class Guard:
         By gids everybody knows his publishers again. A guest can read them, so what he claims is made his
         own: it can't be another user's, and is the same at each busd.
         """
-        if self.access.is_free(peer.uid):
+        if not peer.is_guest:
             return gid
         return blake2b(gid, digest_size=len(gid), salt=peer.uid.to_bytes(16, "little")).digest()
 

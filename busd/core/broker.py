@@ -20,6 +20,8 @@ from collections.abc import Callable
 from itertools import count
 from typing import Any
 
+import msgspec
+
 from bus.base.ids import EndpointId, PeerId
 from bus.errors import AccessDenied, BusError, ConfigurationError, QuotaExceeded, RemoteProtocolError
 from bus.wire import messages as m
@@ -350,15 +352,20 @@ class Broker:
 
     def _do(self, now_ns: int, task: "_Task") -> None:
         """Do as much of it as the meter lets us; the rest is for `go_on`."""
-        peer, meter = task.peer, self.meter
-        while (price := task.step(now_ns)) is not None:
-            meter.left -= price
-            if meter.left <= 0:
-                self.unfinished[peer.id] = task
-                self._emit(Later(peer.id))
-                if peer.withheld:
-                    self._withheld.setdefault(peer.id, [])
-                return
+        peer, work, meter = task.peer, task.work, self.meter
+        try:
+            while True:
+                price = work.send(now_ns) if task.has_begun else next(work)
+                task.has_begun = True
+                meter.left -= price
+                if meter.left <= 0:
+                    self.unfinished[peer.id] = task
+                    self._emit(Later(peer.id))
+                    if peer.withheld:
+                        self._withheld.setdefault(peer.id, [])
+                    return
+        except StopIteration:
+            pass
         if peer.id in self._withheld:
             self._withhold()
             self._out += self._withheld.pop(peer.id)
@@ -481,26 +488,13 @@ class Broker:
             raise ConfigurationError(f"user {peer.uid} may not {what} the busd of user {self._uid}")
 
 
-class _Task:
+class _Task(msgspec.Struct):
     """Work for a peer: to carry out `message`, or what comes of a run or of the peer's end."""
 
-    __slots__ = ("has_begun", "message", "peer", "work")
-
-    def __init__(self, peer: Peer, work: Work, message: Any = None) -> None:
-        self.peer = peer
-        self.work = work
-        self.message = message
-        self.has_begun = False
-
-    def step(self, now_ns: int) -> int | None:
-        """What the next piece cost; None where there was none."""
-        try:
-            if self.has_begun:
-                return self.work.send(now_ns)
-            self.has_begun = True
-            return next(self.work)
-        except StopIteration:
-            return None
+    peer: Peer
+    work: Work
+    message: Any = None
+    has_begun: bool = False
 
 
 def _concerns(effect: Send | Flush, number: int) -> bool:

@@ -1,13 +1,15 @@
 """What the core asks the shell to do. The shell carries effects out in order."""
 
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
+
+import msgspec
 
 from bus.base.ids import PeerId
 from bus.wire.messages import Message
 from bus.wire.runs import RunQueue
 
 
-class Send(NamedTuple):
+class Send(msgspec.Struct, frozen=True):
     """Send a control message to a peer, with the descriptors that it brings (opaque here)."""
 
     peer: PeerId
@@ -15,7 +17,7 @@ class Send(NamedTuple):
     descriptors: tuple[Any, ...] = ()
 
 
-class Flush(NamedTuple):
+class Flush(msgspec.Struct, frozen=True):
     """A subscription's queue, which was empty, has samples for its peer.
 
     The one effect that is no value: `queue` is the core's own, and the shell takes from it what the socket
@@ -27,40 +29,40 @@ class Flush(NamedTuple):
     queue: RunQueue
 
 
-class Later(NamedTuple):
+class Later(msgspec.Struct, frozen=True):
     """More is to be done for a peer, or for one that has gone: `go_on` in its turns, before what it sends."""
 
     peer: PeerId
 
 
-class Disconnect(NamedTuple):
+class Disconnect(msgspec.Struct, frozen=True):
     """Send what waits and cut the connection; the core has forgotten the peer already."""
 
     peer: PeerId
     reason: str
 
 
-class Pause(NamedTuple):
+class Pause(msgspec.Struct, frozen=True):
     """Don't listen to a peer for so long: it asks for more than it may."""
 
     peer: PeerId
     pause_ns: int
 
 
-class Note(NamedTuple):
+class Note(msgspec.Struct, frozen=True):
     """Something for the log; `level` is one of logging's numbers."""
 
     level: int
     text: str
 
 
-class Stop(NamedTuple):
+class Stop(msgspec.Struct, frozen=True):
     """End the daemon in order."""
 
     reason: str
 
 
-class Restart(NamedTuple):
+class Restart(msgspec.Struct, frozen=True):
     """End the daemon in order and begin anew, if that can be done; answer `request` of `peer` whether."""
 
     peer: PeerId
@@ -68,7 +70,7 @@ class Restart(NamedTuple):
     reason: str
 
 
-class Reload(NamedTuple):
+class Reload(msgspec.Struct, frozen=True):
     """Read the configuration again; answer `request` of `peer` what has changed, or what is wrong."""
 
     peer: PeerId

@@ -4,7 +4,6 @@ Plain state. The only rule is that a match goes by its table (`busd.core.match`)
 hangs on its state.
 """
 
-from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 from weakref import WeakSet
@@ -49,7 +48,7 @@ class Holder:
     declarations: TokenBucket
     signals: TokenBucket
     """Control frames of all other kinds: acknowledgements, reports, attachments."""
-    topics: Counter[str] = field(default_factory=Counter)
+    topics: dict[str, int] = field(default_factory=dict)
     """Endpoints by topic."""
     matches: int = 0
     schema_bytes: int = 0
@@ -121,11 +120,11 @@ class Peer(Holder):
     has_shared: bool = False
     withheld: int = 0
     """The endpoint that is being made for it, or GRAPH: news of it wait until that is done. 0: nothing."""
+    subject: Subject = field(init=False)
+    """The process, as rules of access look at it."""
 
-    @property
-    def subject(self) -> Subject:
-        """The process, as rules of access look at it."""
-        return Subject(self.uid, self.gids)
+    def __post_init__(self) -> None:
+        self.subject = Subject(self.uid, self.gids)
 
     def subscriptions(self) -> "list[Subscription]":
         return [one for one in self.endpoints.values() if isinstance(one, Subscription)]

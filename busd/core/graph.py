@@ -9,8 +9,8 @@ from itertools import count
 
 from bus.base.ids import EndpointId, NodeId
 from bus.wire.messages import EndpointRecord, GraphChanged, MatchRecord, NodeRecord
-from busd.core.entities import Match, MessageType, Node, Peer, Publisher, Subscription, Topic
-from busd.core.match import MatchEvent
+from busd.core.entities import SHM, SOCKET, Match, MessageType, Node, Peer, Publisher, Subscription, Topic
+from busd.core.match import SHARED, MatchEvent
 from busd.core.work import TELL, Work
 
 
@@ -29,7 +29,8 @@ class Graph:
         self._left_samples = self._left_bytes = 0  # of publishers that are gone
         self._names: dict[str, dict[NodeId, Node]] = {}
         self._declarers: Counter[MessageType] = Counter()  # peers that have declared a type
-        self._ids = count(1)
+        self.next_id = count(1).__next__
+        """Gives a number that no node or endpoint ever had."""
         self._nodes_added: list[NodeRecord] = []
         self._nodes_removed: list[int] = []
         self._endpoints_added: list[EndpointRecord] = []
@@ -40,10 +41,6 @@ class Graph:
     def __len__(self) -> int:
         """Records in a snapshot (`busd.core.snapshot`)."""
         return len(self.nodes) + len(self.publishers) + len(self.subscriptions) + self._matches
-
-    def next_id(self) -> int:
-        """A number that no node or endpoint ever had."""
-        return next(self._ids)
 
     def add_node(self, node: Node) -> None:
         self.nodes[node.id] = node
@@ -65,11 +62,8 @@ class Graph:
         """The oldest of that name."""
         return next(iter(self._names.get(full_name, {}).values()), None)
 
-    def topic(self, name: str) -> Topic:
-        """The topic of that name; a new one is not in the table until it has an endpoint."""
-        return self.topics.get(name) or Topic(name)
-
     def add_endpoint(self, endpoint: Publisher | Subscription) -> None:
+        """Its topic is in the table from now on."""
         topic = self.topics.setdefault(endpoint.topic.name, endpoint.topic)
         if isinstance(endpoint, Publisher):
             topic.publishers[endpoint.id] = self.publishers[endpoint.id] = endpoint
@@ -79,7 +73,7 @@ class Graph:
         endpoint.node.endpoints[endpoint.id] = peer.endpoints[endpoint.id] = endpoint
         peer.user.endpoints += 1
         for holder in (peer, peer.user):
-            holder.topics[topic.name] += 1
+            holder.topics[topic.name] = holder.topics.get(topic.name, 0) + 1
         self._endpoints_added.append(endpoint.record())
 
     def withdraw(self, endpoint: Publisher | Subscription) -> None:
@@ -235,4 +229,5 @@ def _count_match(match: Match, number: int) -> None:
 
 
 def _match_record(match: Match) -> MatchRecord:
-    return MatchRecord(publisher=match.publisher.id, subscription=match.subscription.id, route=match.route)
+    route = SHM if match.state in SHARED else SOCKET
+    return MatchRecord(publisher=match.publisher.id, subscription=match.subscription.id, route=route)

@@ -7,7 +7,7 @@ Both structs are frozen and always valid. A limit "per peer" is for one process:
 its one connection, however many nodes it has. A limit "per user" is for all processes of one user together.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Annotated, Any, TypeVar
 
 import msgspec
@@ -161,6 +161,9 @@ class TopicCaps(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         return structs.replace(qos, **changes) if changes else qos
 
 
+_NO_CAPS = TopicCaps()
+
+
 class TopicRule(TopicCaps, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Caps for every topic whose full name matches `pattern`.
 
@@ -180,9 +183,11 @@ class TopicRule(TopicCaps, frozen=True, kw_only=True, forbid_unknown_fields=True
         return compiled(self.pattern, "topics.pattern").fullmatch(topic) is not None
 
 
-def rules_for(topic: str, rules: Iterable[TopicRule]) -> TopicCaps:
+def rules_for(topic: str, rules: Collection[TopicRule]) -> TopicCaps:
     """What all rules that match `topic` say together: of each cap the tightest, whatever their order."""
-    found = [rule for rule in rules if rule.matches(topic)]
+    found = [rule for rule in rules if rule.matches(topic)] if rules else []
+    if not found:
+        return _NO_CAPS
     return TopicCaps(
         max_depth=_tightest(rule.max_depth for rule in found),
         max_message_bytes=_tightest(rule.max_message_bytes for rule in found),

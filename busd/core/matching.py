@@ -21,7 +21,7 @@ from bus.wire.messages import (
 )
 from bus.wire.runs import RunQueue
 from busd.core.effects import Effect, Note, Send
-from busd.core.entities import Match, Publisher, Subscription, keeps_history
+from busd.core.entities import SHM, SOCKET, Match, Publisher, Subscription, keeps_history
 from busd.core.graph import Graph
 
 _ACKED_SEQ = attrgetter("acked_seq")
@@ -54,7 +54,7 @@ def connect(
     is_shared = can_share(publisher, subscription)
     match = Match(publisher, subscription, now_ns)
     graph.add_match(match, is_shared=is_shared)
-    route = match.route
+    route = SHM if is_shared else SOCKET
     ring: tuple[Any, ...] = (publisher.ring, publisher.node.peer.doorbell) if is_shared else ()
     for mine, other, brings in ((publisher, subscription, ()), (subscription, publisher, ring)):
         message = Matched(

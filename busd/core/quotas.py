@@ -6,6 +6,7 @@ room. Reaching a limit raises QuotaExceeded; samples that are too many are dropp
 
 import logging
 from collections.abc import Callable, Collection, Sized
+from typing import TypeAlias
 
 from bus.errors import QuotaExceeded
 from bus.wire import messages as m
@@ -38,6 +39,9 @@ _FOR_THE_GRAPH = frozenset({m.GetGraph, m.GetPeers, m.Observe})
 _COUNTED = frozenset(
     {m.CreateNode, m.CreatePublisher, m.CreateSubscription, m.GetType} | _FOR_THE_GRAPH | _WITHOUT_REFUSAL
 )
+
+_Asked: TypeAlias = tuple[str, Holder | None, int, int, int]
+"""The resource, its holder (None: all together), how much that has, how much more is asked for, the limit."""
 
 
 class Quotas:
@@ -150,20 +154,21 @@ class Quotas:
         tokens, can_refuse = 1, kind not in _WITHOUT_REFUSAL
         if kind in _FOR_THE_GRAPH or (kind is m.GetType and peer.is_guest):
             tokens += len(records) // _FEW
-        if not peer.declarations.has(now_ns, tokens):
+        if not peer.declarations.take_if_there(now_ns, tokens):
             self._pause(now_ns, peer, self._longest_pause_ns, out)
             if can_refuse:
                 raise _too_often(peer, self.limits.declarations_per_s_per_peer)
-        peer.declarations.take(now_ns, tokens)
+            peer.declarations.take(now_ns, tokens)
         if kind in _FOR_THE_GRAPH:
             peer.questions.take(now_ns, tokens)
             if wait_ns := peer.questions.owed_ns(now_ns):
                 self._pause(now_ns, peer, min(wait_ns, self._longest_pause_ns), out)
         if kind is m.Ping:
             return  # a sign of life is nothing that a user's other processes could be in the way of
-        if can_refuse and not peer.user.declarations.has(now_ns, tokens):
-            raise _too_often(peer.user, self.limits.declarations_per_s_per_user)
-        peer.user.declarations.take(now_ns, tokens)
+        if not peer.user.declarations.take_if_there(now_ns, tokens):
+            if can_refuse:
+                raise _too_often(peer.user, self.limits.declarations_per_s_per_user)
+            peer.user.declarations.take(now_ns, tokens)
 
     def _count_signal(self, now_ns: int, peer: Peer, out: list[Effect]) -> None:
         wait_ns = 0
@@ -176,15 +181,19 @@ class Quotas:
     def check_node(self, peer: Peer) -> None:
         """Raise QuotaExceeded where there is no room for another node."""
         limits = self.limits
-        _check("nodes", peer, len(peer.nodes), limits.nodes_per_peer)
-        _check("nodes", peer.user, peer.user.nodes, limits.nodes_per_user)
+        _check(
+            ("nodes", peer, len(peer.nodes), 1, limits.nodes_per_peer),
+            ("nodes", peer.user, peer.user.nodes, 1, limits.nodes_per_user),
+        )
 
     def check_type(self, peer: Peer) -> None:
         """Raise QuotaExceeded where there is no room for another type."""
         limits = self.limits
-        _check("types", peer, len(peer.types), limits.endpoints_per_peer)
-        _check("bytes of types", peer, peer.schema_bytes, limits.control_bytes_per_peer)
-        _check("bytes of types", peer.user, peer.user.schema_bytes, limits.control_bytes_per_user)
+        _check(
+            ("types", peer, len(peer.types), 1, limits.endpoints_per_peer),
+            ("bytes of types", peer, peer.schema_bytes, 1, limits.control_bytes_per_peer),
+            ("bytes of types", peer.user, peer.user.schema_bytes, 1, limits.control_bytes_per_user),
+        )
 
     def check_endpoint(
         self, now_ns: int, peer: Peer, topic: str, topics: Collection[str], matches: int
@@ -194,18 +203,24 @@ class Quotas:
         `topics` are all that exist. A match of a guest with somebody who is none counts for the guest alone.
         """
         limits, user = self.limits, peer.user
-        _check("endpoints", peer, len(peer.endpoints), limits.endpoints_per_peer)
-        _check("endpoints", user, user.endpoints, limits.endpoints_per_user)
+        asked: list[_Asked] = [
+            ("endpoints", peer, len(peer.endpoints), 1, limits.endpoints_per_peer),
+            ("endpoints", user, user.endpoints, 1, limits.endpoints_per_user),
+        ]
         if topic not in peer.topics:
-            _check("topics", peer, len(peer.topics), limits.topics_per_peer)
+            asked.append(("topics", peer, len(peer.topics), 1, limits.topics_per_peer))
         if topic not in user.topics:
-            _check("topics", user, len(user.topics), limits.topics_per_user)
-        if topic not in topics and len(topics) >= limits.topics:
-            raise QuotaExceeded("topics", used=len(topics), limit=limits.topics)
-        _check("matches", peer, peer.matches + matches, limits.matches_per_peer, more=0)
-        _check("matches", user, user.matches + matches, limits.matches_per_user, more=0)
-        for holder in (peer, user):
-            holder.declarations.take(now_ns, matches // _FEW)
+            asked.append(("topics", user, len(user.topics), 1, limits.topics_per_user))
+        if topic not in topics:
+            asked.append(("topics", None, len(topics), 1, limits.topics))
+        asked += (
+            ("matches", peer, peer.matches + matches, 0, limits.matches_per_peer),
+            ("matches", user, user.matches + matches, 0, limits.matches_per_user),
+        )
+        _check(*asked)
+        if matches >= _FEW:
+            for holder in (peer, user):
+                holder.declarations.take(now_ns, matches // _FEW)
 
     def take_descriptors(self, peer: Peer, descriptors: tuple[object, ...]) -> None:
         """Count `descriptors` for as long as anybody holds them.
@@ -213,8 +228,10 @@ class Quotas:
         Raises QuotaExceeded where there is no room for them; then they are not counted.
         """
         limits, more = self.limits, len(descriptors)
-        _check("descriptors", peer, _descriptors(peer), limits.descriptors_per_peer, more)
-        _check("descriptors", peer.user, _descriptors(peer.user), limits.descriptors_per_user, more)
+        _check(
+            ("descriptors", peer, _descriptors(peer), more, limits.descriptors_per_peer),
+            ("descriptors", peer.user, _descriptors(peer.user), more, limits.descriptors_per_user),
+        )
         for holder in (peer, peer.user):
             holder.descriptors.update(descriptors)
 
@@ -289,9 +306,12 @@ def _is_news(now_ns: int, holder: Holder, resource: str) -> bool:
     return last_ns is None or now_ns - last_ns >= TELL_AGAIN_NS
 
 
-def _check(resource: str, holder: Holder, used: int, limit: int, more: int = 1) -> None:
-    if used + more > limit:
-        raise QuotaExceeded(f"{resource} of {_name(holder)}", used=used, limit=limit)
+def _check(*asked: _Asked) -> None:
+    """Raise QuotaExceeded for the first for which there is no room."""
+    for resource, holder, used, more, limit in asked:
+        if used + more > limit:
+            whose = "" if holder is None else f" of {_name(holder)}"
+            raise QuotaExceeded(resource + whose, used=used, limit=limit)
 
 
 def _too_often(holder: Holder, limit: int) -> QuotaExceeded:

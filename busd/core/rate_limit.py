@@ -27,6 +27,14 @@ class TokenBucket:
         owed_ns = max(self._full_ns - now_ns, 0)
         return owed_ns + min(tokens * self._step_ns, self._burst_ns) <= self._burst_ns
 
+    def take_if_there(self, now_ns: int, tokens: int) -> bool:
+        """`take` as many if they are there, as `has` says; returns whether they were."""
+        full_ns = max(self._full_ns, now_ns)
+        if full_ns - now_ns + min(tokens * self._step_ns, self._burst_ns) > self._burst_ns:
+            return False
+        self._full_ns = min(full_ns + tokens * self._step_ns, now_ns + self._burst_ns + _SECOND_NS)
+        return True
+
     def wait_ns(self, now_ns: int) -> int:
         """How long it takes until there is a token."""
         return max(self._full_ns + self._step_ns - self._burst_ns - now_ns, 0)

@@ -8,7 +8,7 @@ process is told nothing of it (`Peer.withheld`): others first.
 
 import logging
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Collection
 
 from msgspec import structs
 
@@ -28,12 +28,13 @@ from busd.core.entities import (
     Peer,
     Publisher,
     Subscription,
+    Topic,
     is_manual,
     keeps_history,
 )
 from busd.core.graph import Graph
 from busd.core.leases import Leases
-from busd.core.limits import Limits, TopicCaps, TopicRule, rules_for
+from busd.core.limits import TopicRule, rules_for
 from busd.core.match import MatchState
 from busd.core.matching import connect, disconnect
 from busd.core.overload import Overload
@@ -72,14 +73,10 @@ class Registry:
         self._guard = guard
         self._absentees = absentees
 
-    @property
-    def _limits(self) -> Limits:
-        return self._quotas.limits
-
     def declare_type(self, now_ns: int, peer: Peer, message: m.DeclareType, out: list[Effect]) -> None:
-        size = len(message.schema)
-        if size > self._limits.schema_bytes:
-            raise RemoteProtocolError(f"schema of {size} bytes, the limit is {self._limits.schema_bytes}")
+        size, most = len(message.schema), self._quotas.limits.schema_bytes
+        if size > most:
+            raise RemoteProtocolError(f"schema of {size} bytes, the limit is {most}")
         for text in (message.type_name, message.type_hash):
             if not 0 < len(text) <= _MAX_TYPE_NAME:
                 raise RemoteProtocolError(
@@ -126,18 +123,17 @@ class Registry:
         out: list[Effect],
         ring: object | None = None,
     ) -> Work:
-        node, kind, rule = self._check_endpoint(now_ns, peer, message, out)
-        qos = self._check_depth(message.topic, rule.cap(message.qos))
+        node, topic, kind, qos, max_message_bytes = self._check_endpoint(now_ns, peer, message, out)
         if ring is not None:
             self._quotas.take_descriptors(peer, (ring,))
         publisher = Publisher(
             id=EndpointId(self._graph.next_id()),
             node=node,
-            topic=self._graph.topic(message.topic),
+            topic=topic,
             type=kind,
             gid=self._guard.gid(peer, message.gid),
             qos=qos,
-            max_message_bytes=rule.max_message_bytes or self._limits.message_bytes,
+            max_message_bytes=max_message_bytes,
             next_seq=message.next_seq,
             lifespan_ns=qos.lifespan_ns,
             lease_ns=qos.lease_ns,
@@ -150,7 +146,7 @@ class Registry:
         if message.descriptors and ring is None:
             lost = f"{node.full_name} shares no memory on '{message.topic}': its ring was lost"
             out.append(Note(logging.WARNING, lost))
-        subscriptions = publisher.topic.subscriptions
+        subscriptions = topic.subscriptions
         there = tuple(subscriptions.values())  # of a pair whoever comes later makes the match, and not both
         self._graph.add_endpoint(publisher)
         self._absentees.come(publisher)
@@ -166,21 +162,20 @@ class Registry:
     def create_subscription(
         self, now_ns: int, peer: Peer, message: m.CreateSubscription, out: list[Effect]
     ) -> Work:
-        node, kind, rule = self._check_endpoint(now_ns, peer, message, out)
-        qos = self._check_depth(message.topic, rule.cap(message.qos))
+        node, topic, kind, qos, max_message_bytes = self._check_endpoint(now_ns, peer, message, out)
         number = EndpointId(self._graph.next_id())
         subscription = Subscription(
             id=number,
             node=node,
-            topic=self._graph.topic(message.topic),
+            topic=topic,
             type=kind,
             gid=self._guard.gid(peer, message.gid),
             qos=qos,
-            max_message_bytes=rule.max_message_bytes or self._limits.message_bytes,
+            max_message_bytes=max_message_bytes,
             queue=RunQueue(_depth(qos), peer.queued, number),
             last_seqs=message.last_seqs,
         )
-        publishers = subscription.topic.publishers
+        publishers = topic.publishers
         there = tuple(publishers.values())
         self._graph.add_endpoint(subscription)
         out.append(Send(peer.id, self._created(message.request, subscription)))
@@ -193,7 +188,8 @@ class Registry:
                 now_ns = yield MATCH
         now_ns = yield from self._absentees.settle(now_ns, subscription, out)
         subscription.forget_oldest()
-        self._overload.bound(now_ns, subscription)
+        if subscription.queue.runs:
+            self._overload.bound(now_ns, subscription)
 
     def destroy_endpoint(
         self, now_ns: int, peer: Peer, message: m.DestroyEndpoint, out: list[Effect]
@@ -263,41 +259,42 @@ class Registry:
         peer: Peer,
         message: m.CreatePublisher | m.CreateSubscription,
         out: list[Effect],
-    ) -> tuple[Node, MessageType, TopicCaps]:
+    ) -> tuple[Node, Topic, MessageType, QoSProfile, int]:
+        """What the endpoint is to have: the last are its QoS under the rules, and its largest message."""
         node = self._own_node(peer, message.node)
-        names.validate_full_topic_name(message.topic)
+        topic = self._graph.topics.get(message.topic)
+        if topic is None:  # else its name was looked at already
+            names.validate_full_topic_name(message.topic)
+            topic = Topic(message.topic)
         if len(message.gid) != _GID_BYTES:
             raise RemoteProtocolError(f"gid of {len(message.gid)} bytes, a gid has {_GID_BYTES}")
         does_publish = isinstance(message, m.CreatePublisher)
         # First of all: what a limit says depends on what there is, also on a topic that is hidden.
-        self._guard.admit(node, "publish" if does_publish else "subscribe", message.topic, out)
-        topic = self._graph.topic(message.topic)
-        others: Iterable[Endpoint]
+        self._guard.admit(node, "publish" if does_publish else "subscribe", topic.name, out)
+        others: Collection[Endpoint]
         others = (topic.subscriptions if does_publish else topic.publishers).values()
-        matches = sum(peer.is_guest or not one.node.peer.is_guest for one in others)
+        matches = len(others)
+        if not peer.is_guest:
+            matches -= sum([one.node.peer.is_guest for one in others])
         self._quotas.check_endpoint(now_ns, peer, topic.name, self._graph.topics, matches)
         kind = (message.type_name, message.type_hash)
         if kind not in peer.types:
             self._quotas.check_type(peer)  # then it was declared, and there was no room for it
             raise RemoteProtocolError(f"type {message.type_name} was not declared on this connection")
-        return node, kind, rules_for(message.topic, self.rules)
-
-    def _check_depth(self, topic: str, qos: QoSProfile) -> QoSProfile:
-        if qos.history is History.KEEP_LAST and qos.depth > self._limits.depth:
-            if topic in _OF_EVERY_NODE or names.service_of_topic(topic) is not None:
-                return structs.replace(qos, depth=self._limits.depth)
-            raise ConfigurationError(f"depth {qos.depth} is more than busd's limit of {self._limits.depth}")
-        return qos
+        limits, caps = self._quotas.limits, rules_for(topic.name, self.rules)
+        qos = _within(limits.depth, topic.name, caps.cap(message.qos))
+        return node, topic, kind, qos, caps.max_message_bytes or limits.message_bytes
 
     def _created(self, request: int, endpoint: Publisher | Subscription) -> m.Created:
+        limits = self._quotas.limits
         return m.Created(
             request=request,
             id=endpoint.id,
             depth=_depth(endpoint.qos),
             max_message_bytes=endpoint.max_message_bytes,
-            window_samples=self._limits.keep_all_window_messages,
-            window_bytes=self._limits.keep_all_window_bytes,
-            ring_bytes=self._limits.ring_bytes,
+            window_samples=limits.keep_all_window_messages,
+            window_bytes=limits.keep_all_window_bytes,
+            ring_bytes=limits.ring_bytes,
         )
 
 
@@ -310,6 +307,15 @@ def _introduce(node: Node, other: Node, out: list[Effect]) -> None:
     if may_hear and not is_back and not node.knows_namesake:
         node.knows_namesake = True
         out.append(Send(mine.id, m.Namesake(node=node.id, pid=its.pid, program=its.program)))
+
+
+def _within(most: int, topic: str, qos: QoSProfile) -> QoSProfile:
+    """Raises ConfigurationError where the depth is more than `most`, and the program has chosen it."""
+    if qos.history is not History.KEEP_LAST or qos.depth <= most:
+        return qos
+    if topic in _OF_EVERY_NODE or names.service_of_topic(topic) is not None:
+        return structs.replace(qos, depth=most)
+    raise ConfigurationError(f"depth {qos.depth} is more than busd's limit of {most}")
 
 
 def _depth(qos: QoSProfile) -> int:

@@ -116,6 +116,14 @@ class Policy(IntEnum):
 
 _Choice = TypeVar("_Choice", bound=StrEnum)
 
+_CHOICES: dict[str, type[StrEnum]] = {
+    "history": History,
+    "reliability": Reliability,
+    "durability": Durability,
+    "liveliness": Liveliness,
+}
+_DURATIONS = ("deadline", "lifespan", "liveliness_lease_duration")
+
 
 class QoSProfile(msgspec.Struct, frozen=True, omit_defaults=True):
     """The policies of one endpoint. Enums may be given by name, in any case.
@@ -162,13 +170,15 @@ class QoSProfile(msgspec.Struct, frozen=True, omit_defaults=True):
 
     def __post_init__(self) -> None:
         settle = msgspec.structs.force_setattr
-        settle(self, "history", _choice(History, "history", self.history))
-        settle(self, "reliability", _choice(Reliability, "reliability", self.reliability))
-        settle(self, "durability", _choice(Durability, "durability", self.durability))
-        settle(self, "liveliness", _choice(Liveliness, "liveliness", self.liveliness))
-        settle(self, "depth", _depth(self.depth, 0 if self.history is History.KEEP_ALL else 1))
-        for field in ("deadline", "lifespan", "liveliness_lease_duration"):
-            settle(self, field, _seconds(field, getattr(self, field)))
+        for field, kind in _CHOICES.items():
+            if (value := getattr(self, field)).__class__ is not kind:
+                settle(self, field, _choice(kind, field, value))
+        depth, least = self.depth, 0 if self.history is History.KEEP_ALL else 1
+        if depth.__class__ is not int or not least <= depth <= MAX_DEPTH:
+            settle(self, "depth", _depth(depth, least))
+        for field in _DURATIONS:
+            if (seconds := getattr(self, field)) is not None:
+                settle(self, field, _seconds(field, seconds))
 
     @property
     def is_lossless(self) -> bool:
@@ -234,15 +244,15 @@ def check_compatible(offered: QoSProfile, requested: QoSProfile) -> list[Incompa
         found.append(_BEST_EFFORT)
     if (offered.durability, requested.durability) == (Durability.VOLATILE, Durability.TRANSIENT_LOCAL):
         found.append(_VOLATILE)
-    if requested.deadline_ns:
-        if not offered.deadline_ns:
+    if requested.deadline is not None:
+        if offered.deadline is None:
             found.append(_NO_DEADLINE)
         elif requested.deadline_ns < offered.deadline_ns:
             found.append(_DEADLINE_LESS)
     if (offered.liveliness, requested.liveliness) == (Liveliness.AUTOMATIC, Liveliness.MANUAL_BY_TOPIC):
         found.append(_AUTOMATIC)
-    if requested.lease_ns:
-        if not offered.lease_ns:
+    if requested.liveliness_lease_duration is not None:
+        if offered.liveliness_lease_duration is None:
             found.append(_NO_LEASE)
         elif requested.lease_ns < offered.lease_ns:
             found.append(_LEASE_LESS)
@@ -328,9 +338,7 @@ def _depth(value: int, least: int) -> int:
     return depth
 
 
-def _seconds(field: str, value: float | None) -> float | None:
-    if value is None:
-        return None
+def _seconds(field: str, value: float) -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ConfigurationError(
             f"QoS {field} must be seconds (float) or None, not {type(value).__name__} {value!r}"

@@ -10,10 +10,9 @@ STEPS = st.lists(st.tuples(st.integers(0, 3 * SECOND), st.integers(1, 12)), max_
 
 
 def try_to_take(bucket: TokenBucket, now_ns: int, tokens: int) -> bool:
-    if not bucket.has(now_ns, tokens):
-        return False
-    bucket.take(now_ns, tokens)
-    return True
+    is_there = bucket.has(now_ns, tokens)
+    assert bucket.take_if_there(now_ns, tokens) is is_there
+    return is_there
 
 
 def test_the_burst_then_the_rate() -> None:
@@ -79,8 +78,8 @@ def test_against_a_count_of_tokens(rate: int, burst: int, steps: list[tuple[int,
         is_there = level_ns >= min(tokens, burst) * step_ns
         assert bucket.has(now_ns, tokens) == is_there
         assert bucket.is_full(now_ns) == (level_ns == burst * step_ns)
+        assert bucket.take_if_there(now_ns, tokens) is is_there
         if is_there:
-            bucket.take(now_ns, tokens)
             level_ns = max(level_ns - tokens * step_ns, -SECOND)
 
 

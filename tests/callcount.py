@@ -1,0 +1,50 @@
+"""Counts the calls of a block: of Python, native ones, and from one file to another.
+
+    with CallCounter() as counter:
+        publisher.publish(message)
+    assert counter.python <= 20
+
+No mood of the machine is in them, so tests hold them as bounds. A generator that goes on is a call, too. What
+the event loop and threads call of their own does not count, nor what the test calls.
+"""
+
+import sys
+from itertools import pairwise
+from types import FrameType
+from typing import Any, Self
+
+_OTHERS = ("asyncio", "concurrent", "queue", "selectors", "threading", "weakref", __name__)
+
+
+class CallCounter:
+    """`calls`: the file and the function of each call of Python, in order."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[str, str]] = []
+        self.native = 0
+
+    def __enter__(self) -> Self:
+        sys.setprofile(self._note)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        sys.setprofile(None)
+
+    @property
+    def python(self) -> int:
+        return len(self.calls)
+
+    @property
+    def switches(self) -> int:
+        """How often a call is of a function in another file than the call before."""
+        files = [file for file, _ in self.calls]
+        return sum(one != other for one, other in pairwise(files))
+
+    def _note(self, frame: FrameType, event: str, argument: Any) -> None:
+        name = frame.f_globals.get("__name__", "")
+        if name.partition(".")[0] in _OTHERS or name.startswith("test_"):
+            return
+        if event == "call":
+            self.calls.append((frame.f_code.co_filename, frame.f_code.co_qualname))
+        elif event == "c_call":
+            self.native += 1
