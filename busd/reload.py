@@ -29,8 +29,9 @@ class Reloader:
     """`path` is the file that `config` came from, or None. `apply` puts one in force."""
 
     def __init__(self, path: Path | None, config: Config, apply: Callable[[Config], None]) -> None:
+        self.config = config
+        """What is in force."""
         self._path = path
-        self._config = config
         self._apply = apply
 
     def reload(self) -> str:
@@ -53,10 +54,10 @@ class Reloader:
         if self._path is None:
             raise ConfigurationError("busd was started without --config, so there is nothing to reload")
         config = load(self._path)
-        changes = list(_changes(self._config, config))
+        changes = list(_changes(self.config, config))
         if changes:
             self._apply(config)
-            self._config = config
+            self.config = config
         return changes
 
 

@@ -168,7 +168,7 @@ async def _serve(
         broker,
         idle_s=options.idle_exit,
         find_fault=find_fault,
-        reload=lambda: reloader.reload(),
+        reload=lambda: reload(),
     )
     loop = asyncio.get_running_loop()
     for number in _ENDING:
@@ -178,10 +178,14 @@ async def _serve(
         _set_up_log(options, config, listener.path)
         listener.let_in(config.socket)
         server.reconfigure(config.limits, config.topics, Access(own, config.access))
-        _warn_of_doubts(config, listener)
+
+    def reload() -> str:
+        changes = reloader.reload()
+        _warn_of_doubts(reloader.config, listener)
+        return changes
 
     reloader = Reloader(options.config, config, apply)
-    loop.add_signal_handler(signal.SIGHUP, _on_hangup, server, reloader, ends_with_terminal())
+    loop.add_signal_handler(signal.SIGHUP, _on_hangup, server, reload, ends_with_terminal())
     signal.pthread_sigmask(signal.SIG_UNBLOCK, _HANDLED)
     log = logging.getLogger("busd")
     if not notify(f"{READY}\n{status(f'listening on {listener.path}')}"):
@@ -202,12 +206,12 @@ def _warn_of_doubts(config: Config, listener: Listener) -> None:
         logging.getLogger("busd").warning("%s", doubt)
 
 
-def _on_hangup(server: Server, reloader: Reloader, does_end: bool) -> None:
+def _on_hangup(server: Server, reload: Callable[[], str], does_end: bool) -> None:
     if does_end and not has_terminal():
         server.stop_now("its terminal was closed")
     else:
         with suppress(ConfigurationError):  # which is logged
-            reloader.reload()
+            reload()
 
 
 def _show_life(loop: asyncio.AbstractEventLoop, interval_s: float) -> None:

@@ -90,6 +90,16 @@ class TestAConfiguration:
         config.write_text("[limits]\ndepth = 15\n")
         hang_up(daemon, "nothing has changed")
 
+    def test_what_means_nothing_in_it_is_said_at_each_reload(self, daemon: Daemon, config: Path) -> None:
+        rule = (
+            f"[[access]]\ntopics = '**'\nactions = 'observe'\nusers = {os.getuid()}\nshared_memory = true\n"
+        )
+        config.write_text(rule)
+        says = "access[0].shared_memory = true means nothing any more"
+        hang_up(daemon, says)
+        hang_up(daemon, says)
+        assert "nothing has changed" in daemon.log.read_text()
+
     def test_where_there_is_none(self, start_daemon: Callable[..., Daemon]) -> None:
         hang_up(start_daemon(), "started without --config, so there is nothing to reload")
 
