@@ -6,6 +6,7 @@ by shared memory, and goes to the broker while there are others (`bus.delivery`)
 
 import asyncio
 import contextlib
+from operator import index as to_index
 from time import monotonic_ns
 from typing import Any, TypeVar
 
@@ -27,6 +28,7 @@ from bus.types.large_fields import (
     bytes_fields,
     encode_around,
     in_bytes,
+    is_bounded,
     long_field,
     no_such_field,
     text_fields,
@@ -168,8 +170,8 @@ class Publisher(Endpoint[M]):
         nothing else can be published here. None where `publish` would give False. On the event loop's thread
         only.
 
-        Raises as `publish`, and MessageTypeError for a field that is no bytes, LocalProtocolError on another
-        thread.
+        Raises as `publish`, and MessageTypeError for a field that is no bytes, ValueError for a negative
+        size, LocalProtocolError on another thread.
         """
         index = self._bytes_fields.get(field)
         if index is None:
@@ -178,7 +180,11 @@ class Publisher(Endpoint[M]):
         place = sender.lend_field(message, index, size)
         if place.__class__ is memoryview:
             return Loan(place, sender.end_loan)
-        before, after = self._encode_around(message, field, b"", size)
+        if (size := to_index(size)) < 0:
+            raise ValueError(f"a loan of {size} bytes on '{self.topic_name}'")
+        self._check_size(size)
+        value = bytes(size) if is_bounded(self.type, field) else b""
+        before, after = self._encode_around(message, field, value, size)
         self._check_size(len(before) + size + len(after))
         loan = sender.lend(before, size, after)
         self._refused += loan is None

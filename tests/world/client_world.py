@@ -214,15 +214,21 @@ class Client(ListPort):
 
     # --- for tests
 
-    def publisher(self, qos: QoSProfile, topic: str = TOPIC, **more: Any) -> Publisher[Numbered]:
-        made = Publisher(self._context, topic, SUPPORT, qos, PublisherEvents(), **more)
+    def publisher(
+        self, qos: QoSProfile, topic: str = TOPIC, support: Any = SUPPORT, **more: Any
+    ) -> Publisher[Any]:
+        made = Publisher(self._context, topic, support, qos, PublisherEvents(), **more)
         self._add(made)
         return made
 
     def subscription(
-        self, qos: QoSProfile, callback: Callable[..., Any] | None = None, topic: str = TOPIC
-    ) -> Subscription[Numbered]:
-        made = Subscription(self._context, topic, SUPPORT, qos, SubscriptionEvents(), callback)
+        self,
+        qos: QoSProfile,
+        callback: Callable[..., Any] | None = None,
+        topic: str = TOPIC,
+        support: Any = SUPPORT,
+    ) -> Subscription[Any]:
+        made = Subscription(self._context, topic, support, qos, SubscriptionEvents(), callback)
         self._add(made)
         return made
 
@@ -341,7 +347,8 @@ class Client(ListPort):
         if isinstance(self.shm_context, SharedMemory) and not self._has_shared:
             self._has_shared = True
             self._send(m.Share(), (self.shm_context.doorbell, self.shm_context.segment))
-        kind = m.DeclareType(type_name=SUPPORT.name, type_hash=SUPPORT.hash, schema=SUPPORT.description)
+        support = endpoint._support
+        kind = m.DeclareType(type_name=support.name, type_hash=support.hash, schema=support.description)
         self._send(kind)
         self._request(endpoint, lambda number: endpoint._declaration(number, self._node), endpoint._shared)
 

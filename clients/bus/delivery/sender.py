@@ -164,16 +164,17 @@ class Sender:
             if is_wanted:
                 raise again(self._refusal)
             return False
-        is_taken = False
-        if self._ring is not None and is_wanted:
-            is_taken = self._put_lent(self._ring)
-        elif self._ring is not None:
-            self._ring.writer.is_lent = False
-        elif place is not None:
-            is_taken = is_wanted and self._put_now((bytes(place),), self._port.now_ns())
-            self._choose_routes()
-        self.release_waiters()
-        return is_taken
+        ring = self._ring
+        try:
+            if not is_wanted:
+                return False
+            return self._put_lent(place) if ring is None else self._put_lent_in_ring(ring)
+        finally:  # it has ended, also where it could not be published
+            if ring is not None:
+                ring.writer.is_lent = False
+            else:
+                self._choose_routes()
+            self.release_waiters()
 
     def hand_over(self) -> None:
         """End the run that is open, and send it."""
@@ -390,8 +391,14 @@ class Sender:
         self.last_ns = stamp_ns
         return True
 
-    def _put_lent(self, ring: ShmSender) -> bool:
-        """Publish what was filled in the ring."""
+    def _put_lent(self, place: memoryview | None) -> bool:
+        """Publish what was filled, where there is no ring."""
+        assert place is not None, "a loan ends once"
+        if len(place) > (most := self._socket.max_bytes):  # of a broker that has come meanwhile
+            raise PayloadTooLarge(self._owner.topic_name, size_bytes=len(place), limit_bytes=most)
+        return self._put_now((bytes(place),), self._port.now_ns())
+
+    def _put_lent_in_ring(self, ring: ShmSender) -> bool:
         payload = bytes(ring.writer.lent()) if self._socket.is_active else b""
         ring.publish_lent()
         if self._has_deadline or self._socket.is_active:

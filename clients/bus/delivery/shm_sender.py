@@ -173,12 +173,16 @@ class ShmSender:
                 may_force = self._make_larger(size, place)
 
     def publish_lent(self) -> None:
-        self._written(self.writer.publish_lent())
+        """Raises PayloadTooLarge where a broker that has come meanwhile takes less."""
+        status = self.writer.publish_lent()
+        if status == shm.native.TOO_LARGE:
+            raise self._too_large(len(self.writer.lent()))
+        self._written(status)
 
     def _make_larger(self, size: int, status: int) -> bool:
         """Grow for a message of `size` bytes; returns whether depth must be given up instead."""
         if size > self.writer.most:  # of a broker that has come meanwhile
-            raise PayloadTooLarge(self._owner.topic_name, size_bytes=size, limit_bytes=self.writer.most)
+            raise self._too_large(size)
         if status == shm.native.SHORT and self._watches_laps:
             # All the depth is there still: a larger ring is only to give up records less often.
             if laps_slowly(self.writer, self._port.now_ns()) or not self._grow(size, must=False):
@@ -192,6 +196,9 @@ class ShmSender:
         raise SharedMemoryError(
             f"no shared memory for a message of {size} bytes on '{self._owner.topic_name}': {self._why_not}"
         )
+
+    def _too_large(self, size: int) -> PayloadTooLarge:
+        return PayloadTooLarge(self._owner.topic_name, size_bytes=size, limit_bytes=self.writer.most)
 
     def _make_way(self) -> bool:
         """Something is held by those who have not read it. Returns whether to try again now."""

@@ -82,7 +82,7 @@ class SocketSender:
             self.run.prepare(*support.steps)
         self.run.begin_by(self._begun, self.can_take if qos.is_lossless else None)
         self.run.begins_below = RUN_BYTES
-        self._max_bytes = MAX_MESSAGE_BYTES
+        self.max_bytes = MAX_MESSAGE_BYTES
         # Back-pressure: what was handed over and not yet taken by all.
         self._is_windowed = qos.is_lossless
         self._window_samples = 0
@@ -124,7 +124,7 @@ class SocketSender:
             if self._is_windowed:
                 room = self._room()
                 run.most = run.samples + max(0, self._samples_left())
-            run.budget = max(0, min(room, RUN_BYTES, self._max_bytes) - run.size)
+            run.budget = max(0, min(room, RUN_BYTES, self.max_bytes) - run.size)
             port.gather(self._owner)
         else:
             port.last_sent_ns = stamp_ns
@@ -229,12 +229,12 @@ class SocketSender:
 
     def declared(self, answer: m.Created) -> None:
         """A broker knows the publisher now: what waits goes there."""
-        self._max_bytes = answer.max_message_bytes
+        self.max_bytes = answer.max_message_bytes
         self._most_queued = max(QUEUE_BYTES, answer.max_message_bytes + RUN_BYTES)
         self._window_samples = answer.window_samples
         self._window_bytes = answer.window_bytes
         self.run.most = answer.depth or UNBOUNDED
-        self.run.begins_below = min(RUN_BYTES, self._max_bytes + 1)
+        self.run.begins_below = min(RUN_BYTES, self.max_bytes + 1)
         self.queue.set_depth(answer.depth)
         self.queue.endpoint = answer.id
         if self._history is not None:

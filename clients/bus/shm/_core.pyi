@@ -153,7 +153,7 @@ class Writer:
     def lent(self) -> memoryview:
         """The place of the whole payload that is lent; empty where nothing is."""
     def publish_lent(self) -> Literal[True] | int:
-        """Publish what was lent. Raises ValueError where nothing is lent any more."""
+        """Publish what was lent. Raises ValueError where nothing is lent any more. TOO_LARGE: still lent."""
     def since(self, stamp_ns: int) -> list[tuple[int, int, Bytes]]:
         """The newest records stamped at or after `stamp_ns`, oldest first: seq, stamp, payload."""
     def seq_since(self, stamp_ns: int) -> int:

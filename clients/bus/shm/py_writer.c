@@ -234,6 +234,17 @@ static PyObject *writer_write_parts(PyObject *object, PyObject *const *args, Py_
     return outcome;
 }
 
+/* `place` in the record of `whole` bytes that is reserved, for who fills it. */
+static PyObject *lent_out(Writer *self, uint64_t whole, void *place, Py_ssize_t size)
+{
+    self->lent = (uint32_t)whole;
+    self->is_lent = 1; /* before anything is allocated: a garbage collection may run anything, also a write */
+    PyObject *loan = loan_new(core_state((PyObject *)self), self->memory, place, size);
+    if (loan == NULL)
+        self->is_lent = 0;
+    return loan;
+}
+
 static PyObject *writer_lend(PyObject *object, PyObject *const *args, Py_ssize_t count, PyObject *kwnames)
 {
     static const char *const names[] = {"size", "force", NULL};
@@ -259,9 +270,7 @@ static PyObject *writer_lend(PyObject *object, PyObject *const *args, Py_ssize_t
     const enum ring_status status = ring_reserve(&self->ring, (uint64_t)size, force, &payload);
     if (status != RING_OK)
         return refused(status);
-    self->lent = (uint32_t)size;
-    self->is_lent = 1;
-    return loan_new(core_state(object), self->memory, payload, size);
+    return lent_out(self, (uint64_t)size, payload, size);
 }
 
 /* All that a loan is where nothing stands against it; else as writer_publish(). */
@@ -277,8 +286,10 @@ static PyObject *writer_lend_field(PyObject *object, PyObject *const *args, Py_s
         return NULL;
     }
     const Py_ssize_t index = PyLong_AsSsize_t(args[1]), size = PyLong_AsSsize_t(args[2]);
-    if (PyErr_Occurred())
-        return NULL;
+    if (PyErr_Occurred()) {
+        PyErr_Clear();
+        Py_RETURN_FALSE;
+    }
     if (encoder->plan == NULL || self->is_lent || size < 0)
         Py_RETURN_FALSE;
     const Py_ssize_t around = plan_encode_around(encoder->plan, args[0], index, (uint64_t)size, bytes, sizeof bytes,
@@ -295,9 +306,7 @@ static PyObject *writer_lend_field(PyObject *object, PyObject *const *args, Py_s
         return refused_for_now(self, status);
     copy_to_shared(place, bytes, (uint64_t)gap);
     copy_to_shared(place + gap + size, bytes + gap, (uint64_t)(around - gap));
-    self->lent = (uint32_t)whole;
-    self->is_lent = 1;
-    return loan_new(core_state(object), self->memory, place + gap, size);
+    return lent_out(self, whole, place + gap, size);
 }
 
 static PyObject *writer_lent(PyObject *object, PyObject *Py_UNUSED(none))
@@ -318,6 +327,8 @@ static PyObject *writer_publish_lent(PyObject *object, PyObject *Py_UNUSED(none)
         PyErr_SetString(PyExc_ValueError, "nothing is lent: another write took the place back");
         return NULL;
     }
+    if (self->lent > self->most) /* which is less than it was */
+        return PyLong_FromLong(TOO_LARGE);
     self->is_lent = 0;
     ring_publish(&self->ring, self->lent, next_stamp(self, core_now_ns()), 0);
     return published(self, self->lent);

@@ -45,6 +45,15 @@ def text_fields(cls: type[msgspec.Struct]) -> tuple[str, ...]:
 
 
 @cache
+def is_bounded(cls: type[msgspec.Struct], name: str) -> bool:
+    """Whether the field `name` of `cls`, which is bytes, is to have a certain length."""
+    info = inspect.type_info(cls)
+    assert isinstance(info, inspect.StructType)
+    kinds = [_bare(field.type) for field in info.fields if field.name == name]
+    return kinds != [inspect.BytesType()]
+
+
+@cache
 def _fields(cls: Any, kind: type[inspect.Type]) -> tuple[str, ...]:
     if not issubclass(cls, msgspec.Struct):
         return ()  # it encodes in its own way
