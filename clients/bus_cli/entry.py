@@ -7,7 +7,7 @@ verbs end at once. And it shall not wait for a parser that it has no use for.
 import sys
 from typing import NoReturn
 
-from bus.process.termination import die_now, say_nothing_of_signals
+from bus.process.termination import die_at_interrupt, die_now, say_nothing_of_signals
 from bus_cli.run import read, start
 
 
@@ -27,11 +27,8 @@ def _main() -> NoReturn:
         if code < 0:
             die_now(-code)
         sys.exit(code)
-    import signal
-
     # Nothing is to be tidied up yet: one that comes while modules load must not be taken for their error.
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    die_at_interrupt()
     from bus_cli import main as others
 
     others.main()

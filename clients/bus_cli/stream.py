@@ -3,7 +3,7 @@
 import asyncio
 import os
 import signal
-from argparse import ArgumentTypeError, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Coroutine
 from typing import Any
 
@@ -15,11 +15,12 @@ from bus.node import Node
 from bus.process.termination import Terminated
 from bus.runner import loop_factory
 from bus.types.diff import difference
-from bus.types.support import find_type, type_hash
+from bus.types.support import find_type
 from bus_cli.output import CommandError, complain
 from bus_cli.query import full_type_name
 
 __all__ = [
+    "add_window_argument",
     "find_class",
     "for_ever",
     "not_published",
@@ -97,17 +98,13 @@ async def find_class(
     else:
         name = full_type_name(type_name)
         kinds = [kind for kind in (*here, *(kind for _, kind in everywhere)) if kind[0] == name]
-        ready_made = find_type(name)
-        if ready_made is not None and not kinds:
-            return ready_made
         if not kinds:
+            if (ready_made := find_type(name)) is not None:
+                return ready_made
             from bus_cli.suggestions import near_type
 
             raise CommandError(f"The passed message type is invalid{near_type(name, 'msg', graph)}")
-    ready_made = find_type(kinds[0][0])
-    if ready_made is not None and type_hash(ready_made) == kinds[0][1]:
-        return ready_made
-    return await node.get_type(*kinds[0])
+    return (await node.get_schema(*kinds[0])).to_class()
 
 
 async def _difference(node: Node, one: GraphEndpoint, other: GraphEndpoint) -> str:
@@ -141,6 +138,13 @@ async def for_ever() -> int:
     """Until a signal ends the verb, or a callback fails."""
     code: int = await asyncio.get_running_loop().create_future()
     return code
+
+
+def add_window_argument(parser: ArgumentParser, size: int, meaning: str) -> None:
+    """`--window`: over how many messages a verb measures."""
+    parser.add_argument(
+        "-w", "--window", type=positive_int, default=size, help=f"{meaning} (default: {size})"
+    )
 
 
 def positive_int(text: str) -> int:

@@ -15,7 +15,7 @@ from types import ModuleType, TracebackType
 from typing import Any, NoReturn
 
 from bus.errors import BrokerUnavailable
-from bus.process.termination import is_dying
+from bus.process.termination import die_at_interrupt, is_dying
 
 __all__ = [
     "add_paths",
@@ -174,11 +174,8 @@ def _run(body: Callable[[], Any], *, of_package: bool = False) -> NoReturn:
     except SystemExit as end:
         code = end.code
     except KeyboardInterrupt:
-        import signal
-
-        # One more ends the program at once. The hook that keeps silent about it says so, too, but one that
-        # comes as the hook begins would be shown.
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        # The hook that keeps silent does this too, but a second Ctrl-C as it begins would be shown.
+        die_at_interrupt()
         raise
     except BaseException as error:
         if isinstance(error, BrokerUnavailable):

@@ -9,7 +9,14 @@ import sys
 from types import TracebackType
 from typing import NoReturn
 
-__all__ = ["Terminated", "die_at_exit", "die_now", "is_dying", "say_nothing_of_signals"]
+__all__ = [
+    "Terminated",
+    "die_at_exit",
+    "die_at_interrupt",
+    "die_now",
+    "is_dying",
+    "say_nothing_of_signals",
+]
 
 
 class Terminated(KeyboardInterrupt):
@@ -26,11 +33,19 @@ def say_nothing_of_signals() -> None:
             return
         import signal
 
-        signal.signal(signal.SIGINT, signal.SIG_DFL)  # one more ends it at once
+        die_at_interrupt()
         if kind is Terminated:
             die_at_exit(signal.SIGTERM)
 
     sys.excepthook = hook
+
+
+def die_at_interrupt() -> None:
+    """Have a Ctrl-C end this process at once, without a KeyboardInterrupt. An ignored one stays ignored."""
+    import signal
+
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def die_at_exit(number: int) -> None:

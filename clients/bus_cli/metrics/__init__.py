@@ -3,12 +3,12 @@
 A program of its own, so that busd parses no HTTP: to busd a scrape is two questions.
 """
 
-import signal
 import sys
 from argparse import ArgumentParser, Namespace
 from typing import TYPE_CHECKING
 
 from bus.process.address import socket_path
+from bus.process.termination import die_at_interrupt
 from bus_cli.metrics.place import parse_place
 from bus_cli.metrics.view import View, look
 from bus_cli.output import CommandError, complain, print_json, say
@@ -63,8 +63,7 @@ def main(args: Namespace) -> int:
             say(f"metrics at {where}")
         sys.stdout.flush()
         # Nothing is to be tidied up. As an exception, a Ctrl-C that comes within a finalizer is lost.
-        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-            signal.signal(signal.SIGINT, signal.SIG_DFL)
+        die_at_interrupt()
         server.serve_forever(_LOOK_S)
     return 0
 

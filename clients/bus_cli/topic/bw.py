@@ -7,7 +7,7 @@ from bus_cli.completion import completed_by, topics
 from bus_cli.output import in_unit, print_json, say, unit_of
 from bus_cli.qosargs import add_qos_arguments, given_profile
 from bus_cli.stats import Bandwidth
-from bus_cli.stream import for_ever, open_node, positive_int, run_stream, warn_if_unknown
+from bus_cli.stream import add_window_argument, for_ever, open_node, run_stream, warn_if_unknown
 
 _WINDOW = 100
 _PERIOD_S = 1.0
@@ -17,13 +17,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     completed_by(
         parser.add_argument("topic_name", help="Topic name to monitor for bandwidth utilization"), topics
     )
-    parser.add_argument(
-        "-w",
-        "--window",
-        type=positive_int,
-        default=_WINDOW,
-        help=f"maximum window size, in # of messages, for calculating rate (default: {_WINDOW})",
-    )
+    add_window_argument(parser, _WINDOW, "maximum window size, in # of messages, for calculating rate")
     add_qos_arguments(parser, "subscribe", "sensor_data")
 
 

@@ -9,7 +9,7 @@ from bus_cli.completion import completed_by, topics
 from bus_cli.output import CommandError, print_json, say
 from bus_cli.qosargs import add_qos_arguments, given_profile
 from bus_cli.stats import Delays
-from bus_cli.stream import open_node, positive_int, run_stream, warn_if_unknown
+from bus_cli.stream import add_window_argument, open_node, run_stream, warn_if_unknown
 
 _WINDOW = 10000
 _PERIOD_S = 1.0
@@ -18,13 +18,7 @@ _NS = 1e-9
 
 def add_arguments(parser: ArgumentParser) -> None:
     completed_by(parser.add_argument("topic_name", help="Topic name to calculate the delay for"), topics)
-    parser.add_argument(
-        "-w",
-        "--window",
-        type=positive_int,
-        default=_WINDOW,
-        help=f"window size, in # of messages, for calculating delay (default: {_WINDOW})",
-    )
+    add_window_argument(parser, _WINDOW, "window size, in # of messages, for calculating delay")
     add_qos_arguments(parser, "subscribe", "sensor_data")
 
 

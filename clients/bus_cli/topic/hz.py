@@ -13,7 +13,7 @@ from bus_cli.filter import compile_filter
 from bus_cli.output import dropped_text, print_json, say, table
 from bus_cli.qosargs import add_qos_arguments, given_profile
 from bus_cli.stats import Flow, Intervals, Spread
-from bus_cli.stream import for_ever, open_node, positive_int, run_stream, warn_if_unknown
+from bus_cli.stream import add_window_argument, for_ever, open_node, run_stream, warn_if_unknown
 
 _WINDOW = 10000
 _PERIOD_S = 1.0
@@ -29,13 +29,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         "topic_name", nargs="+", help="Names of the topics to listen to (e.g. '/chatter')"
     )
     completed_by(names, topics)
-    parser.add_argument(
-        "-w",
-        "--window",
-        type=positive_int,
-        default=_WINDOW,
-        help=f"window size, in # of messages, for calculating rate (default: {_WINDOW})",
-    )
+    add_window_argument(parser, _WINDOW, "window size, in # of messages, for calculating rate")
     parser.add_argument(
         "--filter", metavar="EXPR", help="only measure messages for which EXPR, over m, is true"
     )
