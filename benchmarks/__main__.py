@@ -8,9 +8,9 @@ from pathlib import Path
 from time import monotonic
 
 from benchmarks import report
-from benchmarks.interrupts import deferred, end_on_sigterm
 from benchmarks.machine import ROOT, look_at_machine
 from benchmarks.plan import Plan
+from bus_cli.bench.interrupts import deferred, end_on_signals
 
 BENCHMARKS = (
     "latency",
@@ -36,7 +36,7 @@ _QUICK_REPETITIONS, _REPETITIONS = 1, 5
 def main() -> int:
     """Run; returns 0, or 1 where a measurement failed, or 130 after Ctrl-C."""
     options = _parser().parse_args()
-    end_on_sigterm()
+    end_on_signals()
     plan = Plan(options.quick, options.repetitions or (_QUICK_REPETITIONS if options.quick else _REPETITIONS))
     sections: list[report.Section] = []
     path: Path | None = None
@@ -46,7 +46,7 @@ def main() -> int:
         if plan.quick:
             print("quick: too few messages and repetitions for more than a first look\n", flush=True)
         for name in options.only or BENCHMARKS:
-            with deferred():
+            with deferred():  # modules that are imported may swallow an interrupt
                 measure: Callable[[Plan], report.Section] = import_module(f"benchmarks.{name}").run
             begin_s = monotonic()
             section = measure(plan)

@@ -4,13 +4,13 @@ from functools import partial
 
 from benchmarks import copying
 from benchmarks.cases import Case, interleave
-from benchmarks.figures import bytes_text
 from benchmarks.goals import reached
 from benchmarks.plan import Plan
 from benchmarks.report import Comparison, Row, Section
 from benchmarks.systems import BUS_BYTES, BUS_SOCKET_BYTES, ICEORYX, Speed
 from benchmarks.throughput import COLUMNS, case, copying_case, least_s, work_of
 from benchmarks.versus import against
+from bus_cli.bench.figures import bytes_text
 
 NAME = "bulk"
 _SIZES = (1 << 16, 1 << 20, 4 << 20)

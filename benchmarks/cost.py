@@ -4,7 +4,6 @@ from msgspec.structs import replace
 
 from benchmarks import paced
 from benchmarks.cases import interleave
-from benchmarks.figures import bytes_text
 from benchmarks.goals import reached
 from benchmarks.plan import Plan
 from benchmarks.report import Column, Row, Section
@@ -24,6 +23,7 @@ from benchmarks.systems import (
 )
 from benchmarks.versus import against, against_best
 from benchmarks.work import Work
+from bus_cli.bench.figures import bytes_text
 
 NAME = "cost"
 _RATE = 5000.0

@@ -60,11 +60,3 @@ def best(found: Mapping[str, Sequence[Mapping[str, float]]], key: str, *, is_lea
         if (held := [one[key] for one in repetitions if key in one])
     }
     return (min if is_least else max)(medians, key=lambda name: medians[name], default="")
-
-
-def bytes_text(size: int) -> str:
-    """`64 B`, `1 KiB`, `2 MiB`."""
-    for unit, factor in (("MiB", 1 << 20), ("KiB", 1 << 10)):
-        if size >= factor:
-            return f"{size // factor} {unit}"
-    return f"{size} B"

@@ -10,7 +10,6 @@ from msgspec.structs import replace
 
 from benchmarks import paced
 from benchmarks.cases import Case, interleave
-from benchmarks.figures import bytes_text
 from benchmarks.plan import Plan
 from benchmarks.report import Column, Comparison, Row, Section
 from benchmarks.systems import (
@@ -26,6 +25,7 @@ from benchmarks.systems import (
 )
 from benchmarks.versus import against, against_best
 from benchmarks.work import Work
+from bus_cli.bench.figures import bytes_text
 
 NAME = "foreign"
 _SIZE, _RATE = 64, 2500.0

@@ -13,7 +13,6 @@ from msgspec.structs import replace
 
 from benchmarks import paced
 from benchmarks.cases import Case, Outcome, interleave
-from benchmarks.figures import bytes_text
 from benchmarks.goals import reached
 from benchmarks.plan import Plan
 from benchmarks.report import Comparison, Row, Section
@@ -45,6 +44,7 @@ from benchmarks.systems import (
 )
 from benchmarks.versus import against, against_best
 from benchmarks.work import Work
+from bus_cli.bench.figures import bytes_text
 
 NAME = "latency"
 _SMALL = 64

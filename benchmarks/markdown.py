@@ -6,7 +6,7 @@ Knows which figures matter most; draws no pictures, it only names their files.
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from benchmarks.figures import Spread, bytes_text
+from benchmarks.figures import Spread
 from benchmarks.looks import is_main, system_of
 from benchmarks.pictures import Picture, available
 from benchmarks.report import Comparison, Result, Row, Section, goal, number, spread
@@ -20,6 +20,7 @@ from benchmarks.systems import (
     TUNED,
     System,
 )
+from bus_cli.bench.figures import bytes_text
 
 FOLDER = "pictures"
 """Where the pictures are, beside the report."""

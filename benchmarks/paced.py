@@ -14,11 +14,12 @@ from pathlib import Path
 import msgspec
 
 from benchmarks.cases import Case, Figures
-from benchmarks.figures import bytes_text, per_100k, percentiles
+from benchmarks.figures import per_100k, percentiles
 from benchmarks.harness import START_S, Child, Failure, Group
 from benchmarks.report import Column
 from benchmarks.systems import BUS, BUS_PLAIN, BUS_SOCKET, BUS_SOCKET_PLAIN, System
 from benchmarks.work import Arrivals, Work
+from bus_cli.bench.figures import bytes_text
 
 LATENCY_COLUMNS = [
     Column("p50", "µs: p50", "lower"),

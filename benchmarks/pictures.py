@@ -7,10 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from benchmarks.figures import Spread, bytes_text
+from benchmarks.figures import Spread
 from benchmarks.looks import is_main, is_polling, kind_colour, look_of
 from benchmarks.report import Result, Section, number
 from benchmarks.systems import TUNED
+from bus_cli.bench.figures import bytes_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -15,7 +15,6 @@ import msgspec
 
 from benchmarks import report
 from benchmarks.harness import START_S, Child, Event, Failure, Group
-from benchmarks.interrupts import end_on_sigterm
 from benchmarks.machine import ROOT, Machine, look_at_machine
 from benchmarks.soaking import tables
 from benchmarks.soaking.histogram import Histogram
@@ -23,6 +22,7 @@ from benchmarks.soaking.load import LISTENERS, TALKERS, VISITORS, Part
 from benchmarks.soaking.record import Interval, Record, Totals
 from benchmarks.soaking.usage import QUANTITIES, usage_of
 from benchmarks.systems import no_shared_memory
+from bus_cli.bench.interrupts import end_on_signals
 
 RESULTS = ROOT / "benchmarks" / "results"
 _LIST = (sys.executable, "-m", "bus_cli", "topic", "list")
@@ -50,7 +50,7 @@ class Result(msgspec.Struct, frozen=True):
 def main() -> int:
     """Run; returns 0, or 1 where something grew, was lost or failed, or 130 after Ctrl-C."""
     options = _parser().parse_args()
-    end_on_sigterm()
+    end_on_signals()
     seconds = options.seconds or 60.0 * options.minutes
     record = Record()
     try:

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from benchmarks import copying
 from benchmarks.cases import Case, Figures, Outcome, interleave
-from benchmarks.figures import bytes_text, per_100k, ratios
+from benchmarks.figures import per_100k, ratios
 from benchmarks.goals import reached
 from benchmarks.harness import START_S, Child, Failure, Group
 from benchmarks.plan import Plan
@@ -41,6 +41,7 @@ from benchmarks.systems import (
 from benchmarks.versus import against, against_best
 from benchmarks.work import Work, text_of
 from bus.msg.std_msgs import String
+from bus_cli.bench.figures import bytes_text
 
 NAME = "throughput"
 _LIMIT_S = 30.0

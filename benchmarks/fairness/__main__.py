@@ -6,15 +6,15 @@ from pathlib import Path
 
 from benchmarks import report
 from benchmarks.fairness import Version, measure
-from benchmarks.interrupts import end_on_sigterm
 from benchmarks.machine import look_at_machine
 from benchmarks.plan import Plan
+from bus_cli.bench.interrupts import end_on_signals
 
 
 def main() -> int:
     """Run; returns 0, or 1 where a measurement failed, or 130 after Ctrl-C."""
     options = _parser().parse_args()
-    end_on_sigterm()
+    end_on_signals()
     plan = Plan(options.quick, options.repetitions)
     versions = [Version(), *options.busd]
 

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Sequence
 
-from benchmarks.figures import bytes_text
 from benchmarks.report import number, table
 from benchmarks.soaking.record import Judged, Record
+from bus_cli.bench.figures import bytes_text
 
 _BARS = "▁▂▃▄▅▆▇█"
 _COLUMNS = 24

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import bulk, copying, cost, facade, fanout, foreign, goals, growth, latency, paced, throughput
 from benchmarks.cases import Figures, Outcome
-from benchmarks.figures import best, bytes_text
+from benchmarks.figures import best
 from benchmarks.harness import START_S, Failure, Group
 from benchmarks.plan import SIZES, Plan
 from benchmarks.report import Section
@@ -33,6 +33,7 @@ from benchmarks.systems import (
 from benchmarks.versus import against_best
 from benchmarks.work import Work
 from bus.transport import memory
+from bus_cli.bench.figures import bytes_text
 
 pytestmark = pytest.mark.nightly
 

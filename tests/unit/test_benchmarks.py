@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 
 from benchmarks import paced, report
 from benchmarks.cases import Case, Figures, Outcome, interleave
-from benchmarks.figures import Spread, bytes_text, per_100k, percentiles, ratios
+from benchmarks.figures import Spread, per_100k, percentiles, ratios
 from benchmarks.harness import START_S, Failure, Group
 from benchmarks.machine import ROOT, Machine, look_at_machine
 from benchmarks.report import Column, Comparison, Result, Row, Section
 from benchmarks.work import Stamped, Work, arrivals, text_of
-from bus_cli.bench.figures import percentile
+from bus_cli.bench.figures import bytes_text, percentile
 
 pytestmark = pytest.mark.nightly
 

@@ -8,7 +8,7 @@ import msgspec
 from bus_cli.bench.task import Sent, Settled
 from bus_cli.output import size_text, table
 
-__all__ = ["PERCENTILES", "Ages", "Run", "ages", "percentile", "tables"]
+__all__ = ["PERCENTILES", "Ages", "Run", "ages", "bytes_text", "percentile", "tables"]
 
 PERCENTILES = (50.0, 90.0, 99.0, 99.9, 100.0)
 _COLUMNS = ("p50", "p90", "p99", "p99.9", "max")

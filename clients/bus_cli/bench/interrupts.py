@@ -6,17 +6,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from bus.process.termination import Terminated
+
+__all__ = ["deferred", "end_on_signals"]
+
 _ENDING = (signal.SIGINT, signal.SIGTERM)
 
 
-def end_on_sigterm() -> None:
-    """SIGTERM ends a run as Ctrl-C does."""
-    signal.signal(signal.SIGTERM, _interrupt)
+def end_on_signals() -> None:
+    """SIGINT and SIGTERM raise KeyboardInterrupt and Terminated, also where they were ignored."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, _terminate)
 
 
 @contextmanager
 def deferred() -> Iterator[None]:
-    """What comes inside is raised at the end: modules that are imported may swallow it."""
+    """What comes inside is raised at the end: for what must not be left half done."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -31,5 +36,5 @@ def deferred() -> Iterator[None]:
             signal.raise_signal(came[0])
 
 
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
+def _terminate(number: int, frame: FrameType | None) -> None:
+    raise Terminated
