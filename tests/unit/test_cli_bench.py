@@ -21,7 +21,6 @@ from bus_cli.bench.progress import Bar
 from bus_cli.bench.session import Session, worker_environ
 from bus_cli.bench.task import Go, Sent, Settled, Task
 from bus_cli.output import CommandError
-from programs import on_one_loop
 
 STRING = "std_msgs/msg/String"
 LOSSLESS = QoSProfile(history="keep_all")
@@ -300,20 +299,18 @@ def is_alive(pid: int) -> bool:
     return Path(f"/proc/{pid}").exists()
 
 
-async def fail_to_start(path: Path) -> str:
+def fail_to_start(path: Path) -> str:
     """The error of a session; its processes are gone when it returns."""
     running = Session(task(path), worker_environ(None), lambda count: None)
-    with pytest.raises(CommandError) as caught:
-        async with running:
-            await running.start()
-    pids = [worker.process.pid for worker in running._workers]
+    with pytest.raises(CommandError) as caught, running:
+        running.start()
+    pids = [worker.pid for worker in running.workers]
     assert len(pids) == 2
     assert not any(map(is_alive, pids))
     return str(caught.value)
 
 
-@on_one_loop
-async def test_workers_that_hang_are_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_workers_that_hang_are_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The bus takes their connections, and says nothing."""
     monkeypatch.setattr(session, "SILENT_S", 0.2)
     monkeypatch.setattr(session, "START_S", 0.0)
@@ -321,23 +318,21 @@ async def test_workers_that_hang_are_given_up(tmp_path: Path, monkeypatch: pytes
     with socket.socket(socket.AF_UNIX) as mute:
         mute.bind(str(path))
         mute.listen()
-        text = await fail_to_start(path)
+        text = fail_to_start(path)
     assert text.startswith("gave up: no progress for 0.2 s by subscriber 1 (pid ")
     assert "publisher 1 (pid " in text
 
 
-@on_one_loop
-async def test_what_a_worker_cannot_do_is_told(tmp_path: Path) -> None:
-    assert "no busd listens on" in await fail_to_start(tmp_path / "none.sock")
+def test_what_a_worker_cannot_do_is_told(tmp_path: Path) -> None:
+    assert "no busd listens on" in fail_to_start(tmp_path / "none.sock")
 
 
-@on_one_loop
-async def test_a_worker_that_dies_is_told_with_its_last_words(
+def test_a_worker_that_dies_is_told_with_its_last_words(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(session, "_MODULE", "bus_cli.bench.no_such_worker")
-    text = await fail_to_start(tmp_path / "none.sock")
-    assert " ended with status 1: " in text
+    text = fail_to_start(tmp_path / "none.sock")
+    assert " exited with 1: " in text
     assert "No module named bus_cli.bench.no_such_worker" in text
 
 

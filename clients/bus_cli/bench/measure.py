@@ -1,6 +1,5 @@
 """Carries out a plan: one session after the other, and what came of it as text or JSON."""
 
-import asyncio
 import secrets
 from argparse import Namespace
 from collections.abc import Sequence
@@ -12,6 +11,7 @@ import msgspec
 from bus.process.address import socket_path
 from bus.qos import QoSProfile
 from bus_cli.bench.figures import Run, bytes_text, tables
+from bus_cli.bench.interrupts import end_on_signals
 from bus_cli.bench.payload import Payload
 from bus_cli.bench.place import Place, find_bus
 from bus_cli.bench.plan import Plan
@@ -20,7 +20,6 @@ from bus_cli.bench.session import Session, worker_environ
 from bus_cli.bench.task import Go, Ready, Sent, Task
 from bus_cli.exitcodes import EXIT_ERROR
 from bus_cli.output import CommandError, complain, print_json, say
-from bus_cli.stream import run_stream
 
 __all__ = ["judge", "run_plan"]
 
@@ -29,7 +28,8 @@ def run_plan(args: Namespace, plan: Plan) -> int:
     """Measure and print; returns the exit code."""
     for size in plan.sizes:
         Payload(plan.type_name, size)  # says at once what can't be
-    return run_stream(_Bench(args, plan).run())
+    end_on_signals()
+    return _Bench(args, plan).run()
 
 
 class _Bench:
@@ -38,24 +38,24 @@ class _Bench:
         self._as_json: bool = args.json
         self._path = socket_path(args.socket, args.domain)
         self._runs: list[Run] = []
-        self._is_interrupted = False
+        self._interrupt: KeyboardInterrupt | None = None
 
-    async def run(self) -> int:
-        async with find_bus(self._path) as place:
+    def run(self) -> int:
+        with find_bus(self._path) as place:
             self._introduce(place)
             try:
                 with Bar() as bar:
                     for size in self._plan.sizes:
                         for pace in self._plan.paces:
-                            await self._measure(place, size, pace, bar)
-            except asyncio.CancelledError:
-                self._is_interrupted = True
+                            self._measure(place, size, pace, bar)
+            except KeyboardInterrupt as interrupt:
+                self._interrupt = interrupt
                 raise
             finally:
                 self._report(place)
         return judge(self._plan.qos, self._runs)
 
-    async def _measure(self, place: Place, size: int, pace: float, bar: Bar) -> None:
+    def _measure(self, place: Place, size: int, pace: float, bar: Bar) -> None:
         """One run. Once it is under way, an interruption ends it early, and its figures count."""
         plan = self._plan
         task = Task(
@@ -71,27 +71,26 @@ class _Bench:
         )
         meter = _Meter(bar, plan.publishers)
         bar.begin(f"{bytes_text(size)}, {f'{pace:,g}/s' if pace else 'flood'}")
-        async with Session(task, worker_environ(plan.route), meter.progress) as session:
-            route = _route(await session.start(), plan.route)
+        with Session(task, worker_environ(plan.route), meter.progress) as session:
+            route = _route(session.start(), plan.route)
             published = 0
             if (go := plan.warm_up(pace)) is not None:
                 meter.begin("warm-up", go)
-                published = _total(await session.publish(go))
-                await session.settle(published)
+                published = _total(session.publish(go))
+                session.settle(published)
             go = plan.measured(pace)
             meter.begin("measures", go)
             try:
-                sent = await session.publish(go)
-            except asyncio.CancelledError:
-                self._is_interrupted = True
-                _go_on()
-                sent = await session.stop_publishing()
+                sent = session.publish(go)
+            except KeyboardInterrupt as interrupt:
+                self._interrupt = interrupt
+                sent = session.stop_publishing()
                 if not _total(sent):
                     raise
-            settled = await session.settle(published + _total(sent))
+            settled = session.settle(published + _total(sent))
         self._runs.append(Run.of(size, pace, route, sent, settled))
-        if self._is_interrupted:
-            raise asyncio.CancelledError
+        if self._interrupt is not None:
+            raise self._interrupt
 
     def _introduce(self, place: Place) -> None:
         if self._as_json:
@@ -106,11 +105,11 @@ class _Bench:
         )
 
     def _report(self, place: Place) -> None:
-        if self._as_json and (self._runs or self._is_interrupted):
+        if self._as_json and (self._runs or self._interrupt):
             print_json(self._record(place))
         elif self._runs:
             say(f"\n{tables(self._runs)}", end="")
-        if self._is_interrupted:
+        if self._interrupt is not None:
             complain("interrupted: this is what was measured so far" if self._runs else "interrupted")
 
     def _record(self, place: Place) -> dict[str, Any]:
@@ -123,7 +122,7 @@ class _Bench:
             "subscribers": plan.subscribers,
             "qos": {name: getattr(plan.qos, name) for name in QoSProfile.__struct_fields__},
             "warm_up_s": plan.warm_up_s,
-            "interrupted": self._is_interrupted,
+            "interrupted": self._interrupt is not None,
             "runs": msgspec.to_builtins(self._runs),
         }
 
@@ -165,13 +164,6 @@ def _route(ready: list[Ready], wanted: str | None) -> str:
         why = next((one.why_socket for one in ready if one.why_socket), "busd chose so")
         raise CommandError(f"--route {wanted}: messages would go by {' and '.join(routes)}: {why}")
     return "+".join(routes)
-
-
-def _go_on() -> None:
-    """The cancellation was heard; what is awaited now must not see it."""
-    task = asyncio.current_task()
-    assert task is not None
-    task.uncancel()
 
 
 def _total(sent: list[Sent]) -> int:

@@ -51,20 +51,20 @@ class Settle(msgspec.Struct, frozen=True, tag=True):
     published: int
 
 
-class Ready(msgspec.Struct, frozen=True, tag=True):
+class Ready(msgspec.Struct, frozen=True, tag=True, tag_field="event"):
     """`routes` of the matches of a publisher; `why_socket` says why they can't be by shared memory."""
 
     routes: tuple[str, ...] = ()
     why_socket: str = ""
 
 
-class Progress(msgspec.Struct, frozen=True, tag=True):
+class Progress(msgspec.Struct, frozen=True, tag=True, tag_field="event"):
     """`count` messages of this Go were published so far."""
 
     count: int
 
 
-class Sent(msgspec.Struct, frozen=True, tag=True):
+class Sent(msgspec.Struct, frozen=True, tag=True, tag_field="event"):
     """All of this Go, between two times of CLOCK_MONOTONIC."""
 
     count: int
@@ -72,7 +72,7 @@ class Sent(msgspec.Struct, frozen=True, tag=True):
     end_ns: int
 
 
-class Settled(msgspec.Struct, frozen=True, tag=True):
+class Settled(msgspec.Struct, frozen=True, tag=True, tag_field="event"):
     """What came since the last Settled, and of each stamped message when it was sent, how late that was, and
     how old it was when it came. `last_ns` is when the last one came (0: none did)."""
 
@@ -84,7 +84,7 @@ class Settled(msgspec.Struct, frozen=True, tag=True):
     age_ns: list[int]
 
 
-class Trouble(msgspec.Struct, frozen=True, tag=True):
+class Trouble(msgspec.Struct, frozen=True, tag=True, tag_field="event"):
     """`text` is for the user."""
 
     text: str
