@@ -25,6 +25,7 @@ __all__ = [
     "request_topic",
     "service_of_topic",
     "split_node_name",
+    "topic_in_node",
     "validate_full_topic_name",
     "validate_namespace",
     "validate_node_name",
@@ -99,6 +100,12 @@ def expand_topic_name(name: str, node: str, namespace: str) -> str:
     validate_topic_name(name)
     validate_node_name(node)
     validate_namespace(namespace)
+    return topic_in_node(name, node, namespace)
+
+
+def topic_in_node(name: str, node: str, namespace: str) -> str:
+    """As `expand_topic_name`, in a node whose names were looked at when it was made."""
+    validate_topic_name(name)
     known = {"node": node, "ns": namespace, "namespace": namespace}
     full = join_node_name(namespace, node) + name[1:] if name[0] == "~" else name
     if "{" in name:
@@ -199,7 +206,7 @@ def _full_topic_fault(name: str) -> _Fault | None:
 
 def _absolute_name_fault(name: str) -> _Fault | None:
     """The rules that topics and namespaces share, without the noun in front."""
-    if name.startswith("/") and all(map(_is_word, name[1:].split("/"))):
+    if name.startswith("/") and _are_words(name[1:].split("/")):
         return None
     if not name:
         return "must not be empty", 0
@@ -221,8 +228,12 @@ def _is_word(text: str) -> bool:
     return text.isascii() and text.isidentifier()
 
 
+def _are_words(texts: list[str]) -> bool:
+    return all(map(str.isascii, texts)) and all(map(str.isidentifier, texts))
+
+
 def _typed_topic_fault(name: str) -> _Fault | None:
-    if all(map(_is_word, name.removeprefix("/").split("/"))):
+    if _are_words(name.removeprefix("/").split("/")):
         return None
     if not name:
         return "topic name must not be empty string", 0

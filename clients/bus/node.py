@@ -390,7 +390,7 @@ class Node(ParameterHost):
 
         Raises ConfigurationError for a bad name.
         """
-        full = names.expand_topic_name(topic, self.name, self.namespace)
+        full = names.topic_in_node(topic, self.name, self.namespace)
         return self._arguments.topic(full, self.name, self.namespace)
 
     async def graph(self, *, statistics: bool = False) -> Graph:

@@ -10,6 +10,7 @@ is, where a field that has its default is left out.
 import operator
 from collections.abc import Mapping
 from enum import IntEnum, StrEnum
+from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias, TypeVar
 
@@ -227,7 +228,12 @@ def profile(value: QoS) -> QoSProfile:
         raise ConfigurationError(
             f"QoS must be a depth (int), a QoSProfile or the name of a preset, not {kind} {value!r}"
         )
-    return QoSProfile(depth=value)
+    return _keep_last(operator.index(value))
+
+
+@lru_cache(64)
+def _keep_last(depth: int) -> QoSProfile:
+    return QoSProfile(depth)
 
 
 class Incompatibility(NamedTuple):

@@ -321,3 +321,15 @@ def test_lossless_is_reliable_and_keeps_all() -> None:
     kinds = itertools.product(History, Reliability)
     lossless = [(one, two) for one, two in kinds if QoSProfile(history=one, reliability=two).is_lossless]
     assert lossless == [(History.KEEP_ALL, Reliability.RELIABLE)]
+
+
+def test_a_depth_stands_for_one_profile() -> None:
+    class Seven:
+        __hash__ = None  # type: ignore[assignment]
+
+        def __index__(self) -> int:
+            return 7
+
+    seven: Any = Seven()
+    assert qos.profile(7) is qos.profile(7) is qos.profile(seven)
+    assert qos.profile(7) == QoSProfile(7)

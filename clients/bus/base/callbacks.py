@@ -2,7 +2,8 @@
 
 from collections.abc import Callable
 from functools import partial
-from inspect import Parameter, iscoroutinefunction, signature, unwrap
+from inspect import CO_COROUTINE, Parameter, iscoroutinefunction, signature, unwrap
+from types import FunctionType, MethodType
 
 from bus.base.awaited import is_to_be_awaited
 
@@ -21,18 +22,32 @@ def is_async(callback: Callable[..., object]) -> bool:
     """Whether what a call returns is to be awaited: async functions and methods, objects with such a call."""
     while isinstance(callback, partial):
         callback = callback.func
+    if (function := _plain_function(callback)) is not None:
+        return bool(function.__code__.co_flags & CO_COROUTINE)
     call = getattr(callback, "__call__", None)  # noqa: B004
     return iscoroutinefunction(callback) or iscoroutinefunction(call) or is_to_be_awaited(callback)
 
 
 def takes_info(callback: Callable[..., object]) -> bool:
     """Whether it must be given a second argument; one that has a default is the user's own."""
+    if (function := _plain_function(callback)) is not None:
+        given = len(function.__defaults__ or ()) + (function is not callback)
+        return function.__code__.co_argcount - given >= 2
     try:
         parameters = signature(callback).parameters.values()
     except (TypeError, ValueError):  # some that are written in C
         return False
     positional = (Parameter.POSITIONAL_ONLY, Parameter.POSITIONAL_OR_KEYWORD)
     return sum(one.kind in positional and one.default is Parameter.empty for one in parameters) >= 2
+
+
+def _plain_function(callback: Callable[..., object]) -> FunctionType | None:
+    """The function that it is, or that the method is of, where nothing is wrapped around it or marked on it.
+
+    What `inspect` would find out about such a one stands in its code.
+    """
+    function = callback.__func__ if isinstance(callback, MethodType) else callback
+    return function if isinstance(function, FunctionType) and not function.__dict__ else None
 
 
 def ignore(event: object) -> None:

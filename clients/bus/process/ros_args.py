@@ -157,11 +157,11 @@ class Arguments(msgspec.Struct, frozen=True):
             if rule.kind is not RemapKind.TOPIC or rule.node not in (None, node):
                 continue
             try:
-                match = names.expand_topic_name(rule.match, node, namespace)
+                match = names.topic_in_node(rule.match, node, namespace)
             except ConfigurationError:
                 continue  # as rcl: a rule that can't be expanded in this node is not for this node
             if match == full_name:
-                return names.expand_topic_name(rule.replacement, node, namespace)
+                return names.topic_in_node(rule.replacement, node, namespace)
         return full_name
 
     def _replacement(self, kind: RemapKind, node: str) -> str | None:

@@ -30,10 +30,9 @@ def has_core() -> bool:
     if os.environ.get("BUS_NATIVE") == _OFF["BUS_NATIVE"]:
         return False
     try:
-        import_module(_CORE)
+        return bool(sys.modules.get(_CORE) or import_module(_CORE))
     except ImportError:
         return False
-    return True
 
 
 def is_available() -> bool:

@@ -1,0 +1,108 @@
+"""What a callback is like, as `inspect` says it: of plain functions by their code, of others by asking."""
+
+from collections.abc import Callable
+from functools import partial, wraps
+from inspect import Parameter, Signature, iscoroutinefunction, signature
+from typing import Any
+
+import pytest
+
+from bus.base.callbacks import is_async, takes_info
+
+
+class Station:
+    def one(self, message: object) -> None: ...
+
+    def two(self, message: object, info: object) -> None: ...
+
+    def own(self, message: object, count: int = 0) -> None: ...
+
+    async def later(self, message: object) -> None: ...
+
+    @staticmethod
+    def still(message: object, info: object) -> None: ...
+
+    @classmethod
+    def of_class(cls, message: object, info: object) -> None: ...
+
+    def __call__(self, message: object, info: object) -> None: ...
+
+
+class Waits:
+    async def __call__(self, message: object) -> None: ...
+
+
+def many(*arguments: object) -> None: ...
+
+
+def first(message: object, /, info: object) -> None: ...
+
+
+def named(message: object, *, info: object) -> None: ...
+
+
+def defaults(message: object, info: object = None, other: object = None) -> None: ...
+
+
+async def later(message: object, info: object) -> None: ...
+
+
+def wrapped(callback: Callable[..., object]) -> Callable[..., object]:
+    @wraps(callback)
+    def call(*arguments: object) -> object:
+        return callback(*arguments)
+
+    return call
+
+
+def with_signature() -> Callable[..., object]:
+    def call(*arguments: object) -> None: ...
+
+    parameters = [Parameter(name, Parameter.POSITIONAL_ONLY) for name in ("message", "info")]
+    call.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    return call
+
+
+STATION = Station()
+PLAIN: list[Callable[..., Any]] = [
+    many,
+    first,
+    named,
+    defaults,
+    later,
+    lambda message: None,
+    lambda message, info: None,
+    lambda message, mine=STATION: None,
+    STATION.one,
+    STATION.two,
+    STATION.own,
+    STATION.later,
+    Station.still,
+    Station.of_class,
+    Station.two,
+    [].append,
+]
+
+
+@pytest.mark.parametrize(
+    "callback", [*PLAIN, wrapped(later), wrapped(STATION.one), with_signature(), STATION]
+)
+def test_it_is_as_inspect_says(callback: Callable[..., Any]) -> None:
+    asked = [
+        one
+        for one in signature(callback).parameters.values()
+        if one.kind in (Parameter.POSITIONAL_ONLY, Parameter.POSITIONAL_OR_KEYWORD)
+        and one.default is Parameter.empty
+    ]
+    assert takes_info(callback) is (len(asked) >= 2)
+    assert is_async(callback) is iscoroutinefunction(callback)
+
+
+def test_parts_of_functions() -> None:
+    assert takes_info(partial(STATION.two)) and not takes_info(partial(STATION.two, None))
+    assert is_async(partial(later)) and not is_async(partial(first))
+
+
+def test_objects_that_are_called() -> None:
+    assert is_async(Waits()) and not is_async(STATION)
+    assert takes_info(STATION) and not takes_info(Waits())
