@@ -23,12 +23,14 @@ from bus.link.graph_watch import GraphWatches
 from bus.link.link import Link
 from bus.logger import Logger, configure, get_logger
 from bus.parameters.host import ParameterHost
+from bus.parameters.served import ServedParameters
 from bus.process.address import socket_name
 from bus.process.ros_args import Arguments
 from bus.publisher import Publisher
 from bus.qos import QoS, profile, rosout_default
 from bus.rosout import Rosout
 from bus.schema import MessageSchema, support_of
+from bus.service_host import ServiceHost
 from bus.timer import Timer
 from bus.types.support import TypeSupport, find_type, type_support
 from bus.wire import messages as m
@@ -73,7 +75,7 @@ class NodeStatistics(msgspec.Struct, frozen=True):
     """Subscriptions that are open."""
 
 
-class Node(ParameterHost):
+class Node(ParameterHost, ServiceHost):
     """A node named `name` in `namespace`; use it as `async with bus.Node("talker") as node:`.
 
     `arguments` are command-line arguments of which those after --ros-args are obeyed (remapping of topics,
@@ -113,7 +115,9 @@ class Node(ParameterHost):
         self._path = socket_name(socket, domain)
         self._logger = get_logger(names.logger_name(self.namespace, self.name))
         configure(self._arguments)
-        self._read_parameters(self._arguments)
+        self._parameters = ServedParameters(
+            self, self._arguments.parameters if self._takes_parameters else ()
+        )
         self._link: Link | None = None
         self._context: NodeContext  # since it was opened
         self._endpoints: list[Publisher[Any] | Subscription[Any]] = []  # some of them may be closed
@@ -160,7 +164,7 @@ class Node(ParameterHost):
             await self._link.declare_node(self)
             if self._wants_rosout:
                 await self._open_rosout(self._context)
-            await self._open_parameters()
+            await self._parameters.open()
         except BaseException:
             await self.close()
             raise
@@ -178,7 +182,7 @@ class Node(ParameterHost):
         self._watches.end()
         for timer in tuple(self._timers):
             timer.close()
-        self._close_parameters()
+        self._parameters.close()
         if self._rosout is not None:
             self._logger.remove_sink(self._rosout.publish)
         try:
@@ -372,7 +376,7 @@ class Node(ParameterHost):
         """
         self._opened()
         callback = watched(callback, f"timer of {self.full_name}", self._logger)
-        timer = Timer(period_s, callback, self._fail, self._clock)
+        timer = Timer(period_s, callback, self._fail, self._parameters.clock)
         self._timers.add(timer)
         return timer
 

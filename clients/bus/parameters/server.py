@@ -9,7 +9,6 @@ from typing import Any, Final
 
 from bus.clock import Clock
 from bus.errors import AccessDenied, ConnectionClosed, PayloadTooLarge
-from bus.logger import Logger
 from bus.parameters.messages import (
     SERVICES,
     descriptor_message,
@@ -17,10 +16,10 @@ from bus.parameters.messages import (
     python_value,
     value_message,
 )
+from bus.parameters.owner import Owner
 from bus.parameters.store import Parameter, ParameterSet
 from bus.parameters.values import Change, Outcome, ParameterType
 from bus.publisher import Publisher
-from bus.service_host import SERVICE_QOS, ServiceHost
 from bus.types.classes import message_class, service_class
 
 __all__ = ["EVENTS_TOPIC", "ParameterServer", "event_class"]
@@ -39,14 +38,14 @@ class ParameterServer:
     """Serves `parameters`, those of `node`, and tells their changes by `events`, where that is not None."""
 
     def __init__(
-        self, node: ServiceHost, parameters: ParameterSet, clock: Clock, events: Publisher[Any] | None
+        self, node: Owner, parameters: ParameterSet, clock: Clock, events: Publisher[Any] | None
     ) -> None:
         self._node = node
         self._parameters = parameters
         self._clock = clock
         self._events = events
 
-    async def open(self, logger: Logger) -> None:
+    async def open(self) -> None:
         """Create the services. A user who may not serve them is told so, and the node goes on without."""
         callbacks: dict[str, Callable[[Any], Any]] = {
             "DescribeParameters": self._describe,
@@ -62,10 +61,9 @@ class ParameterServer:
                     service_class(f"rcl_interfaces/srv/{name}"),
                     f"{self._node.full_name}/{topic}",
                     callbacks[name],
-                    SERVICE_QOS,
                 )
         except AccessDenied as denied:
-            logger.warning(f"nobody else can read or set this node's parameters: {denied}")
+            self._node.get_logger().warning(f"nobody else can read or set this node's parameters: {denied}")
 
     def tell(self, change: Change[Parameter]) -> None:
         """Publish a ParameterEvent."""
@@ -78,7 +76,7 @@ class ParameterServer:
         except ConnectionClosed:
             pass  # set after the node was closed: nobody can hear of it
         except PayloadTooLarge as error:  # it is set all the same, and another program may have done so
-            self._node._logger.warning(f"a change of parameters is told to nobody: {error}")
+            self._node.get_logger().warning(f"a change of parameters is told to nobody: {error}")
 
     # --- one method for each service
 

@@ -1,0 +1,39 @@
+"""A node as its parameters see it."""
+
+from collections.abc import Awaitable, Callable
+from typing import TYPE_CHECKING, Any, Protocol
+
+from bus.endpoint import NodeContext
+from bus.logger import Logger
+from bus.publisher import Publisher
+from bus.qos import QoS
+
+if TYPE_CHECKING:  # most programs need neither
+    from bus.service import ServiceServer
+    from bus.subscription import Subscription
+
+__all__ = ["Owner"]
+
+
+class Owner(Protocol):
+    """A node: its name and its log, and what it makes for its parameters."""
+
+    @property
+    def full_name(self) -> str: ...
+
+    def get_logger(self) -> Logger: ...
+
+    def create_service(
+        self, service_type: type[Any], name: str, callback: Callable[..., Any]
+    ) -> "Awaitable[ServiceServer]": ...
+
+    def create_subscription(
+        self, message_type: type[Any], topic: str, qos: QoS, callback: Callable[[Any], object]
+    ) -> "Awaitable[Subscription[Any]]": ...
+
+    async def _create_publisher(
+        self, message_type: type[Any], topic: str, qos: QoS, *, by_socket: bool = False
+    ) -> Publisher[Any]: ...
+
+    def _opened(self) -> NodeContext:
+        """Raises ConnectionClosed where the node is not open."""

@@ -1,0 +1,163 @@
+"""The parameters and the clock of one node.
+
+Owns: when a node begins to serve its parameters, so that one without any doesn't pay for them; that its clock
+follows `use_sim_time`. Must not know: which values are allowed (`bus.parameters.store`), or how they are
+served (`bus.parameters.server`).
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from bus.clock import Clock, Rate
+from bus.errors import AccessDenied, CommandLineError, ConfigurationError, ConnectionClosed
+from bus.publisher import Publisher
+from bus.qos import parameter_events
+
+if TYPE_CHECKING:  # most programs need none of them
+    from bus.parameters.owner import Owner
+    from bus.parameters.server import ParameterServer
+    from bus.parameters.store import ParameterSet
+    from bus.parameters.time_source import TimeSource
+    from bus.parameters.values import Change
+    from bus.process.ros_args import ParameterSource
+    from bus.subscription import Subscription
+
+__all__ = ["ServedParameters"]
+
+_USE_SIM_TIME = "use_sim_time"
+"""The parameter that every node has."""
+
+
+class ServedParameters:
+    """Those of `node`. `settings`: what the command line says of parameters.
+
+    Raises CommandLineError for settings that can't be used, as for a broken file.
+    """
+
+    def __init__(self, node: "Owner", settings: "Sequence[ParameterSource]") -> None:
+        self._node = node
+        self.clock = Clock(node.full_name)
+        """The time that `use_sim_time` chooses."""
+        self._overrides: dict[str, Any] = {}
+        self._store: ParameterSet | None = None
+        self._server: ParameterServer | None = None
+        self._time_source: TimeSource | None = None
+        self._starting: asyncio.Task[None] | None = None
+        self._has_time = False
+        if settings:
+            from bus.parameters import file
+
+            try:
+                sections = file.load(settings)
+            except ConfigurationError as error:
+                raise CommandLineError(str(error)) from None
+            self._overrides = file.overrides(sections, node.full_name)
+
+    @property
+    def store(self) -> "ParameterSet":
+        """Their values and rules, served or not."""
+        if self._store is None:
+            from bus.parameters.store import ParameterSet
+
+            self._store = ParameterSet(
+                self._node.full_name, self._overrides, {_USE_SIM_TIME: False}, self._tell
+            )
+        return self._store
+
+    async def open(self) -> None:
+        """The node is in the graph."""
+        self._has_time = True
+        if self._overrides:
+            await self.serve()
+        if self._store is not None:
+            self._follow_time(self._store.below("").get(_USE_SIM_TIME))
+        await self._settled()
+
+    def close(self) -> None:
+        """Services and subscriptions are closed with all other endpoints of the node."""
+        if self._starting is not None:
+            self._starting.cancel()
+        if self._time_source is not None:
+            self._time_source.close()
+        self.clock.close()
+        self.clock = Clock(self._node.full_name)  # for a node that is opened again
+        self._starting = self._server = self._time_source = None
+        self._has_time = False
+
+    async def serve(self) -> None:
+        """Begin, at the first declaration; one that is cancelled leaves that to go on for the others."""
+        self._node._opened()
+        if self._server is not None:
+            return
+        if self._starting is None:
+            self._starting = asyncio.create_task(self._start(), name="serving parameters")
+            self._starting.add_done_callback(self._end_start)
+        starting = self._starting
+        await asyncio.wait([starting])
+        if starting.cancelled():
+            raise ConnectionClosed(f"node {self._node.full_name} is closed")
+        starting.result()
+
+    async def declare(self, name: str, default: Any, **rules: Any) -> Any:
+        """As `ParameterSet.declare`; the first one makes the node serve them."""
+        await self.serve()
+        value = self.store.declare(name, default, **rules)
+        if name == _USE_SIM_TIME:
+            await self._settled()
+        return value
+
+    async def _settled(self) -> None:
+        """Wait until the clock goes by the time that `use_sim_time` has chosen last."""
+        if self._time_source is not None:
+            await self._time_source.settled()
+
+    def create_rate(self, hz: float) -> Rate:
+        """A rate by this clock."""
+        self._node._opened()
+        return Rate(hz, self.clock)
+
+    def _end_start(self, starting: "asyncio.Task[None]") -> None:
+        if self._starting is starting:
+            self._starting = None
+        if not starting.cancelled():
+            starting.exception()  # is for those that wait; there may be none any more
+
+    async def _start(self) -> None:
+        from bus.parameters.server import EVENTS_TOPIC, ParameterServer, event_class
+
+        events: Publisher[Any] | None = None
+        try:
+            # Each node has one and few say much: no ring is worth its memory.
+            events = await self._node._create_publisher(
+                event_class(), EVENTS_TOPIC, parameter_events, by_socket=True
+            )
+        except AccessDenied as denied:
+            self._node.get_logger().warning(f"changes of parameters are told to nobody: {denied}")
+        server = ParameterServer(self._node, self.store, self.clock, events)
+        await server.open()
+        self._server = server
+
+    def _tell(self, change: "Change[Any]") -> None:
+        if self._server is not None:
+            self._server.tell(change)
+        for one in (*change.new, *change.changed):
+            if one.name == _USE_SIM_TIME:
+                self._follow_time(one.value)
+
+    def _follow_time(self, use_sim_time: object) -> None:
+        is_simulated = use_sim_time is True  # a program may have declared it with any type
+        if self._time_source is None:
+            if not is_simulated or not self._has_time:
+                return
+            from bus.parameters.time_source import TimeSource
+
+            self._time_source = TimeSource(self.clock, self._node.get_logger(), self._subscribe_to_clock)
+        self._time_source.follow(is_simulated)
+
+    def _subscribe_to_clock(self, callback: Callable[[Any], None]) -> "Awaitable[Subscription[Any]]":
+        from bus.parameters.time_source import CLOCK_QOS, CLOCK_TOPIC
+        from bus.types.classes import message_class
+
+        clock_class = message_class("rosgraph_msgs/msg/Clock")
+        return self._node.create_subscription(clock_class, CLOCK_TOPIC, CLOCK_QOS, callback)
