@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, get_args
 
@@ -10,6 +10,7 @@ import msgspec
 import pytest
 
 from bus import events, qos
+from bus.delivery.match import GATES, GateEvent
 from bus.msg import PACKAGES
 from bus.msg.std_msgs import String
 from bus.types.support import type_support
@@ -66,6 +67,14 @@ def rows_of(text: str, *head: str) -> list[list[str]]:
     found = [rows for title, rows in tables(text) if tuple(title[: len(head)]) == head]
     assert found, f"there is no table {head}"
     return [row for rows in found for row in rows]
+
+
+def as_rows(transitions: Mapping[Any, Mapping[Any, Any]], events: Iterable[Any]) -> list[list[str]]:
+    """A table of states as it is drawn: a row for each, with what follows on each event."""
+    return [
+        [state.value, *(row[event].value if event in row else "" for event in events)]
+        for state, row in transitions.items()
+    ]
 
 
 def section(text: str, title: str) -> str:
@@ -196,17 +205,20 @@ class TestArchitecture:
                 assert f'"{reason}"' in (ROOT / path).read_text(), (reason, path)
 
     def test_the_states_of_a_match(self) -> None:
-        events = [event.value for event in MatchEvent]
-        drawn = {row[0]: row[1:] for row in rows_of(self.text, "state", *events)}
-        assert drawn == {
-            state.value: [following.value if (following := row.get(event)) else "" for event in MatchEvent]
-            for state, row in TRANSITIONS.items()
-        }
+        drawn = rows_of(self.text, "state", *[event.value for event in MatchEvent])
+        assert drawn == as_rows(TRANSITIONS, MatchEvent)
 
     def test_the_core_is_described(self) -> None:
         described = {row[0] for row in rows_of(section(self.text, "## The broker"), "module", "subject")}
         present = {f"busd/core/{path.name}" for path in (ROOT / "busd" / "core").glob("*.py")}
         assert described == present - {f"busd/core/{name}.py" for name in ("__init__", "broker", "effects")}
+
+
+class TestRing:
+    text = (DOCS / "ring.md").read_text()
+
+    def test_the_states_of_a_gate(self) -> None:
+        assert rows_of(self.text, "gate", *[event.value for event in GateEvent]) == as_rows(GATES, GateEvent)
 
 
 class TestQoS:

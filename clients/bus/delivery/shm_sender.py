@@ -9,11 +9,11 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from errno import EMFILE
 from heapq import heappop, heappush
-from itertools import count
 from typing import ClassVar
 
 from bus import shm
 from bus.base.descriptor import Descriptor
+from bus.delivery.match import STALE, Gate, GateEvent, GateState
 from bus.delivery.port import RETURN_S, Owner, Port, ReaderProcess, ShmPort, Timer
 from bus.delivery.ring_size import (
     EARLY,
@@ -38,36 +38,6 @@ from bus.wire.session import MISSING
 _FORGET_S = 1.0
 
 _log = get_logger("bus")
-_keys = count(1)
-
-
-class _Gate:
-    """One match as the publisher knows it: first only that there will be a reader, then where it tells."""
-
-    __slots__ = (
-        "depth",
-        "hold",
-        "is_attached",
-        "is_held",
-        "is_lost",
-        "is_spared",
-        "is_stale",
-        "key",
-        "process",
-        "slot",
-    )
-
-    def __init__(self, hold: int, *, is_held: bool) -> None:
-        self.key = next(_keys)
-        self.depth = 0
-        self.hold = hold  # until it reads, nothing from here on may be given up
-        self.is_held = is_held  # its subscription is reliable and keeps all
-        self.is_spared = False  # it would be held, but its process is silent
-        self.is_attached = False
-        self.is_stale = False  # an earlier broker made the match, and the present one has not yet
-        self.is_lost = False  # its process may read on, though the broker has lost it
-        self.process: ReaderProcess | None = None
-        self.slot = -1
 
 
 class ShmSender:
@@ -99,12 +69,12 @@ class ShmSender:
         # A long field of bytes shall not be encoded with the rest.
         self.can_publish = not bytes_fields(support.cls)
         # With thousands of matches, each that comes or goes must not mean a look at all of them.
-        self._gates: dict[bytes, _Gate] = {}
+        self._gates: dict[bytes, Gate] = {}
         self._depths: Counter[int] = Counter()  # of the gates, each with how many have it
-        self._unattached: dict[int, _Gate] = {}  # by key
+        self._unattached: dict[int, Gate] = {}  # by key
         self._holds: list[tuple[int, int]] = []  # of the held ones of these, a heap: what it holds, its key
         # Without a match, but messages may still be held; by where it told of itself.
-        self._left: dict[tuple[ReaderProcess, int], _Gate] = {}
+        self._left: dict[tuple[ReaderProcess, int], Gate] = {}
         self._here: set[bytes] = set()  # the matches with subscriptions of this event loop
         self._forget: Timer | None = None
         self._return: Timer | None = None
@@ -256,7 +226,6 @@ class ShmSender:
 
     def expect(self, matched: m.Matched) -> None:
         """A match by this route: hold what its reader is to find, until it says where it tells of itself."""
-        is_held = matched.qos.is_lossless
         is_small = self._watches_laps and not self.writer.is_lent
         if is_small and ShmSender._early < EARLY and self._grow(0, must=True):
             # Now it holds nothing up yet. Later, busd may be slow or gone, and readers wait for its word.
@@ -264,15 +233,17 @@ class ShmSender:
             ShmSender._early += 1
         gate = self._gates.get(matched.gid)
         if gate is None:
-            gate = self._gates[matched.gid] = _Gate(self.writer.seq_since(matched.at_ns), is_held=is_held)
-            self._unattached[gate.key] = gate
-            if is_held:
+            gate = Gate(self._owner, matched, self.writer.seq_since(matched.at_ns))
+            gate.on(GateEvent.MATCH)
+            self._gates[matched.gid] = self._unattached[gate.key] = gate
+            if gate.is_held:
                 heappush(self._holds, (gate.hold, gate.key))
         else:
+            gate.on(GateEvent.MATCH)
             self._forget_depth(gate)
-            self.set_waiting(matched.gid, is_on=True)  # it is back
-        gate.is_stale = False
-        gate.depth = matched.qos.depth if matched.qos.history is History.KEEP_LAST else 1
+            gate.matched = matched
+            if self._is_lossless and matched.qos.is_lossless:
+                self.set_waiting(matched.gid, is_on=True)  # it is back
         self._depths[gate.depth] += 1
         self._set_hold()
 
@@ -288,30 +259,32 @@ class ShmSender:
             raise OSError(MISSING)
         segment, doorbell = descriptors
         process = self._shm_context.reader_process(segment, doorbell, attached.pid)
-        first_key = gate.key
-        if (gate.process, gate.slot) != (process, attached.slot):  # else it has read on, while busd was away
-            before = self._left.pop((process, attached.slot), None)
+        gate.on(GateEvent.ATTACH)
+        place, first_key = (process, attached.slot), gate.key
+        if gate.place != place:  # else it has read on, while busd was away
+            before = self._left.pop(place, None)
             if before is not None:
+                before.on(GateEvent.FORGET)
                 gate.key = before.key  # it comes back, and may have pins: the same gate goes on
             self.writer.add_gate(gate.key, process.bell, attached.slot, is_lossless=gate.is_held)
-            gate.process, gate.slot = process, attached.slot
+            gate.place = place
         self._unattached.pop(first_key, None)
-        gate.is_attached = True
         if process.is_here:
             self._here.add(gid)
         self._set_hold()
 
     def unmatched(self, gid: bytes, *, is_lost: bool = False) -> None:
         """The match is gone. `is_lost`: but its reader perhaps is not, and may read and pin until it ends."""
-        gate = self._gates.pop(gid, None)
+        gate = self._gates.get(gid)
         if gate is None:
             return
+        gate.on(GateEvent.LOSE if is_lost else GateEvent.UNMATCH)
+        del self._gates[gid]
         self._forget_depth(gate)
         self._unattached.pop(gate.key, None)
         self._here.discard(gid)
-        if gate.process is not None:
-            gate.is_lost = is_lost
-            self._left[gate.process, gate.slot] = gate
+        if gate.place is not None:
+            self._left[gate.place] = gate
             self.writer.make_lossy(gate.key)
             self._forget_later(0)  # a look at all that go at once
         self._set_hold()
@@ -319,14 +292,15 @@ class ShmSender:
     def set_waiting(self, gid: bytes, *, is_on: bool) -> None:
         """Whether to wait for a lossless match; not while its process is silent."""
         gate = self._gates.get(gid)
-        if gate is None or gate.is_spared is not is_on:
+        if gate is None or gate.is_held is is_on:
             return
-        gate.is_spared, gate.is_held = not is_on, is_on
-        if gate.process is None and is_on:
+        gate.is_held = is_on
+        if gate.place is None and is_on:
             heappush(self._holds, (gate.hold, gate.key))
-        elif gate.process is not None and is_on:
-            self.writer.add_gate(gate.key, gate.process.bell, gate.slot, is_lossless=True)
-        elif gate.process is not None:
+        elif gate.place is not None and is_on:
+            process, slot = gate.place
+            self.writer.add_gate(gate.key, process.bell, slot, is_lossless=True)
+        elif gate.place is not None:
             self.writer.make_lossy(gate.key)
         self._set_hold()
 
@@ -345,7 +319,7 @@ class ShmSender:
         if self._return is not None:
             self._return.cancel()
         for gate in self._gates.values():
-            gate.is_stale = True
+            gate.on(GateEvent.DISCONNECT)
         self._set_hold()
 
     def declared(self, answer: m.Created) -> None:
@@ -364,7 +338,7 @@ class ShmSender:
         gone = [
             gid
             for gid, gate in self._gates.items()
-            if gate.is_stale and gate.process is not None and not gate.process.is_alive()
+            if gate.state in STALE and gate.place is not None and not gate.place[0].is_alive()
         ]
         for gid in gone:
             self.unmatched(gid)
@@ -391,7 +365,7 @@ class ShmSender:
 
     def _drop_stale(self) -> None:
         for gid, gate in tuple(self._gates.items()):
-            if gate.is_stale and self._owner._id:
+            if gate.state in STALE and self._owner._id:
                 self.unmatched(gid, is_lost=True)
                 self._shm_context.wake_waiting(self)
 
@@ -400,10 +374,11 @@ class ShmSender:
         is_alive: dict[ReaderProcess, bool] = {}
         for place, gate in tuple(self._left.items()):
             process, _ = place
-            holds = gate.is_lost or self.writer.has_pins(gate.key)
+            holds = gate.state is GateState.LOST or self.writer.has_pins(gate.key)
             if holds and process not in is_alive:
                 is_alive[process] = process.is_alive()
             if not holds or not is_alive[process]:
+                gate.on(GateEvent.FORGET)
                 self.writer.remove_gate(gate.key)
                 del self._left[place]
         self._forget_later(_FORGET_S)
@@ -415,7 +390,7 @@ class ShmSender:
         if self._left:
             self._forget = self._port.later(seconds, self._forget_left)
 
-    def _forget_depth(self, gate: _Gate) -> None:
+    def _forget_depth(self, gate: Gate) -> None:
         self._depths[gate.depth] -= 1
         if not self._depths[gate.depth]:
             del self._depths[gate.depth]
