@@ -10,7 +10,7 @@ nothing runs.
 from collections.abc import Callable, Iterator, Sequence
 from os import PathLike
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar, overload
 
 import msgspec
 
@@ -21,6 +21,8 @@ from bus.logger import Logger
 from bus.node import Node
 from bus.process.foreground import Foreground, Signal, deadline_after
 from bus.qos import QoS
+from bus.schema import MessageSchema
+from bus.subscription import Subscription
 
 if TYPE_CHECKING:
     from bus.client import ServiceClient
@@ -109,34 +111,67 @@ class BlockingNode:
             client.wait_for_service, timeout, lambda: f"nobody serves '{client.service_name}'"
         )
 
-    def create_publisher(self, message_type: type[M], topic: str, qos: QoS = 10) -> BlockingPublisher[M]:
+    @overload
+    def create_publisher(self, message_type: type[M], topic: str, qos: QoS = 10) -> BlockingPublisher[M]: ...
+
+    @overload
+    def create_publisher(
+        self, message_type: MessageSchema, topic: str, qos: QoS = 10
+    ) -> BlockingPublisher[Any]: ...
+
+    def create_publisher(
+        self, message_type: type[M] | MessageSchema, topic: str, qos: QoS = 10
+    ) -> BlockingPublisher[Any]:
         """A publisher of `message_type` on `topic`, which every subscription that is there knows on return.
 
-        Raises as `bus.Node.create_publisher`.
+        With a `MessageSchema` in place of a class, messages are published as the bytes that they are encoded
+        to. Raises as `bus.Node.create_publisher`.
         """
         foreground, node = self._opened(), self._node
-        publisher = foreground.run(
+        publisher: BlockingPublisher[Any] = foreground.run(
             lambda: BlockingPublisher._make(foreground, node, message_type, topic, qos)
         )
         self._made = [one for one in self._made if one._is_open]
         self._made.append(publisher)
         return publisher
 
+    @overload
     def create_subscription(
         self,
         message_type: type[M],
         topic: str,
         qos: QoS = 10,
         *,
+        raw: Literal[False] = False,
+        views: bool = False,
+    ) -> BlockingSubscription[M]: ...
+
+    @overload
+    def create_subscription(
+        self,
+        message_type: type[Any] | MessageSchema | str | None,
+        topic: str,
+        qos: QoS = 10,
+        *,
         raw: bool = False,
         views: bool = False,
-    ) -> BlockingSubscription[M]:
+    ) -> BlockingSubscription[Any]: ...
+
+    def create_subscription(
+        self,
+        message_type: type[M] | MessageSchema | str | None,
+        topic: str,
+        qos: QoS = 10,
+        *,
+        raw: bool = False,
+        views: bool = False,
+    ) -> BlockingSubscription[Any]:
         """A subscription of its own to `topic`: it gets every message whose publish begins after its return,
         within its depth. Parameters and errors are those of `bus.Node.create_subscription`.
         """
         node = self._node
         foreground = self._opened()
-        native = foreground.run(
+        native: Subscription[Any] = foreground.run(
             lambda: node.create_subscription(message_type, topic, qos, raw=raw, views=views)
         )
         return BlockingSubscription(foreground, native)

@@ -16,6 +16,7 @@ from bus.node import Node
 from bus.process.foreground import Condition, Foreground, Signal, deadline_after
 from bus.publisher import Publisher, PublisherStatistics
 from bus.qos import Durability, QoS
+from bus.schema import MessageSchema
 from bus.subscription import MessageInfo, Subscription, SubscriptionStatistics
 
 M = TypeVar("M", bound=msgspec.Struct)
@@ -71,7 +72,12 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
 
     @classmethod
     async def _make(
-        cls, foreground: Foreground, node: Node, message_type: type[M], topic: str, qos: QoS
+        cls,
+        foreground: Foreground,
+        node: Node,
+        message_type: type[M] | MessageSchema,
+        topic: str,
+        qos: QoS,
     ) -> "BlockingPublisher[M]":
         """For BlockingNode."""
         self = cls(foreground)

@@ -9,7 +9,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, assert_type
 
+import msgspec
 import pytest
 
 import bus
@@ -63,6 +65,28 @@ class TestTopics:
 
         assert [message.data for message in subscription.listen(timeout=IDLE_S)] == list(range(100))
         assert subscription.matches[0].route == route
+
+    def test_types_without_a_class(self, route: str, node: bus.BlockingNode) -> None:
+        """mypy holds the types of the endpoints against the overloads."""
+        schema = bus.MessageSchema.of(Int64)
+        publisher = node.create_publisher(schema, "numbers")
+        assert_type(publisher, bus.BlockingPublisher[Any])
+        known = node.create_subscription(Int64, "numbers")
+        assert_type(known, bus.BlockingSubscription[Int64])
+        any_type = node.create_subscription(None, "numbers")
+        assert_type(any_type, bus.BlockingSubscription[Any])
+        raw = node.create_subscription(Int64, "numbers", raw=True)
+        assert_type(raw, bus.BlockingSubscription[Any])
+        named = node.create_subscription("std_msgs/msg/Int64", "numbers")
+        described = node.create_subscription(schema, "numbers")
+
+        data = msgspec.msgpack.encode(Int64(data=7))
+        publisher.publish(data)
+
+        for subscription in (known, any_type, named, described):
+            assert subscription.receive(WAIT_S)[0] == Int64(data=7)
+            assert subscription.matches[0].route == route
+        assert raw.receive(WAIT_S)[0] == data
 
     def test_two_nodes_of_two_threads(self, route: str, node: bus.BlockingNode) -> None:
         def echo() -> None:
