@@ -125,6 +125,8 @@ class PeerConnection:
         """Its socket is not read, because it waits for its turn."""
         self.is_early = True  # until the server has looked
         """What its process had over an earlier connection is still there; it is not read before that goes."""
+        self.is_choked = False
+        """It is not heard because it does not take what is sent to it."""
         self._host = host
         self._loop = asyncio.get_running_loop()
         self._pause_end: asyncio.TimerHandle | None = None
@@ -133,7 +135,7 @@ class PeerConnection:
         self.stream = Stream(
             sock,
             Session(Role.BROKER, max_message_bytes=host.limits.message_bytes),
-            Outbox(),
+            Outbox(control),
             on_bytes=partial(host.receive, self),
             on_lost=self._lost,
             takes_descriptors=True,
@@ -141,7 +143,7 @@ class PeerConnection:
             may_write=partial(host.may_write, self),
         )
         self.stream.session.open(hello)
-        self.account = self.stream.outbox.account = control
+        self.account = control
         self.stream.session.reader.charge_to(unfinished)
 
     def greet(self) -> None:
@@ -157,9 +159,9 @@ class PeerConnection:
         """Queue a control frame. Where many wait, the peer is not heard until it has taken most of them."""
         if self.stream.is_unheard:
             return
-        outbox = self.stream.outbox
-        outbox.put(frame, descriptors)
-        if self._choke is None and outbox.control_bytes > self.account.limit // _CHOKED_PART:
+        self.stream.outbox.put(frame, descriptors)
+        if not self.is_choked and self.account.used > self.account.limit // _CHOKED_PART:
+            self.is_choked = True
             self.stream.hold()
             self._choked_bytes, self._choked_looks = self.stream.sent_bytes, 0
             self._choke = self._loop.call_later(_LOOK_S, self._look_at_choke)
@@ -185,21 +187,22 @@ class PeerConnection:
     @property
     def is_held(self) -> bool:
         """Nothing of it is handled now."""
-        return self._pause_end is not None or self._choke is not None
+        return self._pause_end is not None or self.is_choked
 
     @property
-    def is_choked(self) -> bool:
-        """It is not heard because it does not take what is sent to it."""
-        return self._choke is not None
+    def is_user_over(self) -> bool:
+        """More control frames wait for its user's processes than may."""
+        whole = self.account.parent
+        return whole is not None and whole.used > whole.limit
 
     def wrote(self) -> None:
         """The socket has taken bytes; look whether the peer can be heard again."""
         if self._choke is None:
             return
-        is_drained = self.stream.outbox.control_bytes <= self.account.limit // (2 * _CHOKED_PART)
+        is_drained = self.account.used <= self.account.limit // (2 * _CHOKED_PART)
         if is_drained or self.stream.is_unheard:  # it has gone, and nobody waits for it any more
             self._choke.cancel()
-            self._choke = None
+            self._choke, self.is_choked = None, False
             self.stream.release()
             self._host.resume(self)
 
@@ -223,8 +226,7 @@ class PeerConnection:
 
     def relieve(self) -> None:
         """Cut the peer off: it does not take what waits for it."""
-        waiting = self.stream.outbox.control_bytes
-        self._end(f"{waiting} bytes of control frames wait for it; it does not read")
+        self._end(f"{self.account.used} bytes of control frames wait for it; it does not read")
 
     def refuse(self, reason: str) -> None:
         """Tell the peer why, and cut the connection."""

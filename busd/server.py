@@ -23,7 +23,7 @@ from bus.wire.messages import (
     Refused,
     encode_frame,
 )
-from bus.wire.runs import Account, Run
+from bus.wire.runs import Run
 from bus.wire.session import Carried
 from busd.admission import Admission
 from busd.core.access import Access
@@ -366,7 +366,7 @@ class Server:
                             encoded, frame = message, encode_frame(message)
                         connection.put(frame, descriptors)
                         self._dirty.add(connection)
-                        if _is_over(_user_account(connection)):
+                        if connection.is_user_over:
                             overfull.append(connection)
                 case Later(peer):
                     if connection := self._peers.get(peer):
@@ -401,11 +401,11 @@ class Server:
 
     def _relieve(self, connection: PeerConnection) -> None:
         """More control frames wait for a user's peers than may: cut off the one for which most wait."""
-        account = _user_account(connection)
         connection.stream.flush()
-        if _is_over(account):
-            same_user = (one for one in self._peers.values() if _user_account(one) is account)
-            max(same_user, key=lambda one: one.stream.outbox.control_bytes, default=connection).relieve()
+        if connection.is_user_over:
+            whole = connection.account.parent
+            same_user = (one for one in self._peers.values() if one.account.parent is whole)
+            max(same_user, key=lambda one: one.account.used, default=connection).relieve()
 
     def _flush(self, last: PeerConnection | None = None) -> None:
         """Send to all that something waits for; to `last`, whose message this is about, after the others.
@@ -546,11 +546,3 @@ class Server:
             self._watch_idle()
         elif not self._connections:
             self.stop(f"idle for {idle_s:g} s")
-
-
-def _user_account(connection: PeerConnection) -> Account | None:
-    return connection.account.parent
-
-
-def _is_over(account: Account | None) -> bool:
-    return account is not None and account.is_over

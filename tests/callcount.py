@@ -13,7 +13,10 @@ from itertools import pairwise
 from types import FrameType
 from typing import Any, Self
 
-_OTHERS = ("asyncio", "concurrent", "queue", "selectors", "threading", "weakref", __name__)
+_OTHERS = frozenset(
+    {"abc", "asyncio", "concurrent", "contextvars", "functools", "inspect", "queue", "selectors", "threading"}
+    | {"weakref", __name__}
+)
 
 
 class CallCounter:

@@ -76,12 +76,8 @@ def connect(
         lost = LivelinessChanged(subscription=subscription.id, publisher=publisher.id, alive=False)
         out.append(Send(subscription.node.peer.id, lost))
     if not is_shared:
-        known_seq = subscription.last_seqs.get(publisher.gid)
-        if keeps_history(subscription.qos):
-            known_seq = known_seq or 0
-        elif not match.is_lossless:
-            known_seq = None  # only a lossless one, which was there before, has missed something
-        _begin_routing(now_ns, match, known_seq, out)
+        last_seq = _replayed_from(match) if publisher.history is not None else None
+        _begin_routing(now_ns, match, last_seq, out)
 
 
 def can_share(publisher: Publisher, subscription: Subscription) -> bool:
@@ -189,6 +185,16 @@ def _begin_routing(now_ns: int, match: Match, last_seq: int | None, out: list[Ef
     if publisher.history is not None and last_seq is not None:
         publisher.history.drop_expired(now_ns)
         _replay(publisher, publisher.history, subscription, last_seq, out)
+
+
+def _replayed_from(match: Match) -> int | None:
+    """The number after which a new match gets the publisher's history; None: it gets nothing of it."""
+    subscription = match.subscription
+    known_seq = subscription.last_seqs.get(match.publisher.gid)
+    if keeps_history(subscription.qos):
+        return known_seq or 0
+    # Of the others only a lossless one, which was there before, has missed something.
+    return known_seq if match.is_lossless else None
 
 
 def _replay(

@@ -126,6 +126,7 @@ class Registry:
         node, topic, kind, qos, max_message_bytes = self._check_endpoint(now_ns, peer, message, out)
         if ring is not None:
             self._quotas.take_descriptors(peer, (ring,))
+        depth = _depth(qos)
         publisher = Publisher(
             id=EndpointId(self._graph.next_id()),
             node=node,
@@ -139,7 +140,7 @@ class Registry:
             lease_ns=qos.lease_ns,
             is_manual=is_manual(qos),
             last_sign_ns=now_ns,
-            history=RunQueue(_depth(qos), peer.history) if keeps_history(qos) else None,
+            history=RunQueue(depth, peer.history) if keeps_history(qos) else None,
             credited=message.next_seq - 1,
             ring=ring,
         )
@@ -150,7 +151,7 @@ class Registry:
         there = tuple(subscriptions.values())  # of a pair whoever comes later makes the match, and not both
         self._graph.add_endpoint(publisher)
         self._absentees.come(publisher)
-        out.append(Send(peer.id, self._created(message.request, publisher)))
+        out.append(Send(peer.id, self._created(message.request, publisher, depth)))
         self._leases.watch_publisher(now_ns, publisher)
         peer.withheld = publisher.id
         now_ns = yield ENDPOINT
@@ -163,7 +164,7 @@ class Registry:
         self, now_ns: int, peer: Peer, message: m.CreateSubscription, out: list[Effect]
     ) -> Work:
         node, topic, kind, qos, max_message_bytes = self._check_endpoint(now_ns, peer, message, out)
-        number = EndpointId(self._graph.next_id())
+        number, depth = EndpointId(self._graph.next_id()), _depth(qos)
         subscription = Subscription(
             id=number,
             node=node,
@@ -172,13 +173,13 @@ class Registry:
             gid=self._guard.gid(peer, message.gid),
             qos=qos,
             max_message_bytes=max_message_bytes,
-            queue=RunQueue(_depth(qos), peer.queued, number),
+            queue=RunQueue(depth, peer.queued, number),
             last_seqs=message.last_seqs,
         )
         publishers = topic.publishers
         there = tuple(publishers.values())
         self._graph.add_endpoint(subscription)
-        out.append(Send(peer.id, self._created(message.request, subscription)))
+        out.append(Send(peer.id, self._created(message.request, subscription, depth)))
         peer.withheld = subscription.id
         now_ns = yield ENDPOINT
         now_ns = yield from self._absentees.find(now_ns, subscription, out)
@@ -285,12 +286,12 @@ class Registry:
         qos = _within(limits.depth, topic.name, caps.cap(message.qos))
         return node, topic, kind, qos, caps.max_message_bytes or limits.message_bytes
 
-    def _created(self, request: int, endpoint: Publisher | Subscription) -> m.Created:
+    def _created(self, request: int, endpoint: Publisher | Subscription, depth: int) -> m.Created:
         limits = self._quotas.limits
         return m.Created(
             request=request,
             id=endpoint.id,
-            depth=_depth(endpoint.qos),
+            depth=depth,
             max_message_bytes=endpoint.max_message_bytes,
             window_samples=limits.keep_all_window_messages,
             window_bytes=limits.keep_all_window_bytes,

@@ -261,7 +261,7 @@ def outbox(data: bytes) -> None:
             box.make_ready(queues[at])
         else:
             _check_taken(box, control, sent)
-        assert box.control_bytes == sum(len(frame) for frame, _ in control)
+        assert box.account.used == sum(len(frame) for frame, _ in control)
         assert bool(box) == (bool(control) or any(queue.runs for queue in queues))
     assert [number + 1 for number in sent] == seqs
     assert account.used == 0

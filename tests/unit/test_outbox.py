@@ -61,9 +61,9 @@ def test_control_bytes_count_what_waits() -> None:
     outbox = Outbox()
     outbox.put(b"12345")
     outbox.put(b"678")
-    assert outbox.control_bytes == 8
+    assert outbox.account.used == 8
     outbox.take()
-    assert outbox.control_bytes == 0
+    assert outbox.account.used == 0
 
 
 def test_a_flood_of_control_frames_is_taken_in_parts() -> None:
@@ -182,9 +182,9 @@ class TestDescriptors:
         outbox = Outbox()
         outbox.put(b"12345", (Descriptor(-1),))
         outbox.put(b"678")
-        assert outbox.control_bytes == 8
+        assert outbox.account.used == 8
         outbox.take()
-        assert outbox.control_bytes == 3
+        assert outbox.account.used == 3
 
     def test_what_was_taken_is_not_held(self) -> None:
         outbox, closed = Outbox(), []
@@ -201,4 +201,4 @@ class TestDescriptors:
             outbox.put(b"three")
             outbox.clear_control()
             assert closed == [-1, -2]
-        assert (outbox.control_bytes, outbox.take()) == (0, ([], 0, ()))
+        assert (outbox.account.used, outbox.take()) == (0, ([], 0, ()))

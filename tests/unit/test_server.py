@@ -1,5 +1,7 @@
 """busd.server: the order in which it ends, and what it does where it did not run for a while."""
 
+import asyncio
+import os
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from bus.base.ids import PeerId
+from bus.wire.messages import Matched
 from bus.wire.runs import Run
 from busd import server as server_module
 from busd.core.broker import Broker
@@ -14,6 +17,8 @@ from busd.core.turns import Party
 from busd.listener import Listener, open_listener
 from busd.peer import PeerConnection
 from busd.server import Server
+from callcount import CallCounter
+from raw_peer import RawPeer
 
 SECOND = 1_000_000_000
 
@@ -135,3 +140,20 @@ async def test_it_gives_way_where_more_comes_than_can_be_taken(
 
     assert len(yields) == is_swamped  # once for all that one read brought
     server.stop("a test")
+
+
+async def test_calls_of_a_subscription_from_socket_to_socket(listener: Listener) -> None:
+    """What all of busd does for one that matches a publisher, by socket; see `callcount`."""
+    server = Server(listener, Broker(uid=os.getuid()))
+    with RawPeer(listener.path) as talker, RawPeer(listener.path) as peer:
+        for one in (talker, peer):
+            await asyncio.to_thread(one.hello)
+        await asyncio.to_thread(talker.publisher, await asyncio.to_thread(talker.node), "/topic")
+        node = await asyncio.to_thread(peer.node, "listener")
+        await asyncio.to_thread(peer.subscription, node, "/another")
+        with CallCounter() as counter:
+            await asyncio.to_thread(peer.subscription, node, "/topic")
+        await asyncio.to_thread(talker.expect, Matched)
+    server.stop("a test")
+    await server.stopped
+    assert 40 <= counter.python <= 94

@@ -74,13 +74,14 @@ class Stream:
         self.sent_bytes = 0
         self.has_ended = False
         """The other side will send no more, where that is not the end of the connection (`linger`)."""
+        self.is_unheard = False
+        """The other side takes nothing any more; what it has sent may still be there to read."""
         self._does_linger = False
         self._holds = 0
         self._may_read = may_read
         self._may_write = may_write
         self._is_write_put_off = False
         self._is_finishing = False
-        self._is_unheard = False
         self._is_left = False  # nothing new will come, but there may be something to read: read to the end
         self._is_heard_out = False
         self._asked_bytes = 0  # of room in the kernel
@@ -107,12 +108,12 @@ class Stream:
 
         Returns the work that this was, of which a buffer costs one and 4 KiB cost one.
         """
-        work = 0
-        while not self.is_blocked and not self.is_closed and self.outbox:
+        outbox, work = self.outbox, 0
+        while (outbox.control or outbox.ready) and not self.is_blocked and not self.is_closed:
             if work >= _MOST_WORK:
                 self._wait_to_write()
                 break
-            buffers, size, descriptors = self.outbox.take()
+            buffers, size, descriptors = outbox.take()
             if size:
                 self._send(buffers, size, descriptors)
                 work += len(buffers) + (size >> 12) + (_DESCRIPTORS_WORK if descriptors else 0)
@@ -145,11 +146,6 @@ class Stream:
     def fileno(self) -> int:
         """The number of the socket's descriptor."""
         return self._sock.fileno()
-
-    @property
-    def is_unheard(self) -> bool:
-        """The other side takes nothing any more; what it has sent may still be there to read."""
-        return self._is_unheard
 
     @property
     def is_idle(self) -> bool:
@@ -187,7 +183,7 @@ class Stream:
             sent = self._sock.send(frames)
         except OSError:
             self._send([bytes(frames) if is_lent else frames], len(frames))
-            return not (self._is_unheard or self.is_closed)
+            return not (self.is_unheard or self.is_closed)
         self.sent_bytes += sent
         if sent != len(frames):
             rest = memoryview(frames)[sent:]
@@ -198,7 +194,7 @@ class Stream:
     def finish(self) -> None:
         """End what has begun to be sent, send nothing after it, and go on reading."""
         self._is_finishing = True
-        if not self._rest and not self._is_unheard and not self.is_closed:
+        if not self._rest and not self.is_unheard and not self.is_closed:
             self._send_no_more()
 
     def linger(self) -> None:
@@ -215,11 +211,11 @@ class Stream:
     @property
     def is_drained(self) -> bool:
         """Nothing waits that could still be sent."""
-        return self.is_closed or self._is_unheard or not (self.is_blocked or self.outbox)
+        return self.is_closed or self.is_unheard or not (self.is_blocked or self.outbox)
 
     def close(self) -> None:
         """Send what the socket still takes and close it; what the socket does not take is lost."""
-        while not (self.is_closed or self._rest or self._is_unheard) and self.outbox:
+        while not (self.is_closed or self._rest or self.is_unheard) and self.outbox:
             self._send(*self.outbox.take())
         if not self.is_closed:
             self._close()
@@ -330,7 +326,7 @@ class Stream:
         descriptors, self._rest_descriptors = self._rest_descriptors, ()
         if rest:
             self._send(rest, sum(map(len, rest)), descriptors)
-        if self._rest or self.is_closed or self._is_unheard:
+        if self._rest or self.is_closed or self.is_unheard:
             return
         if self._is_finishing:
             self._send_no_more()
@@ -344,7 +340,7 @@ class Stream:
     def _send_no_more(self) -> None:
         if self.is_blocked:
             self._loop.remove_writer(self._sock.fileno())
-        self.is_blocked = self._is_unheard = True
+        self.is_blocked = self.is_unheard = True
         with suppress(OSError):
             self._sock.shutdown(socket.SHUT_WR)
 
@@ -356,7 +352,7 @@ class Stream:
         self._loop.call_later(_RETRY_S, self._resume)
 
     def _resume(self) -> None:
-        if not self.is_closed and not self._is_unheard:
+        if not self.is_closed and not self.is_unheard:
             self._loop.add_writer(self._sock.fileno(), self._on_writable)
 
     def _be_quiet(self) -> None:

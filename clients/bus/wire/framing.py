@@ -165,13 +165,15 @@ class FrameReader:
         is_broker = self._is_broker
         self._start = self._stop = 0
         most = DATA_HEAD_BYTES - LENGTH_BYTES + self.max_data_bytes
+        least_control = FRAME_HEAD_BYTES - LENGTH_BYTES
+        most_control = least_control + self.max_control_bytes
         try:
             while end - start >= FRAME_HEAD_BYTES:
                 if len(frames) == MOST_CUT:
                     self._start, self._stop = start, end
                     return frames
                 if end - start >= DATA_HEAD_BYTES:
-                    # The short way, for a whole data frame without fault: one look and no call.
+                    # The short way, for a whole frame without fault: one look and no call.
                     length, word, endpoint, address, first_seq, number, rest = _unpack_short(view, start)
                     stop = start + LENGTH_BYTES + length
                     body = start + DATA_HEAD_BYTES
@@ -191,6 +193,10 @@ class FrameReader:
                             run.is_replay = word != _RESUMED_WORD
                             run.is_resumed = word >= _RESUMED_WORD
                         frames.append(run)
+                        start = stop
+                        continue
+                    if word == CONTROL and least_control <= length <= most_control and stop <= end:
+                        frames.append(view[start + FRAME_HEAD_BYTES : stop].tobytes())
                         start = stop
                         continue
                 stop = start + self._check_head(view, start)

@@ -16,15 +16,17 @@ MAX_BUFFERS = 512  # sendmsg takes 1,024 at most
 
 
 class Outbox:
-    """Control frames and ready queues of one connection. Bytes of control frames are charged to `account`."""
+    """Control frames and ready queues of one connection.
 
-    __slots__ = ("account", "control", "control_bytes", "ready")
+    Bytes of control frames are charged to `account`, and nothing else is: it says how many wait.
+    """
 
-    def __init__(self) -> None:
-        self.account: Account | None = None
+    __slots__ = ("account", "control", "ready")
+
+    def __init__(self, account: Account | None = None) -> None:
+        self.account = account or Account(0)
         self.control: deque[bytes | tuple[bytes, tuple[Descriptor, ...]]] = deque()
         self.ready: deque[RunQueue] = deque()
-        self.control_bytes = 0
 
     def put(self, frame: bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
         """Queue a control frame and what it carries.
@@ -32,7 +34,7 @@ class Outbox:
         Who has no more use for one of the descriptors drops it; closed by then, it could not be sent.
         """
         self.control.append((frame, descriptors) if descriptors else frame)
-        self._charge(len(frame))
+        self.account.charge(len(frame))
 
     def make_ready(self, queue: RunQueue) -> None:
         """Say that `queue` has something to send; it is looked at until it is empty."""
@@ -55,12 +57,12 @@ class Outbox:
                     control.appendleft(frame)
                     break
                 frame, descriptors = frame
-                self._charge(-len(frame))
+                self.account.charge(-len(frame))
                 return [frame], len(frame), descriptors
             size += len(frame)
             buffers.append(frame)
         if size:
-            self._charge(-size)
+            self.account.charge(-size)
         if control:
             return buffers, size, ()
         ready = self.ready
@@ -87,12 +89,7 @@ class Outbox:
     def clear_control(self) -> None:
         """Forget the control frames, and let go of their descriptors."""
         self.control.clear()
-        self._charge(-self.control_bytes)
-
-    def _charge(self, size: int) -> None:
-        self.control_bytes += size
-        if self.account is not None:
-            self.account.charge(size)
+        self.account.charge(-self.account.used)
 
     def __bool__(self) -> bool:
         return bool(self.control or self.ready)

@@ -122,7 +122,8 @@ class Session:
             while frames:
                 for frame in frames:
                     if isinstance(frame, Run):
-                        self._step(_AFTER_OTHER, "a data frame")
+                        if self.state is not State.OPEN:
+                            self._step(_AFTER_OTHER, "a data frame")
                         yield frame
                     else:
                         message = self._decode(frame)
@@ -130,7 +131,7 @@ class Session:
                             self._step(_AFTER_HELLO, "a Hello")
                             check_version(message, self._role)
                             self.peer = message
-                        else:
+                        elif self.state is not State.OPEN:
                             self._step(_AFTER_OTHER, f"a {type(message).__name__}")
                         claimed: int = getattr(message, "descriptors", 0)
                         yield Carried(message, self._claim(claimed)) if claimed else message
