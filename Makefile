@@ -19,8 +19,10 @@ PIP    := $(BIN)/python -m pip install -qq --disable-pip-version-check
 SECONDS ?=
 SEED ?=
 PYTEST_ARGS ?=
+# Half of the time a test waits for a process or a period, so that two a processor keep that busy.
+WORKERS ?= $(shell expr 2 \* $$(nproc))
 # With bytecode kept: what is compiled anew in each process costs more than many a test.
-PYTEST := PYTHONASYNCIODEBUG=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n logical --dist worksteal
+PYTEST := PYTHONASYNCIODEBUG=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 NATIVE_LOG := tests/native/build/short.log
 ARM_LOG := tests/native/build/arm.log
 ARM_CC := aarch64-linux-gnu-gcc

@@ -226,6 +226,13 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+@pytest.fixture(scope="module", autouse=True)
+def frozen() -> None:
+    """Nor at what an earlier module has imported; and bus.run, called by its tests, has unfrozen all."""
+    gc.collect()
+    gc.freeze()
+
+
 def _is_daily(item: pytest.Item) -> bool:
     return item.get_closest_marker("nightly") is None and _is_in_half(item)
 
