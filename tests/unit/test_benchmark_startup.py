@@ -61,14 +61,30 @@ def test_a_talker_that_ends_with_an_error_is_a_failure() -> None:
         startup.measure_first_message(BUS_SOCKET, "nobody")
 
 
-def test_talkers_pay_for_nothing_that_they_do_not_need() -> None:
-    code = "import sys; from benchmarks.adapters import talkers; print(*sys.modules)"
-    command = [sys.executable, "-I", "-c", f"import sys; sys.path[:0] = {sys.path!r}; {code}"]
+def _loaded_by(module: str) -> set[str]:
+    """What a Python that imports it has imported."""
+    paths = f"import sys; sys.path[:0] = {sys.path!r}"
+    command = [sys.executable, "-I", "-c", f"{paths}; import {module}; print(*sys.modules)"]
+    return set(subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout.split())
 
-    loaded = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout.split()
+
+@pytest.mark.parametrize(
+    "module",
+    sorted({one.module for one in RIVALS if one.runner == PYZMQ.runner and not one.missing()}),
+)
+def test_the_processes_of_rivals_load_nothing_of_ours(module: str) -> None:
+    """Neither the bus nor its command line: their start and their memory are measured."""
+    loaded = _loaded_by(module)
+
+    assert module in loaded
+    assert not {"bus", "bus_cli", "busd"} & loaded
+
+
+def test_talkers_pay_for_nothing_that_they_do_not_need() -> None:
+    loaded = _loaded_by("benchmarks.adapters.talkers")
 
     assert "benchmarks.adapters.talkers" in loaded
-    assert not {"asyncio", "msgspec", "uvloop", "bus", "benchmarks.work", "benchmarks.harness"} & set(loaded)
+    assert not {"asyncio", "msgspec", "uvloop", "bus", "benchmarks.work", "bus_cli"} & loaded
     assert (TOPIC, startup.FIRST.size) == (talkers.TOPIC, talkers.SIZE)
 
 

@@ -14,51 +14,16 @@ from hypothesis import strategies as st
 from benchmarks import paced, report
 from benchmarks.cases import Case, Figures, Outcome, interleave
 from benchmarks.figures import Spread, per_100k, percentiles, ratios
-from benchmarks.harness import START_S, Failure, Group
+from benchmarks.harness import Failure
 from benchmarks.machine import ROOT, Machine, look_at_machine
 from benchmarks.report import Column, Comparison, Result, Row, Section
 from benchmarks.work import Stamped, Work, arrivals, text_of
-from bus_cli.bench.figures import bytes_text, percentile
 
 pytestmark = pytest.mark.nightly
 
 MACHINE = Machine("Some CPU", 2, True, 8.0, "Linux 6", "CPython 3.11", {"msgspec": "0.19"}, "abc+", 0.5)
-SLEEPER = "import time; time.sleep(600)"
-UP = """print('{"event": "up"}', flush=True)"""
-REFUSE, DIE = "raise SystemExit('no library')", "import os; os.kill(os.getpid(), 9)"
-STUBBORN = f"import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); {UP}; {SLEEPER}"
 
 # --- arithmetic
-
-
-@given(
-    st.lists(st.floats(-1e9, 1e9), min_size=1, max_size=300),
-    st.one_of(st.sampled_from([50, 90, 99, 99.9, 100]), st.integers(0, 100)),
-)
-def test_percentile_is_the_smallest_that_enough_do_not_exceed(samples: list[float], percent: float) -> None:
-    ordered = sorted(samples)
-
-    found = percentile(ordered, percent)
-
-    def exceeds_no_more_than(value: float) -> float:
-        return 100 * sum(one <= value for one in ordered) / len(ordered)
-
-    assert found in ordered
-    assert exceeds_no_more_than(found) >= percent - 1e-9
-    smaller = [one for one in ordered if one < found]
-    assert not smaller or exceeds_no_more_than(smaller[-1]) < percent
-
-
-def test_percentile_of_a_thousand_is_not_off_by_one() -> None:
-    ordered = list(range(1, 1001))
-
-    assert [percentile(ordered, p) for p in (0, 50, 99, 99.9, 100)] == [1, 500, 990, 999, 1000]
-
-
-@pytest.mark.parametrize(("samples", "percent"), [([], 50), ([1], -1), ([1], 100.1)])
-def test_percentile_that_does_not_exist(samples: list[float], percent: float) -> None:
-    with pytest.raises(ValueError, match="th percentile of"):
-        percentile(samples, percent)
 
 
 def test_percentiles_are_named_sorted_and_scaled() -> None:
@@ -95,16 +60,6 @@ def test_arrivals_tell_lateness_and_age_and_leave_the_warm_up_out() -> None:
 
 def test_text_has_one_byte_a_character() -> None:
     assert all(len(text_of(size).encode()) == size for size in (0, 1, 64, 1 << 20))
-
-
-def test_sizes_in_words() -> None:
-    assert [bytes_text(size) for size in (64, 1023, 1 << 10, 1 << 16, 1 << 20)] == [
-        "64 B",
-        "1023 B",
-        "1 KiB",
-        "64 KiB",
-        "1 MiB",
-    ]
 
 
 # --- cases
@@ -265,72 +220,6 @@ def test_machine_facts_name_neither_host_nor_paths() -> None:
 
 
 # --- processes
-
-
-def _is_there(pid: int) -> bool:
-    return Path(f"/proc/{pid}").exists()
-
-
-@pytest.mark.parametrize(("ends", "what"), [(False, "say 'ready'"), (True, "end")])
-def test_a_child_that_hangs_is_a_failure_and_is_killed(ends: bool, what: str) -> None:
-    with pytest.raises(Failure, match=rf"rival did not {what} within 0\.1 s"), Group() as group:
-        child = group.start("rival", sys.executable, "-c", SLEEPER, ends=ends)
-        if ends:
-            group.wait(child, within_s=0.1)
-        group.expect(child, "ready", within_s=0.1)
-
-    assert not _is_there(child.pid)
-    assert not group.folder.exists()
-
-
-@pytest.mark.parametrize("ends", [False, True])
-@pytest.mark.parametrize(
-    ("last", "how"), [(REFUSE, "exited with 1: no library"), (DIE, "was ended by SIGKILL")]
-)
-def test_a_child_that_dies_is_a_failure_at_once_that_says_how(ends: bool, last: str, how: str) -> None:
-    with pytest.raises(Failure, match=f"rival {how}"), Group() as group:
-        other = group.start("other", sys.executable, "-c", "input()")
-        child = group.start("rival", sys.executable, "-c", f"{UP}; input(); {last}", ends=ends)
-        group.expect(child, "up", within_s=START_S)
-        child.tell("go")
-        group.expect(other, "ready", within_s=3600)  # of another child: its end is noticed all the same
-
-
-def test_a_child_that_closed_its_output_is_given_its_time_and_no_more() -> None:
-    code = f"import os; os.close(1); {SLEEPER}"
-    with pytest.raises(Failure, match="did not say 'ready'"), Group() as group:
-        group.expect(group.start("rival", sys.executable, "-c", code), "ready", within_s=0.5)
-
-
-def test_a_server_that_ignores_its_signal_is_killed() -> None:
-    with pytest.raises(RuntimeError), Group() as group:
-        child = group.start("server", sys.executable, "-c", STUBBORN, stop_signal=signal.SIGTERM)
-        group.expect(child, "up", within_s=START_S)
-        raise RuntimeError
-
-    assert not _is_there(child.pid)
-
-
-def test_children_are_reaped_when_the_measurement_is_interrupted() -> None:
-    with pytest.raises(KeyboardInterrupt), Group() as group:
-        children = [group.start(f"child_{index}", sys.executable, "-c", SLEEPER) for index in range(3)]
-        raise KeyboardInterrupt
-
-    assert not any(_is_there(child.pid) for child in children)
-
-
-def test_what_a_child_prints_for_people_is_passed_over_and_broken_events_are_not() -> None:
-    with Group() as group:
-        lines = 'hello\\n{"event": "first", "n": 1}\\n{"event": "second"}'
-        child = group.start("talkative", sys.executable, "-c", f"print('''{lines}'''); input()")
-        group.expect(child, "second", within_s=START_S)
-        assert child.take("first") == {"event": "first", "n": 1}
-        assert child.cpu_ns() > 0
-        broken = group.start("broken", sys.executable, "-c", "print('{nonsense'); input()")
-        with pytest.raises(Failure, match="broken said what is no JSON"):
-            group.expect(broken, "ready", within_s=START_S)
-        child.tell("enough")
-        broken.tell("enough")
 
 
 def test_an_interrupted_run_says_so_and_leaves_nothing_behind(

@@ -9,6 +9,8 @@ from typing import Any
 
 import msgspec
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bus.qos import QoSProfile
 from bus.types.support import type_support
@@ -202,6 +204,24 @@ def test_types_and_sizes_that_cannot_be(name: str, size: int, complaint: str) ->
 )
 def test_percentiles_are_by_nearest_rank(percent: float, value: int) -> None:
     assert percentile(range(1, 1001), percent) == value
+
+
+@given(
+    st.lists(st.floats(-1e9, 1e9), min_size=1, max_size=300),
+    st.one_of(st.sampled_from([50, 90, 99, 99.9, 100]), st.integers(0, 100)),
+)
+def test_percentile_is_the_smallest_that_enough_do_not_exceed(samples: list[float], percent: float) -> None:
+    ordered = sorted(samples)
+
+    found = percentile(ordered, percent)
+
+    def exceeds_no_more_than(value: float) -> float:
+        return 100 * sum(one <= value for one in ordered) / len(ordered)
+
+    assert found in ordered
+    assert exceeds_no_more_than(found) >= percent - 1e-9
+    smaller = [one for one in ordered if one < found]
+    assert not smaller or exceeds_no_more_than(smaller[-1]) < percent
 
 
 def test_what_has_no_percentile() -> None:
