@@ -59,7 +59,8 @@ if TYPE_CHECKING:
     from bus.graph import EndpointStatistics, Graph, GraphEndpoint, GraphMatch, GraphNode
     from bus.loan import Loan
     from bus.logger import Logger, Severity, get_logger
-    from bus.node import Node, NodeStatistics
+    from bus.node import Node
+    from bus.node_endpoints import NodeStatistics
     from bus.publisher import Publisher, PublisherStatistics
     from bus.qos import Durability, History, Liveliness, QoS, QoSProfile, Reliability
     from bus.runner import run
@@ -108,7 +109,8 @@ _HOMES = {
     "bus.graph": ("EndpointStatistics", "Graph", "GraphEndpoint", "GraphMatch", "GraphNode"),
     "bus.loan": ("Loan",),
     "bus.logger": ("Logger", "Severity", "get_logger"),
-    "bus.node": ("Node", "NodeStatistics"),
+    "bus.node": ("Node",),
+    "bus.node_endpoints": ("NodeStatistics",),
     "bus.publisher": ("Publisher", "PublisherStatistics"),
     "bus.qos": ("Durability", "History", "Liveliness", "QoS", "QoSProfile", "Reliability"),
     "bus.runner": ("run",),

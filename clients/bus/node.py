@@ -6,10 +6,10 @@ import asyncio
 import sys
 import weakref
 from collections.abc import AsyncGenerator, Callable, Sequence
-from contextlib import aclosing, suppress
+from contextlib import aclosing
 from os import PathLike
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Final, Literal, Self, TypeVar, overload
 
 import msgspec
 
@@ -17,34 +17,35 @@ from bus import names, shm
 from bus.base.awaited import done_anyway, to_be_awaited
 from bus.diagnostics.slow_callback import watched
 from bus.endpoint import NodeContext
-from bus.errors import BusError, CommandLineError, ConfigurationError, ConnectionClosed, ForkError
+from bus.errors import CommandLineError, ConfigurationError, ConnectionClosed, ForkError
 from bus.events import PublisherEvents, SubscriptionEvents
 from bus.link.graph_watch import GraphWatches
 from bus.link.link import Link
 from bus.logger import Logger, configure, get_logger
+from bus.node_endpoints import NodeEndpoints, NodeStatistics
 from bus.parameters.host import ParameterHost
 from bus.parameters.served import ServedParameters
 from bus.process.address import socket_name
 from bus.process.ros_args import Arguments
 from bus.publisher import Publisher
-from bus.qos import QoS, profile, rosout_default
+from bus.qos import QoS, QoSProfile, profile, rosout_default
 from bus.rosout import Rosout
-from bus.schema import MessageSchema, support_of
-from bus.service_host import ServiceHost
+from bus.schema import MessageSchema, find_schema, support_of
 from bus.timer import Timer
-from bus.types.support import TypeSupport, find_type, type_support
+from bus.types.support import TypeSupport, type_support
 from bus.wire import messages as m
 
 if TYPE_CHECKING:  # not every program needs them
+    from bus.client import ServiceClient
     from bus.graph import Graph
+    from bus.service import RequestId, ServiceServer
     from bus.subscription import MessageInfo, Subscription
 
 M = TypeVar("M", bound=msgspec.Struct)
 
-_LEAST_SWEPT = 16
-
-_ROSOUT_S = 5.0
-"""How long the end of a node waits for busd to know of its /rosout."""
+# ROS 2's depth for services is 10, with which a burst of more calls would lose requests without a word.
+SERVICE_QOS: Final = QoSProfile(depth=1000)
+"""What both ends of a service have where nothing else is asked for."""
 
 _log = get_logger("bus")
 
@@ -55,27 +56,7 @@ def _say_why_slow() -> None:
         _log.warning(f"messages go by socket, not by shared memory: {shm.why_not()}; {advice}", once=True)
 
 
-class NodeStatistics(msgspec.Struct, frozen=True):
-    """Totals of one node's open endpoints; those of its services, and of /rosout, are among them.
-
-    For example:
-
-        print(node.statistics().dropped)
-    """
-
-    published: int
-    """Messages that its publishers took."""
-    delivered: int
-    """Messages that its subscriptions gave to the program."""
-    dropped: int
-    """Messages that its subscriptions lost, whatever the reason."""
-    publishers: int
-    """Publishers that are open."""
-    subscriptions: int
-    """Subscriptions that are open."""
-
-
-class Node(ParameterHost, ServiceHost):
+class Node(ParameterHost):
     """A node named `name` in `namespace`; use it as `async with bus.Node("talker") as node:`.
 
     `arguments` are command-line arguments of which those after --ros-args are obeyed (remapping of topics,
@@ -120,24 +101,21 @@ class Node(ParameterHost, ServiceHost):
         )
         self._link: Link | None = None
         self._context: NodeContext  # since it was opened
-        self._endpoints: list[Publisher[Any] | Subscription[Any]] = []  # some of them may be closed
-        self._sweep_at = _LEAST_SWEPT
+        self._endpoints = NodeEndpoints(self)
         self._timers: weakref.WeakSet[Timer] = weakref.WeakSet()  # one that runs is held by the loop
         self._watches = GraphWatches()
         self._body: asyncio.Task[Any] | None = None
         self._error: BaseException | None = None
         self._wants_rosout = rosout and self._arguments.log_to_rosout
         self._rosout: Rosout | None = None
-        self._declaring_rosout: asyncio.Task[None] | None = None
 
     def __repr__(self) -> str:
         state = "not open "
         if self._link is not None:
             failure = self._link.failure
             state = "" if failure is None else f"ended by {type(failure).__name__} "
-        used = [one for one in tuple(self._endpoints) if one._refusal is None]
-        publishers = sum(isinstance(one, Publisher) for one in used)
-        counts = f"publishers={publishers} subscriptions={len(used) - publishers} timers={len(self._timers)}"
+        publishers, subscriptions = self._endpoints.counts()
+        counts = f"publishers={publishers} subscriptions={subscriptions} timers={len(self._timers)}"
         return f"<{type(self).__name__} {state}{self.full_name} {counts}>"
 
     @property
@@ -184,7 +162,7 @@ class Node(ParameterHost, ServiceHost):
             timer.close()
         self._parameters.close()
         if self._rosout is not None:
-            self._logger.remove_sink(self._rosout.publish)
+            self._rosout.close()
         try:
             if not isinstance(link.failure, ForkError):
                 await self._close_endpoints(link)
@@ -251,7 +229,7 @@ class Node(ParameterHost, ServiceHost):
         publisher = self._make_publisher(
             self._opened(), message_type, topic, qos, events, by_socket=by_socket
         )
-        await self._declare(publisher)
+        await self._endpoints.declare(publisher)
         return publisher
 
     def _make_publisher(
@@ -363,8 +341,76 @@ class Node(ParameterHost, ServiceHost):
             decode=bytes if raw else decoder_of_views(support) if views else None,
             busy_poll=busy_poll,
         )
-        await self._declare(subscription)
+        await self._endpoints.declare(subscription)
         return subscription
+
+    @to_be_awaited
+    async def create_service(
+        self,
+        service_type: type[Any],
+        name: str,
+        callback: Callable[..., Any] | None = None,
+        qos: QoS = SERVICE_QOS,
+        *,
+        on_request: Callable[[Any, RequestId], Any] | None = None,
+    ) -> ServiceServer:
+        """Serve `service_type`, a class as `bus.Service` says, as `name`.
+
+        `callback` is `def` or `async def`, of (request), and returns the response; or of (request, response),
+        of which the second is there to be filled and returned. Calls of an async one run side by side, up to
+        a hundred. An exception goes to the client as ServiceError, and out of the node as any callback's.
+        For `on_request`, in place of a callback, see `ServiceServer`. By default `qos` is keep last 1000.
+
+        Raises as `create_publisher`, TypeError for both or neither of a callback and `on_request`.
+        Cancellation: not created.
+
+            server = await node.create_service(
+                AddTwoInts, "add", lambda request: AddTwoInts.Response(sum=request.a + request.b)
+            )
+        """
+        from bus.service import ServiceServer
+
+        node, full_name = self._opened(), self.resolve_service_name(name)
+        if callback is not None:
+            callback = watched(callback, f"service '{full_name}'", self._logger)
+        server = ServiceServer(
+            node,
+            full_name,
+            service_type,
+            profile(qos),
+            callback=callback,
+            on_request=on_request,
+        )
+        await self._endpoints.declare(*server._endpoints)
+        return server
+
+    @to_be_awaited
+    async def create_client(
+        self,
+        service_type: type[Any],
+        name: str,
+        qos: QoS = SERVICE_QOS,
+        *,
+        on_response: Callable[[int, Any], object] | None = None,
+    ) -> ServiceClient:
+        """A client of the service `name`; whoever serves it already is known on return.
+
+        By default `qos` is keep last 1000. For `on_response` see `ServiceClient`. Raises as
+        `create_publisher`. Cancellation: not created.
+
+            client = await node.create_client(AddTwoInts, "add")
+        """
+        from bus.client import ServiceClient
+
+        client = ServiceClient(
+            self._opened(),
+            self.resolve_service_name(name),
+            service_type,
+            profile(qos),
+            on_response=on_response,
+        )
+        await self._endpoints.declare(*client._endpoints)
+        return client
 
     def create_timer(self, period_s: float, callback: Callable[[], Any]) -> Timer:
         """Call `callback`, `def` or `async def`, without arguments, every `period_s` seconds; see `Timer`.
@@ -396,6 +442,13 @@ class Node(ParameterHost, ServiceHost):
         """
         full = names.topic_in_node(topic, self.name, self.namespace)
         return self._arguments.topic(full, self.name, self.namespace)
+
+    def resolve_service_name(self, name: str) -> str:
+        """The full name of a service as this node means it; the rules for topics are for services, too.
+
+        Raises ConfigurationError for a bad name.
+        """
+        return self.resolve_topic_name(name)
 
     async def graph(self, *, statistics: bool = False) -> Graph:
         """All nodes, endpoints and matches now; with the endpoints' live counters if asked.
@@ -475,16 +528,7 @@ class Node(ParameterHost, ServiceHost):
 
     def statistics(self) -> NodeStatistics:
         """The sums over its open endpoints."""
-        open_ones = [one for one in self._endpoints if one._refusal is None]
-        publishers = [one.statistics() for one in open_ones if isinstance(one, Publisher)]
-        subscriptions = [one.statistics() for one in open_ones if not isinstance(one, Publisher)]
-        return NodeStatistics(
-            published=sum(one.published for one in publishers),
-            delivered=sum(one.delivered for one in subscriptions),
-            dropped=sum(sum(one.dropped.values()) for one in subscriptions),
-            publishers=len(publishers),
-            subscriptions=len(subscriptions),
-        )
+        return self._endpoints.statistics()
 
     # --- for the link
 
@@ -497,21 +541,11 @@ class Node(ParameterHost, ServiceHost):
     # --- inside
 
     async def _find_schema(self, topic: str, type_name: str | None) -> MessageSchema:
-        """The one type of `topic`, or the one of that name, as soon as there is one."""
-        from bus.graph import types_of
-
         async with aclosing(self._watches.graphs(self._opened().link)) as graphs:
-            async for graph in graphs:
-                found = types_of(graph, topic, type_name)
-                if len(found) > 1:
-                    several = ", ".join(f"{name} ({number})" for name, number in found)
-                    raise ConfigurationError(f"topic '{topic}' has more than one type, name one: {several}")
-                for kind in found:
-                    with suppress(ConfigurationError):  # it has gone meanwhile
-                        return await self.get_schema(*kind)
-                if type_name is not None and (ready_made := find_type(type_name)) is not None:
-                    return MessageSchema.of(ready_made)
-        raise ConnectionClosed(f"node {self.full_name} is closed")
+            found = await find_schema(graphs, topic, type_name, self.get_schema)
+        if found is None:
+            raise ConnectionClosed(f"node {self.full_name} is closed")
+        return found
 
     def _opened(self) -> NodeContext:
         if self._link is None:
@@ -526,32 +560,14 @@ class Node(ParameterHost, ServiceHost):
             raise other_loop(f"node {self.full_name}", self._link.loop)
         return self._context
 
-    async def _declare(self, endpoint: Publisher[Any] | Subscription[Any]) -> None:
-        link = endpoint._link
-        try:
-            await link.declare(self, endpoint)
-        except BaseException as error:
-            link.forget(endpoint)
-            endpoint._end(ConnectionClosed(f"not created: {error}"))
-            raise
-        self._endpoints.append(endpoint)
-        if len(self._endpoints) >= self._sweep_at:
-            self._endpoints = [one for one in self._endpoints if one._refusal is None]
-            self._sweep_at = 2 * len(self._endpoints) + _LEAST_SWEPT
-
     async def _close_endpoints(self, link: Link) -> None:
         try:
-            await self._end_rosout()
-            results = await asyncio.gather(*(one.close() for one in self._endpoints), return_exceptions=True)
+            if self._rosout is not None:
+                await self._rosout.declared()
+            await self._endpoints.close()
         finally:
-            for endpoint in self._endpoints:
-                if endpoint._refusal is None:  # its close was cut short
-                    link.forget(endpoint)
-                    endpoint._end(ConnectionClosed(f"node {self.full_name} is closed"))
+            self._endpoints.end(ConnectionClosed(f"node {self.full_name} is closed"))
             link.forget_node(self)
-        for result in results:
-            if isinstance(result, BaseException):
-                raise result
 
     def _fail(self, error: BaseException) -> None:
         """A callback raised: end the body of the `async with`, or tell the event loop where there is none."""
@@ -566,33 +582,9 @@ class Node(ParameterHost, ServiceHost):
             )
 
     async def _open_rosout(self, node: NodeContext) -> None:
-        """Declare it before anything else that the program declares, which need not wait for the answer."""
         from bus.msg.rcl_interfaces import Log
 
         # Each node has one, few say much, and busd keeps the history anyway: no ring is worth its memory.
         publisher = self._make_publisher(node, Log, "/rosout", rosout_default, by_socket=True)
-        self._rosout = Rosout(publisher)
-        self._logger.add_sink(self._rosout.publish)  # what is logged until the answer comes waits for it
-        self._declaring_rosout = node.link.loop.create_task(
-            self._declare_rosout(publisher), name="declare /rosout"
-        )
-        if node.link.guard is None:
-            await asyncio.sleep(0)  # that has left now
-        else:  # such a loop may rest as soon as nobody waits, and what is logged with it
-            await asyncio.wait([self._declaring_rosout])
-
-    async def _declare_rosout(self, publisher: Publisher[Any]) -> None:
-        try:
-            await self._declare(publisher)
-        except (BusError, TimeoutError) as error:
-            if self._link is publisher._link:  # else it is closed meanwhile
-                self._logger.warning(f"the log of this node stays here: {error}")
-
-    async def _end_rosout(self) -> None:
-        """What was logged is handed over, if busd answers soon."""
-        declaring, self._declaring_rosout = self._declaring_rosout, None
-        if declaring is not None and not declaring.done():
-            try:
-                await asyncio.wait([declaring], timeout=_ROSOUT_S)
-            finally:
-                declaring.cancel()
+        self._rosout = Rosout(publisher, self._logger)
+        await self._rosout.open(self._endpoints.declare)

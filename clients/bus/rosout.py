@@ -1,21 +1,55 @@
 """What a node logs, on the topic /rosout.
 
-Owns: how a log entry becomes a message. Must not know: where entries come from.
+Owns: how a log entry becomes a message, and when that goes to busd. Must not know: where entries come from.
 """
 
+import asyncio
+from collections.abc import Awaitable, Callable
 from typing import Any
 
-from bus.logger import LogEntry
+from bus.errors import BusError
+from bus.logger import LogEntry, Logger
 from bus.publisher import Publisher
 
 __all__ = ["Rosout"]
 
+_END_S = 5.0
+"""How long the end of a node waits for busd to know of its /rosout."""
+
 
 class Rosout:
-    """Publishes log entries by `publisher`, which is of rcl_interfaces/msg/Log."""
+    """Publishes what `logger` logs by `publisher`, which is of rcl_interfaces/msg/Log."""
 
-    def __init__(self, publisher: Publisher[Any]) -> None:
+    def __init__(self, publisher: Publisher[Any], logger: Logger) -> None:
         self._publisher = publisher
+        self._logger = logger
+        self._declaring: asyncio.Task[None] | None = None
+        self._is_open = False
+
+    async def open(self, declare: Callable[[Publisher[Any]], Awaitable[None]]) -> None:
+        """Declare it before anything else that the program declares, which need not wait for the answer."""
+        link = self._publisher._link
+        self._is_open = True
+        self._logger.add_sink(self.publish)  # what is logged until the answer comes waits for it
+        self._declaring = link.loop.create_task(self._declare(declare), name="declare /rosout")
+        if link.guard is None:
+            await asyncio.sleep(0)  # that has left now
+        else:  # such a loop may rest as soon as nobody waits, and what is logged with it
+            await asyncio.wait([self._declaring])
+
+    def close(self) -> None:
+        """What is logged from now on stays here."""
+        self._is_open = False
+        self._logger.remove_sink(self.publish)
+
+    async def declared(self) -> None:
+        """Wait until what was logged can be handed over, if busd answers soon."""
+        declaring, self._declaring = self._declaring, None
+        if declaring is not None and not declaring.done():
+            try:
+                await asyncio.wait([declaring], timeout=_END_S)
+            finally:
+                declaring.cancel()
 
     def publish(self, entry: LogEntry) -> None:
         """Does nothing once the publisher is closed."""
@@ -36,3 +70,10 @@ class Rosout:
                 line=entry.line,
             )
         )
+
+    async def _declare(self, declare: Callable[[Publisher[Any]], Awaitable[None]]) -> None:
+        try:
+            await declare(self._publisher)
+        except (BusError, TimeoutError) as error:
+            if self._is_open:  # else the node is closed meanwhile
+                self._logger.warning(f"the log of this node stays here: {error}")

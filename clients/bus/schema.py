@@ -1,13 +1,17 @@
 """Message types as they are described on the bus, for programs that have no class of them."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping
+from contextlib import suppress
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from bus.errors import ConfigurationError, MessageTypeError
 from bus.types.support import TypeSupport, find_type, type_hash, type_support, wrong_class
+
+if TYPE_CHECKING:  # most programs never look
+    from bus.graph import Graph
 
 
 class MessageSchema(msgspec.Struct, frozen=True, dict=True):
@@ -70,6 +74,31 @@ class MessageSchema(msgspec.Struct, frozen=True, dict=True):
 
 def schema_of(support: TypeSupport[Any]) -> MessageSchema:
     return MessageSchema(support.name, support.hash, support.description)
+
+
+async def find_schema(
+    graphs: "AsyncGenerator[Graph, None]",
+    topic: str,
+    type_name: str | None,
+    get_schema: Callable[[str, str], Awaitable[MessageSchema]],
+) -> MessageSchema | None:
+    """The one type of `topic`, or the one of that name, as soon as there is one; None where `graphs` ends.
+
+    Raises ConfigurationError where the topic has several.
+    """
+    from bus.graph import types_of
+
+    async for graph in graphs:
+        found = types_of(graph, topic, type_name)
+        if len(found) > 1:
+            several = ", ".join(f"{name} ({number})" for name, number in found)
+            raise ConfigurationError(f"topic '{topic}' has more than one type, name one: {several}")
+        for kind in found:
+            with suppress(ConfigurationError):  # it has gone meanwhile
+                return await get_schema(*kind)
+        if type_name is not None and (ready_made := find_type(type_name)) is not None:
+            return MessageSchema.of(ready_made)
+    return None
 
 
 def support_of(schema: MessageSchema, *, raw: bool) -> TypeSupport[Any]:

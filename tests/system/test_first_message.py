@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import bus
-import bus.node
+import bus.rosout
 from bus.msg.rcl_interfaces import Log
 from bus.msg.std_msgs import String
 from bus.wire import messages as m
@@ -163,7 +163,7 @@ async def test_a_refused_log_stays_here(broker: FakeBroker, caplog: pytest.LogCa
     logging.getLogger("bus.nodes").addHandler(caplog.handler)
     node.get_logger().info("before")
     client.send(m.Refused(request=rosout.request, text="too many", resource="endpoints", used=1, limit=1))
-    await node._declaring_rosout
+    await node._rosout._declaring
     node.get_logger().info("after")
     logging.getLogger("bus.nodes").removeHandler(caplog.handler)
     texts = [record.getMessage() for record in caplog.records]
@@ -176,7 +176,7 @@ async def test_a_refused_log_stays_here(broker: FakeBroker, caplog: pytest.LogCa
 async def test_a_node_ends_though_busd_never_answers(
     broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bus.node, "_ROSOUT_S", 0.01)
+    monkeypatch.setattr(bus.rosout, "_END_S", 0.01)
     node, client, _ = await _opened(broker)
     node.get_logger().info("for nobody")
     await node.close()

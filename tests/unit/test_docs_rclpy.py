@@ -17,7 +17,7 @@ import pytest
 import bus
 import bus_ros.rclpy
 from bus.msg.std_msgs import String
-from bus.service_host import SERVICE_QOS
+from bus.node import SERVICE_QOS
 from bus_ros import aliases
 from bus_ros.entity import Entity
 from bus_ros.rclpy.node import Node

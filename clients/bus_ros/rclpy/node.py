@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from bus.errors import AccessDenied, BusError, ConfigurationError
 from bus.events import PublisherEvents, SubscriptionEvents
+from bus.node import SERVICE_QOS
 from bus.node import Node as NativeNode
 from bus.parameters import file
 from bus.parameters.messages import event_message
 from bus.parameters.values import Change
 from bus.qos import QoSProfile as NativeProfile
-from bus.service_host import SERVICE_QOS
 from bus_ros.engine import current, engine
 from bus_ros.entity import Calls, Entity
 from bus_ros.rclpy.callback_groups import (

@@ -1,0 +1,107 @@
+"""The publishers and subscriptions of one node, those of its services and clients among them.
+
+Owns: how they are declared, kept while they are open, counted, and closed with the node. Must not know: what
+they are made of, or for.
+"""
+
+import asyncio
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from bus.errors import BusError, ConnectionClosed
+from bus.link.declarations import Node
+from bus.publisher import Publisher
+
+if TYPE_CHECKING:  # not every program needs it
+    from bus.subscription import Subscription
+
+__all__ = ["NodeEndpoints", "NodeStatistics"]
+
+_LEAST_SWEPT = 16
+
+
+class NodeStatistics(msgspec.Struct, frozen=True):
+    """Totals of one node's open endpoints; those of its services, and of /rosout, are among them.
+
+    For example:
+
+        print(node.statistics().dropped)
+    """
+
+    published: int
+    """Messages that its publishers took."""
+    delivered: int
+    """Messages that its subscriptions gave to the program."""
+    dropped: int
+    """Messages that its subscriptions lost, whatever the reason."""
+    publishers: int
+    """Publishers that are open."""
+    subscriptions: int
+    """Subscriptions that are open."""
+
+
+class NodeEndpoints:
+    """Those of `node`."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._all: list[Publisher[Any] | Subscription[Any]] = []  # some of them may be closed
+        self._sweep_at = _LEAST_SWEPT
+
+    async def declare(self, *endpoints: "Publisher[Any] | Subscription[Any]") -> None:
+        """Make them known to busd, in this order: all, or none.
+
+        Raises what busd refuses one with. Cancellation: none.
+        """
+        try:
+            for endpoint in endpoints:
+                await endpoint._link.declare(self._node, endpoint)
+                self._all.append(endpoint)
+        except BaseException as error:
+            _end_open(endpoints, ConnectionClosed(f"not created: {error}"))
+            raise
+        if len(self._all) >= self._sweep_at:
+            self._all = [one for one in self._all if one._refusal is None]
+            self._sweep_at = 2 * len(self._all) + _LEAST_SWEPT
+
+    async def close(self) -> None:
+        """Close all, side by side; raises what one of them raised. Cancellation: `end` has to follow."""
+        results = await asyncio.gather(*(one.close() for one in self._all), return_exceptions=True)
+        for result in results:
+            if isinstance(result, BaseException):
+                raise result
+
+    def end(self, reason: BusError) -> None:
+        """End those that are open: their `close` was cut short."""
+        _end_open(self._all, reason)
+
+    def counts(self) -> tuple[int, int]:
+        """Open publishers and open subscriptions; at any time and from any thread."""
+        used = self._open()
+        publishers = sum(isinstance(one, Publisher) for one in used)
+        return publishers, len(used) - publishers
+
+    def statistics(self) -> NodeStatistics:
+        """The sums over those that are open."""
+        used = self._open()
+        publishers = [one.statistics() for one in used if isinstance(one, Publisher)]
+        subscriptions = [one.statistics() for one in used if not isinstance(one, Publisher)]
+        return NodeStatistics(
+            published=sum(one.published for one in publishers),
+            delivered=sum(one.delivered for one in subscriptions),
+            dropped=sum(sum(one.dropped.values()) for one in subscriptions),
+            publishers=len(publishers),
+            subscriptions=len(subscriptions),
+        )
+
+    def _open(self) -> "list[Publisher[Any] | Subscription[Any]]":
+        return [one for one in tuple(self._all) if one._refusal is None]
+
+
+def _end_open(endpoints: "Iterable[Publisher[Any] | Subscription[Any]]", reason: BusError) -> None:
+    for endpoint in endpoints:
+        if endpoint._refusal is None:
+            endpoint._link.forget(endpoint)
+            endpoint._end(reason)
