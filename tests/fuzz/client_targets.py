@@ -161,10 +161,9 @@ class _Client:
                 fields = {name: self.script.number() for name in names if self.script.byte() & 1}
                 self.say("created", request=number, id=self.script.number(number), **fields)
             await asyncio.sleep(0)
-            self.asked.append(asyncio.create_task(self.connection.request(self.ask, m.Graph)))
-
-    def ask(self, number: int) -> m.Message:
-        return m.GetGraph(request=number)
+            asked = next(self.connection.numbers)
+            graph = self.connection.request(asked, m.GetGraph(request=asked), m.Graph)
+            self.asked.append(asyncio.create_task(graph))
 
     def act(self, act: int) -> None:
         script = self.script

@@ -145,8 +145,8 @@ class TestWaiting:
     async def test_while_there_are_signs_of_life(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        node, client = await opened(broker)
         monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.5)
+        node, client = await opened(broker)
         asking = asyncio.ensure_future(node.graph())
         request = await client.expect(m.GetGraph)
         answer = m.encode_frame(
@@ -164,8 +164,8 @@ class TestWaiting:
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """What it said before does not count: the time runs from the question."""
-        node, client = await opened(broker)
         monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.2)
+        node, client = await opened(broker)
         began_s = time.monotonic()
         with pytest.raises(TimeoutError, match=r"has said nothing for 0\.2 s"):
             await node.graph()
@@ -179,8 +179,8 @@ class TestWaiting:
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """This process was held up, not the broker."""
-        node, client = await opened(broker)
         monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.1)
+        node, client = await opened(broker)
         asking = asyncio.ensure_future(node.graph())
         request = await client.expect(m.GetGraph)
         client.send(m.Graph(request=request.request, revision=0, nodes=(), endpoints=(), matches=()))

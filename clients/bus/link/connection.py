@@ -11,6 +11,8 @@ from itertools import count
 from time import monotonic_ns
 from typing import Any, TypeVar
 
+import msgspec
+
 from bus.base.descriptor import Descriptor
 from bus.base.version import RELEASE
 from bus.errors import (
@@ -48,20 +50,11 @@ _NEVER_NS = 1 << 63
 _log = get_logger("bus")
 
 
-class _Request:
+class _Request(msgspec.Struct):
     """What the broker owes an answer to."""
 
-    __slots__ = ("answer", "due_ns", "since_ns", "timer")
-
-    def __init__(self, answer: asyncio.Future[Any]) -> None:
-        self.answer = answer
-        self.since_ns = self.due_ns = monotonic_ns()
-        self.timer: asyncio.TimerHandle | None = None
-
-    def end(self) -> None:
-        """Nobody waits any more."""
-        if self.timer is not None:
-            self.timer.cancel()
+    answer: asyncio.Future[Any]
+    since_ns: int
 
 
 class Connection:
@@ -101,7 +94,11 @@ class Connection:
         """After that a turn comes late: call `note_standstill` before `turn_ns` or `heard_ns` is set."""
         self._beat_ns = self._due_ns = 0  # since and until when the next sign of life is waited for
         self._requests: dict[int, _Request] = {}
-        self._numbers = count(1)
+        self.numbers = count(1)
+        """For requests, one each."""
+        self._watch: asyncio.TimerHandle | None = None
+        self._watch_ns = 0  # when that is due
+        self._stood_still_ns = 0  # until then requests may not have left, nor answers been read
         self._types: set[tuple[str, str]] = set()
         self._heartbeat: asyncio.TimerHandle | None = None
         self._greeted: asyncio.Future[m.Hello] = self._loop.create_future()
@@ -130,8 +127,8 @@ class Connection:
                 release=RELEASE,
             )
         )
-        greeting = _Request(self._greeted)
-        self._watch(greeting)
+        self._requests[0] = _Request(self._greeted, monotonic_ns())
+        self._watch_in(ANSWER_S)
         try:
             hello = await self._greeted
         except TimeoutError:
@@ -139,7 +136,7 @@ class Connection:
         except ConnectionClosed:
             raise self._refusal(path) from None
         finally:
-            greeting.end()
+            self._requests.pop(0, None)
             if not self._greeted.done() or self._greeted.cancelled() or self._greeted.exception():
                 self.close()
         if self._stream is None:  # its last word came right behind its Hello
@@ -185,9 +182,9 @@ class Connection:
         return self._stream is not None and self._stream.send_now(frame)
 
     async def request(
-        self, make: Callable[[int], m.Message], kind: type[A], descriptors: tuple[Descriptor, ...] = ()
+        self, number: int, message: m.Message, kind: type[A], descriptors: tuple[Descriptor, ...] = ()
     ) -> A:
-        """Send the message that `make` gives for a request number; returns the answer, which is a `kind`.
+        """Send `message`, the request `number` (of `numbers`); returns the answer, which is a `kind`.
 
         Raises ConfigurationError, QuotaExceeded or AccessDenied where the broker refuses, TimeoutError where
         it says nothing at all for ANSWER_S, RemoteProtocolError where it answers something else,
@@ -195,36 +192,46 @@ class Connection:
         """
         if self._stream is None:
             raise ConnectionClosed("the connection to busd is closed")
-        number = next(self._numbers)
-        request = self._requests[number] = _Request(self._loop.create_future())
+        answer = self._loop.create_future()
+        self._requests[number] = _Request(answer, monotonic_ns())
         try:
-            self.send(make(number), descriptors)
-            self._watch(request)
-            return expect(await request.answer, kind)
+            self.send(message, descriptors)
+            if self._watch is None:
+                self._watch_in(ANSWER_S)
+            return expect(await answer, kind)
         finally:
-            request.end()
             self._requests.pop(number, None)
 
-    def _watch(self, request: _Request) -> None:
-        """End the wait for an answer where the broker says nothing for ANSWER_S, whatever it might say.
+    def _watch_in(self, time_s: float) -> None:
+        """Look then whether answers are late. One timer is for all: most answers are there long before it."""
+        self._watch_ns = monotonic_ns() + int(time_s * 1e9)
+        self._watch = self._loop.call_later(time_s, self._look_for_late)
+
+    def _look_for_late(self) -> None:
+        """End the waits for answers where the broker says nothing for ANSWER_S, whatever it might say.
 
         One that is busy, with what this process has asked for or with others, answers others meanwhile, and
         is not given up.
         """
-        if request.answer.done():
-            return
+        self._watch = None
         now_ns = monotonic_ns()
-        if now_ns - request.due_ns > _LATE_NS:
-            request.since_ns = now_ns  # we stood still: the request may not have left, nor the answer be here
-        left_s = ANSWER_S - (now_ns - max(request.since_ns, self.heard_ns)) / 1e9
-        if left_s <= 0:
-            if self.is_quiet:
+        if now_ns - self._watch_ns > _LATE_NS:
+            self._stood_still_ns = now_ns
+        heard_ns = max(self.heard_ns, self._stood_still_ns)
+        due_s = []
+        for request in self._requests.values():
+            left_s = ANSWER_S - (now_ns - max(request.since_ns, heard_ns)) / 1e9
+            if request.answer.done():
+                continue
+            if left_s > 0:
+                due_s.append(left_s)
+            elif self.is_quiet:
                 error = TimeoutError(f"busd (pid {self.hello.pid}) has said nothing for {ANSWER_S:g} s")
                 request.answer.set_exception(error)
-                return
-            left_s = _UNREAD_S
-        request.due_ns = now_ns + int(left_s * 1e9)
-        request.timer = self._loop.call_later(left_s, self._watch, request)
+            else:
+                due_s.append(_UNREAD_S)
+        if due_s:
+            self._watch_in(min(due_s))
 
     def declare_type(self, support: TypeSupport[Any]) -> None:
         """Make a message type known, once for each connection."""
@@ -313,8 +320,9 @@ class Connection:
         self._on_lost(reason)
 
     def _finish(self, reason: BusError) -> None:
-        if self._heartbeat is not None:
-            self._heartbeat.cancel()
+        for timer in (self._heartbeat, self._watch):
+            if timer is not None:
+                timer.cancel()
         waits = [*(request.answer for request in self._requests.values()), self._greeted]
         for waiting in waits:
             if not waiting.done():

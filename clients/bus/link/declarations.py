@@ -9,6 +9,8 @@ import os
 from collections.abc import Callable, Iterator
 from typing import Any, Protocol
 
+import msgspec
+
 from bus.base.descriptor import Descriptor
 from bus.errors import (
     AccessDenied,
@@ -106,17 +108,12 @@ def lease_s(endpoint: Endpoint) -> float | None:
     return None
 
 
-class _Admission:
+class _Admission(msgspec.Struct):
     """What is to be done when the answer to a declaration of `what` comes."""
 
-    __slots__ = ("act", "undo", "what")
-
-    def __init__(
-        self, what: Declared, act: Callable[[m.Created], None], undo: Callable[[m.Created], None]
-    ) -> None:
-        self.what = what
-        self.act = act
-        self.undo = undo
+    what: Declared
+    act: Callable[[m.Created], None]
+    undo: Callable[[m.Created], None]
 
 
 class Declarations:
@@ -145,7 +142,7 @@ class Declarations:
         await self._declare(
             connection,
             node,
-            lambda number: node._declaration(number, 0),
+            0,
             admit,
             lambda answer: connection.send(m.DestroyNode(node=answer.id)),
         )
@@ -174,7 +171,7 @@ class Declarations:
         await self._declare(
             connection,
             endpoint,
-            lambda number: endpoint._declaration(number, node._id),
+            node._id,
             admit,
             undo,
             endpoint._shared,
@@ -330,24 +327,18 @@ class Declarations:
         self,
         connection: Connection,
         what: Declared,
-        make: Callable[[int], m.Message],
+        node: int,
         admit: Callable[[m.Created], None],
         undo: Callable[[m.Created], None],
         descriptors: tuple[Descriptor, ...] = (),
     ) -> None:
-        request = 0
-
-        def declaration(number: int) -> m.Message:
-            nonlocal request
-            request = number
-            self._admissions[number] = _Admission(what, admit, undo)
-            return make(number)
-
+        number = next(connection.numbers)
+        self._admissions[number] = _Admission(what, admit, undo)
         try:
-            await connection.request(declaration, m.Created, descriptors)
+            await connection.request(number, what._declaration(number, node), m.Created, descriptors)
         except (asyncio.CancelledError, TimeoutError):
             self._revoke(what)
             raise
         except BaseException:
-            self._admissions.pop(request, None)
+            self._admissions.pop(number, None)
             raise

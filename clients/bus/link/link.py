@@ -8,6 +8,7 @@ import asyncio
 import os
 import weakref
 from collections.abc import Awaitable, Callable, Collection, Coroutine, Iterable
+from functools import partial
 from threading import get_ident
 from time import monotonic_ns, time_ns
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
@@ -134,14 +135,14 @@ class Link:
 
     async def declare_node(self, node: Node) -> None:
         """Make `node` known to the broker, now and after each reconnection."""
-        await self._when_connected(lambda connection: self._declarations.add_node(connection, node))
+        await self._when_connected(partial(self._declarations.add_node, node=node))
 
     async def declare(self, node: Node, endpoint: Endpoint) -> None:
         """Make an endpoint of `node` known to the broker, now and after each reconnection.
 
         Raises what the broker refuses it with (`Connection.request`). Cancellation: not declared.
         """
-        await self._when_connected(lambda connection: self._declarations.add(connection, node, endpoint))
+        await self._when_connected(partial(self._declarations.add, node=node, endpoint=endpoint))
         if lease_s(endpoint) is not None:
             self._set_heartbeat()
 
@@ -173,7 +174,9 @@ class Link:
 
     async def request(self, make: Callable[[int], m.Message], kind: type[A]) -> A:
         """Ask the broker something; see `Connection.request`. Waits for a broker that is away."""
-        return await self._when_connected(lambda connection: connection.request(make, kind))
+        return await self._when_connected(
+            lambda connection: connection.request(number := next(connection.numbers), make(number), kind)
+        )
 
     async def description(self, type_name: str, type_hash: str) -> bytes:
         """How a type that is on the bus was described by who has it (`bus.types.schema`, in MessagePack).
@@ -339,7 +342,7 @@ class Link:
                     ending = error
         finally:
             self._is_receiving = False
-            if ending is None:
+            if ending is None and touched:
                 self._deliver(touched)
         if ending is not None:
             self.loop.call_soon(self._deliver, touched)
