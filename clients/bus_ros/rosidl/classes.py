@@ -9,7 +9,7 @@ messages are copied and pickled, and the way to its TypeSupport. Must not know: 
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from operator import attrgetter
 from threading import RLock
 from typing import Any, Final, NoReturn
@@ -91,7 +91,7 @@ def _make(name: str) -> type[RosMessage]:
     }
     checks = {field.name: fields.checker(field, nested.get(field.name)) for field in definition.fields}
     functions = _functions(name, definition.fields, nested, checks)
-    namespace: dict[str, Any] = {
+    namespace: dict[str, object] = {
         "__slots__": [f"_{field.name}" for field in definition.fields],
         "__module__": module_of(name),
         "__init__": functions["__init__"],
@@ -120,11 +120,11 @@ def _type_support(cls: type[RosMessage]) -> object:
     # Most messages are only made and read, so what the wire needs isn't imported before.
     from bus_ros.rosidl.support import support_of
 
-    generated: Any = cls.__generated__
+    generated: Any = cls.__generated__  # whose instances can't be hashed; it can be
     return support_of(generated)
 
 
-def _reduce(self: RosMessage) -> tuple[Any, ...]:
+def _reduce(self: RosMessage) -> tuple[object, ...]:
     cls = type(self)
     # By its name: its module can be imported only where the import hook is installed.
     which = cls.__type_name__ if cls is cls.__generated__ else cls
@@ -177,17 +177,17 @@ def _functions(
     return names
 
 
-def _strange(given: dict[str, Any], known: frozenset[str]) -> None:
+def _strange(given: Mapping[str, object], known: frozenset[str]) -> None:
     unknown = sorted(given.keys() - known - {"check_fields"})
     if unknown:
         raise AssertionError(f"Invalid arguments passed to constructor: {', '.join(unknown)}")
 
 
-def _ignored(given: dict[str, Any], known: frozenset[str]) -> None:
+def _ignored(given: Mapping[str, object], known: frozenset[str]) -> None:
     """Nothing is checked."""
 
 
-def _doubt(type_: Type, names: dict[str, Any], nested: type[RosMessage] | None) -> str:
+def _doubt(type_: Type, names: dict[str, object], nested: type[RosMessage] | None) -> str:
     """A condition under which a value has to be looked at more closely."""
     if type_.array or type_.base == "byte" or type_.string_bound is not None:
         return "True"
@@ -204,7 +204,7 @@ def _doubt(type_: Type, names: dict[str, Any], nested: type[RosMessage] | None) 
     return f"value.__class__ is not {kind}"
 
 
-def _default(index: int, field: Field, nested: type[RosMessage] | None, names: dict[str, Any]) -> str:
+def _default(index: int, field: Field, nested: type[RosMessage] | None, names: dict[str, object]) -> str:
     """An expression for the value of a field that was not set."""
     type_, name = field.type, f"default{index}"
     if nested is not None:
@@ -225,7 +225,7 @@ def _default(index: int, field: Field, nested: type[RosMessage] | None, names: d
     return f"{name}.copy()"
 
 
-def _numbers(type_: Type, default: tuple[Any, ...] | None) -> Callable[[], Any]:
+def _numbers(type_: Type, default: tuple[float, ...] | None) -> Callable[[], object]:
     code, values = numbers.CODES[type_.base], list(default or ())
     if type_.array != "fixed":
         return lambda: numbers.sequence(code, values)
@@ -234,7 +234,7 @@ def _numbers(type_: Type, default: tuple[Any, ...] | None) -> Callable[[], Any]:
     return lambda: numbers.fixed(code)(zeros)
 
 
-def _plain_default(field: Field) -> Any:
+def _plain_default(field: Field) -> object:
     type_ = field.type
     if type_.array:
         if field.default is not None:
@@ -243,7 +243,7 @@ def _plain_default(field: Field) -> Any:
     return _zero(type_.base) if field.default is None else field.default
 
 
-def _zero(base: str) -> Any:
+def _zero(base: str) -> object:
     if base == "byte":
         return b"\x00"
     if base == "bool":

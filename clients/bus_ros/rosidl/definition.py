@@ -3,7 +3,7 @@
 Owns: the classes that programs ask with `isinstance`, and their attributes. Must not know: message classes.
 """
 
-from typing import Any, Final
+from typing import Final
 
 __all__ = [
     "BASIC_TYPES",
@@ -203,7 +203,7 @@ class UnboundedSequence(AbstractSequence):
     __slots__ = ()
 
 
-def _attributes(value: AbstractType) -> list[Any]:
+def _attributes(value: AbstractType) -> list[object]:
     return [
         getattr(value, slot)
         for cls in reversed(type(value).__mro__)

@@ -7,16 +7,16 @@ are made, the wire.
 
 from array import array
 from collections import UserString
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Collection, Iterable, Sequence, Set
 from math import isinf
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias, TypeGuard
 
 from bus.types.idl import INTEGERS, Field, Type
 from bus_ros.rosidl import definition, numbers
 
 __all__ = ["FLOAT32_MOST", "Check", "checker", "is_numeric", "loose", "slot_type", "type_text"]
 
-Check: TypeAlias = Callable[[Any], Any]
+Check: TypeAlias = Callable[[object], object]
 """Takes what is assigned, returns what is stored; raises AssertionError."""
 
 FLOAT32_MOST: Final = 3.4028234663852886e38
@@ -81,7 +81,7 @@ def slot_type(type_: Type) -> definition.AbstractType:
     return element
 
 
-def loose(type_: Type) -> Check | None:
+def loose(type_: Type) -> Callable[[Any], object] | None:
     """The conversion of a value where nothing is checked, or None if there is none."""
     if not is_numeric(type_):
         return None
@@ -112,7 +112,7 @@ def _scalar(name: str, type_: Type, expected: type) -> Check:
         return _instance(f"{begin}a sub message of type '{expected.__name__}'", expected)
     if type_.base == "byte":
 
-        def octet(value: Any) -> Any:
+        def octet(value: object) -> object:
             if not isinstance(value, _OCTETS) or len(value) != 1:
                 raise AssertionError(f"{begin}of type 'bytes' or 'ByteString' with length 1")
             return value
@@ -121,20 +121,21 @@ def _scalar(name: str, type_: Type, expected: type) -> Check:
     if type_.string_bound is not None:
         bound = type_.string_bound
 
-        def bounded(value: Any) -> Any:
+        def bounded(value: object) -> object:
             if not isinstance(value, str | UserString) or len(value) > bound:
                 raise AssertionError(f"{begin}string value not longer than {bound}")
             return str(value)
 
         return bounded
-    of_class = _instance(f"{begin}of type '{expected.__name__}'", expected)
     if expected is int:
-        return _integer(begin, type_.base, of_class)
-    return _float32(begin, of_class) if type_.base == "float32" else of_class
+        return _integer(begin, type_.base)
+    if type_.base == "float32":
+        return _float32(begin)
+    return _instance(f"{begin}of type '{expected.__name__}'", expected)
 
 
 def _instance(text: str, expected: type) -> Check:
-    def instance(value: Any) -> Any:
+    def instance(value: object) -> object:
         value = numbers.plain(value)
         if not isinstance(value, expected):
             raise AssertionError(text)
@@ -143,12 +144,14 @@ def _instance(text: str, expected: type) -> Check:
     return instance
 
 
-def _integer(begin: str, base: str, of_class: Check) -> Check:
+def _integer(begin: str, base: str) -> Check:
     least, most = INTEGERS[base]
     what = "an unsigned integer" if least == 0 else "an integer"
 
-    def integer(value: Any) -> Any:
-        value = of_class(value)
+    def integer(value: object) -> object:
+        value = numbers.plain(value)
+        if not isinstance(value, int):
+            raise AssertionError(f"{begin}of type 'int'")
         if not least <= value <= most:
             raise AssertionError(f"{begin}{what} in [{least}, {most}]")
         return int(value) if value is True or value is False else value
@@ -156,9 +159,11 @@ def _integer(begin: str, base: str, of_class: Check) -> Check:
     return integer
 
 
-def _float32(begin: str, of_class: Check) -> Check:
-    def float32(value: Any) -> Any:
-        value = of_class(value)
+def _float32(begin: str) -> Check:
+    def float32(value: object) -> object:
+        value = numbers.plain(value)
+        if not isinstance(value, float):
+            raise AssertionError(f"{begin}of type 'float'")
         if abs(value) > FLOAT32_MOST and not isinf(value):
             raise AssertionError(f"{begin}a float in [{-_FLOAT32_TEXT}, {_FLOAT32_TEXT}]")
         return value
@@ -171,7 +176,7 @@ def _several(name: str, type_: Type, expected: type) -> Check:
     text = _text(name, type_, expected)
     only, of_class = frozenset((expected,)), _OCTETS if expected is bytes else expected
 
-    def several(value: Any) -> Any:
+    def several(value: object) -> object:
         if numbers.is_array(value):
             value = value.tolist()
         elif isinstance(value, bytes) and expected is bytes:
@@ -195,25 +200,26 @@ def _numeric(name: str, type_: Type, expected: type) -> Check:
     code = numbers.CODES[type_.base]
     only = frozenset((expected,))
     is_fixed = type_.array == "fixed"
+    of_numbers = memoryview, array, bytes, bytearray
 
-    def made_of(value: Any) -> Any:
-        is_array = numbers.is_array(value) or isinstance(value, memoryview | array)
-        if not is_array and not _is_collection(value):
+    def made_of(value: object) -> object:
+        if not numbers.is_array(value) and not _is_collection(value):
             raise AssertionError(text)
+        given: Iterable[Any] = value
         try:
-            is_plain = is_array or isinstance(value, bytes | bytearray) or only.issuperset(map(type, value))
-            if not is_plain:
-                value = [numbers.plain(item) for item in value]
-            if not (is_plain or all(isinstance(item, expected) for item in value)):
-                raise AssertionError(text)
-            made = numbers.sequence(code, value if isinstance(value, Sequence) or is_array else list(value))
+            is_plain = numbers.is_array(value) or isinstance(value, of_numbers)
+            if not (is_plain or only.issuperset(map(type, given))):
+                given = [numbers.plain(item) for item in given]
+                if not all(isinstance(item, expected) for item in given):
+                    raise AssertionError(text)
+            made = numbers.sequence(code, list(given) if isinstance(given, Set) else given)
         except (OverflowError, TypeError, ValueError):
             raise AssertionError(text) from None
-        if not _fits(type_, len(made)) or (code == "f" and _has_overflowed(made, value)):
+        if not _fits(type_, len(made)) or (code == "f" and _has_overflowed(made, given)):
             raise AssertionError(text)
         return numbers.fixed(code)(made) if is_fixed else made
 
-    def sequence(value: Any) -> Any:
+    def sequence(value: object) -> object:
         if not isinstance(value, array):
             return made_of(value)
         if value.typecode != code:
@@ -222,10 +228,12 @@ def _numeric(name: str, type_: Type, expected: type) -> Check:
             raise AssertionError(f"The '{name}' array.array() must have a size <= {type_.size}")
         return value
 
-    def fixed(value: Any) -> Any:
+    def fixed(value: object) -> object:
         if not numbers.is_array(value):
             return made_of(value)
-        dtype = numbers.numpy().dtype(code)
+        numpy = numbers.numpy()
+        assert numpy is not None
+        dtype = numpy.dtype(code)
         if value.dtype != dtype:
             raise AssertionError(f"The '{name}' numpy.ndarray() must have the dtype of 'numpy.{dtype}'")
         if value.size != type_.size:
@@ -235,12 +243,12 @@ def _numeric(name: str, type_: Type, expected: type) -> Check:
     return fixed if is_fixed else sequence
 
 
-def _has_overflowed(made: "array[float]", value: Any) -> bool:
+def _has_overflowed(made: "array[float]", value: Iterable[float]) -> bool:
     """Whether there is an infinity that was a large number before."""
     return any(isinf(new) and not isinf(old) for new, old in zip(made, value, strict=False))
 
 
-def _is_collection(value: object) -> bool:
+def _is_collection(value: object) -> TypeGuard[Collection[Any]]:
     return isinstance(value, Sequence | Set) and not isinstance(value, str | UserString)
 
 

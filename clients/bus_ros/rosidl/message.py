@@ -5,10 +5,10 @@ Owns: how a message is printed and compared. Must not know: how classes are made
 """
 
 from array import array
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from bus.types.idl import Message as Definition
-from bus_ros.rosidl import fields, numbers
+from bus_ros.rosidl import definition, fields, numbers
 
 __all__ = ["RosMessage"]
 
@@ -16,7 +16,7 @@ __all__ = ["RosMessage"]
 class _SlotTypes:
     """`SLOT_TYPES`, made when asked for: few programs do."""
 
-    def __get__(self, instance: object, owner: "type[RosMessage]") -> tuple[Any, ...]:
+    def __get__(self, instance: object, owner: "type[RosMessage]") -> tuple[definition.AbstractType, ...]:
         return tuple(fields.slot_type(field.type) for field in owner.__definition__.fields)
 
 
@@ -26,7 +26,7 @@ class RosMessage:
     Assigning what a field can't hold raises AssertionError, unless ROS_PYTHON_CHECK_FIELDS is 0.
     """
 
-    __slots__: ClassVar[Any] = ()
+    __slots__: ClassVar[tuple[str, ...]] = ()
 
     __type_name__: ClassVar[str]
     __definition__: ClassVar[Definition]
@@ -37,7 +37,7 @@ class RosMessage:
     __checks__: ClassVar[dict[str, fields.Check]]
 
     _fields_and_field_types: ClassVar[dict[str, str]]
-    SLOT_TYPES: ClassVar[Any] = _SlotTypes()
+    SLOT_TYPES: ClassVar[_SlotTypes] = _SlotTypes()
 
     @classmethod
     def get_fields_and_field_types(cls) -> dict[str, str]:

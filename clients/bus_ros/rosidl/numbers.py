@@ -6,12 +6,12 @@ whose place array.array takes where it isn't installed. Must not know: fields, m
 
 import sys
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from importlib import import_module
-from typing import Any, Final
+from typing import Final, Protocol, TypeGuard, cast
 
-__all__ = ["CODES", "fixed", "is_array", "numpy", "plain", "same", "sequence"]
+__all__ = ["CODES", "NumpyArray", "fixed", "is_array", "numpy", "plain", "same", "sequence"]
 
 CODES: Final = {
     "int8": "b",
@@ -29,29 +29,62 @@ CODES: Final = {
 """Type code of array.array for each type of a definition that is a number."""
 
 
+class Dtype(Protocol):
+    """numpy.dtype, as far as it is used here."""
+
+    char: str
+    isnative: bool
+
+    def __eq__(self, other: object, /) -> bool: ...
+
+
+class NumpyArray(Protocol):
+    """numpy.ndarray, as far as it is used here."""
+
+    dtype: Dtype
+    ndim: int
+    size: int
+
+    def __iter__(self) -> Iterator[float]: ...
+    def ravel(self) -> "NumpyArray": ...
+    def tobytes(self) -> bytes: ...
+    def tolist(self) -> list[float]: ...
+
+
+class Numpy(Protocol):
+    """The module numpy, as far as it is used here."""
+
+    def dtype(self, code: str) -> Dtype: ...
+    def array(self, values: object, dtype: Dtype) -> NumpyArray: ...
+
+
 @cache
-def numpy() -> Any:
+def numpy() -> Numpy | None:
     """The module, or None where it isn't installed."""
     try:
-        return import_module("numpy")
+        return cast(Numpy, import_module("numpy"))
     except ImportError:
         return None
 
 
-def is_array(value: object) -> bool:
+def is_array(value: object) -> TypeGuard[NumpyArray]:
     """Whether `value` is an array of numpy; doesn't import it."""
-    ndarray: Any = getattr(sys.modules.get("numpy"), "ndarray", ())
+    ndarray: type | tuple[()] = getattr(sys.modules.get("numpy"), "ndarray", ())
     return isinstance(value, ndarray)
 
 
-def plain(value: Any) -> Any:
+class _Scalar(Protocol):
+    def item(self) -> object: ...
+
+
+def plain(value: object) -> object:
     """Python's own for a scalar of numpy, any other value as it is."""
-    generic: Any = getattr(sys.modules.get("numpy"), "generic", ())
+    generic: type[_Scalar] | tuple[()] = getattr(sys.modules.get("numpy"), "generic", ())
     # A double of numpy is a float already.
     return value.item() if isinstance(value, generic) and not isinstance(value, float) else value
 
 
-def sequence(code: str, value: Any) -> "array[Any]":
+def sequence(code: str, value: Iterable[float]) -> "array[float]":
     """An array.array with the values of `value`. Raises TypeError or OverflowError for others."""
     if is_array(value):
         value = value.ravel()
@@ -63,30 +96,31 @@ def sequence(code: str, value: Any) -> "array[Any]":
     return array(code, value)
 
 
-def _from_bytes(code: str, data: Any) -> "array[Any]":
-    made: array[Any] = array(code)
+def _from_bytes(code: str, data: bytes | memoryview) -> "array[float]":
+    made: array[float] = array(code)
     made.frombytes(data)
     return made
 
 
 @cache
-def fixed(code: str) -> Callable[[Any], Any]:
+def fixed(code: str) -> Callable[[Iterable[float]], Iterable[float]]:
     """A function that makes an array of a fixed size of what `sequence` takes, or of bytes."""
     module = numpy()
     if module is None:
         return lambda values: sequence(code, values)
     dtype, make = module.dtype(code), module.array
     if code == "B":
-        return lambda values: make(values if is_array(values) else bytearray(values), dtype)
+        octets = cast("Callable[[Iterable[float]], bytearray]", bytearray)
+        return lambda values: make(values if is_array(values) else octets(values), dtype)
     return lambda values: make(values, dtype)
 
 
-def same(first: Any, second: Any) -> bool:
+def same(first: object, second: object) -> bool:
     """Whether two values of a field are equal; arrays of numpy have no truth value of their own."""
     if is_array(first) or is_array(second):
         return bool(_listed(first) == _listed(second))
     return bool(first == second)
 
 
-def _listed(value: Any) -> Any:
+def _listed(value: object) -> object:
     return value.tolist() if hasattr(value, "tolist") else value

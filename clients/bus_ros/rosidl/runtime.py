@@ -6,10 +6,13 @@ Owns: the conversions. Must not know: how classes are made, topics.
 import sys
 from array import array
 from collections import OrderedDict
-from typing import Any
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, TypeAlias
 
 from bus.errors import ConfigurationError
 from bus.types.definitions import definition_path, full_name, packages
+from bus.types.idl import Type
 from bus_ros.rosidl import numbers
 from bus_ros.rosidl.classes import action_class, message_class, service_class
 from bus_ros.rosidl.fields import type_text
@@ -25,6 +28,9 @@ __all__ = [
     "message_to_yaml",
     "set_message_fields",
 ]
+
+
+_Stamp: TypeAlias = Callable[[RosMessage], None]
 
 
 def get_interface(identifier: str) -> type:
@@ -66,7 +72,7 @@ def get_action(identifier: str) -> type:
 
 
 def message_to_ordereddict(
-    msg: Any, *, truncate_length: int | None = None, no_arr: bool = False, no_str: bool = False
+    msg: RosMessage | bytes, *, truncate_length: int | None = None, no_arr: bool = False, no_str: bool = False
 ) -> "OrderedDict[str, Any]":
     """The fields of a message as plain values.
 
@@ -88,7 +94,7 @@ def message_to_ordereddict(
 
 
 def message_to_yaml(
-    msg: Any,
+    msg: RosMessage | bytes,
     *,
     truncate_length: int | None = None,
     no_arr: bool = False,
@@ -110,7 +116,7 @@ def message_to_yaml(
 
 
 def message_to_csv(
-    msg: Any, *, truncate_length: int | None = None, no_arr: bool = False, no_str: bool = False
+    msg: RosMessage | bytes, *, truncate_length: int | None = None, no_arr: bool = False, no_str: bool = False
 ) -> str:
     """The values of a message in one line, with commas between them."""
     if isinstance(msg, bytes):
@@ -120,57 +126,66 @@ def message_to_csv(
 
 
 def set_message_fields(
-    msg: Any, values: dict[str, Any], expand_header_auto: bool = False, expand_time_now: bool = False
-) -> list[Any]:
+    msg: RosMessage,
+    values: Mapping[str, object],
+    expand_header_auto: bool = False,
+    expand_time_now: bool = False,
+) -> list[_Stamp]:
     """Set the fields of a message from plain values, nested ones too.
 
     Returns what sets the stamps that are to be filled in later: a Header given as `auto`, a Time as `now`;
     each is a function of one Time. Raises TypeError for what is no dictionary, AttributeError for an unknown
     field, AssertionError or ValueError for a wrong value.
     """
+    stamps: list[_Stamp] = []
+    _set(msg, values, stamps, expand_header_auto, expand_time_now)
+    return stamps
+
+
+def _set(msg: RosMessage, values: object, stamps: list[_Stamp], auto: bool, now: bool) -> None:
     if not isinstance(values, dict):
         raise TypeError(f"Value '{values}' is expected to be a dictionary but is a {type(values).__name__}")
-    stamps: list[Any] = []
     for name, value in values.items():
         current = getattr(msg, name)
         nested = msg.__nested__.get(name)
         if nested is None:
             setattr(msg, name, _as_type_of(current, value))
         elif not isinstance(current, RosMessage):
-            items = [_made(nested, item, stamps, expand_header_auto, expand_time_now) for item in value]
-            setattr(msg, name, items)
-        elif expand_header_auto and value == "auto" and nested.__type_name__ == "std_msgs/msg/Header":
-            stamps.append(lambda stamp, header=current: setattr(header, "stamp", stamp))
-        elif expand_time_now and value == "now" and nested.__type_name__ == "builtin_interfaces/msg/Time":
-            stamps.append(lambda stamp, owner=msg, field=name: setattr(owner, field, stamp))
+            setattr(msg, name, [_made(nested, item, stamps, auto, now) for item in value])
+        elif auto and value == "auto" and nested.__type_name__ == "std_msgs/msg/Header":
+            stamps.append(partial(setattr, current, "stamp"))
+        elif now and value == "now" and nested.__type_name__ == "builtin_interfaces/msg/Time":
+            stamps.append(partial(setattr, msg, name))
         elif isinstance(value, nested):
             setattr(msg, name, value)
         else:
-            stamps += set_message_fields(current, value, expand_header_auto, expand_time_now)
-    return stamps
+            _set(current, value, stamps, auto, now)
 
 
-def _made(cls: type[RosMessage], value: Any, stamps: list[Any], auto: bool, now: bool) -> RosMessage:
+def _made(cls: type[RosMessage], value: object, stamps: list[_Stamp], auto: bool, now: bool) -> RosMessage:
     if isinstance(value, cls):
         return value
     made = cls()
-    stamps += set_message_fields(made, value, auto, now)
+    _set(made, value, stamps, auto, now)
     return made
 
 
-def _as_type_of(current: Any, value: Any) -> Any:
+def _as_type_of(current: object, value: Any) -> object:
     """A value for a field that now holds `current`: a whole number may stand for a float."""
     if isinstance(current, array):
         return value if isinstance(value, array) else numbers.sequence(current.typecode, value)
     if numbers.is_array(current):
-        return numbers.numpy().array(value, dtype=current.dtype)
+        numpy = numbers.numpy()
+        assert numpy is not None
+        return numpy.array(value, dtype=current.dtype)
     if type(value) is type(current):
         return value
     if isinstance(current, bytes) and isinstance(value, int):
         return bytes((value,))
     if isinstance(current, bool | bytes):
         return value  # a text is no truth value: the setter says so
-    return type(current)(value)
+    of: Callable[[object], object] = type(current)
+    return of(value)
 
 
 def _of_kind(identifier: str, kind: str, what: str) -> type:
@@ -179,14 +194,14 @@ def _of_kind(identifier: str, kind: str, what: str) -> type:
     return get_interface(identifier)
 
 
-def _array_text(type_: Any, length: int) -> str:
+def _array_text(type_: Type, length: int) -> str:
     if type_.array == "fixed":
         return f"<array type: {type_text(type_)}>"
     element = type_text(type_._replace(array=""))
     return f"<sequence type: {element}, length: {length}>"
 
 
-def _plain(value: Any, limit: int | None, no_arr: bool, no_str: bool) -> Any:
+def _plain(value: object, limit: int | None, no_arr: bool, no_str: bool) -> object:
     if isinstance(value, RosMessage):
         return message_to_ordereddict(value, truncate_length=limit, no_arr=no_arr, no_str=no_str)
     if isinstance(value, bytes | bytearray | memoryview):
@@ -201,13 +216,13 @@ def _plain(value: Any, limit: int | None, no_arr: bool, no_str: bool) -> Any:
     return shown if len(kept) == len(items) else [*shown, "..."]
 
 
-def _without_order(value: Any) -> Any:
+def _without_order(value: object) -> object:
     if isinstance(value, dict):
         return {name: _without_order(item) for name, item in value.items()}
     return [_without_order(item) for item in value] if isinstance(value, list) else value
 
 
-def _flat(value: Any) -> list[str]:
+def _flat(value: object) -> list[str]:
     if isinstance(value, dict):
         return [text for item in value.values() for text in _flat(item)]
     if isinstance(value, list):

@@ -47,14 +47,14 @@ class RosTypeSupport(TypeSupport[Any]):
     def plan(self) -> Any:
         return plan(native_class(self.name), dict(_kinds(self.cls)))
 
-    def _survives(self, message: Any) -> bool:
+    def _survives(self, message: RosMessage) -> bool:
         try:
             self.decode(self.encode(message))
         except (*ENCODE_ERRORS, msgspec.DecodeError):
             return False
         return True
 
-    def explain(self, message: Any) -> MessageTypeError | None:
+    def explain(self, message: object) -> MessageTypeError | None:
         """The error that names the wrong field and its path, or None if the message is right."""
         if not isinstance(message, self.cls):
             return wrong_class(self.cls, message)

@@ -9,20 +9,26 @@ decode the native class, and copies its fields into an object that no constructo
 """
 
 from array import array
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Sized
 from keyword import iskeyword
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import msgspec
 from msgspec import Struct
 
 from bus.types.idl import Field
 from bus_ros.rosidl import numbers
+from bus_ros.rosidl.message import RosMessage
 
 __all__ = ["codec"]
 
 
-def codec(cls: Any, native: type[Struct]) -> tuple[Callable[[Any], bytes], Callable[[Any], Any]]:
+S = TypeVar("S", bound=Sized)
+
+
+def codec(
+    cls: type[RosMessage], native: type[Struct]
+) -> tuple[Callable[[RosMessage], bytes], Callable[[bytes | bytearray | memoryview], RosMessage]]:
     """The functions `encode` and `decode` of a class that `bus_ros.rosidl.classes` made.
 
     `encode` raises for contents that have become wrong since they were assigned, `decode` raises
@@ -74,12 +80,12 @@ class _Source:
     def add(self, indent: int, line: str) -> None:
         self.lines.append(" " * indent + line)
 
-    def encoded(self, cls: Any, value: str) -> str:
+    def encoded(self, cls: type[RosMessage], value: str) -> str:
         """An expression for the fields of the object that the expression `value` gives."""
         parts = [self._part(cls, field, f"{value}._{field.name}") for field in cls.__definition__.fields]
         return f"({', '.join(parts)}{',' * (len(parts) == 1)})"
 
-    def _part(self, cls: Any, field: Field, value: str) -> str:
+    def _part(self, cls: type[RosMessage], field: Field, value: str) -> str:
         type_ = field.type
         nested = cls.__nested__.get(field.name)
         if not type_.array:
@@ -101,7 +107,7 @@ class _Source:
         kind = self._name(bool if type_.base == "bool" else str)
         return f"several({value}, {kind}{limit or ', None'}, {is_fixed})"
 
-    def made(self, cls: Any, name: str, native: str) -> None:
+    def made(self, cls: type[RosMessage], name: str, native: str) -> None:
         """Lines that make the object `name` of the native one."""
         self.add(1, f"{name} = new({self._name(cls)})")
         for field in cls.__definition__.fields:
@@ -153,37 +159,36 @@ class _Source:
         return f"c{self._variables}"
 
 
-def _exactly(values: Any, size: int) -> Any:
+def _exactly(values: S, size: int) -> S:
     if len(values) != size:
         raise ValueError(f"{len(values)} values, not {size}")
     return values
 
 
-def _at_most(values: Any, size: int) -> Any:
+def _at_most(values: S, size: int) -> S:
     if len(values) > size:
         raise ValueError(f"{len(values)} values, more than {size}")
     return values
 
 
-def _bounded(values: Any, size: int | None, is_fixed: bool) -> Any:
+def _bounded(values: S, size: int | None, is_fixed: bool) -> S:
     if size is None:
         return values
     return _exactly(values, size) if is_fixed else _at_most(values, size)
 
 
-def _items(values: Any, cls: type, size: int | None, is_fixed: bool) -> Iterable[Any]:
+def _items(values: Collection[object], cls: type, size: int | None, is_fixed: bool) -> Collection[object]:
     """Messages of one class, or of its subclasses."""
     if values and set(map(type, values)) != {cls}:
         for value in values:
             if not isinstance(value, cls):
                 raise TypeError(f"'{type(value).__name__}' is no {cls.__name__}")
-    checked: Iterable[Any] = _bounded(values, size, is_fixed)
-    return checked
+    return _bounded(values, size, is_fixed)
 
 
-def _several(values: Any, kind: type, size: int | None, is_fixed: bool) -> Any:
+def _several(values: Iterable[object], kind: type, size: int | None, is_fixed: bool) -> list[object]:
     """Texts or booleans."""
-    values = values if values.__class__ is list else list(values)
+    values = values if type(values) is list else list(values)
     if values and set(map(type, values)) != {kind}:
         for value in values:
             if not isinstance(value, kind):
@@ -191,7 +196,7 @@ def _several(values: Any, kind: type, size: int | None, is_fixed: bool) -> Any:
     return _bounded(values, size, is_fixed)
 
 
-def _joined(values: Any, size: int | None, is_fixed: bool) -> bytes:
+def _joined(values: Collection[bytes], size: int | None, is_fixed: bool) -> bytes:
     if any(len(value) != 1 for value in values):
         raise ValueError("an octet is one byte")
     return b"".join(_bounded(values, size, is_fixed))
