@@ -33,6 +33,14 @@ def print_json(record: Any) -> None:
     sys.stdout.write(printable_json(json.encode(record).decode()) + "\n")
 
 
+def show(text: object, record: Any, *, as_json: bool) -> None:
+    """One result of a verb: `text`, or with --json the `record`."""
+    if as_json:
+        print_json(record)
+    else:
+        say(text)
+
+
 def size_text(size: float) -> str:
     """Bytes as ros2 writes them: `57 B`, `1.50 KB`, `2.00 MB`, in thousands."""
     return in_unit(size, unit_of(size))

@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from typing import TYPE_CHECKING
 
-from bus_cli.output import print_json, say
+from bus_cli.output import say, show
 
 if TYPE_CHECKING:
     from bus.types.definitions import Kind
@@ -34,8 +34,5 @@ def main(args: Namespace) -> int:
         if not args.json:
             say(f"{_TITLES[kind]}:")
         for name in names(kind):
-            if args.json:
-                print_json({"type": name, "kind": kind})
-            else:
-                say(f"    {name}")
+            show(f"    {name}", {"type": name, "kind": kind}, as_json=args.json)
     return 0

@@ -5,7 +5,7 @@ from typing import Any
 
 from bus_cli.completion import completed_by
 from bus_cli.interface.list import add_kinds, wanted_kinds
-from bus_cli.output import CommandError, print_json, say
+from bus_cli.output import CommandError, show
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -26,10 +26,7 @@ def main(args: Namespace) -> int:
         raise CommandError(f"Unknown package '{args.package_name}'{near}")
     for kind in wanted_kinds(args):
         for name in names(kind, args.package_name):
-            if args.json:
-                print_json({"type": name, "kind": kind})
-            else:
-                say(name)
+            show(name, {"type": name, "kind": kind}, as_json=args.json)
     return 0
 
 

@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus_cli.interface.list import add_kinds, wanted_kinds
-from bus_cli.output import print_json, say
+from bus_cli.output import show
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -15,8 +15,5 @@ def main(args: Namespace) -> int:
 
     found = {name.partition("/")[0] for kind in wanted_kinds(args) for name in names(kind)}
     for package in sorted(found):
-        if args.json:
-            print_json({"package": package})
-        else:
-            say(package)
+        show(package, {"package": package}, as_json=args.json)
     return 0

@@ -11,7 +11,7 @@ from bus.process.address import socket_path
 from bus.process.termination import die_at_interrupt
 from bus_cli.metrics.place import parse_place
 from bus_cli.metrics.view import View, look
-from bus_cli.output import CommandError, complain, print_json, say
+from bus_cli.output import CommandError, complain, print_json, say, show
 from bus_cli.stream import positive_int
 
 if TYPE_CHECKING:
@@ -57,10 +57,7 @@ def main(args: Namespace) -> int:
 
     with open_server(args.listen, registry) as server:
         where = f"http://{server.place.host}:{server.place.port}/metrics"
-        if args.json:
-            print_json({"listening": where})
-        else:
-            say(f"metrics at {where}")
+        show(f"metrics at {where}", {"listening": where}, as_json=args.json)
         sys.stdout.flush()
         # Nothing is to be tidied up. As an exception, a Ctrl-C that comes within a finalizer is lost.
         die_at_interrupt()

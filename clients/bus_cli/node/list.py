@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus.names import is_hidden_node
-from bus_cli.output import complain, print_json, say
+from bus_cli.output import complain, show
 from bus_cli.query import get_graph
 
 _NOT_UNIQUE = (
@@ -26,16 +26,10 @@ def main(args: Namespace) -> int:
         if args.all or not is_hidden_node(node.name)
     )
     if args.count_nodes:
-        if args.json:
-            print_json({"count": len(found)})
-        else:
-            say(len(found))
+        show(len(found), {"count": len(found)}, as_json=args.json)
         return 0
     if len({name for name, _ in found}) < len(found):
         complain(_NOT_UNIQUE)
     for name, pid in found:
-        if args.json:
-            print_json({"node": name, "pid": pid})
-        else:
-            say(name)
+        show(name, {"node": name, "pid": pid}, as_json=args.json)
     return 0

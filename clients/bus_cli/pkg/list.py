@@ -2,7 +2,7 @@
 
 from argparse import ArgumentParser, Namespace
 
-from bus_cli.output import print_json, say
+from bus_cli.output import show
 from bus_ros import packages
 
 
@@ -12,8 +12,5 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def main(args: Namespace) -> int:
     for name in packages.names():
-        if args.json:
-            print_json({"package": name})
-        else:
-            say(name)
+        show(name, {"package": name}, as_json=args.json)
     return 0

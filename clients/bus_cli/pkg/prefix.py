@@ -2,7 +2,7 @@
 
 from argparse import ArgumentParser, Namespace
 
-from bus_cli.output import CommandError, print_json, say
+from bus_cli.output import CommandError, show
 from bus_ros import packages
 
 
@@ -18,8 +18,5 @@ def main(args: Namespace) -> int:
 
         raise CommandError(f"Package not found{near_package(args.package_name)}")
     path = f"{prefix.path}/share/{args.package_name}" if args.share else str(prefix.path)
-    if args.json:
-        print_json({"package": args.package_name, "prefix": path})
-    else:
-        say(path)
+    show(path, {"package": args.package_name, "prefix": path}, as_json=args.json)
     return 0

@@ -2,7 +2,7 @@
 
 from argparse import ArgumentParser, Namespace
 
-from bus_cli.output import CommandError, print_json, say
+from bus_cli.output import CommandError, say, show
 from bus_ros import packages
 
 
@@ -32,8 +32,5 @@ def main(args: Namespace) -> int:
     if not elements:
         raise CommandError("XML tag not found")
     for element in elements:
-        if args.json:
-            print_json({"tag": args.tag, "text": element.text})
-        else:
-            say(element.text)
+        show(element.text, {"tag": args.tag, "text": element.text}, as_json=args.json)
     return 0

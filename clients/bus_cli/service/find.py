@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus.names import is_hidden_topic
-from bus_cli.output import complain, print_json, say
+from bus_cli.output import complain, show
 from bus_cli.query import get_graph
 from bus_cli.service.definitions import full_service_type
 
@@ -32,14 +32,8 @@ def main(args: Namespace) -> int:
         if near := near_type(wanted, "srv"):
             complain(f"no service has the type '{wanted}'{near}")
     if args.count_services:
-        if args.json:
-            print_json({"count": len(found)})
-        else:
-            say(len(found))
+        show(len(found), {"count": len(found)}, as_json=args.json)
         return 0
     for service in found:
-        if args.json:
-            print_json({"service": service, "type": wanted})
-        else:
-            say(service)
+        show(service, {"service": service, "type": wanted}, as_json=args.json)
     return 0

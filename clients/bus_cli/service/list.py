@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus.names import is_hidden_topic
-from bus_cli.output import print_json, say
+from bus_cli.output import print_json, say, show
 from bus_cli.query import get_graph
 
 
@@ -23,10 +23,7 @@ def main(args: Namespace) -> int:
         if args.include_hidden_services or not is_hidden_topic(service)
     ]
     if args.count_services:
-        if args.json:
-            print_json({"count": len(rows)})
-        else:
-            say(len(rows))
+        show(len(rows), {"count": len(rows)}, as_json=args.json)
         return 0
     for service, types in rows:
         if args.json:

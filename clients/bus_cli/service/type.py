@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 from bus_cli.completion import completed_by
-from bus_cli.output import complain, print_json, say
+from bus_cli.output import complain, show
 from bus_cli.query import full_topic_name, get_graph
 from bus_cli.service.definitions import services
 
@@ -25,8 +25,5 @@ def main(args: Namespace) -> int:
         if near := near_service(service, graph):  # else, as in ros2, the status says it
             complain(f"Unknown service '{args.service_name}'{near}")
     for name in types:
-        if args.json:
-            print_json({"service": service, "type": name})
-        else:
-            say(name)
+        show(name, {"service": service, "type": name}, as_json=args.json)
     return 0 if types else 1

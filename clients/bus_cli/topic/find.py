@@ -4,7 +4,7 @@ from argparse import ArgumentParser, Namespace
 
 from bus.names import is_hidden_topic
 from bus_cli.completion import completed_by, types
-from bus_cli.output import complain, print_json, say
+from bus_cli.output import complain, show
 from bus_cli.query import full_type_name, get_graph
 
 
@@ -32,14 +32,8 @@ def main(args: Namespace) -> int:
         if near := near_type(wanted, "msg", graph):
             complain(f"no topic has the type '{wanted}'{near}")
     if args.count_topics:
-        if args.json:
-            print_json({"count": len(found)})
-        else:
-            say(len(found))
+        show(len(found), {"count": len(found)}, as_json=args.json)
         return 0
     for topic in found:
-        if args.json:
-            print_json({"topic": topic, "type": wanted})
-        else:
-            say(topic)
+        show(topic, {"topic": topic, "type": wanted}, as_json=args.json)
     return 0

@@ -4,7 +4,7 @@ from argparse import ArgumentParser, Namespace
 
 from bus.names import is_hidden_topic
 from bus_cli.completion import completed_by, topics
-from bus_cli.output import complain, print_json, say
+from bus_cli.output import complain, show
 from bus_cli.query import full_topic_name, get_graph
 
 
@@ -26,8 +26,5 @@ def main(args: Namespace) -> int:
         if near := near_topic(topic, graph):  # else, as in ros2, the status says it
             complain(f"Unknown topic '{args.topic_name}'{near}")
     for name in types:
-        if args.json:
-            print_json({"topic": topic, "type": name})
-        else:
-            say(name)
+        show(name, {"topic": topic, "type": name}, as_json=args.json)
     return 0 if types else 1
