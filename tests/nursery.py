@@ -8,8 +8,6 @@ import os
 import random
 import signal
 import socket
-import subprocess
-import sys
 from collections import Counter
 from collections.abc import Callable
 from functools import partial
@@ -19,6 +17,7 @@ from typing import Any, Self
 
 import msgspec
 
+import cli
 import survivors
 from conftest import WAIT_S
 from neighbours import wait_until
@@ -153,10 +152,8 @@ class Nursery:
         self._line, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._line.settimeout(WAIT_S)
         with theirs, self._errors.open("ab") as errors:
-            number = theirs.fileno()
-            self._process = subprocess.Popen(
-                [sys.executable, survivors.__file__, str(number)], pass_fds=[number], stderr=errors
-            )
+            streams = theirs.fileno(), errors.fileno(), errors.fileno()
+            self._process = cli.begin([survivors.__file__], streams)
         return self
 
     def __exit__(

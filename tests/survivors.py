@@ -1,8 +1,8 @@
 """Processes that tests kill and stop: talkers and listeners, forked from one that has imported everything.
 
-`nursery.py` starts this as a program and talks to it; what is said is here. A talker notes in a file how far
-it has come, a listener what it has heard, so that a test knows it even of those that were killed. What must
-never happen goes to the file of faults.
+`nursery.py` starts this as a program and talks to it by its standard input; what is said is here. A talker
+notes in a file how far it has come, a listener what it has heard, so that a test knows it even of those that
+were killed. What must never happen goes to the file of faults.
 """
 
 import asyncio
@@ -374,5 +374,8 @@ def _be(role: Role, channel: socket.socket) -> NoReturn:
 
 if __name__ == "__main__":
     type_support(Parcel)
+    line = os.dup(0)
+    with open(os.devnull) as nothing:  # noqa: PTH123
+        os.dup2(nothing.fileno(), 0)
     # A union is no type to mypy, but is what msgspec decodes into.
-    serve(int(sys.argv[1]), Role, lambda role, received: _be(role, socket.socket(fileno=received[0])))  # type: ignore[arg-type]
+    serve(line, Role, lambda role, received: _be(role, socket.socket(fileno=received[0])))  # type: ignore[arg-type]
