@@ -11,7 +11,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+import cli
 from conftest import TEST_S
+from forks import Fork
 
 ROOT = Path(__file__).parents[1]
 INTERRUPTED = "^C"
@@ -73,25 +75,20 @@ class Program:
     """A command of a page as a process; what it prints is kept."""
 
     def __init__(self, command: str, folder: Path = ROOT) -> None:
-        name, *arguments = shlex.split(command)
-        words = [sys.executable, *PROGRAMS[name], *arguments] if name in PROGRAMS else [name, *arguments]
         self.text = ""
-        self.process = subprocess.Popen(
-            words,
-            cwd=folder,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            env={**os.environ, "PYTHONASYNCIODEBUG": "", "PYTHONUNBUFFERED": "1"},  # as in a terminal
-        )
+        output, theirs = os.pipe()
+        try:
+            self.process = _begin(shlex.split(command), folder, theirs)
+        finally:
+            os.close(theirs)
+        self.output = os.fdopen(output)
         self.patience = threading.Timer(TEST_S, self.process.kill)  # some live as long as their test
         self.patience.start()
 
     def read_until(self, pattern: str) -> None:
         """Read until `pattern` matches what was printed, from the beginning of some line."""
-        assert self.process.stdout is not None
         while not re.search(f"^{pattern}", self.text, re.MULTILINE):
-            line = self.process.stdout.readline()
+            line = self.output.readline()
             assert line, f"{pattern!r} did not come; {self.process.args!r} printed:\n{self.text}"
             self.text += line
 
@@ -99,9 +96,27 @@ class Program:
         """Send a signal, read the rest; returns the exit status."""
         if number is not None:
             self.process.send_signal(number)
-        self.text += self.process.communicate()[0]
+        self.text += self.output.read()
+        status = self.process.wait(TEST_S)
         self.patience.cancel()
-        return self.process.returncode
+        return status
+
+
+def _begin(command: list[str], folder: Path, output: int) -> Fork | subprocess.Popen[bytes]:
+    """Users' own scripts get an interpreter of their own: what they don't import shall be missing."""
+    name, *arguments = command
+    words = [*PROGRAMS.get(name, ()), *arguments]
+    environment = {**os.environ, "PYTHONASYNCIODEBUG": "", "PYTHONUNBUFFERED": "1"}  # as in a terminal
+    if name in ("busd", "bus") and folder == Path.cwd() and cli.forks and cli.forks.can_run(environment):
+        return cli.forks.run(words, stdout=output, stderr=output, environment=environment)
+    return subprocess.Popen(
+        [sys.executable if name in PROGRAMS else name, *words],
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        stdout=output,
+        stderr=output,
+        env=environment,
+    )
 
 
 Start = Callable[..., Program]

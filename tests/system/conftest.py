@@ -88,5 +88,4 @@ def start(socket_path: Path) -> Iterator[Start]:
         if program.process.poll() is None:
             program.end(signal.SIGINT)
         program.patience.cancel()
-        assert program.process.stdout is not None
-        program.process.stdout.close()
+        program.output.close()
