@@ -23,8 +23,10 @@ SUPPORT = type_support(String)
 class Route:
     """Begins runs, as a publisher's route does; each has room for `budget` more bytes."""
 
+    make: Callable[[], OpenRun] = PythonRun
+
     def __init__(self, budget: int = 0) -> None:
-        self.run: OpenRun = shm.native.OpenRun()
+        self.run: OpenRun = Route.make()
         self.budget = budget
         self.stamps: list[int] = []
         self.act: Callable[[], object] = int
@@ -62,22 +64,35 @@ def payloads(run: OpenRun) -> list[str]:
     return [SUPPORT.decode(payload).data for payload in payload_bytes(run)]
 
 
-def test_without_the_core_nothing_is_done_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    steps = SUPPORT.steps  # while there is the core: the plan among them is kept for all tests
+def native_run() -> OpenRun:
+    return shm.native.OpenRun()
+
+
+natively = pytest.mark.skipif(not has_core(), reason="the native core was not built")
+
+
+@pytest.fixture(params=["python", pytest.param("native", marks=natively)])
+def made(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The runs of routes are of this kind."""
+    monkeypatch.setattr(Route, "make", PythonRun if request.param == "python" else native_run)
+
+
+def test_without_the_core_it_is_in_python(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("BUS_NATIVE", "no")
-    run = open_run()
-    assert isinstance(run, PythonRun)
-    run.prepare(*steps)
-    run.begin_by(int, None)
-    assert run.publish(String(data="a")) is False
-    assert run.write(b"a") is False
-    run.begin(b"a", 1)
+    assert isinstance(open_run(), PythonRun)
+
+
+def test_what_its_owner_changes_later_was_taken_as_it_was() -> None:
+    run, payload = PythonRun(), bytearray(b"one")
+    run.begin(payload, 1)
     run.budget = 1000
-    assert run.write(b"b") is True
-    assert payload_bytes(run) == [b"a", b"b"]
+    payload[:] = b"two"
+    assert run.add(payload)
+    payload[:] = b"six"
+    assert payload_bytes(run) == [b"one", b"two"]
 
 
-@pytest.mark.skipif(not has_core(), reason="the native core was not built")
+@pytest.mark.usefixtures("made")
 class TestPublish:
     def test_a_run_is_begun_and_told_of_once(self) -> None:
         route = Route(budget=1000)
@@ -253,9 +268,9 @@ class TestPublish:
             route.run.prepare(*SUPPORT.steps)
 
 
-@pytest.mark.skipif(not has_core(), reason="the native core was not built")
+@natively
 def test_numbers_that_the_wire_has_no_place_for_are_refused() -> None:
-    run = Route().run
+    run = native_run()
     with pytest.raises(ValueError, match="no run is open"):
         run.end(1, 1, 0)
     run.begin(b"", 1)

@@ -69,11 +69,11 @@ class OpenRun(Protocol):
         """Check, encode and take a message; True, or False where nothing was done.
 
         An error of the check or the encoder is not raised, but False. The message's encoding, where only the
-        run stands against it. It is always False before `prepare`, and where that is done in Python.
+        run stands against it. It is always False before `prepare`.
         """
 
     def write(self, payload: Buffer, /) -> bool:
-        """Take an encoded message; False where nothing was done. In Python it begins no run."""
+        """Take an encoded message; False where nothing was done."""
 
 
 def open_run() -> OpenRun:
@@ -89,26 +89,23 @@ class PythonRun:
         self.most = UNBOUNDED
         self.thread = get_ident()
         self.is_mine: Callable[[], bool] | None = None
-        self._parts: list[Buffer] = []  # heads and payloads in turn
+        self._parts: list[bytes] = []  # heads and payloads in turn
+        self._begun: Callable[[int], object] | None = None
+        self._may_begin: Callable[[int], bool] | None = None
+        self._kind: type | None = None
+        self._is_valid: Callable[[Any], bool] = bool
+        self._encode: Callable[[Any], bytes] = bytes
 
     def add(self, payload: Buffer, stamp_ns: int = 0, /) -> bool:
-        size = len(payload) + RECORD_HEAD_BYTES
-        if size > self.budget or self.samples >= self.most:
-            return False
-        if not (get_ident() == self.thread if self.is_mine is None else self.is_mine()):
+        if not self._has_room(len(payload)) or not self._is_home():
             return False
         self._append(payload, stamp_ns or monotonic_ns())
-        self.budget -= size
         return True
-
-    def write(self, payload: Buffer, /) -> bool:
-        return self.add(payload)
 
     def begin(self, payload: Buffer, stamp_ns: int, /) -> None:
         if self._parts:
             raise ValueError("a run is open")
         self._append(payload, stamp_ns)
-        self.budget = 0
 
     def end(self, endpoint: int, first_seq: int, flags: int, /) -> Buffer:
         head = data_head(endpoint, first_seq, self.samples, self.size, flags=flags)
@@ -120,15 +117,63 @@ class PythonRun:
         self._parts.clear()
         self.samples = self.size = self.budget = 0
 
-    def begin_by(self, *_: Any) -> None:
-        pass
+    def begin_by(self, begun: Callable[[int], object], may_begin: Callable[[int], bool] | None, /) -> None:
+        if self._begun is not None:
+            raise ValueError("run has its ways already")
+        self._begun, self._may_begin = begun, may_begin
 
-    prepare = begin_by
+    def prepare(
+        self, kind: type, is_valid: Callable[[Any], bool], encode: Callable[[Any], bytes], plan: Any, /
+    ) -> None:
+        if self._kind is not None:
+            raise ValueError("run is prepared already")
+        self._kind, self._is_valid, self._encode = kind, is_valid, encode
 
-    def publish(self, message: Any, /) -> bool:
-        return False
+    def publish(self, message: Any, /) -> bool | bytes:
+        if type(message) is not self._kind or not self._is_home():
+            return False
+        try:
+            payload = self._encode(message) if self._is_valid(message) else None
+        except Exception:
+            return False
+        if not isinstance(payload, bytes):
+            return False
+        return self._take(payload) or payload
+
+    def write(self, payload: Buffer, /) -> bool:
+        return self._is_home() and self._take(bytes(memoryview(payload)))
+
+    def _take(self, payload: bytes) -> bool:
+        """Add it to the run that is open, or begin one with it."""
+        size, may_begin = len(payload), self._may_begin
+        is_asked = not self.samples and size < self.begins_below
+        if is_asked and may_begin is not None and not may_begin(size):
+            return False
+        if self.samples:  # only now: the check, the encoder and `may_begin` may have published here
+            if not self._has_room(size):
+                return False
+            self._append(payload, monotonic_ns())
+            return True
+        if self._begun is None or size >= self.begins_below:
+            return False
+        stamp_ns = monotonic_ns()
+        self._append(payload, stamp_ns)
+        self._begun(stamp_ns)
+        return True
+
+    def _is_home(self) -> bool:
+        return get_ident() == self.thread if self.is_mine is None else self.is_mine()
+
+    def _has_room(self, size: int) -> bool:
+        return size + RECORD_HEAD_BYTES <= self.budget and self.samples < self.most
 
     def _append(self, payload: Buffer, stamp_ns: int) -> None:
-        self._parts += (_pack_record(len(payload), stamp_ns), payload)
+        size = len(payload)
+        # What is no bytes may be changed by its owner before the run leaves.
+        self._parts += (
+            _pack_record(size, stamp_ns),
+            payload if isinstance(payload, bytes) else bytes(payload),
+        )
+        self.size += RECORD_HEAD_BYTES + size
+        self.budget = self.budget - RECORD_HEAD_BYTES - size if self.samples else 0  # `begun` sets it
         self.samples += 1
-        self.size += RECORD_HEAD_BYTES + len(payload)
