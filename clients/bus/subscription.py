@@ -283,12 +283,8 @@ class Subscription(Endpoint[M]):
                 if rings is not None and other in sources:
                     self._leave_ring(sources[other], rings)
             case m.LivelinessChanged(publisher=publisher, alive=alive):
-                if (heard := sources.get(publisher)) is not None and heard.is_alive is not alive:
-                    heard.is_alive = alive
-                    if alive or publisher not in self._matches:
-                        self._not_alive.discard(publisher)
-                    else:
-                        self._not_alive.add(publisher)
+                if publisher in self._matches and alive is (publisher in self._not_alive):
+                    self._not_alive ^= {publisher}
                     self._tell_liveliness(1 if alive else -1, -1 if alive else 1)
             case m.Dropped(missed=missed):
                 if rings is not None:
@@ -384,11 +380,11 @@ class Subscription(Endpoint[M]):
         super()._check_deadline()
 
     def _unmatch(self, other: int, *, is_lost: bool = False) -> None:
+        is_known, was_alive = other in self._matches, other not in self._not_alive
         super()._unmatch(other)
         self._not_alive.discard(other)
-        source = self._receiver.sources.get(other)
-        if source is not None:
-            self._tell_liveliness(*((-1, 0) if source.is_alive else (0, -1)))
+        if is_known:
+            self._tell_liveliness(*((-1, 0) if was_alive else (0, -1)))
 
     def _acknowledge(self, source: PublisherProxy) -> None:
         """Samples of a lossless publisher were taken: tell it now if they are many, else a little later."""

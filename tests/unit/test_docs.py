@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from bus import events, qos
-from bus.delivery.match import GATES, GateEvent
+from bus.delivery.match import GATES, RINGS, GateEvent, RingEvent
 from bus.msg import PACKAGES
 from bus.msg.std_msgs import String
 from bus.types.support import type_support
@@ -219,6 +219,9 @@ class TestRing:
 
     def test_the_states_of_a_gate(self) -> None:
         assert rows_of(self.text, "gate", *[event.value for event in GateEvent]) == as_rows(GATES, GateEvent)
+
+    def test_the_states_of_a_ring_that_is_read(self) -> None:
+        assert rows_of(self.text, "ring", *[event.value for event in RingEvent]) == as_rows(RINGS, RingEvent)
 
 
 class TestQoS:

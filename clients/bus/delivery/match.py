@@ -1,18 +1,33 @@
-"""What a match by shared memory goes through at its publisher's end: states, events, and which state follows.
+"""What a match by shared memory goes through at each of its ends: states, events, and which state follows.
 
-Owns the table, and what is remembered of one match. The tables of the publisher that go with the states are
-`bus.delivery.shm_sender`'s. (What the broker knows of a match is in `busd.core.match`.)
+Owns the two tables, and what is remembered of one match: a Gate at the publisher's end, a Ring at the
+subscription's. What else goes with their states is `bus.delivery.shm_sender`'s and `shm_receiver`'s. (What
+the broker knows of a match is in `busd.core.match`.)
 """
 
 from collections.abc import Mapping
 from enum import Enum
 from itertools import count
+from typing import Any, ClassVar, Generic, TypeVar
 
+from bus.base.descriptor import Descriptor
 from bus.delivery.port import Owner, ReaderProcess
+from bus.delivery.sequence import PublisherProxy
 from bus.qos import History
 from bus.wire import messages as m
 
-__all__ = ["GATES", "STALE", "Gate", "GateEvent", "GateState", "MatchError"]
+__all__ = [
+    "GATES",
+    "RINGS",
+    "STALE",
+    "Gate",
+    "GateEvent",
+    "GateState",
+    "MatchError",
+    "Ring",
+    "RingEvent",
+    "RingState",
+]
 
 _keys = count(1)
 
@@ -58,6 +73,37 @@ class GateEvent(Enum):
     """The reader holds nothing any more, or comes back in another match."""
 
 
+class RingState(Enum):
+    """Where a match stands for its subscription: what it reads, and whether more will come."""
+
+    __hash__ = object.__hash__
+
+    NEW = "new"
+    ATTACHED = "attached"
+    """It reads the publisher's ring."""
+    READING_ON = "reading on"
+    """It does since an earlier broker; the present one has not made the match yet."""
+    FINISHING = "finishing"
+    """The publisher has gone: what is in its ring is still taken."""
+    ENDED = "ended"
+    """The ring was left."""
+
+
+class RingEvent(Enum):
+    """What happens to it."""
+
+    __hash__ = object.__hash__
+
+    ATTACH = "attach"
+    """The broker makes the match (Matched), and the ring can be read."""
+    DISCONNECT = "disconnect"
+    """The broker is gone, or the connection to it."""
+    FINISH = "finish"
+    """The publisher has gone, or was not heard of."""
+    LEAVE = "leave"
+    """The ring was read to its end, can't be read, or is not to be read any more."""
+
+
 _State, _Event = GateState, GateEvent
 
 GATES: Mapping[GateState, Mapping[GateEvent, GateState]] = {
@@ -89,7 +135,29 @@ GATES: Mapping[GateState, Mapping[GateEvent, GateState]] = {
     _State.LOST: {_Event.FORGET: _State.ENDED},
     _State.ENDED: {},
 }
-"""What follows, by state and event; what is not in it must not happen."""
+"""What follows at the publisher's end, by state and event; what is not in it must not happen."""
+
+RINGS: Mapping[RingState, Mapping[RingEvent, RingState]] = {
+    RingState.NEW: {RingEvent.ATTACH: RingState.ATTACHED},
+    RingState.ATTACHED: {
+        RingEvent.DISCONNECT: RingState.READING_ON,
+        RingEvent.FINISH: RingState.FINISHING,
+        RingEvent.LEAVE: RingState.ENDED,
+    },
+    RingState.READING_ON: {
+        RingEvent.ATTACH: RingState.ATTACHED,
+        RingEvent.DISCONNECT: RingState.READING_ON,
+        RingEvent.FINISH: RingState.FINISHING,
+        RingEvent.LEAVE: RingState.ENDED,
+    },
+    RingState.FINISHING: {
+        RingEvent.DISCONNECT: RingState.FINISHING,
+        RingEvent.FINISH: RingState.FINISHING,
+        RingEvent.LEAVE: RingState.ENDED,
+    },
+    RingState.ENDED: {},
+}
+"""The same at the subscription's end."""
 
 STALE = (GateState.UNSURE, GateState.READING_ON)
 """The states in which the present broker has not made the match."""
@@ -99,23 +167,58 @@ class MatchError(Exception):
     """Something happened to a match that can't happen in its state: a bug of this library."""
 
 
-class Gate:
-    """A match of the publisher `owner`, and what its reader holds. Nothing but `on` changes the state.
+_S = TypeVar("_S", bound=Enum)
+_E = TypeVar("_E", bound=Enum)
+
+
+class LocalMatch(Generic[_S, _E]):
+    """A match of `owner`, as `matched` made it. Nothing but `on` changes the state."""
+
+    __slots__ = ("_owner", "matched", "state")
+
+    transitions: ClassVar[Mapping[Any, Mapping[Any, Any]]]
+    kinds: ClassVar[tuple[str, str]]
+    """What this end is, and what the other."""
+
+    def __init__(self, owner: Owner, matched: m.Matched, state: _S) -> None:
+        self._owner = owner
+        self.matched = matched
+        self.state = state
+
+    def on(self, event: _E) -> None:
+        """`event` happens. Raises MatchError where it can't."""
+        state = self.transitions[self.state].get(event)
+        if state is None:
+            raise MatchError(f"{self.describe()} is {self.state.value!r}: {event.value!r} can't happen to it")
+        self.state = state
+
+    def describe(self) -> str:
+        owner, other = self._owner, self.matched
+        mine, others = self.kinds
+        return (
+            f"the match on '{owner.topic_name}' of {mine} {owner._id} (here) "
+            f"and {others} {other.other} ({other.node})"
+        )
+
+
+class Gate(LocalMatch[GateState, GateEvent]):
+    """A match of a publisher, and what its reader holds.
 
     Until it is ATTACHED it is only known that there will be a reader, and from which number on it reads.
     """
 
-    __slots__ = ("_owner", "hold", "is_held", "key", "matched", "place", "state")
+    __slots__ = ("hold", "is_held", "key", "place")
+
+    transitions = GATES
+    kinds = "publisher", "subscription"
 
     def __init__(self, owner: Owner, matched: m.Matched, hold: int) -> None:
-        self._owner = owner
-        self.state = GateState.NEW
+        super().__init__(owner, matched, GateState.NEW)
         self.key = next(_keys)
         self.hold = hold  # until it is attached, nothing from here on may be given up
         self.is_held = matched.qos.is_lossless  # not while its process is silent, nor where memory ends
         self.place: tuple[ReaderProcess, int] | None = None
         """Where the reader tells what it has read: the slot of its process. None until it is ATTACHED."""
-        self.matched = matched
 
     @property
     def depth(self) -> int:
@@ -123,16 +226,19 @@ class Gate:
         qos = self.matched.qos
         return qos.depth if qos.history is History.KEEP_LAST else 1
 
-    def on(self, event: GateEvent) -> None:
-        """`event` happens. Raises MatchError where it can't."""
-        state = GATES[self.state].get(event)
-        if state is None:
-            raise MatchError(f"{self.describe()} is {self.state.value!r}: {event.value!r} can't happen to it")
-        self.state = state
 
-    def describe(self) -> str:
-        owner, other = self._owner, self.matched
-        return (
-            f"the match on '{owner.topic_name}' of publisher {owner._id} (here) "
-            f"and subscription {other.other} ({other.node})"
-        )
+class Ring(LocalMatch[RingState, RingEvent]):
+    """A match of a subscription, and the ring that it reads."""
+
+    __slots__ = ("doorbell", "final_seq", "identity", "slot", "source")
+
+    transitions = RINGS
+    kinds = "subscription", "publisher"
+
+    def __init__(self, owner: Owner, matched: m.Matched, source: PublisherProxy, slot: int) -> None:
+        super().__init__(owner, matched, RingState.NEW)
+        self.source = source
+        self.slot = slot
+        self.identity = 0, 0  # of the newest segment; its descriptor is of no use once it is mapped
+        self.doorbell: Descriptor | None = None  # never read: held open, because the reader knows its number
+        self.final_seq = 0  # the last number of its publisher, which has gone while the broker was lost

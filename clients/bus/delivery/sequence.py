@@ -24,7 +24,6 @@ class PublisherProxy:
         "acked_seq",
         "gaps",
         "gid",
-        "is_alive",
         "is_new",
         "is_rerouted",
         "known_seq",
@@ -44,7 +43,6 @@ class PublisherProxy:
         self.last_seq = last_seq
         self.lifespan_ns = lifespan_ns
         self.needs_ack = needs_ack
-        self.is_alive = True
         self.known_seq = 0  # read from the ring, before the match went by socket: also no replay of these
         self.is_new = True  # until its first run that is no replay
         # Up to where its history has come, as long as nothing else has: that is still to be expected then.
@@ -140,7 +138,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
         for number in self._gone:
             source = self.get(number)
             if source is not None and source.gid == matched.gid:
-                source.number, source.is_alive = matched.other, True
+                source.number = matched.other
                 source.lifespan_ns = matched.qos.lifespan_ns
                 source.comes_back(source.routed_seq, matched.next_seq)
                 return source

@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 from bus import shm
 from bus.base.descriptor import Descriptor
+from bus.delivery.match import Ring, RingEvent, RingState
 from bus.delivery.port import RETURN_S, Owner, Port, ShmPort, Timer
 from bus.delivery.sequence import PublisherProxy
 from bus.qos import Durability, History, QoSProfile
@@ -20,23 +21,6 @@ from bus.wire.session import MISSING
 _ALL = 1 << 60
 _LARGE_RING_BYTES = 2 << 20
 """A ring that is larger has grown, by large messages as a rule."""
-
-
-class _Ring:
-    """One publisher's."""
-
-    __slots__ = ("doorbell", "final_seq", "identity", "is_finishing", "is_stale", "slot", "source")
-
-    def __init__(
-        self, source: PublisherProxy, slot: int, identity: tuple[int, int], doorbell: Descriptor | None
-    ) -> None:
-        self.source = source
-        self.slot = slot
-        self.identity = identity  # of the newest segment; its descriptor is of no use once it is mapped
-        self.doorbell = doorbell  # never read: held open, because the reader knows its number
-        self.is_finishing = False  # its publisher has gone; it may come back
-        self.final_seq = 0  # the last number of its publisher, which has gone while the broker was lost
-        self.is_stale = False  # an earlier broker made the match, and the present one has not yet
 
 
 class ShmReceiver:
@@ -56,7 +40,7 @@ class ShmReceiver:
         self._on_missed = on_missed
         self._wants_history = qos.durability is Durability.TRANSIENT_LOCAL
         self._is_lossless = qos.is_lossless
-        self._rings: dict[bytes, _Ring] = {}
+        self._rings: dict[bytes, Ring] = {}
         self._positions: dict[bytes, int] = {}  # the next numbers of publishers whose rings were left
         self._declared_ns = _ALL
         self._lost_ns = _ALL  # when the broker was lost
@@ -81,7 +65,7 @@ class ShmReceiver:
         """
         self.sweep()  # what the reader has left by itself must not be taken for what is attached now
         ring = self._rings.get(matched.gid)
-        if ring is not None and (ring.is_finishing or matched.route != "shm"):
+        if ring is not None and (ring.state is RingState.FINISHING or matched.route != "shm"):
             if matched.route != "shm":
                 drain()
             if self.leave(matched.gid):  # another ring, or none: goes on where this one was read up to
@@ -91,7 +75,7 @@ class ShmReceiver:
         if ring is None:
             return None, known_seq
         source = ring.source
-        source.number, source.is_alive, source.lifespan_ns = matched.other, True, matched.qos.lifespan_ns
+        source.number, source.lifespan_ns = matched.other, matched.qos.lifespan_ns
         return source, known_seq
 
     def known_seq(self, gid: bytes, known_seq: int | None) -> int | None:
@@ -131,7 +115,7 @@ class ShmReceiver:
         """The publisher has gone: what is in its ring may still be taken."""
         ring = self._rings.get(gid)
         if ring is not None:
-            ring.is_finishing = True
+            ring.on(RingEvent.FINISH)
             self.reader.finish(ring.source)
             self.sweep()
             self._shm_context.look_soon()  # a last time: perhaps nobody was rung for what is there
@@ -156,6 +140,7 @@ class ShmReceiver:
         ring = self._rings.pop(gid, None)
         if ring is None:
             return False
+        ring.on(RingEvent.LEAVE)
         next_seq = self.reader.next_seq(ring.source)
         if next_seq:  # else the reader has left it by itself
             ring.source.last_seq = ring.source.known_seq = next_seq - 1
@@ -171,6 +156,7 @@ class ShmReceiver:
             source.last_seq = source.known_seq = max(source.last_seq, next_seq - 1)
             self._remember(source.gid, next_seq)
             if ring is not None and ring.source is source:
+                ring.on(RingEvent.LEAVE)
                 del self._rings[source.gid]
                 self._shm_context.give_back(ring.slot)
                 if ring.final_seq >= next_seq:
@@ -185,7 +171,7 @@ class ShmReceiver:
         self.sweep()  # the reader knows no position in what it has left
         for ring in self._rings.values():
             ring.source.last_seq = self.reader.next_seq(ring.source) - 1
-            ring.is_stale = True
+            ring.on(RingEvent.DISCONNECT)
 
     def poll(self, time_s: float) -> None:
         """Look for the next message without sleeping for so long after each."""
@@ -204,7 +190,7 @@ class ShmReceiver:
         """The broker has been back for a while: what it has not matched again has gone."""
         self._lost_ns = _ALL
         for gid, ring in tuple(self._rings.items()):
-            if ring.is_stale:
+            if ring.state is not RingState.ATTACHED:
                 self.finish(gid)
 
     def _cancel_return(self) -> None:
@@ -221,18 +207,19 @@ class ShmReceiver:
         """Returns the slot. Raises OSError or ValueError, saying what is wrong."""
         if len(descriptors) != matched.descriptors:
             raise OSError(MISSING)
-        ring, doorbell = descriptors
+        descriptor, doorbell = descriptors
         before = self._rings.get(matched.gid)
         if before is not None:
-            before.is_stale = False
-            if before.identity != segments.identity(ring):
-                self._replace(matched.gid, ring)
+            before.on(RingEvent.ATTACH)
+            before.matched = matched
+            if before.identity != segments.identity(descriptor):
+                self._replace(matched.gid, descriptor)
             return before.slot
         slot = self._shm_context.allot_slot()
         if slot is None:  # first: mapping costs more
             raise OSError("all slots of this process's readers' segment are in use")
         try:
-            memory = segments.map_ring(ring)
+            memory = segments.map_ring(descriptor)
             _make_ready_for(memory.size)
             history = 0
             if self._wants_history and matched.qos.durability is Durability.TRANSIENT_LOCAL:
@@ -256,7 +243,9 @@ class ShmReceiver:
             self._shm_context.give_back(slot)
             raise
         source.last_seq = first_seq - 1
-        self._rings[matched.gid] = _Ring(source, slot, segments.identity(ring), keep)
+        ring = self._rings[matched.gid] = Ring(self._owner, matched, source, slot)
+        ring.identity, ring.doorbell = segments.identity(descriptor), keep
+        ring.on(RingEvent.ATTACH)
         self._shm_context.look_soon()
         return slot
 

@@ -3,13 +3,25 @@
 from collections import deque
 from collections.abc import Callable
 from itertools import product
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from bus import shm
-from bus.delivery.match import GATES, Gate, GateEvent, GateState, MatchError
+from bus.delivery.match import (
+    GATES,
+    RINGS,
+    Gate,
+    GateEvent,
+    GateState,
+    MatchError,
+    Ring,
+    RingEvent,
+    RingState,
+)
 from bus.delivery.port import RETURN_S
+from bus.delivery.sequence import PublisherProxy
+from bus.errors import ConnectionClosed
 from bus.qos import QoSProfile
 from bus.types.support import type_support
 from bus.wire import messages as m
@@ -33,12 +45,9 @@ def paths(transitions: Any, first: Any) -> dict[Any, list[Any]]:
     return found
 
 
-WAYS = paths(GATES, GateState.NEW)
-
-
 def matched(qos: QoSProfile = KEEP_ALL) -> m.Matched:
     return m.Matched(
-        endpoint=4, other=7, node="/ear", gid=bytes(16), qos=qos, route="shm", next_seq=1, at_ns=0
+        endpoint=4, other=7, node="/far", gid=bytes(16), qos=qos, route="shm", next_seq=1, at_ns=0
     )
 
 
@@ -46,38 +55,47 @@ def owner() -> Any:
     return Owner(KEEP_ALL, type_support(Numbered), number=4)
 
 
-def gate_in(state: GateState) -> Gate:
-    gate = Gate(owner(), matched(), 1)
-    for event in WAYS[state]:
-        gate.on(event)
-    assert gate.state is state
-    return gate
+def new_gate() -> Any:
+    return Gate(owner(), matched(), 1)
 
 
-@pytest.mark.parametrize(("state", "event"), list(product(GateState, GateEvent)))
-def test_every_cell(state: GateState, event: GateEvent) -> None:
-    gate = gate_in(state)
-    following = GATES[state].get(event)
+def new_ring() -> Any:
+    return Ring(owner(), matched(), PublisherProxy(7, bytes(16), 0, 0, needs_ack=True), 0)
+
+
+ENDS = {
+    GateState: (GATES, GateEvent, new_gate, "publisher 4 (here) and subscription 7 (/far)"),
+    RingState: (RINGS, RingEvent, new_ring, "subscription 4 (here) and publisher 7 (/far)"),
+}
+CELLS = [*product(GateState, GateEvent), *product(RingState, RingEvent)]
+
+
+@pytest.mark.parametrize(("state", "event"), CELLS)
+def test_every_cell(state: GateState | RingState, event: GateEvent | RingEvent) -> None:
+    transitions, _, make, ends = ENDS[type(state)]
+    match, rows = make(), cast("Any", transitions)
+    for one in paths(rows, match.state)[state]:
+        match.on(one)
+    assert match.state is state
+    following = rows[state].get(event)
     if following is not None:
-        gate.on(event)
-        assert gate.state is following
+        match.on(event)
+        assert match.state is following
         return
     with pytest.raises(MatchError) as caught:
-        gate.on(event)
-    ends = "publisher 4 (here) and subscription 7 (/ear)"
+        match.on(event)
     assert str(caught.value) == (
         f"the match on '/topic' of {ends} is {state.value!r}: {event.value!r} can't happen to it"
     )
-    assert gate.state is state
+    assert match.state is state
 
 
-def test_every_state_has_a_row_and_can_be_reached() -> None:
-    assert {*WAYS} == {*GateState} == {*GATES}
-
-
-def test_from_every_state_it_comes_to_its_end() -> None:
-    for state in set(GateState) - {GateState.NEW}:
-        assert GateState.ENDED in paths(GATES, state)
+@pytest.mark.parametrize("states", ENDS)
+def test_every_state_has_a_row_and_can_be_reached_and_left(states: Any) -> None:
+    transitions: Any = ENDS[states][0]
+    assert {*paths(transitions, states.NEW)} == {*states} == {*transitions}
+    for state in states:
+        assert states.ENDED in paths(transitions, state)
 
 
 def test_how_many_records_must_stay() -> None:
@@ -91,7 +109,7 @@ class Scene:
     def __init__(self, state: GateState) -> None:
         self.world = ClientWorld()
         self.talker, self.listener = self.world.client(shares=True), self.world.client(shares=True)
-        publisher = self.talker.publisher(KEEP_ALL)
+        self.publisher = publisher = self.talker.publisher(KEEP_ALL)
         self.world.settle()
         self.listener.is_held = state in (GateState.EXPECTED, GateState.UNSURE)
         self.subscription = self.listener.subscription(KEEP_ALL)
@@ -124,6 +142,7 @@ class Scene:
         self.world.settle()
 
     def close(self) -> None:
+        """The subscription does."""
         self.listener.close(self.subscription)
         self.listener.serve()
         self.talker.step()
@@ -187,3 +206,84 @@ def test_what_processes_do(state: GateState, happens: Callable[[Scene], None], f
     happens(scene)
     assert scene.gate.state is following
     scene.check()
+
+
+class ReadScene(Scene):
+    """The same, with a message that waits in the ring, as the subscription sees it."""
+
+    def __init__(self, state: RingState) -> None:
+        super().__init__(GateState.ATTACHED)
+        rings = self.subscription._rings
+        assert rings is not None
+        self.rings = rings
+        self.read = rings._rings[self.publisher.gid]
+        self.talker.publish(self.publisher)
+        self.world.settle()
+        if state is RingState.READING_ON:
+            self.lose_busd()
+        elif state is RingState.FINISHING:
+            self.talker.hang_up()
+            self.world.settle()
+        self.check_rings(state)
+
+    def check_rings(self, state: RingState) -> None:
+        assert self.read.state is state
+        assert (self.rings._rings.get(self.publisher.gid) is self.read) is (state is not RingState.ENDED)
+
+    # --- what happens
+
+    def publisher_closes(self) -> None:
+        self.talker.close(self.publisher)
+        self.world.settle()
+
+    def take(self) -> None:
+        assert self.listener.take(self.subscription) == [(1, 1)]
+        self.rings.sweep()
+
+    def the_publisher_does_not_come_back(self) -> None:
+        self.listener.connect()
+        self.world.advance(RETURN_S + 1)
+
+    def end(self) -> None:
+        self.subscription._end(ConnectionClosed("a test"))
+
+    def connection_is_lost(self) -> None:
+        self.listener.hang_up()
+
+
+@shared
+@pytest.mark.parametrize(
+    ("state", "happens", "following"),
+    [
+        (RingState.ATTACHED, ReadScene.take, RingState.ATTACHED),
+        (RingState.ATTACHED, ReadScene.lose_busd, RingState.READING_ON),
+        (RingState.ATTACHED, ReadScene.publisher_closes, RingState.FINISHING),
+        (RingState.ATTACHED, ReadScene.refuse, RingState.ENDED),
+        (RingState.ATTACHED, ReadScene.end, RingState.ENDED),
+        (RingState.READING_ON, ReadScene.all_come_back, RingState.ATTACHED),
+        (RingState.READING_ON, ReadScene.the_publisher_does_not_come_back, RingState.FINISHING),
+        (RingState.READING_ON, ReadScene.end, RingState.ENDED),
+        (RingState.FINISHING, ReadScene.take, RingState.ENDED),
+        (RingState.FINISHING, ReadScene.connection_is_lost, RingState.FINISHING),
+        (RingState.FINISHING, ReadScene.all_come_back, RingState.ENDED),  # another ring, or from there on
+        (RingState.FINISHING, ReadScene.end, RingState.ENDED),
+    ],
+)
+def test_what_becomes_of_a_ring(
+    state: RingState, happens: Callable[[ReadScene], None], following: RingState
+) -> None:
+    scene = ReadScene(state)
+    happens(scene)
+    scene.check_rings(following)
+
+
+@shared
+def test_one_that_comes_back_reads_on() -> None:
+    """In another ring of the subscription's, from where the one that was finishing had come to."""
+    scene = ReadScene(RingState.FINISHING)
+    scene.all_come_back()
+    assert scene.rings._rings[scene.publisher.gid].state is RingState.ATTACHED
+    scene.talker.publish(scene.publisher)
+    scene.world.settle()
+    assert scene.listener.take(scene.subscription) == [(1, 1), (1, 2)]
+    assert scene.subscription.statistics().dropped == {}
