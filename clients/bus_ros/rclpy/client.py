@@ -21,7 +21,7 @@ class Client(Entity, Destroyable):
     """Made by `Node.create_client`."""
 
     native: "ServiceClient"
-    """Set by the node as soon as it is made: it calls back from then on."""
+    """Set by the node as soon as it is made."""
 
     def __init__(
         self,

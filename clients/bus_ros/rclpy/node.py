@@ -305,11 +305,12 @@ class Node(NodeGraph, NodeParameters):
         profile = profile_of(qos_profile)
         group = callback_group or self._default_callback_group
         service = Service(self.__engine, srv_type, srv_name, callback, group, profile, self)
-        service.native = self.__engine.run(
+        native = self.__engine.run(
             lambda: self.__native.create_service(
                 srv_type, srv_name, qos=_service_qos(profile), on_request=service.on_request
             )
         )
+        service.begin(native)
         return self.__add(service)
 
     def create_timer(

@@ -21,7 +21,7 @@ class Service(Entity, Destroyable):
     """Made by `Node.create_service`."""
 
     native: ServiceServer
-    """Set by the node as soon as it is made: it calls back from then on."""
+    """Set by `begin`."""
 
     def __init__(
         self,
@@ -41,6 +41,12 @@ class Service(Entity, Destroyable):
         self._engine = engine
         self._waiting: deque[tuple[object, RequestId]] = deque()
         super().__init__(node, callback_group)
+        self.is_queued = True  # until `begin`: no executor takes what comes before
+
+    def begin(self, native: ServiceServer) -> None:
+        """For the node: `native` is made, and answers can go out. Requests may have come before."""
+        self.native = native
+        self.is_queued = False
 
     @property
     def service_name(self) -> str:

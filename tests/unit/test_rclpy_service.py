@@ -1,0 +1,28 @@
+"""A service of the facade, without a bus: when an executor hears of a request."""
+
+from collections import deque
+from types import SimpleNamespace
+from typing import Any
+
+from bus.service import RequestId
+from bus.srv.example_interfaces import AddTwoInts
+from bus_ros.rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from bus_ros.rclpy.qos import qos_profile_services_default
+from bus_ros.rclpy.service import Service
+
+
+def test_a_request_that_is_quicker_than_the_call_that_creates_waits_for_it() -> None:
+    """An executor in another thread would take it, and could not answer."""
+    executor = SimpleNamespace(ready=deque(), waiter=SimpleNamespace(is_set=True))
+    node: Any = SimpleNamespace(own_executor=executor)
+    native: Any = SimpleNamespace(service_name="/add")
+    engine: Any = None
+    group = MutuallyExclusiveCallbackGroup()
+    service = Service(engine, AddTwoInts, "add", max, group, qos_profile_services_default, node)
+    service.on_request(AddTwoInts.Request(a=1), RequestId(bytes(16), 1))
+    assert not executor.ready
+    service.begin(native)
+    service.notify()  # as the node does with all that it adds
+    assert list(executor.ready) == [service] and service.service_name == "/add"
+    service.on_request(AddTwoInts.Request(a=2), RequestId(bytes(16), 2))
+    assert list(executor.ready) == [service]
