@@ -30,6 +30,7 @@ _FILES = (
     "setup.py",
 )
 _NATIVE = "tests/native/"
+_CORE = "clients/bus/shm/"
 
 
 class Mutant(msgspec.Struct, forbid_unknown_fields=True):
@@ -40,6 +41,12 @@ class Mutant(msgspec.Struct, forbid_unknown_fields=True):
     old: str
     new: str
     tests: list[str]
+
+    @property
+    def is_in_core(self) -> bool:
+        """Whether the native core is to be built anew with it."""
+        is_built = self.file.startswith(_CORE) and not self.file.endswith(".py")
+        return is_built and not all(test.startswith(_NATIVE) for test in self.tests)
 
 
 def main(words: list[str]) -> int:
@@ -55,6 +62,8 @@ def main(words: list[str]) -> int:
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder)
         _copy(tree)
+        if any(one.is_in_core for one in mutants):
+            _build_core(tree)
         tests = sorted({test for one in mutants for test in one.tests})
         if _fails(tree, tests):
             print("the tests fail as it is")
@@ -75,14 +84,34 @@ def _copy(tree: Path) -> None:
 def _is_killed(tree: Path, mutant: Mutant) -> bool:
     path, began = tree / mutant.file, time.monotonic()
     source = path.read_text()
+    cores = {core: core.read_bytes() for core in (tree / _CORE).glob("*.so")} if mutant.is_in_core else {}
     path.write_text(source.replace(mutant.old, mutant.new))
     try:
+        if mutant.is_in_core:
+            _build_core(tree)
         is_killed = _fails(tree, mutant.tests)
     finally:
         path.write_text(source)
+        for core, built in cores.items():
+            core.write_bytes(built)
     word = "killed" if is_killed else "SURVIVED"
     print(f"{word:<8} {time.monotonic() - began:5.1f} s  {mutant.file}: {mutant.breaks}", flush=True)
     return is_killed
+
+
+def _build_core(tree: Path) -> None:
+    """In the copy. What the sources are compiled with, setup.py alone knows."""
+    done = subprocess.run(
+        [sys.executable, "setup.py", "-q", "build_ext", "--inplace"],
+        cwd=tree,
+        env=os.environ | {"BUS_NATIVE": "yes", "CFLAGS": "-O0"},
+        capture_output=True,
+        text=True,
+        timeout=LIMIT_S,
+        check=False,
+    )
+    if done.returncode:
+        raise RuntimeError(f"the native core could not be built:\n{done.stderr}")
 
 
 def _fails(tree: Path, tests: list[str]) -> bool:
@@ -118,9 +147,9 @@ def _pytest_fails(tree: Path, tests: list[str]) -> bool:
         )
     except subprocess.TimeoutExpired:
         return True  # it hangs
-    if done.returncode not in (0, _FAILED):
+    if done.returncode > _FAILED:
         raise RuntimeError(f"the tests could not be run:\n{done.stdout}\n{done.stderr}")
-    return done.returncode == _FAILED
+    return done.returncode != 0  # below 0: the core has crashed
 
 
 if __name__ == "__main__":

@@ -264,3 +264,35 @@ def test_the_rings_that_wait_are_bounded(talker: Talker, listener: Listener) -> 
     assert listener.take() == []
     talker.write(b"x")
     assert listener.take() == [b"x"]  # the first one does not count as left, it is not closed
+
+
+def test_who_fell_asleep_before_its_gate_came_is_rung_by_that(talker: Talker, listener: Listener) -> None:
+    slot = listener.join(talker, gate=False)
+    assert listener.readers.sleep() == []
+    talker.write(b"x")
+    assert not is_rung(listener.doorbell)
+    talker.writer.add_gate(1, listener.bell, slot, is_lossless=False)
+    assert is_rung(listener.doorbell)
+
+
+def test_what_was_knocked_for_one_slot_does_not_stand_for_another(listener: Listener) -> None:
+    talkers = [Talker() for _ in range(20)]  # of many, one knocks for its slot alone
+    for source, end in enumerate(talkers):
+        listener.join(end, source)
+    assert listener.readers.sleep() == []
+    talker = talkers[0]
+    talker.write(b"x")
+    assert talker.writer._debug()["rung"] == 1
+    talker.writer.remove_gate(id(listener))
+    talker.writer.add_gate(1, listener.bell, 100, is_lossless=False)
+    assert talker.writer._debug()["rung"] == 2
+    for end in talkers:
+        end.close()
+
+
+def test_no_more_than_some_rings_may_wait_behind_one(talker: Talker, listener: Listener) -> None:
+    listener.join(talker)
+    for _ in range(64):
+        listener.reader.extend(1, segments.map_ring(talker.ring))
+    with pytest.raises(ValueError, match="too many rings wait"):
+        listener.reader.extend(1, segments.map_ring(talker.ring))

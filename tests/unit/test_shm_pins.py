@@ -196,3 +196,13 @@ def test_a_loan_is_the_place_itself(talker: Talker, listener: Listener) -> None:
     place[:4] = b"late"
     assert bytes(view[:4]) == b"late"
     assert time.monotonic_ns() > talker.writer.since(0)[0][1]
+
+
+def test_a_gate_that_comes_once_more_still_keeps_what_is_held(talker: Talker, listener: Listener) -> None:
+    slot = listener.join(talker)
+    talker.write(b"x" * LARGE)
+    (view,) = listener.reader.messages(1, as_is)
+    talker.write(*[bytes(LARGE)] * 40)  # it is given up by now
+    talker.writer.add_gate(id(listener), listener.bell, slot, is_lossless=False)
+    talker.write(*[bytes(LARGE)] * 40)
+    assert view == b"x" * LARGE

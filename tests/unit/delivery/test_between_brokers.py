@@ -1,0 +1,115 @@
+"""Samples that are on their way while a match is made, a broker is away, or a route changes.
+
+Each is heard once, by its number, and what is lost is counted.
+
+In a world without a process, a socket or a clock (`tests/world/client_world.py`).
+"""
+
+from typing import Any
+
+import pytest
+
+from bus import shm
+from bus.qos import QoSProfile
+from bus.subscription import Subscription
+from bus.wire import messages as m
+from client_world import Client, ClientWorld
+
+pytestmark = pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
+
+LAST_10 = QoSProfile(10)
+LARGE = "x" * (3 << 20)
+"""More than the first ring holds."""
+
+
+def numbers(client: Client, subscription: Subscription[Any]) -> list[int]:
+    return [number for _, number in client.take(subscription)]
+
+
+def losses(subscription: Subscription[Any]) -> dict[str, int]:
+    found = subscription.statistics()
+    assert found.expected == found.delivered + found.queued + sum(found.dropped.values())
+    return found.dropped
+
+
+def test_a_match_by_socket_gets_what_was_published_behind_what_is_on_its_way() -> None:
+    world = ClientWorld()
+    talker, far = world.client(shares=True), world.client()
+    before = far.subscription(LAST_10)
+    publisher = talker.publisher(LAST_10)
+    world.settle()
+    talker.publish(publisher, 2)
+    world.settle()
+    assert numbers(far, before) == [1, 2]
+    talker.publish(publisher, 3)
+    talker.step()  # these leave, and the broker has not read them yet
+    assert talker.connection is not None and talker.connection.sent_up
+    far.close(before)
+    far.step()
+    while far.serve():
+        pass
+    talker.step()  # nobody is there by socket any more
+    assert not publisher._sender.goes_by_socket
+    talker.publish(publisher, 2)  # into the ring alone
+    after = far.subscription(LAST_10)
+    far.step()
+    while far.serve():
+        pass
+    world.settle()
+    talker.publish(publisher)
+    world.settle()
+    assert numbers(far, after) == [3, 4, 5, 6, 7, 8]
+    assert losses(after) == {}
+
+
+def test_what_was_read_in_the_ring_is_not_sent_once_more() -> None:
+    world = ClientWorld()
+    talker, listener = world.client(shares=True), world.client(shares=True)
+    publisher, subscription = talker.publisher(LAST_10), listener.subscription(LAST_10)
+    world.settle()
+    talker.publish(publisher, 5)
+    world.settle()
+    assert numbers(listener, subscription) == [1, 2, 3, 4, 5]
+    refusal = m.RefuseRoute(endpoint=subscription._id, other=publisher._id, text="a test")
+    listener.send_about(subscription, refusal)
+    world.settle()
+    assert [match.route for match in publisher.matches] == ["socket"]
+    talker.publish(publisher)
+    world.settle()
+    assert numbers(listener, subscription) == [6]
+    assert subscription._receiver.sources.known == 0
+    assert losses(subscription) == {}
+
+
+def test_a_publisher_that_was_made_while_the_broker_was_away_is_heard_from_its_first_sample_on() -> None:
+    world = ClientWorld()
+    talker, listener = world.client(shares=True), world.client(shares=True)
+    subscription = listener.subscription(LAST_10)
+    world.settle()
+    world.restart_broker()
+    world.settle()
+    publisher = talker.publisher(LAST_10)
+    talker.publish(publisher, 3)
+    world.connect_all()
+    world.settle()
+    assert numbers(listener, subscription) == [1, 2, 3]
+    assert losses(subscription) == {}
+
+
+def test_what_a_publisher_that_has_gone_wrote_into_another_ring_meanwhile_is_counted() -> None:
+    world = ClientWorld()
+    talker, listener = world.client(shares=True), world.client(shares=True)
+    publisher, subscription = talker.publisher(LAST_10), listener.subscription(LAST_10)
+    world.settle()
+    talker.publish(publisher, 3)
+    world.settle()
+    listener.hang_up()
+    talker.publish(publisher, 1, LARGE)  # its ring grows, and only who is connected hears of that
+    world.settle()
+    talker.close(publisher)
+    world.settle()
+    listener.connect()
+    world.settle()
+    assert numbers(listener, subscription) == [1, 2, 3]
+    world.advance(10)
+    assert losses(subscription) == {"disconnected": 1}
