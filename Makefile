@@ -66,8 +66,12 @@ robot: $(STAMP) ## the lesson's robot: perception, cognition, actuation, monitor
 	@$(BIN)/python examples/robot/main.py $(SECONDS)
 
 test: $(TOOLS) ## the whole test suite (BUS_NATIVE=no: as without the native core)
-	$(if $(PYTEST_ARGS)$(filter no,$(BUS_NATIVE)),,@$(MAKE) --no-print-directory native)
+	$(if $(PYTEST_ARGS),,@$(MAKE) --no-print-directory --jobs 2 $(if $(filter no,$(BUS_NATIVE)),,native) compiled)
 	$(PYTEST) $(PYTEST_ARGS)
+
+# In a fresh clone pytest compiles the tests: ten seconds, for each worker unless it was done before.
+compiled: $(TOOLS)
+	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -q --collect-only -p no:cacheprovider >/dev/null || true
 
 # Each part runs also where another has failed; the last lines say which have.
 NIGHTLY = test-nightly native sanitize arm mutants chaos fuzz soak
@@ -187,4 +191,4 @@ clean: ## remove what the other targets made
 	rm -rf $(VENV) $(ROS_VENV) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test nightly test-nightly mutants native arm lint sanitize fuzz api messages fmt bench-quick bench peers chaos soak bench-compare bench-report wheels test-pythons clean
+.PHONY: help setup demo robot test compiled nightly test-nightly mutants native arm lint sanitize fuzz api messages fmt bench-quick bench peers chaos soak bench-compare bench-report wheels test-pythons clean

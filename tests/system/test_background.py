@@ -14,6 +14,7 @@ from bus.link import autostart, reach
 from bus.link.reach import Patience
 from bus.wire.messages import Hello
 from conftest import WAIT_S, Daemon
+from effort import examples
 from raw_peer import HELLO, RawPeer
 from semantics import until
 
@@ -50,7 +51,7 @@ async def started(path: Path) -> int:
 @pytest.mark.parametrize("turns", [0, 1, 2, 5])
 async def test_cancelled_while_it_starts(path: Path, turns: int) -> None:
     """Nothing reads any more from descriptors that are closed: uvloop ends the process for that."""
-    for _ in range(3):
+    for _ in range(examples(3)):
         starting = asyncio.ensure_future(autostart.start(path, IDLE))
         for _ in range(turns + 1):
             await asyncio.sleep(0)
