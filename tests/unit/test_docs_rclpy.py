@@ -64,7 +64,7 @@ INSIDE_OF_CLASSES = {
     "rclpy.node.Node": {"own_entities", "own_executor", "receive_one"},
     "rclpy.publisher.Publisher": {"native", "node"},
     "rclpy.subscription.Subscription": {"native"},
-    "rclpy.service.Service": {"native", "on_request"},
+    "rclpy.service.Service": {"begin", "native", "on_request"},
     "rclpy.task.Future": {"call_when_done", "forget_waiter"},
     "rclpy.task.Task": {"call_when_done", "forget_waiter", "reschedule"},
     "rclpy.time.Time": {"of_clock"},

@@ -11,10 +11,17 @@ from bus_ros.rclpy.qos import qos_profile_services_default
 from bus_ros.rclpy.service import Service
 
 
+class Robot:
+    """A node that an executor works for."""
+
+    def __init__(self, executor: object) -> None:
+        self.own_executor = executor
+
+
 def test_a_request_that_is_quicker_than_the_call_that_creates_waits_for_it() -> None:
     """An executor in another thread would take it, and could not answer."""
     executor = SimpleNamespace(ready=deque(), waiter=SimpleNamespace(is_set=True))
-    node: Any = SimpleNamespace(own_executor=executor)
+    node: Any = Robot(executor)
     native: Any = SimpleNamespace(service_name="/add")
     engine: Any = None
     group = MutuallyExclusiveCallbackGroup()
