@@ -12,7 +12,7 @@ import bus.process.termination as termination
 termination.say_nothing_of_signals()
 atexit.register(print, "went on", flush=True)
 atexit.register(signal.raise_signal, signal.SIGINT)
-raise termination.{error}
+raise {error}
 """
 AT_ONCE = """\
 import signal
@@ -29,7 +29,7 @@ def ended(text: str) -> tuple[int, str, str]:
     return done.returncode, done.stdout, done.stderr
 
 
-@pytest.mark.parametrize("error", ["KeyboardInterrupt", "Terminated"])
+@pytest.mark.parametrize("error", ["KeyboardInterrupt", "termination.Terminated"])
 def test_one_more_while_a_program_ends(error: str) -> None:
     assert ended(FIRST_AND_SECOND.format(error=error)) == (-signal.SIGINT, "", "")
 
