@@ -316,8 +316,8 @@ class Endpoint(Generic[M]):
         raise NotImplementedError
 
     def _watch_deadline(self) -> None:
-        """Start to look for gaps longer than the QoS deadline."""
-        if self.qos.deadline is not None and self._deadline is None:
+        """Start to look for gaps longer than the QoS deadline, which there is."""
+        if self._deadline is None:
             self._last_ns = monotonic_ns()
             self._arm_deadline()
 

@@ -105,8 +105,7 @@ def expand_topic_name(name: str, node: str, namespace: str) -> str:
 
 def topic_in_node(name: str, node: str, namespace: str) -> str:
     """As `expand_topic_name`, in a node whose names were looked at when it was made."""
-    _require_text("topic name", name)
-    if _are_words(name.removeprefix("/").split("/")):  # nothing is to be put in
+    if isinstance(name, str) and _are_words(name.removeprefix("/").split("/")):  # nothing is to be put in
         full = name if name[0] == "/" else join_node_name(namespace, name)
         if len(full) <= MAX_TOPIC_NAME_LENGTH:
             return full

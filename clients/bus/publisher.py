@@ -107,7 +107,8 @@ class Publisher(Endpoint[M]):
         self._bytes_fields = {name: support.cls.__struct_fields__.index(name) for name in self._long_fields}
         if ring is not None:  # by socket, text had to be copied once more to be joined with the rest
             self._long_fields += text_fields(support.cls)
-        self._watch_deadline()
+        if qos.deadline is not None:
+            self._watch_deadline()
 
     def publish(self, message: M) -> bool:
         """Publish `message`; never blocks, and may be called from any thread.

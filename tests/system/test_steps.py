@@ -4,7 +4,10 @@ from pathlib import Path
 
 import pytest
 
+import bus
+from bus.msg.std_msgs import String
 from bus.shm import has_core
+from callcount import CallCounter
 from stepcount import allocations, steps, system_calls
 
 pytestmark = pytest.mark.usefixtures("daemon")
@@ -87,3 +90,25 @@ def test_steps_of_an_executor(route: str) -> None:
     bytecodes, calls = steps("subscriber", "rclpy")
     assert 100 <= bytecodes <= 740
     assert calls <= 17
+
+
+@natively
+@pytest.mark.parametrize(("route", "most"), [("shm", 92), ("socket", 86)], indirect=["route"])
+async def test_calls_of_a_subscription_that_is_made(route: str, most: int) -> None:
+    async with bus.Node("maker", rosout=False, arguments=[]) as node:
+        for number in range(3):  # what is done once is done
+            await node.create_subscription(String, f"warm_up_{number}", 10, lambda message: None)
+        with CallCounter() as counter:
+            await node.create_subscription(String, "made", 10, lambda message: None)
+    assert 40 <= counter.python <= most
+
+
+@natively
+@pytest.mark.parametrize(("route", "most"), [("shm", 150), ("socket", 115)], indirect=["route"])
+async def test_calls_of_a_publisher_that_is_made(route: str, most: int) -> None:
+    async with bus.Node("maker", rosout=False, arguments=[]) as node:
+        for number in range(3):
+            await node.create_publisher(String, f"warm_up_{number}", 10)
+        with CallCounter() as counter:
+            await node.create_publisher(String, "made", 10)
+    assert 40 <= counter.python <= most

@@ -6,7 +6,7 @@ waits there; it is taken after what came by socket. Does no I/O; its owner deliv
 
 from collections import deque
 from collections.abc import Callable, Sequence, Sized
-from functools import partial
+from functools import cached_property, partial
 from time import monotonic_ns
 from typing import Any, Generic, TypeAlias, TypeVar
 
@@ -59,7 +59,6 @@ class Receiver(Generic[M]):
         self.sources = SequenceTracker(self.drop)
         self.is_lossless = is_lossless
         self._decode = decode
-        self._has_core = shm.has_core()
         self._queue = RunQueue(depth, Account(STEP_BYTES))
         self.ahead: deque[Taken[M]] = deque()
         """Decoded ahead, not yet delivered."""
@@ -73,6 +72,11 @@ class Receiver(Generic[M]):
         self._on_drop = on_drop
         self._on_reject = on_reject
         self._on_taken = on_taken
+
+    @cached_property
+    def _has_core(self) -> bool:
+        """Asked for when something has come by socket."""
+        return shm.has_core()
 
     @property
     def delivered(self) -> int:

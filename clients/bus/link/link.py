@@ -62,6 +62,8 @@ class Link:
         self.failure: BusError | None = None
         self._users = 0
         self._hello = m.Hello(version=VERSION, background=True)  # the present broker's, or the last one's
+        self.broker = self._hello.pid, self._hello.began_ns
+        """Which broker it is, or was the last: one that restarts has the same process id as before."""
         self._connection: Connection | None = None
         self._opening: asyncio.Task[None] | None = None
         self._declarations = Declarations()
@@ -75,11 +77,6 @@ class Link:
         """Where somebody observes."""
         self._mirroring: asyncio.Task[None] | None = None
         Link._links.add(self)
-
-    @property
-    def broker(self) -> tuple[int, int]:
-        """Which broker it is, or was the last: one that restarts has the same process id as before."""
-        return self._hello.pid, self._hello.began_ns
 
     # --- making and ending
 
@@ -272,7 +269,8 @@ class Link:
         gathered, self._gathered = self._gathered, set()
         for publisher in gathered:
             publisher._hand_over()
-        self.flush()
+        if self._connection is not None:
+            self._connection.flush()
 
     def wrote(self) -> None:
         """What waited was sent, or can be now."""
@@ -431,6 +429,7 @@ class Link:
             self._connection = None
             raise
         self._hello = connection.hello
+        self.broker = self._hello.pid, self._hello.began_ns
         self._set_heartbeat()
         return connection
 
@@ -469,20 +468,14 @@ class Link:
         finally:
             self._opening = None
 
-    async def _connected(self) -> Connection:
-        while True:
-            if self.failure is not None:
-                raise again(self.failure)
-            if self._opening is not None:
-                await asyncio.wait([self._opening])  # whatever becomes of it
-            elif self._connection is not None:
-                return self._connection
-            else:
-                raise ConnectionClosed("the connection to busd is closed")
-
     async def _when_connected(self, action: Callable[[Connection], Awaitable[T]]) -> T:
         while True:
-            connection = await self._connected()
+            while self._opening is not None and self.failure is None:
+                await asyncio.wait([self._opening])  # whatever becomes of it
+            if self.failure is not None:
+                raise again(self.failure)
+            if (connection := self._connection) is None:
+                raise ConnectionClosed("the connection to busd is closed")
             self.hand_over()  # what was published before must not seem to come after
             try:
                 return await action(connection)
