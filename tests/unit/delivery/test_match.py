@@ -208,6 +208,38 @@ def test_what_processes_do(state: GateState, happens: Callable[[Scene], None], f
     scene.check()
 
 
+@shared
+def test_what_is_lost_and_comes_back_goes_on_with_the_same_gate() -> None:
+    scene = Scene(GateState.READING_ON)
+    scene.the_other_does_not_come_back()
+    scene.listener.connect()
+    scene.world.settle()
+    assert scene.gate.state is GateState.ENDED
+    scene.check()
+    after = scene.ring._gates[scene.subscription.gid]
+    assert (after.state, after.key, after.place) == (GateState.ATTACHED, scene.gate.key, scene.gate.place)
+
+
+@shared
+def test_while_busd_is_there_it_says_who_has_died() -> None:
+    scene = Scene(GateState.ATTACHED)
+    scene.listener.die()
+    assert not scene.ring.let_the_dead_go()
+    assert scene.gate.state is GateState.ATTACHED
+
+
+@shared
+@pytest.mark.parametrize("state", [GateState.EXPECTED, GateState.ATTACHED])
+def test_one_that_was_silent_and_is_matched_by_another_busd_is_waited_for_again(state: GateState) -> None:
+    scene = Scene(state)
+    scene.ring.set_waiting(scene.subscription.gid, is_on=False)
+    assert not scene.gate.is_held
+    scene.lose_busd()
+    assert not scene.gate.is_held
+    scene.all_come_back()
+    assert scene.gate.is_held
+
+
 class ReadScene(Scene):
     """The same, with a message that waits in the ring, as the subscription sees it."""
 

@@ -1,0 +1,57 @@
+"""bus.subscription: how many of its publishers are alive, as its event says."""
+
+from bus.events import LivelinessChanged, SubscriptionEvents
+from bus.qos import QoSProfile
+from client_world import ClientWorld
+
+LEASED = QoSProfile(1, liveliness="manual_by_topic", liveliness_lease_duration=1.0)
+
+
+def test_each_change_is_told_once() -> None:
+    world = ClientWorld()
+    talker, listener = world.client(), world.client()
+    subscription = listener.subscription(QoSProfile(1))
+    told: list[LivelinessChanged] = []
+    subscription._events = SubscriptionEvents(liveliness_changed=told.append)
+    world.settle()
+    first, second = talker.publisher(LEASED), talker.publisher(LEASED)
+    world.settle()
+    world.advance(0.5)
+    talker.publish(second)
+    world.settle()
+    world.advance(0.8)  # the first has been quiet for its lease
+    talker.close(first)
+    world.settle()
+    world.advance(1.0)
+    talker.publish(second)
+    world.settle()
+    talker.close(second)
+    world.settle()
+    assert told == [
+        LivelinessChanged(1, 0, 1, 0),
+        LivelinessChanged(2, 0, 1, 0),
+        LivelinessChanged(1, 1, -1, 1),
+        LivelinessChanged(1, 0, 0, -1),
+        LivelinessChanged(0, 1, -1, 1),
+        LivelinessChanged(1, 0, 1, -1),
+        LivelinessChanged(0, 0, -1, 0),
+    ]
+
+
+def test_those_that_were_not_alive_when_the_connection_was_lost_count_anew() -> None:
+    world = ClientWorld()
+    talker, listener = world.client(), world.client()
+    subscription = listener.subscription(QoSProfile(1))
+    talker.publisher(LEASED)
+    world.settle()
+    world.advance(1.5)
+    told: list[LivelinessChanged] = []
+    subscription._events = SubscriptionEvents(liveliness_changed=told.append)
+    listener.hang_up()
+    listener.connect()
+    world.settle()
+    assert told == [
+        LivelinessChanged(0, 0, 0, -1),
+        LivelinessChanged(1, 0, 1, 0),
+        LivelinessChanged(0, 1, -1, 1),
+    ]
