@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from bus.shm import headroom, segments
+from bus.shm import has_core, headroom, segments
 from bus.shm.headroom import Room
 
 MiB = 1 << 20
@@ -266,6 +266,7 @@ class TestClaim:
         assert len(looks) == 2
 
 
+@pytest.mark.skipif(not has_core(), reason="the native core was not built")
 class TestSegments:
     @pytest.fixture(autouse=True)
     def mounted(self, tree: Tree) -> None:

@@ -13,8 +13,10 @@ from pathlib import Path
 import pytest
 
 from bus.base.descriptor import Descriptor
-from bus.shm import openfiles, segments
+from bus.shm import has_core, openfiles, segments
 from bus.shm.openfiles import OWN, RESERVE
+
+pytestmark = pytest.mark.skipif(not has_core(), reason="the native core was not built")
 
 FILES = resource.RLIMIT_NOFILE
 
