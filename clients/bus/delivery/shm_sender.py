@@ -25,7 +25,7 @@ from bus.delivery.ring_size import (
     is_filled_by_few,
     laps_slowly,
 )
-from bus.errors import PayloadTooLarge, SharedMemoryError
+from bus.errors import PayloadTooLarge, RemoteProtocolError, SharedMemoryError
 from bus.logger import Logger, get_logger
 from bus.qos import Durability, History, Liveliness, QoSProfile
 from bus.shm import segments
@@ -238,6 +238,8 @@ class ShmSender:
             self._gates[matched.gid] = self._unattached[gate.key] = gate
             if gate.is_held:
                 heappush(self._holds, (gate.hold, gate.key))
+        elif gate.state not in STALE:
+            raise RemoteProtocolError(f"{gate.describe()} was made twice")
         else:
             gate.on(GateEvent.MATCH)
             self._forget_depth(gate)

@@ -7,8 +7,10 @@ import pytest
 
 from bus import shm
 from bus.delivery.port import RETURN_S
+from bus.errors import RemoteProtocolError
 from bus.qos import QoSProfile
 from bus.subscription import Subscription
+from bus.wire import messages as m
 from client_world import Client, ClientWorld, Numbered
 from list_port import Task
 
@@ -113,3 +115,24 @@ def test_one_by_socket_that_comes_back_later_has_missed_nothing() -> None:
     for client, subscription in subscriptions.items():
         assert heard(client, subscription) == [1, 2, 3, 4, 5]
         assert subscription.statistics().dropped == {}
+
+
+def test_a_match_that_the_broker_makes_twice_is_its_fault() -> None:
+    world = ClientWorld()
+    talker, listener = world.client(shares=True), world.client(shares=True)
+    subscription = listener.subscription(LAST_10)
+    publisher = talker.publisher(LAST_10)
+    world.settle()
+    again = m.Matched(
+        endpoint=publisher._id,
+        other=subscription._id,
+        node="/n",
+        gid=subscription.gid,
+        qos=LAST_10,
+        route="shm",
+    )
+    with pytest.raises(RemoteProtocolError, match="was made twice"):
+        publisher._handle(again)
+    talker.publish(publisher)
+    world.settle()
+    assert heard(listener, subscription) == [1]
