@@ -44,8 +44,8 @@ class CallCounter:
         return sum(one != other for one, other in pairwise(files))
 
     def _note(self, frame: FrameType, event: str, argument: Any) -> None:
-        name = frame.f_globals.get("__name__", "")
-        if name.partition(".")[0] in _OTHERS or name.startswith("test_"):
+        names = frame.f_globals.get("__name__", "").split(".")
+        if names[0] in _OTHERS or names[-1].startswith(("test_", "conftest")):
             return
         if event == "call":
             self.calls.append((frame.f_code.co_filename, frame.f_code.co_qualname))

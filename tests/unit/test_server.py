@@ -145,15 +145,18 @@ async def test_it_gives_way_where_more_comes_than_can_be_taken(
 async def test_calls_of_a_subscription_from_socket_to_socket(listener: Listener) -> None:
     """What all of busd does for one that matches a publisher, by socket; see `callcount`."""
     server = Server(listener, Broker(uid=os.getuid()))
+    counts = list[int]()
     with RawPeer(listener.path) as talker, RawPeer(listener.path) as peer:
         for one in (talker, peer):
             await asyncio.to_thread(one.hello)
-        await asyncio.to_thread(talker.publisher, await asyncio.to_thread(talker.node), "/topic")
+        from_node = await asyncio.to_thread(talker.node)
         node = await asyncio.to_thread(peer.node, "listener")
-        await asyncio.to_thread(peer.subscription, node, "/another")
-        with CallCounter() as counter:
-            await asyncio.to_thread(peer.subscription, node, "/topic")
-        await asyncio.to_thread(talker.expect, Matched)
+        for topic in ("/a", "/b", "/c"):
+            await asyncio.to_thread(talker.publisher, from_node, topic)
+            with CallCounter() as counter:
+                await asyncio.to_thread(peer.subscription, node, topic)
+            await asyncio.to_thread(talker.expect, Matched)
+            counts.append(counter.python)
     server.stop("a test")
     await server.stopped
-    assert 40 <= counter.python <= 94
+    assert 40 <= min(counts) <= 94
