@@ -31,7 +31,6 @@ from bus.publisher import Publisher
 from bus.qos import QoS, QoSProfile, profile, rosout_default
 from bus.rosout import Rosout
 from bus.schema import MessageSchema, find_schema, support_of
-from bus.timer import Timer
 from bus.types.support import TypeSupport, type_support
 from bus.wire import messages as m
 
@@ -40,6 +39,7 @@ if TYPE_CHECKING:  # not every program needs them
     from bus.graph import Graph
     from bus.service import RequestId, ServiceServer
     from bus.subscription import MessageInfo, Subscription
+    from bus.timer import Timer
 
 M = TypeVar("M", bound=msgspec.Struct)
 
@@ -420,6 +420,8 @@ class Node(ParameterHost):
 
             timer = node.create_timer(0.5, lambda: publisher.publish(String(data="tick")))
         """
+        from bus.timer import Timer
+
         self._opened()
         callback = watched(callback, f"timer of {self.full_name}", self._logger)
         timer = Timer(period_s, callback, self._fail, self._parameters.clock)

@@ -8,13 +8,15 @@ the broker knows of a match is in `busd.core.match`.)
 from collections.abc import Mapping
 from enum import Enum
 from itertools import count
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from bus.base.descriptor import Descriptor
 from bus.delivery.port import Owner, ReaderProcess
-from bus.delivery.sequence import PublisherProxy
 from bus.qos import History
 from bus.wire import messages as m
+
+if TYPE_CHECKING:  # what only publishes needs none
+    from bus.delivery.sequence import PublisherProxy
 
 __all__ = [
     "GATES",
@@ -235,7 +237,7 @@ class Ring(LocalMatch[RingState, RingEvent]):
     transitions = RINGS
     kinds = "subscription", "publisher"
 
-    def __init__(self, owner: Owner, matched: m.Matched, source: PublisherProxy, slot: int) -> None:
+    def __init__(self, owner: Owner, matched: m.Matched, source: "PublisherProxy", slot: int) -> None:
         super().__init__(owner, matched, RingState.NEW)
         self.source = source
         self.slot = slot
