@@ -25,13 +25,11 @@ from bus.loan import Loan
 from bus.qos import History, QoSProfile
 from bus.transport.memory import LARGE_BYTES, keep_freed_memory
 from bus.types.large_fields import (
-    bytes_fields,
     encode_around,
     in_bytes,
     is_bounded,
     long_field,
     no_such_field,
-    text_fields,
     with_field,
 )
 from bus.types.support import ENCODE_ERRORS, TypeSupport, wrong_class
@@ -99,14 +97,14 @@ class Publisher(Endpoint[M]):
         self._lost_liveliness = 0
         ring = None if by_socket else ShmSender.make(node.link, self, node.logger)
         sends = None
-        if shm.has_core():  # with it, `send` costs what `publish` costs where there is room
+        if ring is not None or shm.has_core():  # `send` costs what `publish` costs where there is room
             sends = shm.native.Sends(self._send, self._send_on, self.send)
             self.send = sends.send  # type: ignore[method-assign, assignment]
         self._sender = Sender(node.link, self, node.logger, ring, sends)
-        self._long_fields = bytes_fields(support.cls)
+        self._long_fields = support.bytes_fields
         self._bytes_fields = {name: support.cls.__struct_fields__.index(name) for name in self._long_fields}
         if ring is not None:  # by socket, text had to be copied once more to be joined with the rest
-            self._long_fields += text_fields(support.cls)
+            self._long_fields += support.text_fields
         if qos.deadline is not None:
             self._watch_deadline()
 

@@ -104,7 +104,7 @@ async def test_calls_of_a_subscription_that_is_made(route: str, most: int) -> No
 
 
 @natively
-@pytest.mark.parametrize(("route", "most"), [("shm", 150), ("socket", 115)], indirect=["route"])
+@pytest.mark.parametrize(("route", "most"), [("shm", 134), ("socket", 107)], indirect=["route"])
 async def test_calls_of_a_publisher_that_is_made(route: str, most: int) -> None:
     async with bus.Node("maker", rosout=False, arguments=[]) as node:
         for number in range(3):

@@ -30,7 +30,7 @@ from bus.logger import Logger, get_logger
 from bus.qos import Durability, History, Liveliness, QoSProfile
 from bus.shm import segments
 from bus.shm.openfiles import check_room
-from bus.types.large_fields import LONG_TEXT, bytes_fields, text_fields
+from bus.types.large_fields import LONG_TEXT
 from bus.wire import messages as m
 from bus.wire.runs import Buffer
 from bus.wire.session import MISSING
@@ -64,10 +64,10 @@ class ShmSender:
             self.writer.is_mine = port.owns_thread
         support = owner._support
         self.writer.prepare(*support.steps)
-        if text_fields(support.cls):
+        if support.text_fields:
             self.writer.longest = LONG_TEXT
         # A long field of bytes shall not be encoded with the rest.
-        self.can_publish = not bytes_fields(support.cls)
+        self.can_publish = not support.bytes_fields
         # With thousands of matches, each that comes or goes must not mean a look at all of them.
         self._gates: dict[bytes, Gate] = {}
         self._depths: Counter[int] = Counter()  # of the gates, each with how many have it

@@ -19,7 +19,6 @@ from bus.delivery.open_run import open_run
 from bus.delivery.port import RETURN_S, Owner, Port, Timer
 from bus.delivery.thread_queue import ThreadQueue
 from bus.qos import Durability, History, QoSProfile, Reliability
-from bus.types.large_fields import bytes_fields
 from bus.wire import messages as m
 from bus.wire.layout import (
     DATA_HEAD_BYTES,
@@ -53,7 +52,7 @@ class SocketSender:
     """
 
     def __init__(self, port: Port, owner: Owner, from_threads: ThreadQueue) -> None:
-        qos = owner.qos
+        qos, is_lossless = owner.qos, owner.qos.is_lossless
         depth = 0 if qos.history is History.KEEP_ALL else qos.depth
         self._port = port
         self._owner = owner
@@ -78,22 +77,22 @@ class SocketSender:
         self.run.most = depth or UNBOUNDED
         self.add = self.run.add
         support = owner._support
-        if not bytes_fields(support.cls):  # a long one shall not be encoded with the rest
+        if not support.bytes_fields:  # a long one shall not be encoded with the rest
             self.run.prepare(*support.steps)
-        self.run.begin_by(self._begun, self.can_take if qos.is_lossless else None)
+        self.run.begin_by(self._begun, self.can_take if is_lossless else None)
         self.run.begins_below = RUN_BYTES
         self.max_bytes = MAX_MESSAGE_BYTES
         # Back-pressure: what was handed over and not yet taken by all.
-        self._is_windowed = qos.is_lossless
+        self._is_windowed = is_lossless
         self._window_samples = 0
         self._window_bytes = 0
         self._credited = 0
         self._flying_bytes = 0
         self._flying: deque[tuple[int, int]] = deque()
         # What was handed over and perhaps not taken; with a history, that tells a new broker everything.
-        self._kept = RunQueue(0, Account(QUEUE_BYTES)) if qos.is_lossless and not self.keeps_history else None
+        self._kept = RunQueue(0, Account(QUEUE_BYTES)) if is_lossless and not self.keeps_history else None
         self._is_awaiting = qos.reliability is Reliability.RELIABLE and not self.keeps_history
-        self._keeps_some = qos.is_lossless or self.keeps_history
+        self._keeps_some = is_lossless or self.keeps_history
         self._takers: dict[int, bytes] = {}  # matches by this route that are waited for
         self._awaited: set[bytes] = set()  # those of them that a broker before had
         self._return: Timer | None = None

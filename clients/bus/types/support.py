@@ -15,6 +15,7 @@ from msgspec import Struct
 
 from bus.errors import MessageTypeError
 from bus.types.check import plan, predicate
+from bus.types.large_fields import bytes_fields, text_fields
 from bus.types.schema_form import Node, Schema, type_name
 
 __all__ = [
@@ -100,6 +101,16 @@ class TypeSupport(Generic[M]):
     def schema(self) -> Schema:
         """What `description` says."""
         return cast(Schema, msgspec.msgpack.decode(self.description))
+
+    @cached_property
+    def bytes_fields(self) -> tuple[str, ...]:
+        """Names of the fields that are bytes."""
+        return bytes_fields(self.cls)
+
+    @cached_property
+    def text_fields(self) -> tuple[str, ...]:
+        """Names of the fields that are text."""
+        return text_fields(self.cls)
 
     @property
     def steps(self) -> tuple[type[M], Callable[[M], bool], Callable[[M], bytes], Any]:
