@@ -259,7 +259,7 @@ class Publisher(Endpoint[M]):
             bytes=size,
             queued=self._sender.queued,
             replaced=self._sender.replaced,
-            refused=self._refused,
+            refused=self._refused + self._sender.refused,
             subscriptions=len(self._matches),
             at_ns=monotonic_ns(),
         )

@@ -66,6 +66,8 @@ class Sender:
         self._totals: tuple[int, int] | None = None  # at the end
         self._refusal: BusError | None = None
         self._lent: memoryview | None = None  # what is not yet filled, where there is no ring
+        self.refused = 0
+        """Loans for which no room was left in the end: other threads have published meanwhile."""
         self._bursts = BurstWatch(port.soon, owner.topic_name, logger, is_awaitable=not port.is_shared)
         self._socket.on_replaced = lambda count: self._bursts.note_replaced(count, self._depth)
         self.publish: Callable[[Any], bool | int | bytes] = _not_so_quick
@@ -379,9 +381,10 @@ class Sender:
                 self._put_in_socket(payload, stamp_ns)
         self._choose_routes()
 
-    def _put_now(self, parts: Sequence[Buffer | str], stamp_ns: int) -> bool:
+    def _put_now(self, parts: Sequence[Buffer | str], stamp_ns: int, *, is_held: bool = False) -> bool:
+        """`is_held`: it waits in the queue of the threads, and has its room by socket from there."""
         socket = self._socket
-        if socket.is_active and not socket.can_take(sum(map(len, parts))):
+        if socket.is_active and not is_held and not socket.can_take(sum(map(len, parts))):
             return False
         payload = joined(parts) if socket.is_active else b""  # first: it may be that there is no memory
         if self._ring is not None and not self._ring.put(parts, stamp_ns):
@@ -396,7 +399,9 @@ class Sender:
         assert place is not None, "a loan ends once"
         if len(place) > (most := self._socket.max_bytes):  # of a broker that has come meanwhile
             raise PayloadTooLarge(self._owner.topic_name, size_bytes=len(place), limit_bytes=most)
-        return self._put_now((bytes(place),), self._port.now_ns())
+        is_taken = self._put_now((bytes(place),), self._port.now_ns())
+        self.refused += not is_taken
+        return is_taken
 
     def _put_lent_in_ring(self, ring: ShmSender) -> bool:
         payload = bytes(ring.writer.lent()) if self._socket.is_active else b""
@@ -452,7 +457,7 @@ class Sender:
             return  # it goes on when the loan ends
         while late:
             try:
-                if not self._put_now(late[0][:1], late[0][1]):
+                if not self._put_now(late[0][:1], late[0][1], is_held=True):
                     break
             except (SharedMemoryError, PayloadTooLarge) as error:
                 self._logger.error(f"a message of another thread is lost: {error}")

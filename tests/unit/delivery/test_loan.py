@@ -327,3 +327,19 @@ def test_of_keep_all_there_are_no_more_than_have_room(route: str) -> None:
     stage.world.advance(1)
     stage.publish(stage.loan(count, 1 << 20))
     assert stage.numbers() == [count]
+
+
+def test_for_which_other_threads_leave_no_room_is_refused_and_counted() -> None:
+    stage = Stage("socket", KEEP_ALL, limits=Limits(keep_all_window_messages=10))
+    loan, encoded = stage.loan(), stage.support.encode(Image(2))
+    stage.talker.is_mine = False
+    for _ in range(10):
+        assert stage.publisher._put(encoded)
+    stage.talker.is_mine = True
+    assert loan.publish() is False
+    assert stage.publisher.statistics().refused == 1
+    stage.world.settle()
+    assert stage.numbers() == [2] * 10
+    stage.world.advance(1)
+    stage.publish(stage.loan(3))
+    assert stage.numbers() == [3]

@@ -13,6 +13,7 @@ from bus.publisher import Publisher
 from bus.qos import QoSProfile
 from bus.subscription import Subscription
 from bus.wire import messages as m
+from busd.core.limits import Limits
 from client_world import Client, ClientWorld, Numbered
 from list_port import Task
 
@@ -436,6 +437,23 @@ class TestOtherThreads:
         assert pair.publisher.statistics().published == 0
         pair.world.settle()
         assert pair.heard() == [1, 2]
+
+    @by_either
+    def test_of_keep_all_they_may_take_all_the_room_in_one_turn(self, route: str) -> None:
+        world = ClientWorld(Limits(keep_all_window_messages=10))
+        pair = Pair(route, KEEP_ALL, world=world)
+        encode = pair.publisher._encode
+        number = 0
+        for _ in range(2):
+            while from_thread(pair.talker, pair.publisher, encode(Numbered(0, number + 1))):
+                number += 1
+                assert number <= 20
+            pair.world.settle()
+            assert heard(pair.listener, pair.subscription)[-1] == number
+            pair.world.advance(1)
+        assert number == 20
+        assert pair.publish() == 1
+        assert pair.heard() == [21]
 
     @by_either
     def test_of_keep_all_they_take_no_more_room_than_there_is(self, route: str) -> None:
