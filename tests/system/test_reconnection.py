@@ -175,6 +175,28 @@ class TestWaiting:
         await client.create(m.CreateNode, 2)
         await node.close()
 
+    async def test_each_question_has_its_own_time(
+        self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(bus.link.connection, "ANSWER_S", 0.4)
+        node, client = await opened(broker)
+
+        async def wait() -> float:
+            began_s = time.monotonic()
+            with pytest.raises(TimeoutError):
+                await node.graph()
+            return time.monotonic() - began_s
+
+        first = asyncio.ensure_future(wait())
+        await asyncio.sleep(0.2)
+        second = asyncio.ensure_future(wait())
+        assert await first >= 0.4
+        assert await second >= 0.4
+        await client.close()
+        client = await broker.accept()
+        await client.create(m.CreateNode, 2)
+        await node.close()
+
     async def test_what_was_not_read_yet_counts(
         self, broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
     ) -> None:
