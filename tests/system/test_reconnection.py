@@ -191,7 +191,6 @@ class TestWaiting:
         await asyncio.sleep(0.2)
         second = asyncio.ensure_future(wait())
         assert await first >= 0.4
-        assert await first >= 0.4
         assert await second >= 0.4
         await client.close()
         client = await broker.accept()
