@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from bus import shm
 from bus.delivery.match import GateState, MatchError
-from bus.errors import RemoteProtocolError
 from bus.delivery.ring_size import FOR_EVER
 from bus.delivery.shm_sender import ShmSender
+from bus.errors import RemoteProtocolError
 from bus.link.shm_context import ShmContext
 from bus.msg.std_msgs import Int32
 from bus.qos import QoSProfile
