@@ -139,7 +139,7 @@ class TestClients:
         assert subscription.get_publisher_count() == 1
         while subscription.take():
             pass
-        # The program counts from its last beat, or from when it was told how often: up to a beat later than busd.
+        # The program counts from its last beat, or from when it was told how often: a beat later, at most.
         await asyncio.sleep(LEASE_S / 4)
         talker.send_signal(signal.SIGCONT)
         await subscription.receive()
