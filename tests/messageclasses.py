@@ -25,7 +25,7 @@ ABOUT = {
     "srv/std_srvs": "std_srvs of ROS 2 Jazzy.",
 }
 ONLY = {"msg/rcl_interfaces": {"Log"}}
-"""The definitions of a package that have a class here, where that is not each of them."""
+"""Packages of which only some definitions have a class here."""
 
 LINE = 110
 
@@ -78,7 +78,7 @@ def definitions(kind: str, package: str) -> dict[str, Definition]:
 
 
 def in_order(found: dict[str, Definition]) -> Iterator[Definition]:
-    """Each after those that it holds."""
+    """Sorted: a message comes after those that it contains."""
     done: set[str] = set()
 
     def after_its_parts(definition: Definition) -> Iterator[Definition]:

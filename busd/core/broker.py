@@ -106,7 +106,7 @@ class Broker:
             self.graph, quotas, rules, self._leases, self._router, overload, self._guard, self._absentees
         )
         routes = Routes(self.graph, quotas, self._registry, overload)
-        questions = self._queries = Queries(
+        queries = self._queries = Queries(
             self.graph, quotas, self._guard, self.routing_times, self.meter, self._absentees, pid=pid
         )
         self._handlers: dict[type[m.Message], Callable[..., Work | None]] = {
@@ -127,10 +127,10 @@ class Broker:
             m.CaughtUp: routes.caught_up,
             m.ReplaceRing: routes.replace_ring,
             m.Report: self._on_report,
-            m.GetGraph: questions.get_graph,
-            m.GetType: questions.get_type,
-            m.GetPeers: questions.get_peers,
-            m.Observe: questions.observe,
+            m.GetGraph: queries.get_graph,
+            m.GetType: queries.get_type,
+            m.GetPeers: queries.get_peers,
+            m.Observe: queries.observe,
             m.StopBroker: self._on_stop,
             m.Reload: self._on_reload,
         }
@@ -239,7 +239,7 @@ class Broker:
         """Go on with what was begun for a peer, present or gone."""
         task = self.unfinished.pop(peer_id)
         if peer_id in self._peers:
-            self._leases.hear_peer(now_ns, task.peer)  # it would be heard if it were not us who take so long
+            self._leases.hear_peer(now_ns, task.peer)  # it is we who are late, not the peer
         try:
             self._do(now_ns, task)
         except BusError as error:
@@ -309,7 +309,7 @@ class Broker:
         return self._take_effects()
 
     def hear(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
-        """The peer takes what it is sent, while the shell does not read what it sends: it lives."""
+        """The peer lives: it takes what it is sent, though the shell reads nothing from it now."""
         if peer := self._peers.get(peer_id):
             self._leases.hear_peer(now_ns, peer)
         return self._take_effects()
@@ -421,7 +421,7 @@ class Broker:
         self._do(now_ns, _Task(peer, self._depart(peer, task)))
 
     def _depart(self, peer: Peer, task: "_Task | None") -> Work:
-        """Take all that `peer` had out of the graph. What it had asked for is no matter now; a run is."""
+        """Take all that `peer` had out of the graph. A run that it sent is finished first, no request is."""
         if task is not None and task.message is None:
             yield from task.work
         for node in tuple(peer.nodes.values()):

@@ -57,7 +57,7 @@ class Holder:
     refused: int = 0
     """How often a limit stood in its way."""
     told_ns: dict[str, int] = field(default_factory=dict)
-    """When one last did, by resource."""
+    """When a limit last stood in its way, by resource."""
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -74,7 +74,7 @@ class User(Holder):
     mishaps: TokenBucket
     """Connections that came to nothing of which the log may still tell now."""
     untold: int = 0
-    """And those of which it did not."""
+    """Connections that came to nothing and were not logged."""
     absent: int = 0
     """Subscriptions whose process was lost, and that may be back (busd.core.absent)."""
 
@@ -89,7 +89,7 @@ class Peer(Holder):
     program: str
     last_heard_ns: int
     lease_ns: int = 0
-    """Of silence after which it counts as hung: what it was told when it came."""
+    """After so long without a sign of life it counts as hung; told to it when it connected."""
     version: str = ""
     """The release of busd that the process has."""
     questions: TokenBucket
@@ -117,7 +117,8 @@ class Peer(Holder):
     doorbell: object | None = None
     readers: object | None = None
     """What the process shares, for the route shm: descriptors, opaque here. Both, or none."""
-    has_shared: bool = False
+    has_sent_share: bool = False
+    """It has sent Share; a second one is a fault."""
     withheld: int = 0
     """The endpoint that is being made for it, or GRAPH: news of it wait until that is done. 0: nothing."""
     subject: Subject = field(init=False)
@@ -245,7 +246,7 @@ class Publisher(Endpoint):
         )
 
     def conclude(self) -> int:
-        """It takes its leave: how many went to others by its ring since its last run, as it has said."""
+        """It takes its leave. Returns how many samples went only into its ring since its last run."""
         gap = self.report.samples + 1 - self.next_seq if self.ring is not None and self.report else 0
         self.next_seq += max(0, gap)
         return max(0, gap)
@@ -265,14 +266,14 @@ class Publisher(Endpoint):
 
 
 class Owed(msgspec.Struct, gc=False):  # there is one for each match: the collector need not look at them
-    """What is for a subscription, of one publisher: all from a number on.
+    """From which number on a publisher's samples are for a subscription.
 
-    0: it reads the publisher's ring, and knows from where on.
+    0: it reads the publisher's ring, and knows that itself.
     """
 
     first_seq: int
     is_kept: bool
-    """What it does not get may come once more, out of the history that the publisher keeps."""
+    """Samples that it misses may come again, out of the publisher's history."""
     has_left: bool = False
     """The publisher took its leave."""
 
@@ -315,7 +316,7 @@ class Subscription(Endpoint):
             owed.first_seq = min(owed.first_seq or first_seq, first_seq)
 
     def remember(self, publisher: Publisher, last_seq: int) -> None:
-        """It has had all up to `last_seq`, or that was routed for it; the publisher may send it once more."""
+        """All up to `last_seq` was had or routed; should the publisher send it again, it is known."""
         self.last_seqs[publisher.gid] = max(last_seq, self.last_seqs.pop(publisher.gid, 0))
         self.forget_oldest()
 
@@ -417,7 +418,7 @@ class Match:
         self.on(MatchEvent.ROUTE_AHEAD if is_ahead else MatchEvent.ROUTE)
 
     def end(self) -> int:
-        """Returns up to which number the subscription has had all, or that was routed for it."""
+        """End it. Returns the number up to which the subscription has had all, or all was routed to it."""
         publisher, subscription = self.publisher, self.subscription
         before = self.state
         self.on(MatchEvent.END)

@@ -46,8 +46,7 @@ _GID_BYTES = 16
 _MAX_TYPE_NAME = 255
 _DROPPED_AT_ONCE = 256
 _OF_EVERY_NODE = frozenset({"/rosout", "/parameter_events"})
-"""Like the services of its parameters, they have a depth that no program chose: a lower limit must not keep
-its nodes from opening."""
+"""Like parameter services, their depth is no program's choice: a lower limit caps it, and doesn't refuse."""
 
 
 class Registry:
@@ -111,7 +110,7 @@ class Registry:
     def remove_node(self, node: Node, out: list[Effect], *, is_lost: bool = False) -> Work:
         """Take `node` with its endpoints out of the graph. `is_lost`: its process did not say so."""
         endpoints = deque(node.endpoints.values())
-        while endpoints:  # each is freed at once: of thousands that takes milliseconds
+        while endpoints:  # one by one: to free thousands at once takes milliseconds
             yield from self._remove_endpoint(endpoints.popleft(), out, is_lost=is_lost)
         self._graph.remove_node(node)
 
@@ -148,7 +147,7 @@ class Registry:
             lost = f"{node.full_name} shares no memory on '{message.topic}': its ring was lost"
             out.append(Note(logging.WARNING, lost))
         subscriptions = topic.subscriptions
-        there = tuple(subscriptions.values())  # of a pair whoever comes later makes the match, and not both
+        there = tuple(subscriptions.values())  # a pair is matched by the endpoint that comes later, once
         self._graph.add_endpoint(publisher)
         self._absentees.come(publisher)
         out.append(Send(peer.id, self._created(message.request, publisher, depth)))
@@ -261,7 +260,7 @@ class Registry:
         message: m.CreatePublisher | m.CreateSubscription,
         out: list[Effect],
     ) -> tuple[Node, Topic, MessageType, QoSProfile, int]:
-        """What the endpoint is to have: the last are its QoS under the rules, and its largest message."""
+        """Check the request. Returns node, topic, type, the QoS under the rules, and the largest message."""
         node = self._own_node(peer, message.node)
         topic = self._graph.topics.get(message.topic)
         if topic is None:  # else its name was looked at already
@@ -311,7 +310,7 @@ def _introduce(node: Node, other: Node, out: list[Effect]) -> None:
 
 
 def _within(most: int, topic: str, qos: QoSProfile) -> QoSProfile:
-    """Raises ConfigurationError where the depth is more than `most`, and the program has chosen it."""
+    """`qos` within depth `most`. ConfigurationError where it is deeper, and a program chose that."""
     if qos.history is not History.KEEP_LAST or qos.depth <= most:
         return qos
     if topic in _OF_EVERY_NODE or names.service_of_topic(topic) is not None:

@@ -41,9 +41,9 @@ class Routes:
         doorbell: object | None = None,
         readers: object | None = None,
     ) -> None:
-        if peer.has_shared:
+        if peer.has_sent_share:
             raise RemoteProtocolError("a Share came a second time")
-        peer.has_shared = True
+        peer.has_sent_share = True
         if doorbell is None:
             out.append(
                 Note(logging.WARNING, f"{peer.describe()} shares no memory: its descriptors were lost")

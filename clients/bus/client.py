@@ -21,7 +21,7 @@ from bus.events import MatchedChange
 from bus.names import reply_topic, request_topic
 from bus.publisher import Publisher
 from bus.qos import QoSProfile
-from bus.service_base import ServiceEnd
+from bus.service_base import ServiceBase
 from bus.subscription import Subscription
 from bus.types.service import Reply
 
@@ -67,7 +67,7 @@ class _Call:
         self.is_lost = False
 
 
-class ServiceClient(ServiceEnd):
+class ServiceClient(ServiceBase):
     """Calls one service; made by `Node.create_client`.
 
     `on_response` is for calls by `send_request`: it gets a request's number, and the response or the error

@@ -11,7 +11,7 @@ from bus.errors import ConfigurationError, ConnectionClosed
 
 __all__ = ["Clock", "Rate", "TimerOfClock"]
 
-_S = 1_000_000_000
+_NS_PER_S = 1_000_000_000
 _MOST_HZ = 1e9
 
 
@@ -73,7 +73,7 @@ class Clock:
         waiting = loop.create_future()
         handle = None
         if not self.is_simulated:
-            handle = loop.call_later(max(0, due_ns - monotonic_ns()) / _S, _wake, waiting)
+            handle = loop.call_later(max(0, due_ns - monotonic_ns()) / _NS_PER_S, _wake, waiting)
         self._waiting[waiting] = due_ns
         try:
             await waiting
@@ -123,7 +123,7 @@ class Rate:
             raise ConfigurationError(f"rate {hz!r} Hz is not above 0 and up to {_MOST_HZ:.0f}")
         self.hz = hz
         """Turns in a second."""
-        self._period_ns = max(1, round(_S / hz))
+        self._period_ns = max(1, round(_NS_PER_S / hz))
         self._clock = clock
         self._epoch = clock.epoch
         self._next_ns = clock.steady_ns() + self._period_ns

@@ -154,7 +154,7 @@ class Endpoint(Generic[M]):
 
     def _end(self, reason: BusError) -> None:
         """The endpoint can't be used any more; those who wait get `reason`."""
-        self._refusal = reason.with_traceback(None)  # whose frames may know descriptors
+        self._refusal = reason.with_traceback(None)  # its frames would hold descriptors open
         if self._deadline is not None:
             self._deadline.cancel()
         for task in self._explaining:

@@ -141,7 +141,7 @@ class Node(ParameterHost):
         try:
             await self._link.declare_node(self)
             if self._wants_rosout:
-                await self._open_rosout(self._context)
+                await self._open_rosout()
             await self._parameters.open()
         except BaseException:
             await self.close()
@@ -304,10 +304,10 @@ class Node(ParameterHost):
         views into shared memory, not copied; each holds its message there for as long as it lives, seven of
         a publisher at most (those beyond are copied).
 
-        In place of a class, `message_type` may be a `MessageSchema`; or the name of a type, as it is on the
-        topic, or else anywhere on the bus, or comes with busd; or None for the type that the topic has. Where
-        there is none yet, this waits for it, without an end: use `asyncio.timeout`. Messages are then of
-        `to_class` of the `schema` of the subscription, or with `raw` bytes.
+        In place of a class, `message_type` may be a `MessageSchema`; or the name of a type, looked up on
+        the topic, then on the bus, then among those that come with busd; or None for the type that the
+        topic has. Where there is none yet, this waits for it, without an end: use `asyncio.timeout`.
+        Messages are then of `to_class` of the `schema` of the subscription, or with `raw` bytes.
 
         `busy_poll`: for so many seconds after each message this process looks for the next one without
         sleeping (shared memory only). That saves the wake-up, some microseconds, and costs a whole CPU as
@@ -583,10 +583,10 @@ class Node(ParameterHost):
                 {"message": f"exception in a callback of {self.full_name}", "exception": error}
             )
 
-    async def _open_rosout(self, node: NodeContext) -> None:
+    async def _open_rosout(self) -> None:
         from bus.msg.rcl_interfaces import Log
 
         # Each node has one, few say much, and busd keeps the history anyway: no ring is worth its memory.
-        publisher = self._make_publisher(node, Log, "/rosout", rosout_default, by_socket=True)
+        publisher = self._make_publisher(self._context, Log, "/rosout", rosout_default, by_socket=True)
         self._rosout = Rosout(publisher, self._logger)
         await self._rosout.open(self._endpoints.declare)

@@ -43,7 +43,7 @@ class NodeStatistics(msgspec.Struct, frozen=True):
 
 
 class NodeEndpoints:
-    """Those of `node`."""
+    """The publishers and subscriptions that `node` has open."""
 
     def __init__(self, node: Node) -> None:
         self._node = node

@@ -384,7 +384,7 @@ class Publisher(Endpoint[M]):
             raise self._support.explain(with_field(message, field, value)) or error from None
 
     def _put(self, *parts: Buffer | str) -> bool:
-        """Publish a sample, after all that can stand against it was looked at."""
+        """Publish a sample by the slow way: check its size, and count it where there is no room."""
         size = sum(map(len, parts))
         self._check_size(size)
         if size >= LARGE_BYTES:

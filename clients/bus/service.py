@@ -21,7 +21,7 @@ from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
 from bus.names import reply_topic, request_topic
 from bus.publisher import Publisher
 from bus.qos import QoSProfile
-from bus.service_base import ServiceEnd
+from bus.service_base import ServiceBase
 from bus.subscription import Subscription
 from bus.types.service import Request
 
@@ -66,7 +66,7 @@ class ServiceServerStatistics(msgspec.Struct, frozen=True):
     """Clients matched now."""
 
 
-class ServiceServer(ServiceEnd):
+class ServiceServer(ServiceBase):
     """Serves one service; made by `Node.create_service`.
 
     With `callback`, it is called for each request and what it returns is the answer. With `on_request` in its

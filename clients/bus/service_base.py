@@ -19,10 +19,10 @@ from bus.subscription import Subscription
 from bus.types.service import ServiceSupport, keeping_all, service_support
 from bus.types.support import TypeSupport
 
-__all__ = ["ServiceEnd"]
+__all__ = ["ServiceBase"]
 
 
-class ServiceEnd:
+class ServiceBase:
     """Base of ServiceServer and ServiceClient; not made by users."""
 
     _other = ""

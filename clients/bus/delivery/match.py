@@ -41,9 +41,9 @@ class GateState(Enum):
 
     NEW = "new"
     EXPECTED = "expected"
-    """The broker made the match; its reader has not said yet where it tells what it has read."""
+    """The broker made the match; its reader has not named its slot yet (Attached)."""
     ATTACHED = "attached"
-    """It has."""
+    """Its reader has named its slot, where it shows how far it has read."""
     UNSURE = "unsure"
     """It was expected by an earlier broker; the present one has not made the match yet."""
     READING_ON = "reading on"
@@ -64,7 +64,7 @@ class GateEvent(Enum):
     MATCH = "match"
     """The broker makes the match (Matched)."""
     ATTACH = "attach"
-    """The reader says where it tells what it has read (Attached)."""
+    """The reader names its slot (Attached)."""
     DISCONNECT = "disconnect"
     """The broker is gone, or the connection to it."""
     UNMATCH = "unmatch"
@@ -106,36 +106,34 @@ class RingEvent(Enum):
     """The ring was read to its end, can't be read, or is not to be read any more."""
 
 
-_State, _Event = GateState, GateEvent
-
 GATES: Mapping[GateState, Mapping[GateEvent, GateState]] = {
-    _State.NEW: {_Event.MATCH: _State.EXPECTED},
-    _State.EXPECTED: {
-        _Event.ATTACH: _State.ATTACHED,
-        _Event.DISCONNECT: _State.UNSURE,
-        _Event.UNMATCH: _State.ENDED,
-        _Event.LOSE: _State.ENDED,
+    GateState.NEW: {GateEvent.MATCH: GateState.EXPECTED},
+    GateState.EXPECTED: {
+        GateEvent.ATTACH: GateState.ATTACHED,
+        GateEvent.DISCONNECT: GateState.UNSURE,
+        GateEvent.UNMATCH: GateState.ENDED,
+        GateEvent.LOSE: GateState.ENDED,
     },
-    _State.ATTACHED: {
-        _Event.ATTACH: _State.ATTACHED,  # it was reading on, and now the present broker says so, too
-        _Event.DISCONNECT: _State.READING_ON,
-        _Event.UNMATCH: _State.LEFT,
-        _Event.LOSE: _State.LOST,
+    GateState.ATTACHED: {
+        GateEvent.ATTACH: GateState.ATTACHED,  # it was reading on, and now the present broker says so, too
+        GateEvent.DISCONNECT: GateState.READING_ON,
+        GateEvent.UNMATCH: GateState.LEFT,
+        GateEvent.LOSE: GateState.LOST,
     },
-    _State.UNSURE: {
-        _Event.MATCH: _State.EXPECTED,
-        _Event.DISCONNECT: _State.UNSURE,
-        _Event.LOSE: _State.ENDED,
+    GateState.UNSURE: {
+        GateEvent.MATCH: GateState.EXPECTED,
+        GateEvent.DISCONNECT: GateState.UNSURE,
+        GateEvent.LOSE: GateState.ENDED,
     },
-    _State.READING_ON: {
-        _Event.MATCH: _State.ATTACHED,
-        _Event.DISCONNECT: _State.READING_ON,
-        _Event.UNMATCH: _State.LEFT,
-        _Event.LOSE: _State.LOST,
+    GateState.READING_ON: {
+        GateEvent.MATCH: GateState.ATTACHED,
+        GateEvent.DISCONNECT: GateState.READING_ON,
+        GateEvent.UNMATCH: GateState.LEFT,
+        GateEvent.LOSE: GateState.LOST,
     },
-    _State.LEFT: {_Event.FORGET: _State.ENDED},
-    _State.LOST: {_Event.FORGET: _State.ENDED},
-    _State.ENDED: {},
+    GateState.LEFT: {GateEvent.FORGET: GateState.ENDED},
+    GateState.LOST: {GateEvent.FORGET: GateState.ENDED},
+    GateState.ENDED: {},
 }
 """What follows at the publisher's end, by state and event; what is not in it must not happen."""
 
@@ -220,7 +218,7 @@ class Gate(LocalMatch[GateState, GateEvent]):
         self.hold = hold  # until it is attached, nothing from here on may be given up
         self.is_held = matched.qos.is_lossless  # not while its process is silent, nor where memory ends
         self.place: tuple[ReaderProcess, int] | None = None
-        """Where the reader tells what it has read: the slot of its process. None until it is ATTACHED."""
+        """The process and the slot where the reader shows how far it has read. None until ATTACHED."""
 
     @property
     def depth(self) -> int:

@@ -141,7 +141,14 @@ class PythonRun:
         return self._take(payload) or payload
 
     def write(self, payload: Buffer, /) -> bool:
-        return self._is_home() and self._take(bytes(memoryview(payload)))
+        if not self._is_home():
+            return False
+        if not isinstance(payload, bytes):
+            view = memoryview(payload)
+            if view.nbytes >= self.begins_below and not self.samples:
+                return False  # before it is copied in vain
+            payload = bytes(view)
+        return self._take(payload)
 
     def _take(self, payload: bytes) -> bool:
         """Add it to the run that is open, or begin one with it."""

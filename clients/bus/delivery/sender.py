@@ -30,12 +30,13 @@ from bus.wire import messages as m
 from bus.wire.runs import Buffer
 
 _LOOK_S = 1.0
+"""How often a waiting publisher looks whether the processes that it waits for still live."""
 
 
 class Sender:
     """`owner` is the publisher that the port knows; without a `ring` all goes by socket.
 
-    `sends` is to have the quick way, too.
+    `sends`, if any, is told of the quick way.
     """
 
     def __init__(
@@ -54,14 +55,14 @@ class Sender:
         self._has_deadline = qos.deadline is not None
         self._depth = 0 if qos.history is History.KEEP_ALL else qos.depth
         self.last_ns = port.now_ns()
-        """When the last sample came, where there is a deadline."""
+        """When the last sample was taken; the quick ways, which a deadline rules out, don't set it."""
         self._room = port.waiters()
         self._from_threads = ThreadQueue(QUEUE_BYTES)
         self._socket = SocketSender(port, owner, self._from_threads)
         self._ring = ring
         self._by_socket: set[int] = set()  # the matches of that route
         self._last_by_socket_ns = 0
-        self._is_returning = False  # there were some before the broker left
+        self._is_returning = False  # matches by socket, which the next broker may make again
         self._return: Timer | None = None
         self._totals: tuple[int, int] | None = None  # at the end
         self._refusal: BusError | None = None
@@ -70,12 +71,12 @@ class Sender:
         """Loans for which no room was left in the end: other threads have published meanwhile."""
         self._bursts = BurstWatch(port.soon, owner.topic_name, logger, is_awaitable=not port.is_shared)
         self._socket.on_replaced = lambda count: self._bursts.note_replaced(count, self._depth)
-        self.publish: Callable[[Any], bool | int | bytes] = _not_so_quick
+        self.publish: Callable[[Any], bool | int | bytes] = _no_quick_way
         """The quick way for a message: True or REPORT_DUE; False: nothing was done; bytes: to be `put`."""
         self._sends = sends
-        self.write: Callable[[Any], bool] = _not_so_quick
+        self.write: Callable[[Any], bool] = _no_quick_way
         """The quick way for an encoded sample, by socket; False: ask `put`."""
-        self.lend_field: Callable[[Any, int, int], memoryview | bool | int] = _never_so_quick
+        self.lend_field: Callable[[Any, int, int], memoryview | bool | int] = _no_quick_way
         """The quick way for a loan, to be ended by `end_loan`; anything but a place: ask `lend`."""
         self._choose_routes()
 
@@ -101,7 +102,7 @@ class Sender:
 
     @property
     def expected(self) -> int:
-        """Matches by the ring whose reader has not yet said how to wake it."""
+        """Matches by the ring whose reader has not named its slot yet."""
         return 0 if self._ring is None else self._ring.expected
 
     @property
@@ -120,7 +121,7 @@ class Sender:
             ring.writer.is_long = False
 
     def put(self, *parts: Buffer | str) -> bool:
-        """Take a sample, in parts, after all that can stand against it was looked at; from any thread.
+        """Take a sample, in parts, by the slow way, which checks loans, threads and room; from any thread.
 
         False: there is no room until lossless subscriptions have taken more.
         """
@@ -270,7 +271,7 @@ class Sender:
         self._bursts.watch_turn(lambda: self.published[0], least_depth)
 
     def told(self) -> None:
-        """The counters were reported; the next sample shall have them reported again."""
+        """The counters were reported; the next sample asks for a report again."""
         self._socket.is_noted = False
         if self._ring is not None:
             self._ring.writer.is_noted = False
@@ -281,7 +282,7 @@ class Sender:
         self.release_waiters()
 
     def matched(self, matched: m.Matched) -> None:
-        self._socket.matched(matched.other, matched.gid, matched.qos, is_here=matched.route == "socket")
+        self._socket.matched(matched.other, matched.gid, matched.qos, by_socket=matched.route == "socket")
         if self._ring is None:
             return
         if matched.route == "shm":
@@ -309,9 +310,9 @@ class Sender:
         ring, since_ns = self._ring, rerouted.at_ns
         if ring is not None:
             missed = [one for one in ring.missed(qos, since_ns) if one[0] > rerouted.last_seq]
-            ring.unmatched(gid)
+            ring.unmatched(gid, rerouted.other)
             self._socket.catch_up(rerouted.other, missed, since_ns=since_ns)
-            self._socket.matched(rerouted.other, gid, qos, is_here=True)
+            self._socket.matched(rerouted.other, gid, qos, by_socket=True)
             self._go_by_socket(rerouted.other, [])
             self.release_waiters()
 
@@ -322,7 +323,7 @@ class Sender:
         if other in self._by_socket:
             self._by_socket.discard(other)
         else:
-            self._ring.unmatched(gid, is_lost=is_lost)
+            self._ring.unmatched(gid, other, is_lost=is_lost)
         self._choose_routes()
         self.release_waiters()
 
@@ -343,7 +344,7 @@ class Sender:
         elif is_needed or self._is_manual:
             self._set_quick()
         else:
-            # Who reads in this event loop has its turn with every hundred that are sent, lest depth suffers.
+            # Subscriptions of this loop get a turn at every hundredth `send`, or their depth loses samples.
             self._set_quick(
                 ring.writer.publish if ring.can_publish else None,
                 lend_field=ring.writer.lend_field,
@@ -358,10 +359,10 @@ class Sender:
         lend_field: Callable[[Any, int, int], memoryview | bool | int] | None = None,
         spares_turns: bool = False,
     ) -> None:
-        """The quick ways from now on; `spares_turns` is for `send`."""
-        self.publish = publish or _not_so_quick
-        self.write = write or _not_so_quick
-        self.lend_field = lend_field or _never_so_quick
+        """The quick ways from now on; `spares_turns`: see `Sends`."""
+        self.publish = publish or _no_quick_way
+        self.write = write or _no_quick_way
+        self.lend_field = lend_field or _no_quick_way
         if self._sends is not None:
             self._sends.publish = self.publish
             self._sends.spares_turns = spares_turns
@@ -381,10 +382,10 @@ class Sender:
                 self._put_in_socket(payload, stamp_ns)
         self._choose_routes()
 
-    def _put_now(self, parts: Sequence[Buffer | str], stamp_ns: int, *, is_held: bool = False) -> bool:
-        """`is_held`: it waits in the queue of the threads, and has its room by socket from there."""
+    def _put_now(self, parts: Sequence[Buffer | str], stamp_ns: int, *, has_room: bool = False) -> bool:
+        """`has_room`: it comes from the threads' queue, where its room by socket is reserved."""
         socket = self._socket
-        if socket.is_active and not is_held and not socket.can_take(sum(map(len, parts))):
+        if socket.is_active and not has_room and not socket.can_take(sum(map(len, parts))):
             return False
         payload = joined(parts) if socket.is_active else b""  # first: it may be that there is no memory
         if self._ring is not None and not self._ring.put(parts, stamp_ns):
@@ -457,7 +458,7 @@ class Sender:
             return  # it goes on when the loan ends
         while late:
             try:
-                if not self._put_now(late[0][:1], late[0][1], is_held=True):
+                if not self._put_now(late[0][:1], late[0][1], has_room=True):
                     break
             except (SharedMemoryError, PayloadTooLarge) as error:
                 self._logger.error(f"a message of another thread is lost: {error}")
@@ -468,11 +469,6 @@ class Sender:
         self._choose_routes()
 
 
-def _not_so_quick(payload: object) -> Literal[False]:
-    """The quick way, switched off."""
-    return False
-
-
-def _never_so_quick(message: object, index: int, size: int) -> Literal[False]:
-    """That of a loan."""
+def _no_quick_way(*_: object) -> Literal[False]:
+    """A quick way, switched off."""
     return False

@@ -210,6 +210,8 @@ class ShmReceiver:
         descriptor, doorbell = descriptors
         before = self._rings.get(matched.gid)
         if before is not None:
+            if before.state is RingState.ATTACHED:
+                raise ValueError("another publisher with its gid is read already")
             before.on(RingEvent.ATTACH)
             before.matched = matched
             if before.identity != segments.identity(descriptor):

@@ -25,7 +25,7 @@ from bus.delivery.ring_size import (
     is_filled_by_few,
     laps_slowly,
 )
-from bus.errors import PayloadTooLarge, RemoteProtocolError, SharedMemoryError
+from bus.errors import PayloadTooLarge, SharedMemoryError
 from bus.logger import Logger, get_logger
 from bus.qos import Durability, History, Liveliness, QoSProfile
 from bus.shm import segments
@@ -66,14 +66,14 @@ class ShmSender:
         self.writer.prepare(*support.steps)
         if support.text_fields:
             self.writer.longest = LONG_TEXT
-        # A long field of bytes shall not be encoded with the rest.
+        # Long fields of bytes must not be encoded with the rest.
         self.can_publish = not support.bytes_fields
         # With thousands of matches, each that comes or goes must not mean a look at all of them.
         self._gates: dict[bytes, Gate] = {}
         self._depths: Counter[int] = Counter()  # of the gates, each with how many have it
         self._unattached: dict[int, Gate] = {}  # by key
         self._holds: list[tuple[int, int]] = []  # of the held ones of these, a heap: what it holds, its key
-        # Without a match, but messages may still be held; by where it told of itself.
+        # Matches that are gone, whose readers may still hold messages; by their slots.
         self._left: dict[tuple[ReaderProcess, int], Gate] = {}
         self._here: set[bytes] = set()  # the matches with subscriptions of this event loop
         self._forget: Timer | None = None
@@ -81,7 +81,7 @@ class ShmSender:
         self._rest: Timer | None = None  # while it runs, laps of the first ring don't matter
         self._why_not = ""  # the ring could not grow
         self._is_early = False
-        self._guard = 0
+        self._known_seq = 0  # matches that begin up to here are known
         self._set_hold()
 
     @classmethod
@@ -118,7 +118,7 @@ class ShmSender:
             if status == shm.native.REPORT_DUE:
                 break
             if status == shm.native.HELD:
-                self._move_guard()
+                self._move_known()
             elif status == shm.native.FULL:
                 if not self._make_way():
                     return False
@@ -135,7 +135,7 @@ class ShmSender:
             if isinstance(place, memoryview):
                 return place
             if place == shm.native.HELD:
-                self._move_guard()
+                self._move_known()
             elif place == shm.native.FULL:
                 if not self._make_way():
                     return None
@@ -173,7 +173,7 @@ class ShmSender:
     def _make_way(self) -> bool:
         """Something is held by those who have not read it. Returns whether to try again now."""
         writer = self.writer
-        if self._move_guard():
+        if self._move_known():
             return True
         if self._is_lossless:
             # Not without a broker: readers would not hear of it, and the ring that they have would stay full.
@@ -188,13 +188,13 @@ class ShmSender:
         self._set_hold()
         return True
 
-    def _move_guard(self) -> bool:
-        """Hold no more for matches that may have been made. Returns whether that was out of date."""
+    def _move_known(self) -> bool:
+        """Stop holding for matches yet unknown, up to `latest`. Returns whether that changed anything."""
         latest = self.writer.latest
-        if not self._is_lossless or self._guard == latest or not self._port.is_quiet():
+        if not self._is_lossless or self._known_seq == latest or not self._port.is_quiet():
             return False
         # All matches made so far are known here; later ones start after `latest`.
-        self._guard = latest
+        self._known_seq = latest
         self._set_hold()
         return True
 
@@ -216,7 +216,7 @@ class ShmSender:
 
     @property
     def expected(self) -> int:
-        """Matches whose reader has not yet said where it tells of itself."""
+        """Matches whose reader has not named its slot yet."""
         return len(self._unattached)
 
     @property
@@ -225,21 +225,23 @@ class ShmSender:
         return bool(self._here)
 
     def expect(self, matched: m.Matched) -> None:
-        """A match by this route: hold what its reader is to find, until it says where it tells of itself."""
+        """A match by this route: hold what its reader is to find, until it names its slot."""
         is_small = self._watches_laps and not self.writer.is_lent
         if is_small and ShmSender._early < EARLY and self._grow(0, must=True):
             # Now it holds nothing up yet. Later, busd may be slow or gone, and readers wait for its word.
             self._is_early = True
             ShmSender._early += 1
         gate = self._gates.get(matched.gid)
+        if gate is not None and gate.state not in STALE:
+            # Two endpoints claim one gid, which brokers don't look at: the newer match counts.
+            self.unmatched(matched.gid, is_lost=True)
+            gate = None
         if gate is None:
             gate = Gate(self._owner, matched, self.writer.seq_since(matched.at_ns))
             gate.on(GateEvent.MATCH)
             self._gates[matched.gid] = self._unattached[gate.key] = gate
             if gate.is_held:
                 heappush(self._holds, (gate.hold, gate.key))
-        elif gate.state not in STALE:
-            raise RemoteProtocolError(f"{gate.describe()} was made twice")
         else:
             gate.on(GateEvent.MATCH)
             self._forget_depth(gate)
@@ -250,13 +252,13 @@ class ShmSender:
         self._set_hold()
 
     def attach(self, gid: bytes, attached: m.Attached, descriptors: tuple[Descriptor, ...]) -> None:
-        """The reader of a match says where it tells of itself.
+        """The reader of a match names its slot.
 
         Raises OSError or ValueError, saying what is wrong with that.
         """
         gate = self._gates.get(gid)
-        if gate is None:
-            return  # the match is gone again
+        if gate is None or gate.matched.other != attached.subscription:
+            return  # the match is gone again, or another one has its gid now
         if len(descriptors) != attached.descriptors:
             raise OSError(MISSING)
         segment, doorbell = descriptors
@@ -275,10 +277,13 @@ class ShmSender:
             self._here.add(gid)
         self._set_hold()
 
-    def unmatched(self, gid: bytes, *, is_lost: bool = False) -> None:
-        """The match is gone. `is_lost`: but its reader perhaps is not, and may read and pin until it ends."""
+    def unmatched(self, gid: bytes, other: int = 0, *, is_lost: bool = False) -> None:
+        """The match is gone, where it is the one with `other` (0: any).
+
+        `is_lost`: but its reader perhaps is not, and may read and pin until its process ends.
+        """
         gate = self._gates.get(gid)
-        if gate is None:
+        if gate is None or other not in (0, gate.matched.other):
             return
         gate.on(GateEvent.LOSE if is_lost else GateEvent.UNMATCH)
         del self._gates[gid]
@@ -325,7 +330,7 @@ class ShmSender:
         self._set_hold()
 
     def declared(self, answer: m.Created) -> None:
-        """A broker knows the publisher now; who does not come back to it within a while has gone."""
+        """A broker knows the publisher now; a reader that is not back after RETURN_S counts as gone."""
         self._depth = answer.depth or 1
         self._size.allow(answer.ring_bytes)
         self.writer.most = answer.max_message_bytes
@@ -403,7 +408,7 @@ class ShmSender:
             heappop(holds)
         first = holds[0][0] if holds else FOR_EVER
         if self._is_lossless:
-            first = min(first, self._guard + 1)
+            first = min(first, self._known_seq + 1)
         self.writer.hold = 0 if first == FOR_EVER else first
         self.writer.keep = FOR_EVER if self._watches_laps else self._keep
 

@@ -250,15 +250,15 @@ class SocketSender:
         elif self.queue.runs:
             self._port.make_ready(self.queue)
 
-    def matched(self, other: int, gid: bytes, qos: QoSProfile, *, is_here: bool) -> None:
-        """A subscription is matched, by this route if it `is_here`."""
+    def matched(self, other: int, gid: bytes, qos: QoSProfile, *, by_socket: bool) -> None:
+        """A subscription is matched, by this route if it `by_socket`."""
         is_reliable = qos.reliability is Reliability.RELIABLE
         if not self._is_awaiting or not (is_reliable if self._kept is None else qos.is_lossless):
             return
-        if is_here:
+        if by_socket:
             self._takers[other] = gid
         if gid in self._awaited:
-            if is_here and self._kept is not None:
+            if by_socket and self._kept is not None:
                 self._repeat(other)
             self._awaited.discard(gid)
             if not self._awaited:

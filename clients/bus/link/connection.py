@@ -196,7 +196,7 @@ class Connection:
         self._requests[number] = _Request(answer, monotonic_ns())
         try:
             self.send(message, descriptors)
-            if self._watch is None:
+            if self._watch is None and self._stream is not None:
                 self._watch_in(ANSWER_S)
             return expect(await answer, kind)
         finally:

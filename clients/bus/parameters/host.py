@@ -15,7 +15,7 @@ Value: TypeAlias = bool | int | float | str | bytes | list[bool] | list[int] | l
 """What a parameter can be."""
 V = TypeVar("V", bound=Value)
 
-_S = 1_000_000_000
+_NS_PER_S = 1_000_000_000
 
 
 class ParameterHost:
@@ -25,7 +25,7 @@ class ParameterHost:
     """Set by the node."""
 
     _takes_parameters = True
-    """False where somebody else does what the command line says of parameters."""
+    """False in the facade's node, which takes the command line's parameters itself."""
 
     # --- parameters
 
@@ -190,7 +190,7 @@ class ParameterHost:
         """
         from bus.msg.builtin_interfaces import Time
 
-        sec, nanosec = divmod(self._parameters.clock.now_ns(), _S)
+        sec, nanosec = divmod(self._parameters.clock.now_ns(), _NS_PER_S)
         return Time(sec=sec, nanosec=nanosec)
 
     def create_rate(self, hz: float) -> Rate:

@@ -1,4 +1,4 @@
-"""A node as its parameters see it."""
+"""What parameters need of their node."""
 
 from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING, Any, Protocol
@@ -12,10 +12,10 @@ if TYPE_CHECKING:  # most programs need neither
     from bus.service import ServiceServer
     from bus.subscription import Subscription
 
-__all__ = ["Owner"]
+__all__ = ["ParameterOwner"]
 
 
-class Owner(Protocol):
+class ParameterOwner(Protocol):
     """A node: its name and its log, and what it makes for its parameters."""
 
     @property

@@ -1,7 +1,7 @@
 """The parameters and the clock of one node.
 
 Owns: when a node begins to serve its parameters, so that one without any doesn't pay for them; that its clock
-follows `use_sim_time`. Must not know: which values are allowed (`bus.parameters.store`), or how they are
+follows `use_sim_time`. Must not know: which values are allowed (`bus.parameters.values`), or how they are
 served (`bus.parameters.server`).
 """
 
@@ -15,7 +15,7 @@ from bus.publisher import Publisher
 from bus.qos import parameter_events
 
 if TYPE_CHECKING:  # most programs need none of them
-    from bus.parameters.owner import Owner
+    from bus.parameters.owner import ParameterOwner
     from bus.parameters.server import ParameterServer
     from bus.parameters.store import ParameterSet
     from bus.parameters.time_source import TimeSource
@@ -30,12 +30,12 @@ _USE_SIM_TIME = "use_sim_time"
 
 
 class ServedParameters:
-    """Those of `node`. `settings`: what the command line says of parameters.
+    """The parameters and the clock of `node`. `settings`: what the command line says of parameters.
 
     Raises CommandLineError for settings that can't be used, as for a broken file.
     """
 
-    def __init__(self, node: "Owner", settings: "Sequence[ParameterSource]") -> None:
+    def __init__(self, node: "ParameterOwner", settings: "Sequence[ParameterSource]") -> None:
         self._node = node
         self.clock = Clock(node.full_name)
         """The time that `use_sim_time` chooses."""
@@ -44,7 +44,7 @@ class ServedParameters:
         self._server: ParameterServer | None = None
         self._time_source: TimeSource | None = None
         self._starting: asyncio.Task[None] | None = None
-        self._has_time = False
+        self._is_open = False
         if settings:
             from bus.parameters import file
 
@@ -67,7 +67,7 @@ class ServedParameters:
 
     async def open(self) -> None:
         """The node is in the graph."""
-        self._has_time = True
+        self._is_open = True
         if self._overrides:
             await self.serve()
         if self._store is not None:
@@ -83,16 +83,16 @@ class ServedParameters:
         self.clock.close()
         self.clock = Clock(self._node.full_name)  # for a node that is opened again
         self._starting = self._server = self._time_source = None
-        self._has_time = False
+        self._is_open = False
 
     async def serve(self) -> None:
-        """Begin, at the first declaration; one that is cancelled leaves that to go on for the others."""
+        """Begin to serve them. Cancellation: the start goes on, for other declarations that wait for it."""
         self._node._opened()
         if self._server is not None:
             return
         if self._starting is None:
             self._starting = asyncio.create_task(self._start(), name="serving parameters")
-            self._starting.add_done_callback(self._end_start)
+            self._starting.add_done_callback(self._start_ended)
         starting = self._starting
         await asyncio.wait([starting])
         if starting.cancelled():
@@ -117,11 +117,11 @@ class ServedParameters:
         self._node._opened()
         return Rate(hz, self.clock)
 
-    def _end_start(self, starting: "asyncio.Task[None]") -> None:
+    def _start_ended(self, starting: "asyncio.Task[None]") -> None:
         if self._starting is starting:
             self._starting = None
         if not starting.cancelled():
-            starting.exception()  # is for those that wait; there may be none any more
+            starting.exception()  # mark it as seen: nobody may be left who waits
 
     async def _start(self) -> None:
         from bus.parameters.server import EVENTS_TOPIC, ParameterServer, event_class
@@ -148,7 +148,7 @@ class ServedParameters:
     def _follow_time(self, use_sim_time: object) -> None:
         is_simulated = use_sim_time is True  # a program may have declared it with any type
         if self._time_source is None:
-            if not is_simulated or not self._has_time:
+            if not is_simulated or not self._is_open:
                 return
             from bus.parameters.time_source import TimeSource
 

@@ -16,7 +16,7 @@ from bus.parameters.messages import (
     python_value,
     value_message,
 )
-from bus.parameters.owner import Owner
+from bus.parameters.owner import ParameterOwner
 from bus.parameters.store import Parameter, ParameterSet
 from bus.parameters.values import Change, Outcome, ParameterType
 from bus.publisher import Publisher
@@ -26,7 +26,7 @@ __all__ = ["EVENTS_TOPIC", "ParameterServer", "event_class"]
 
 EVENTS_TOPIC: Final = "/parameter_events"
 
-_S = 1_000_000_000
+_NS_PER_S = 1_000_000_000
 
 
 def event_class() -> Any:
@@ -38,7 +38,7 @@ class ParameterServer:
     """Serves `parameters`, those of `node`, and tells their changes by `events`, where that is not None."""
 
     def __init__(
-        self, node: Owner, parameters: ParameterSet, clock: Clock, events: Publisher[Any] | None
+        self, node: ParameterOwner, parameters: ParameterSet, clock: Clock, events: Publisher[Any] | None
     ) -> None:
         self._node = node
         self._parameters = parameters
@@ -70,7 +70,7 @@ class ParameterServer:
         if self._events is None:
             return
         event = event_message(_message, self._node.full_name, change)
-        event.stamp.sec, event.stamp.nanosec = divmod(self._clock.now_ns(), _S)
+        event.stamp.sec, event.stamp.nanosec = divmod(self._clock.now_ns(), _NS_PER_S)
         try:
             self._events.publish(event)
         except ConnectionClosed:

@@ -18,7 +18,7 @@ __all__ = ["CLOCK_QOS", "CLOCK_TOPIC", "TimeSource"]
 CLOCK_TOPIC: Final = "/clock"
 CLOCK_QOS: Final = QoSProfile(depth=1, reliability=Reliability.BEST_EFFORT)
 
-_S = 1_000_000_000
+_NS_PER_S = 1_000_000_000
 
 
 class TimeSource:
@@ -75,4 +75,4 @@ class TimeSource:
                 f"'{CLOCK_TOPIC}' has no time: {sec} s is before 1970", throttle_duration_sec=1.0
             )
             return
-        self._clock.set(sec * _S + nanosec)
+        self._clock.set(sec * _NS_PER_S + nanosec)

@@ -108,7 +108,7 @@ typedef struct {
     size_t room;               /* allocated, of all three arrays */
     size_t bell_count;
     uint32_t lent;             /* bytes asked for by the last lend */
-    uint64_t most;             /* payload bytes, by the user's wish */
+    uint64_t most;             /* largest payload that busd allows */
     uint64_t longest;          /* that writer_publish() encodes; when one is longer, `is_long` ends its work */
     uint64_t samples, bytes, rung;
     uint64_t stamp_ns; /* of the newest record: stamps don't go back, so that a time finds a place among them */

@@ -72,7 +72,7 @@ static struct ring_gate *gate_of(Writer *self, PyObject *key, bool *is_error)
     return at < self->ring.gate_count ? &self->ring.gates[at] : NULL;
 }
 
-/* What was rung for does not stand for what this writer rings for from now on; nor for another one at its address. */
+/* The bell forgets what this writer rang for: its gates change, and another writer may get its address. */
 static void forget_knock(const Writer *self, Bell *bell)
 {
     if (bell->knocks.by == self)
@@ -136,7 +136,7 @@ PyObject *writer_add_gate(PyObject *object, PyObject *args, PyObject *kwargs)
     list_bells(self);
     ring_gates_changed(&self->ring);
     ring_admit(&self->ring, gate.slot);
-    writer_ring_bells(self, true); /* what was published since it looked, it was not rung for */
+    writer_ring_bells(self, true); /* what was published since its last look did not wake it */
     Py_RETURN_NONE;
 }
 

@@ -83,7 +83,7 @@ static PyObject *refused(enum ring_status status)
     }
 }
 
-/* Of a quick way: the caller tries again by another one, which shall be told the same. */
+/* A quick way is refused: the slow way, which comes next, must be told HELD again. */
 static PyObject *refused_for_now(Writer *self, enum ring_status status)
 {
     if (status == RING_HELD)
@@ -139,8 +139,8 @@ static PyObject *writer_prepare(PyObject *object, PyObject *args)
     return encoder_prepare(&((Writer *)object)->encoder, object, args) ? Py_NewRef(Py_None) : NULL;
 }
 
-/* All that a publish is where nothing stands against it. Whatever does is left to the caller, who finds it again: an
- * error of the encoder, too. */
+/* The quick way of a publish: check, encode, write. False: nothing was done; the caller goes step by step, and meets an
+ * error of the encoder again. */
 static PyObject *writer_publish(PyObject *object, PyObject *message)
 {
     Writer *self = (Writer *)object;
@@ -157,7 +157,7 @@ static PyObject *writer_publish(PyObject *object, PyObject *message)
     PyObject *payload = encoder_encode(encoder, message);
     if (payload == NULL)
         return PyErr_Occurred() ? NULL : PyBool_FromLong(0);
-    /* Long ones come in a row, and are worth being copied once less than this way does. */
+    /* A long one is followed by others, which writer_write_parts() copies once less. */
     self->is_long = PyBytes_Check(payload) && (uint64_t)PyBytes_Size(payload) > self->longest;
     outcome = writer_write(object, payload);
     Py_DECREF(payload);
@@ -234,7 +234,7 @@ static PyObject *writer_write_parts(PyObject *object, PyObject *const *args, Py_
     return outcome;
 }
 
-/* `place` in the record of `whole` bytes that is reserved, for who fills it. */
+/* Lends `size` bytes at `place`, in the reserved record of `whole` bytes. */
 static PyObject *lent_out(Writer *self, uint64_t whole, void *place, Py_ssize_t size)
 {
     self->lent = (uint32_t)whole;
@@ -273,7 +273,7 @@ static PyObject *writer_lend(PyObject *object, PyObject *const *args, Py_ssize_t
     return lent_out(self, (uint64_t)size, payload, size);
 }
 
-/* All that a loan is where nothing stands against it; else as writer_publish(). */
+/* The quick way of a loan: encodes around the field and lends its place. False: as in writer_publish(). */
 static PyObject *writer_lend_field(PyObject *object, PyObject *const *args, Py_ssize_t count)
 {
     Writer *self = (Writer *)object;
@@ -460,7 +460,7 @@ static PyObject *writer_move(PyObject *object, PyObject *argument)
     Py_RETURN_NONE;
 }
 
-/* --- as Python has it */
+/* --- attributes */
 
 static PyObject *get_keep(PyObject *object, void *Py_UNUSED(closure))
 {
@@ -473,7 +473,7 @@ static PyObject *get_hold(PyObject *object, void *Py_UNUSED(closure))
     return PyLong_FromUnsignedLongLong(hold == UINT64_MAX ? 0 : hold);
 }
 
-/* A number from 0 on, which stands for `zero`. */
+/* Sets *word to a number from 0 on; 0 itself stands for `zero`. */
 static int set_number(PyObject *value, uint64_t *word, uint64_t zero)
 {
     uint64_t number;

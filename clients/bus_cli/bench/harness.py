@@ -33,7 +33,7 @@ STOP_S = 5.0
 _READ_BYTES = 1 << 20
 _CPUCLOCK_SCHED = 2
 _TAIL_BYTES = 40
-"""Of a socket's path, more than what comes after the folder for temporary files."""
+"""Room for the part of a socket's path that follows the folder for temporary files."""
 
 
 class Failure(CommandError):
@@ -67,7 +67,7 @@ class Child:
         self._stop_signal = stop_signal
         self._log = folder / f"{name}.log"
         self._cwd = cwd
-        self.is_silent = False  # its stdout has ended
+        self.has_closed_stdout = False
         self._rest = bytearray()
         with self._log.open("wb") as log:
             # A session of its own: Ctrl-C in the terminal reaches only us, who end the others in order.
@@ -105,10 +105,10 @@ class Child:
     def read(self) -> None:
         """Take what it has written, without waiting."""
         data = os.read(self.stdout, _READ_BYTES)
-        self.is_silent = not data
+        self.has_closed_stdout = not data
         self._rest += data
         if b"\n" not in data:
-            return  # of a long line, which is looked through once
+            return  # part of a long line: it is split when it is whole
         *lines, self._rest = self._rest.split(b"\n")
         for line in map(bytes, lines):
             if not line.startswith(b"{"):
@@ -295,7 +295,7 @@ class Group:
         that should not, or wrongly.
         """
         running = [child for child in self._children if child.is_running()]
-        writers = {child.stdout: child for child in self._children if not child.is_silent}
+        writers = {child.stdout: child for child in self._children if not child.has_closed_stdout}
         enders = {child.exit_fd: child for child in running}
         poller = select.poll()
         for fd in (*others, *writers, *enders):

@@ -53,7 +53,7 @@ class Way:
         self.sender.disconnected()
 
     def match(self, qos: QoSProfile | None = None, gid: bytes = GID, other: int = OTHER) -> None:
-        self.sender.matched(other, gid, qos or self.owner.qos, is_here=True)
+        self.sender.matched(other, gid, qos or self.owner.qos, by_socket=True)
         self.port.flush()
 
     def put(self, count: int = 1, size: int = 0) -> None:
