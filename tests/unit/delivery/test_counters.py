@@ -5,16 +5,12 @@ In a world without a process, a socket or a clock (`tests/world/client_world.py`
 
 from typing import Any
 
-import pytest
-
-from bus import shm
 from bus.qos import QoSProfile
 from bus.subscription import Subscription
 from bus.wire import messages as m
 from bus.wire.layout import MAX_COUNT
+from by_route import by_shared_memory
 from client_world import SUPPORT, ClientWorld, Numbered
-
-by_shared_memory = pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
 
 LAST_3, LAST_10 = QoSProfile(3), QoSProfile(10)
 KEEP_ALL = QoSProfile(history="keep_all")

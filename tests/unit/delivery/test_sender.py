@@ -7,26 +7,19 @@ from typing import Any
 
 import pytest
 
-from bus import shm
 from bus.errors import ConnectionClosed, ForkError, LocalProtocolError
 from bus.publisher import Publisher
 from bus.qos import QoSProfile
 from bus.subscription import Subscription
 from bus.wire import messages as m
 from busd.core.limits import Limits
+from by_route import by_either, by_shared_memory
 from client_world import Client, ClientWorld, Numbered
 from list_port import Task
 
 PADDING = "x" * 20_000
 LAST_10, KEEP_ALL = QoSProfile(10), QoSProfile(history="keep_all")
 HISTORY = QoSProfile(10, durability="transient_local")
-
-ROUTES = [
-    pytest.param("socket", id="socket"),
-    pytest.param("shm", id="memory", marks=pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())),
-]
-by_either = pytest.mark.parametrize("route", ROUTES)
-by_shared_memory = pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
 
 
 class Pair:
