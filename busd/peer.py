@@ -20,7 +20,7 @@ from bus.base.version import RELEASE
 from bus.errors import RemoteProtocolError
 from bus.shm.descriptors import doorbell_fault, readers_fault, ring_fault
 from bus.transport.stream import Stream
-from bus.wire.layout import LEAVING, VERSION
+from bus.wire.layout import LEAVING, PROTOCOL_VERSION
 from bus.wire.messages import (
     CreatePublisher,
     Fault,
@@ -84,7 +84,7 @@ def greeting(host: PeerHost) -> bytes:
     """The frame of busd's Hello, which comes first, also on a connection that ends with the next one."""
     return encode_frame(
         Hello(
-            version=VERSION,
+            version=PROTOCOL_VERSION,
             pid=os.getpid(),
             program="busd",
             lease_s=host.limits.lease_s,

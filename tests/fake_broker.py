@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import Any, Self, TypeVar
 
 from bus.wire import messages as m
-from bus.wire.layout import VERSION
+from bus.wire.layout import PROTOCOL_VERSION
 from bus.wire.session import Carried, Role, Session
 
 T = TypeVar("T")
@@ -55,7 +55,7 @@ class FakeBroker:
         """The next connection, after the exchange of Hellos; no sign of life comes in between."""
         connection = await self.meet()
         await connection.expect(m.Hello)
-        connection.send(m.Hello(version=VERSION, pid=os.getpid(), program="fake", lease_s=lease_s))
+        connection.send(m.Hello(version=PROTOCOL_VERSION, pid=os.getpid(), program="fake", lease_s=lease_s))
         return connection
 
     async def _on_connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

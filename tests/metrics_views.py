@@ -45,7 +45,7 @@ def graph(*endpoints: m.EndpointRecord, matches: Iterable[m.MatchRecord] = ()) -
     """Of these endpoints, with the nodes that they need."""
     nodes = sorted({one.node for one in endpoints})
     return graph_of(
-        m.Graph(
+        m.GraphSnapshot(
             request=1,
             revision=1,
             nodes=tuple(m.NodeRecord(id=id, name=f"n{id}", namespace="/", pid=1000 + id) for id in nodes),

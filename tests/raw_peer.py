@@ -35,7 +35,7 @@ from bus.wire.layout import (
     FRAME_HEAD,
     FRAME_HEAD_BYTES,
     LENGTH_BYTES,
-    VERSION,
+    PROTOCOL_VERSION,
 )
 from bus.wire.session import Carried, Role, Session
 from conftest import WAIT_S
@@ -44,7 +44,7 @@ from feeding import frame_record
 T = TypeVar("T")
 
 STRING = type_support(String)
-HELLO = m.encode_frame(m.Hello(version=VERSION, program="raw peer"))
+HELLO = m.encode_frame(m.Hello(version=PROTOCOL_VERSION, program="raw peer"))
 _gids = count(1)
 
 

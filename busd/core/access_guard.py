@@ -19,7 +19,7 @@ _MOST_TOLD = 1024
 """Denials of one user that are told: nobody shall silence the log for others."""
 
 
-class Guard:
+class AccessGuard:
     """`access` are the rules in force; `renew` brings others."""
 
     def __init__(self, graph: Graph, access: Access) -> None:

@@ -29,7 +29,7 @@ from bus.wire.layout import NAMESAKES, SILENCE
 from bus.wire.runs import Account, Run
 from busd.core.absent import Absentees
 from busd.core.access import Access, Subject
-from busd.core.access_guard import Guard
+from busd.core.access_guard import AccessGuard
 from busd.core.drops import Drops
 from busd.core.effects import Disconnect, Effect, Flush, Later, Note, Reload, Restart, Send, Stop
 from busd.core.entities import GRAPH, Peer, Publisher, Subscription
@@ -100,14 +100,21 @@ class Broker:
         self.passed_on = self._router.passed_on
         lease_ns = int(self.limits.lease_s * 1e9)
         self._leases = Leases(self.timers, emit, self.meter, lease_ns=lease_ns, silences=self._silences)
-        self._guard = Guard(self.graph, access or Access(uid))
+        self._access_guard = AccessGuard(self.graph, access or Access(uid))
         self._absentees = Absentees(self.timers, emit)
         self._registry = Registry(
-            self.graph, quotas, rules, self._leases, self._router, overload, self._guard, self._absentees
+            self.graph,
+            quotas,
+            rules,
+            self._leases,
+            self._router,
+            overload,
+            self._access_guard,
+            self._absentees,
         )
         routes = Routes(self.graph, quotas, self._registry, overload)
         queries = self._queries = Queries(
-            self.graph, quotas, self._guard, self.routing_times, self.meter, self._absentees, pid=pid
+            self.graph, quotas, self._access_guard, self.routing_times, self.meter, self._absentees, pid=pid
         )
         self._handlers: dict[type[m.Message], Callable[..., Work | None]] = {
             m.Ping: self._on_ping,
@@ -165,7 +172,7 @@ class Broker:
             pid=pid,
             uid=uid,
             gids=gids,
-            is_guest=not self._guard.access.is_free(uid),
+            is_guest=not self._access_guard.access.is_free(uid),
             hears_of_namesakes=NAMESAKES in hello.capabilities,
             hears_of_silence=SILENCE in hello.capabilities,
             user=user,
@@ -187,7 +194,7 @@ class Broker:
 
     def why_turned_away(self, uid: int, gids: frozenset[int] | None) -> str:
         """Why a process of that user may not connect; "" where it may."""
-        access, who = self._guard.access, Subject(uid, gids)
+        access, who = self._access_guard.access, Subject(uid, gids)
         return "" if access.may_connect(who) else access.why_turned_away(who)
 
     def turn_away(self, now_ns: int, uid: int, *, connections: int, of_user: int) -> tuple[str, bool]:
@@ -462,11 +469,11 @@ class Broker:
 
     def _renew_access(self, now_ns: int, access: Access) -> None:
         """New access rules: a peer that has what they deny is cut off, and refused it if it comes back."""
-        self._guard.renew(access)
+        self._access_guard.renew(access)
         for peer in tuple(self._peers.values()):
             if access.is_free(peer.uid):
                 continue
-            if fault := self._guard.find_fault(peer):
+            if fault := self._access_guard.find_fault(peer):
                 self._cut(now_ns, peer, fault)
         self._out[:] = self._take_effects()  # what went with those, before what is seen of the rest changes
         self._queries.renew(self._out)
@@ -484,7 +491,7 @@ class Broker:
         out.append(Reload(peer.id, message.request))
 
     def _check_operator(self, peer: Peer, what: str) -> None:
-        if not self._guard.access.is_free(peer.uid):
+        if not self._access_guard.access.is_free(peer.uid):
             raise ConfigurationError(f"user {peer.uid} may not {what} the busd of user {self._uid}")
 
 

@@ -43,7 +43,7 @@ def incompatibility(publisher: Publisher, subscription: Subscription) -> tuple[s
     return found[-1].policy.name, describe_incompatibilities(found)
 
 
-def connect(
+def make_match(
     now_ns: int, graph: Graph, publisher: Publisher, subscription: Subscription, out: list[Effect]
 ) -> None:
     """Make the match, or tell both why there is none."""
@@ -109,7 +109,7 @@ def reroute(now_ns: int, graph: Graph, match: Match, out: list[Effect]) -> None:
     _begin_routing(now_ns, match, None, out)
 
 
-def disconnect(graph: Graph, match: Match, out: list[Effect], *, is_lost: bool = False) -> None:
+def end_match(graph: Graph, match: Match, out: list[Effect], *, is_lost: bool = False) -> None:
     """Unmake the match and tell both; samples in the queue stay to be delivered.
 
     `is_lost`: the subscription's process did not take its leave.

@@ -12,7 +12,7 @@ from bus.base.ids import PeerId
 from bus.errors import ConfigurationError
 from bus.wire import messages as m
 from busd.core.absent import Absentees
-from busd.core.access_guard import Guard
+from busd.core.access_guard import AccessGuard
 from busd.core.effects import Effect, Send
 from busd.core.entities import GRAPH, Peer
 from busd.core.graph import Graph
@@ -33,7 +33,7 @@ class Queries:
         self,
         graph: Graph,
         quotas: Quotas,
-        guard: Guard,
+        access_guard: AccessGuard,
         times: RoutingTimes,
         meter: Meter,
         absentees: Absentees,
@@ -42,7 +42,7 @@ class Queries:
     ) -> None:
         self._graph = graph
         self._quotas = quotas
-        self._guard = guard
+        self._access_guard = access_guard
         self._times = times
         self._meter = meter
         self._absentees = absentees
@@ -76,7 +76,7 @@ class Queries:
         out.append(Send(peer.id, m.TypeDescription(request=message.request, schema=schema)))
 
     def get_peers(self, now_ns: int, peer: Peer, message: m.GetPeers, out: list[Effect]) -> None:
-        sees_all = self._guard.access.is_free(peer.uid)
+        sees_all = self._access_guard.access.is_free(peer.uid)
         peers, users = self._quotas.records(now_ns, None if sees_all else peer.user)
         self._meter.left -= RECORD * len(peers) + len(self._graph.publishers) // LOOKS_PER_UNIT
         samples, size = self._graph.routed()
@@ -134,6 +134,6 @@ class Queries:
 
     def _view(self, peer: Peer) -> GraphView | None:
         """What `peer` may see of the graph; None: everything."""
-        if self._guard.access.is_free(peer.uid):
+        if self._access_guard.access.is_free(peer.uid):
             return None
-        return GraphView(self._graph, peer, partial(self._guard.may_observe, peer))
+        return GraphView(self._graph, peer, partial(self._access_guard.may_observe, peer))

@@ -19,7 +19,7 @@ from bus.qos import History, QoSProfile
 from bus.wire import messages as m
 from bus.wire.runs import RunQueue
 from busd.core.absent import Absentees
-from busd.core.access_guard import Guard
+from busd.core.access_guard import AccessGuard
 from busd.core.effects import Effect, Note, Send
 from busd.core.entities import (
     Endpoint,
@@ -36,7 +36,7 @@ from busd.core.graph import Graph
 from busd.core.leases import Leases
 from busd.core.limits import TopicRule, rules_for
 from busd.core.match import MatchState
-from busd.core.matching import connect, disconnect
+from busd.core.matching import end_match, make_match
 from busd.core.overload import Overload
 from busd.core.quotas import Quotas
 from busd.core.router import Router
@@ -60,7 +60,7 @@ class Registry:
         leases: Leases,
         router: Router,
         overload: Overload,
-        guard: Guard,
+        access_guard: AccessGuard,
         absentees: Absentees,
     ) -> None:
         self._graph = graph
@@ -69,7 +69,7 @@ class Registry:
         self._leases = leases
         self._router = router
         self._overload = overload
-        self._guard = guard
+        self._access_guard = access_guard
         self._absentees = absentees
 
     def declare_type(self, now_ns: int, peer: Peer, message: m.DeclareType, out: list[Effect]) -> None:
@@ -87,7 +87,7 @@ class Registry:
         if kind in peer.types:
             return
         self._quotas.check_type(peer)
-        self._graph.add_type(peer, kind, message.schema, is_free=self._guard.access.is_free(peer.uid))
+        self._graph.add_type(peer, kind, message.schema, is_free=self._access_guard.access.is_free(peer.uid))
 
     def create_node(self, now_ns: int, peer: Peer, message: m.CreateNode, out: list[Effect]) -> None:
         names.validate_node_name(message.name)
@@ -131,7 +131,7 @@ class Registry:
             node=node,
             topic=topic,
             type=kind,
-            gid=self._guard.gid(peer, message.gid),
+            gid=self._access_guard.gid(peer, message.gid),
             qos=qos,
             max_message_bytes=max_message_bytes,
             next_seq=message.next_seq,
@@ -156,7 +156,7 @@ class Registry:
         now_ns = yield ENDPOINT
         for subscription in there:
             if subscription.id in subscriptions:
-                connect(now_ns, self._graph, publisher, subscription, out)
+                make_match(now_ns, self._graph, publisher, subscription, out)
                 now_ns = yield MATCH
 
     def create_subscription(
@@ -169,7 +169,7 @@ class Registry:
             node=node,
             topic=topic,
             type=kind,
-            gid=self._guard.gid(peer, message.gid),
+            gid=self._access_guard.gid(peer, message.gid),
             qos=qos,
             max_message_bytes=max_message_bytes,
             queue=RunQueue(depth, peer.queued, number),
@@ -184,7 +184,7 @@ class Registry:
         now_ns = yield from self._absentees.find(now_ns, subscription, out)
         for publisher in there:
             if publisher.id in publishers:
-                connect(now_ns, self._graph, publisher, subscription, out)
+                make_match(now_ns, self._graph, publisher, subscription, out)
                 now_ns = yield MATCH
         now_ns = yield from self._absentees.settle(now_ns, subscription, out)
         subscription.forget_oldest()
@@ -234,7 +234,7 @@ class Registry:
                 if not match.has_ended:
                     if gap and match.state is MatchState.ROUTED:
                         self._router.miss(now_ns, endpoint, gap, (match.subscription,), is_loss=False)
-                    disconnect(self._graph, match, out)
+                    end_match(self._graph, match, out)
                     now_ns = yield UNMATCH
             if endpoint.history is not None:
                 yield from _empty(endpoint.history)
@@ -246,7 +246,7 @@ class Registry:
             self._absentees.forget(endpoint)
             for match in tuple(endpoint.matches.values()):
                 if not match.has_ended:
-                    disconnect(self._graph, match, out, is_lost=is_lost)
+                    end_match(self._graph, match, out, is_lost=is_lost)
                     yield UNMATCH
             yield from _empty(endpoint.queue)
             endpoint.node.peer.perishable.discard(endpoint)
@@ -270,7 +270,7 @@ class Registry:
             raise RemoteProtocolError(f"gid of {len(message.gid)} bytes, a gid has {_GID_BYTES}")
         does_publish = isinstance(message, m.CreatePublisher)
         # First of all: what a limit says depends on what there is, also on a topic that is hidden.
-        self._guard.admit(node, "publish" if does_publish else "subscribe", topic.name, out)
+        self._access_guard.admit(node, "publish" if does_publish else "subscribe", topic.name, out)
         others: Collection[Endpoint]
         others = (topic.subscriptions if does_publish else topic.publishers).values()
         matches = len(others)

@@ -11,8 +11,7 @@ from operator import attrgetter
 from typing import Any, TypeVar
 
 from bus.wire.codec import ArrayEncoder
-from bus.wire.messages import Graph as Snapshot
-from bus.wire.messages import MatchRecord
+from bus.wire.messages import GraphSnapshot, MatchRecord
 from busd.core.entities import SHM, SOCKET, Publisher, Subscription
 from busd.core.graph import Graph
 from busd.core.match import SHARED
@@ -32,7 +31,7 @@ def take_snapshot(
     statistics: bool,
     pid: int,
     shown: tuple[Container[int], Container[int]] | None = None,
-) -> Generator[int, int, Snapshot]:
+) -> Generator[int, int, GraphSnapshot]:
     """Everything, or only the `shown` nodes and endpoints, as the answer to `request`.
 
     What changes after the first step is not in it.
@@ -70,7 +69,7 @@ def take_snapshot(
         yield RECORD * len(pairs)
     encoded = [one.raw() for one in records]
     yield sum(len(one) for one in encoded) >> 12
-    return Snapshot(
+    return GraphSnapshot(
         request=request,
         revision=revision,
         nodes=encoded[0],

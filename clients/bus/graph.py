@@ -140,7 +140,7 @@ class Graph(msgspec.Struct, frozen=True, dict=True):
         return _by_topic(self.subscriptions)
 
 
-def graph_of(snapshot: m.Graph) -> Graph:
+def graph_of(snapshot: m.GraphSnapshot) -> Graph:
     """The broker's answer as a graph. Raises RemoteProtocolError where that contradicts itself."""
     nodes = {node.id: node_of(node) for node in snapshot.nodes}
     if strange := {one.node for one in snapshot.endpoints} - nodes.keys():

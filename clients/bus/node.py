@@ -462,7 +462,7 @@ class Node(ParameterHost):
         from bus.graph import graph_of
 
         snapshot = await self._opened().link.request(
-            lambda number: m.GetGraph(request=number, statistics=statistics), m.Graph
+            lambda number: m.GetGraph(request=number, statistics=statistics), m.GraphSnapshot
         )
         return graph_of(snapshot)
 
@@ -556,7 +556,7 @@ class Node(ParameterHost):
             )
         if self._link.failure is not None:
             raise self._link.failure
-        if self._link.guard is None and self._link.loop is not asyncio._get_running_loop():
+        if self._link.guarded_loop is None and self._link.loop is not asyncio._get_running_loop():
             from bus.process.mistakes import other_loop
 
             raise other_loop(f"node {self.full_name}", self._link.loop)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from bus.errors import BusError, ConnectionClosed
-from bus.link.declarations import Node
+from bus.link.declarations import LinkNode
 from bus.publisher import Publisher
 
 if TYPE_CHECKING:  # not every program needs it
@@ -45,7 +45,7 @@ class NodeStatistics(msgspec.Struct, frozen=True):
 class NodeEndpoints:
     """The publishers and subscriptions that `node` has open."""
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: LinkNode) -> None:
         self._node = node
         self._all: list[Publisher[Any] | Subscription[Any]] = []  # some of them may be closed
         self._sweep_at = _LEAST_SWEPT

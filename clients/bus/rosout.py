@@ -32,7 +32,7 @@ class Rosout:
         self._is_open = True
         self._logger.add_sink(self.publish)  # what is logged until the answer comes waits for it
         self._declaring = link.loop.create_task(self._declare(declare), name="declare /rosout")
-        if link.guard is None:
+        if link.guarded_loop is None:
             await asyncio.sleep(0)  # that has left now
         else:  # such a loop may rest as soon as nobody waits, and what is logged with it
             await asyncio.wait([self._declaring])

@@ -23,7 +23,7 @@ from bus.link.reach import NotNow, Patience, try_to_connect
 from bus.process.address import socket_path
 from bus.wire import messages as m
 from bus.wire.answers import expect
-from bus.wire.layout import VERSION
+from bus.wire.layout import PROTOCOL_VERSION
 from bus.wire.session import Role, Session
 from bus_cli.output import CommandError
 
@@ -75,7 +75,7 @@ class Query:
     def graph(self, *, statistics: bool = False) -> Graph:
         """The graph now."""
         return graph_of(
-            self.request(lambda number: m.GetGraph(request=number, statistics=statistics), m.Graph)
+            self.request(lambda number: m.GetGraph(request=number, statistics=statistics), m.GraphSnapshot)
         )
 
     def description(self, type_name: str, type_hash: str) -> bytes | None:
@@ -120,7 +120,7 @@ class Query:
         self._socket.settimeout(self._answer_s)
         self._session, self._items = Session(Role.CLIENT), iter(())
         try:
-            self._send(m.Hello(version=VERSION, pid=os.getpid(), program="bus", release=RELEASE))
+            self._send(m.Hello(version=PROTOCOL_VERSION, pid=os.getpid(), program="bus", release=RELEASE))
             hello: m.Hello = self._receive()
             behind = list(self._items)
             self._items = iter(behind)

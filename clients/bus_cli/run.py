@@ -155,9 +155,9 @@ def _start(call: Call) -> int:
     from bus_ros import launching
 
     program = None if call.module is not None or _is_script(call.words) else _find(call.words)
-    is_foreign = program and program.entry_point is None and not launching.is_python(program.path)
+    is_plain_executable = program and program.entry_point is None and not launching.is_python(program.path)
     front = _split(call.prefix)
-    if program and is_foreign:
+    if program and is_plain_executable:
         return launching.run_child([*front, program.path, *call.words[2:]], of_package=True)
     if front:
         # What Python runs has no command of its own: it is this tool again.

@@ -136,7 +136,7 @@ class Engine:
     def nudge(self) -> None:
         """Have the keeper run the loop at once; also in a signal's handler."""
         self._is_urgent = True
-        self._ring()
+        self._wake_keeper()
 
     def close(self) -> None:
         """Stop the keeper, and close the loop."""
@@ -200,7 +200,7 @@ class Engine:
                 self._pass_on()
             elif self._is_asleep:
                 self._is_asleep = False
-                self._ring()
+                self._wake_keeper()
 
     def is_waited_on(self, waiter: "Waiter") -> bool:
         """Whether a thread is in `wait` with it."""
@@ -262,7 +262,7 @@ class Engine:
                 timeout_s = -1 if self._is_asleep else _TICK_S
             self._bell.acquire(True, timeout_s)
 
-    def _ring(self) -> None:
+    def _wake_keeper(self) -> None:
         with suppress(RuntimeError):  # released already: the wake-up is pending
             self._bell.release()
 

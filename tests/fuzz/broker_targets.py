@@ -275,7 +275,7 @@ def _end(world: World, witness: Process) -> None:
         if process is not witness and process.id in world.processes:
             process.die()
     assert witness.cut_reason is None
-    empty = witness.request(m.GetGraph(request=0), m.Graph)
+    empty = witness.request(m.GetGraph(request=0), m.GraphSnapshot)
     assert (empty.nodes, empty.endpoints, empty.matches) == ((), (), ())
     witness.die()
     core = world.broker

@@ -162,7 +162,7 @@ class _Client:
                 self.say("created", request=number, id=self.script.number(number), **fields)
             await asyncio.sleep(0)
             asked = next(self.connection.numbers)
-            graph = self.connection.request(asked, m.GetGraph(request=asked), m.Graph)
+            graph = self.connection.request(asked, m.GetGraph(request=asked), m.GraphSnapshot)
             self.asked.append(asyncio.create_task(graph))
 
     def act(self, act: int) -> None:
@@ -300,7 +300,7 @@ class _Client:
         for task in self.asked:
             task.cancel()
         for answer in await asyncio.gather(*self.asked, return_exceptions=True):
-            if isinstance(answer, m.Graph):
+            if isinstance(answer, m.GraphSnapshot):
                 with suppress(RemoteProtocolError):
                     graph_of(answer)
             elif isinstance(answer, BaseException):

@@ -12,12 +12,12 @@ import pytest
 
 from bus.qos import QoSProfile
 from bus.wire import messages as m
-from bus.wire.layout import FRAME_HEAD_BYTES, VERSION
+from bus.wire.layout import FRAME_HEAD_BYTES, PROTOCOL_VERSION
 from bus.wire.runs import Account, Run, RunQueue
 from bus.wire.session import Role, Session
 from feeding import feed, frame_record
 
-FOLDER = Path(__file__).parent / f"v{VERSION}"
+FOLDER = Path(__file__).parent / f"v{PROTOCOL_VERSION}"
 GID = bytes(range(16))
 EVERY_POLICY = QoSProfile(
     depth=7,
@@ -176,9 +176,11 @@ FROM_BROKER: dict[str, m.Message] = {
     "silence_over": m.Silence(publisher=2, subscription=3, silent_s=13.5, is_over=True),
     "dropped": m.Dropped(subscription=3, dropped={"replaced": 5, "expired": 1}),
     "credit": m.Credit(publisher=2, seq=300),
-    "graph": m.Graph(request=4, revision=9, nodes=(NODE,), endpoints=(ENDPOINT,), matches=(MATCH,), pid=1),
-    "graph_expected": m.Graph(request=4, revision=9, nodes=(), endpoints=(HEARING,), matches=()),
-    "graph_at": m.Graph(request=4, revision=9, nodes=(), endpoints=(COUNTED,), matches=()),
+    "graph": m.GraphSnapshot(
+        request=4, revision=9, nodes=(NODE,), endpoints=(ENDPOINT,), matches=(MATCH,), pid=1
+    ),
+    "graph_expected": m.GraphSnapshot(request=4, revision=9, nodes=(), endpoints=(HEARING,), matches=()),
+    "graph_at": m.GraphSnapshot(request=4, revision=9, nodes=(), endpoints=(COUNTED,), matches=()),
     "graph_changed": m.GraphChanged(
         revision=10,
         nodes_added=(NODE,),

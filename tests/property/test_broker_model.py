@@ -77,7 +77,7 @@ class Watcher:
 
     def __init__(self, world: World) -> None:
         self.process = world.process("watcher")
-        graph = self.process.request(m.Observe(request=0), m.Graph)
+        graph = self.process.request(m.Observe(request=0), m.GraphSnapshot)
         self.revision = graph.revision
         self.nodes = {node.id: node for node in graph.nodes}
         self.endpoints = {endpoint.id: endpoint for endpoint in graph.endpoints}

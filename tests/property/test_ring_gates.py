@@ -97,7 +97,7 @@ class World:
     def check(self) -> None:
         route, gates = self.route, list(self.route._gates.values())
         expected = [gate for gate in gates if gate.state in (GateState.EXPECTED, GateState.UNSURE)]
-        holds = [gate.hold for gate in expected if gate.is_held]
+        holds = [gate.hold for gate in expected if gate.is_lossless]
         if route._is_lossless:
             holds.append(route._known_seq + 1)
         assert route.writer.hold == min(holds, default=0)

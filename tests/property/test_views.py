@@ -54,7 +54,7 @@ class Copy:
         self.observe()
 
     def observe(self) -> None:
-        graph = self.process.request(m.Observe(request=0), m.Graph)
+        graph = self.process.request(m.Observe(request=0), m.GraphSnapshot)
         self.revision = graph.revision
         self.nodes = {one.id: one for one in graph.nodes}
         self.endpoints = {one.id: one for one in graph.endpoints}

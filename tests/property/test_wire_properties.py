@@ -11,7 +11,7 @@ from bus.base.descriptor import Descriptor
 from bus.errors import RemoteProtocolError
 from bus.qos import QoSProfile
 from bus.wire import messages as m
-from bus.wire.layout import DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES, REPLAY, RESUMED, VERSION
+from bus.wire.layout import DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES, PROTOCOL_VERSION, REPLAY, RESUMED
 from bus.wire.runs import RUN_COST_BYTES, Account, Run, RunQueue
 from bus.wire.session import Carried, Role, Session, State
 from effort import examples
@@ -252,7 +252,7 @@ pieces = st.lists(st.integers(1, 40), max_size=20)
 
 def open_session() -> Session:
     session = Session(Role.BROKER)
-    list(feed(session, m.encode_frame(m.Hello(version=VERSION))))
+    list(feed(session, m.encode_frame(m.Hello(version=PROTOCOL_VERSION))))
     return session
 
 

@@ -221,7 +221,7 @@ class TestObserving:
     async def test_changes_come_without_what_is_hidden(self, guests: Start, join: Join) -> None:
         busd = guests(rule(f"users = [{GUEST}]", "/open", "observe"))
         with as_user(busd.path, GUEST) as guest:
-            before: m.Graph = guest.hello().ask(m.Observe(request=guest.request()))
+            before: m.GraphSnapshot = guest.hello().ask(m.Observe(request=guest.request()))
             own = await join(busd, OWNER, "own")
             await own.create_publisher(String, "/closed", 10)
             await own.create_publisher(String, "/open", 10)

@@ -8,7 +8,7 @@ import pytest
 from bus import shm
 from bus.shm import segments
 from bus.wire import messages as m
-from bus.wire.layout import VERSION
+from bus.wire.layout import PROTOCOL_VERSION
 from raw_peer import RawPeer
 from users import GUEST, OWNER, Guests, acting_as, needs_users, program, rule, running
 
@@ -86,7 +86,7 @@ def test_a_program_of_an_earlier_version_is_given_none(busd: Guests) -> None:
         segment, _ = segments.make_readers(8)
     with own, guest:
         for peer in (own, guest):
-            peer.send(m.Hello(version=VERSION, capabilities=("guests",)))
+            peer.send(m.Hello(version=PROTOCOL_VERSION, capabilities=("guests",)))
             assert peer.expect(m.Hello).capabilities == ()
             doorbell = segments.make_doorbell()
             peer.carry(m.Share(), doorbell, segment)

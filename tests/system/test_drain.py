@@ -7,14 +7,14 @@ from collections.abc import Callable
 import pytest
 
 from bus.wire import messages as m
-from bus.wire.layout import LEAVING, VERSION
+from bus.wire.layout import LEAVING, PROTOCOL_VERSION
 from bus.wire.runs import Run
 from conftest import WAIT_S, Daemon
 from neighbours import wait_until, with_limits
 from nursery import state
 from raw_peer import RawPeer, data, text
 
-POLITE = m.Hello(version=VERSION, capabilities=(LEAVING,), program="polite peer")
+POLITE = m.Hello(version=PROTOCOL_VERSION, capabilities=(LEAVING,), program="polite peer")
 LONG_S = 3600
 """Far longer than a test may take: who waits for that hangs."""
 

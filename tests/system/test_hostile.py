@@ -15,7 +15,7 @@ from bus.wire.layout import (
     FRAME_HEAD,
     MAX_CONTROL_BYTES,
     MAX_COUNT,
-    VERSION,
+    PROTOCOL_VERSION,
 )
 from bus.wire.runs import Run
 from conftest import Daemon
@@ -37,7 +37,7 @@ def told_by_id(number: int) -> list[m.Message]:
 
 
 def knows_of(asker: RawPeer, node: str) -> bool:
-    graph: m.Graph = asker.ask(m.GetGraph(request=asker.request()))
+    graph: m.GraphSnapshot = asker.ask(m.GetGraph(request=asker.request()))
     return any(one.name == node for one in graph.nodes)
 
 
@@ -170,10 +170,10 @@ class TestBytes:
 
 class TestHello:
     def test_another_version(self, peer: RawPeer) -> None:
-        peer.send(m.Hello(version=VERSION + 1))
+        peer.send(m.Hello(version=PROTOCOL_VERSION + 1))
         fault = peer.fault()
-        assert f"version {VERSION + 1} offered" in fault
-        assert f"speaks {VERSION}" in fault
+        assert f"version {PROTOCOL_VERSION + 1} offered" in fault
+        assert f"speaks {PROTOCOL_VERSION}" in fault
 
     def test_a_second_one(self, peer: RawPeer) -> None:
         peer.hello().write(HELLO)
@@ -210,7 +210,9 @@ class TestHello:
         wait_until(lambda: "is heard again" in daemon.log.read_text())  # a thread writes the log
 
     def test_a_name_that_does_not_fit_a_log(self, daemon: Daemon, peer: RawPeer) -> None:
-        peer.send(m.Hello(version=VERSION, program="x\n[ERROR] [0.0] [busd]: forged\x1b[2J" + "y" * 900))
+        peer.send(
+            m.Hello(version=PROTOCOL_VERSION, program="x\n[ERROR] [0.0] [busd]: forged\x1b[2J" + "y" * 900)
+        )
         peer.expect(m.Hello)
         peer.send(m.DestroyNode(node=1))
         assert peer.fault() == "node 1 is not one of yours"

@@ -75,7 +75,7 @@ class TestBodies:
         publisher = peer.hello().publisher(peer.node(), "/t").id
         peer.write(data(publisher, text("x"), count=0xFFFFFFFF))
         assert "claims 4294967295 samples" in peer.fault()
-        graph: m.Graph = other.ask(m.GetGraph(request=other.request(), statistics=True))
+        graph: m.GraphSnapshot = other.ask(m.GetGraph(request=other.request(), statistics=True))
         (mine,) = (one for one in graph.endpoints if one.id == subscription)
         assert mine.statistics == m.EndpointStatistics()
 
@@ -114,7 +114,7 @@ class TestNumbers:
                 assert other.expect(Run).first_seq == MAX_COUNT
                 peer.write(data(publisher, text("further"), first_seq=MAX_COUNT))
                 assert peer.fault()
-        graph: m.Graph = other.ask(m.GetGraph(request=other.request(), statistics=True))
+        graph: m.GraphSnapshot = other.ask(m.GetGraph(request=other.request(), statistics=True))
         (mine,) = (one.statistics for one in graph.endpoints if one.id == subscription)
         assert mine is not None
         assert mine.dropped == {"publisher_queue": MAX_COUNT}
@@ -128,7 +128,7 @@ class TestNumbers:
             peer.send(m.Report(endpoint, samples=MAX_COUNT, bytes=MAX_COUNT, queued=MAX_COUNT, dropped=most))
         peer.write(data(publisher, text("x"), first_seq=MAX_COUNT))
         peer.barrier()
-        graph: m.Graph = other.ask(m.GetGraph(request=other.request(), statistics=True))
+        graph: m.GraphSnapshot = other.ask(m.GetGraph(request=other.request(), statistics=True))
         assert {one.id for one in graph.endpoints} >= {publisher, subscription}
         for lie in ({"samples": -1}, {"samples": MAX_COUNT + 1}, {"dropped": {"x" * 33: 1}}, {"queued": -1}):
             fields = {"m": "report", "endpoint": publisher, "samples": 0, "bytes": 0, **lie}

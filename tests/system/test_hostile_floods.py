@@ -25,7 +25,7 @@ MiB = 1 << 20
 
 
 def dropped(asker: RawPeer, subscription: int) -> dict[str, int]:
-    graph: m.Graph = asker.ask(m.GetGraph(request=asker.request(), statistics=True))
+    graph: m.GraphSnapshot = asker.ask(m.GetGraph(request=asker.request(), statistics=True))
     (mine,) = (one.statistics for one in graph.endpoints if one.id == subscription)
     assert mine is not None
     return mine.dropped
@@ -126,7 +126,7 @@ class TestOneThatWantsTooMuch:
         assert [type(answer) for answer in answers] == [m.Created] * 4096 + [m.Refused] * 5904
         last = answers[-1]
         assert (last.resource, last.used, last.limit) == ("endpoints of a process", 4096, 4096)  # type: ignore[attr-defined]
-        graph: m.Graph = peer.ask(m.GetGraph(request=peer.request()))
+        graph: m.GraphSnapshot = peer.ask(m.GetGraph(request=peer.request()))
         assert len(graph.endpoints) == 4096 + 2
         peer.publisher(node, "/more")
         peer.send(m.DestroyEndpoint(endpoint=answers[0].id))

@@ -169,7 +169,7 @@ def test_queued_bytes_of_a_user(daemon: Daemon, other: RawPeer) -> None:
         (user,) = answer.users
         assert 6 * MiB < user.queued_bytes <= 8 * MiB
         assert sum(one.queued_bytes for one in answer.peers) == user.queued_bytes
-        graph: m.Graph = other.ask(m.GetGraph(request=other.request(), statistics=True))
+        graph: m.GraphSnapshot = other.ask(m.GetGraph(request=other.request(), statistics=True))
         dropped = {one.id: one.statistics.dropped for one in graph.endpoints if one.statistics is not None}
         assert all(dropped[one]["memory_limit"] > 500 for one in subscriptions)
         wait_until(lambda: f"bytes queued for user {UID}" in daemon.log.read_text())

@@ -101,7 +101,7 @@ def test_bytes(stack: ExitStack, come: Callable[[Guests, int], RawPeer]) -> None
     for seq in range(1, 101):
         talker.write(data(publisher, body, first_seq=seq))
     talker.barrier()
-    graph: m.Graph = talker.ask(m.GetGraph(request=talker.request(), statistics=True))
+    graph: m.GraphSnapshot = talker.ask(m.GetGraph(request=talker.request(), statistics=True))
     dropped = {one.id: one.statistics.dropped for one in graph.endpoints if one.statistics is not None}
     assert all(dropped[one].get("memory_limit", 0) > 10 for one in ids[GUEST])
     assert [dropped[one] for one in ids[OWNER]] == [{}]

@@ -19,7 +19,7 @@ from bus.link.connection import Connection
 from bus.link.declarations import Declarations
 from bus.msg.std_msgs import Int32
 from bus.wire import messages as m
-from bus.wire.layout import VERSION
+from bus.wire.layout import PROTOCOL_VERSION
 from bus.wire.runs import Run
 from conftest import WAIT_S
 from fake_broker import FakeBroker, FakeConnection
@@ -97,7 +97,7 @@ class TestTheGraph:
 
         waiting = asyncio.ensure_future(node.wait_for_graph(is_there))
         observe = await client.expect(m.Observe)
-        client.send(m.Graph(request=observe.request, revision=1, nodes=(), endpoints=(), matches=()))
+        client.send(m.GraphSnapshot(request=observe.request, revision=1, nodes=(), endpoints=(), matches=()))
         for revision in range(2, 32):
             client.send(m.GraphChanged(revision=revision))
             await asyncio.sleep(0.01)
@@ -119,7 +119,9 @@ class TestTheGraph:
         here, there, gone = (m.NodeRecord(id=one, name=f"n{one}", namespace="/", pid=1) for one in (1, 2, 3))
         client.send(
             m.GraphChanged(revision=7, nodes_removed=(1,)),  # of an earlier question
-            m.Graph(request=observe.request, revision=7, nodes=(here,), endpoints=(), matches=(), pid=5),
+            m.GraphSnapshot(
+                request=observe.request, revision=7, nodes=(here,), endpoints=(), matches=(), pid=5
+            ),
             m.GraphChanged(revision=8, nodes_added=(there, gone)),
             m.GraphChanged(revision=9, nodes_removed=(3,)),
         )
@@ -144,7 +146,9 @@ class TestTheGraph:
             gid=b"",
             qos=bus.QoSProfile(),
         )
-        client.send(m.Graph(request=observe.request, revision=1, nodes=(), endpoints=(endpoint,), matches=()))
+        client.send(
+            m.GraphSnapshot(request=observe.request, revision=1, nodes=(), endpoints=(endpoint,), matches=())
+        )
         with pytest.raises(bus.RemoteProtocolError, match="node 9, which is not in it"):
             await watching
         await node.close()
@@ -254,7 +258,7 @@ class TestDeclaringAgain:
         for reason in ("not today", "not today", "not tomorrow"):
             client = await broker.meet()
             await client.expect(m.Hello)
-            client.send(m.Hello(version=VERSION), m.Fault(text=reason))
+            client.send(m.Hello(version=PROTOCOL_VERSION), m.Fault(text=reason))
         client = await broker.accept()
         await client.create(m.CreateNode, 11)
         await node.close()

@@ -16,7 +16,7 @@ import bus.link.link
 from bus.link.reach import Patience
 from bus.msg.std_msgs import Int32
 from bus.wire import messages as m
-from bus.wire.layout import VERSION
+from bus.wire.layout import PROTOCOL_VERSION
 from bus.wire.runs import Run
 from conftest import WAIT_S
 from fake_broker import FakeBroker, FakeConnection
@@ -61,13 +61,15 @@ class TestOpening:
     async def test_another_version(self, broker: FakeBroker) -> None:
         opening = asyncio.ensure_future(bus.Node("node", arguments=[]).open())
         client = await broker.meet()
-        client.send(m.Hello(version=VERSION + 1))
+        client.send(m.Hello(version=PROTOCOL_VERSION + 1))
         with pytest.raises(bus.BrokerUnavailable) as caught:
             await opening
-        assert f"version {VERSION + 1} offered, this side speaks {VERSION}" in str(caught.value)
+        assert f"version {PROTOCOL_VERSION + 1} offered, this side speaks {PROTOCOL_VERSION}" in str(
+            caught.value
+        )
 
     async def test_a_refusal_in_words(self, broker: FakeBroker) -> None:
-        for before in ([], [m.Hello(version=VERSION)]):
+        for before in ([], [m.Hello(version=PROTOCOL_VERSION)]):
             opening = asyncio.ensure_future(bus.Node("node", arguments=[]).open())
             client = await broker.meet()
             client.send(*before, m.Fault(text="not today"))
@@ -96,7 +98,7 @@ class TestOpening:
         nodes = [bus.Node(name, arguments=[]) for name in ("one", "two")]
         openings = [asyncio.ensure_future(node.open()) for node in nodes]
         client = await broker.meet()
-        client.send(m.Hello(version=VERSION), m.Fault(text="not today"))
+        client.send(m.Hello(version=PROTOCOL_VERSION), m.Fault(text="not today"))
         for error in await asyncio.gather(*openings, return_exceptions=True):
             assert isinstance(error, bus.BrokerUnavailable)
             assert "not today" in str(error)
@@ -130,7 +132,7 @@ class TestOpening:
         async def turn_all_away() -> None:
             while True:
                 client = await broker.meet()
-                client.send(m.Hello(version=VERSION), m.Fault(text="not now", again=True))
+                client.send(m.Hello(version=PROTOCOL_VERSION), m.Fault(text="not now", again=True))
                 await client.close()
 
         turning = asyncio.ensure_future(turn_all_away())
@@ -150,7 +152,7 @@ class TestWaiting:
         asking = asyncio.ensure_future(node.graph())
         request = await client.expect(m.GetGraph)
         answer = m.encode_frame(
-            m.Graph(request=request.request, revision=0, nodes=(), endpoints=(), matches=())
+            m.GraphSnapshot(request=request.request, revision=0, nodes=(), endpoints=(), matches=())
         )
         for at in range(0, len(answer) - 1, 4):  # a sign of life may be a part of the answer
             client.write(answer[at : min(at + 4, len(answer) - 1)])
@@ -205,7 +207,7 @@ class TestWaiting:
         node, client = await opened(broker)
         asking = asyncio.ensure_future(node.graph())
         request = await client.expect(m.GetGraph)
-        client.send(m.Graph(request=request.request, revision=0, nodes=(), endpoints=(), matches=()))
+        client.send(m.GraphSnapshot(request=request.request, revision=0, nodes=(), endpoints=(), matches=()))
         time.sleep(0.2)  # noqa: ASYNC251 - the loop's timers come before its sockets
         assert (await asking).nodes == ()
         await node.close()

@@ -59,8 +59,8 @@ class TestLongWork:
         while self.graph(other).endpoints:
             pass
 
-    def graph(self, peer: RawPeer) -> m.Graph:
-        answer: m.Graph = peer.ask(m.GetGraph(request=peer.request()))
+    def graph(self, peer: RawPeer) -> m.GraphSnapshot:
+        answer: m.GraphSnapshot = peer.ask(m.GetGraph(request=peer.request()))
         return answer
 
     def peers(self, peer: RawPeer) -> int:
@@ -77,7 +77,7 @@ class TestLongWork:
             pass
         peer.close()
         with RawPeer(daemon.path) as again:
-            graph: m.Graph = again.hello().ask(m.GetGraph(request=1))
+            graph: m.GraphSnapshot = again.hello().ask(m.GetGraph(request=1))
         assert not graph.endpoints
 
     def test_one_that_has_gone_with_all_its_connections(

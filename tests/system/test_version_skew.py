@@ -18,7 +18,7 @@ import bus
 import bus.link.link
 from bus.base.version import RELEASE
 from bus.wire import messages as m
-from bus.wire.layout import CONTROL, FRAME_HEAD_BYTES, LEAVING, VERSION
+from bus.wire.layout import CONTROL, FRAME_HEAD_BYTES, LEAVING, PROTOCOL_VERSION
 from conftest import WAIT_S, Daemon
 from fake_broker import FakeBroker
 from neighbours import with_limits
@@ -94,7 +94,7 @@ class TestThisBusd:
     def test_serves_a_newer_client_of_its_version(self, daemon: Daemon) -> None:
         hello = {
             "m": "hello",
-            "version": VERSION,
+            "version": PROTOCOL_VERSION,
             "capabilities": ["teleport", LEAVING, "shm3"],
             "release": "99.1",
             "mood": {"good": True},
@@ -105,13 +105,13 @@ class TestThisBusd:
             assert isinstance(newer.publisher(newer.node(), "/t"), m.Created)
 
     @pytest.mark.parametrize(
-        ("version", "remedy"), [(0, OLDER_PROGRAM), (VERSION + 1, OLDER_BUSD), (99, OLDER_BUSD)]
+        ("version", "remedy"), [(0, OLDER_PROGRAM), (PROTOCOL_VERSION + 1, OLDER_BUSD), (99, OLDER_BUSD)]
     )
     def test_refuses_another_version(self, daemon: Daemon, version: int, remedy: str) -> None:
         with RawPeer(daemon.path) as other:
             other.send(m.Hello(version=version, program="other"))
             said = other.fault()
-        assert said == f"protocol version {version} offered, this side speaks {VERSION}; {remedy}"
+        assert said == f"protocol version {version} offered, this side speaks {PROTOCOL_VERSION}; {remedy}"
 
 
 @pytest.fixture
@@ -133,7 +133,7 @@ class TestThisLibrary:
         await opening
         await node.close()
 
-    @pytest.mark.parametrize(("version", "remedy"), [(0, OLDER_BUSD), (VERSION + 1, OLDER_PROGRAM)])
+    @pytest.mark.parametrize(("version", "remedy"), [(0, OLDER_BUSD), (PROTOCOL_VERSION + 1, OLDER_PROGRAM)])
     async def test_refuses_a_busd_of_another_version(
         self, broker: FakeBroker, version: int, remedy: str
     ) -> None:
@@ -144,7 +144,7 @@ class TestThisLibrary:
         client.send(m.Hello(version=version, program="busd"))
         with pytest.raises(bus.BrokerUnavailable) as caught:
             await opening
-        text = f"protocol version {version} offered, this side speaks {VERSION}; {remedy}"
+        text = f"protocol version {version} offered, this side speaks {PROTOCOL_VERSION}; {remedy}"
         assert str(caught.value).endswith(text)
         assert broker.connections == 1
 
@@ -162,7 +162,7 @@ class TestThisLibrary:
         for _ in range(3):
             newer = await broker.meet()
             await newer.expect(m.Hello)
-            newer.send(m.Hello(version=VERSION + 1, program="busd"))
+            newer.send(m.Hello(version=PROTOCOL_VERSION + 1, program="busd"))
         right = await broker.accept()
         await right.create(m.CreateNode, 2)
         await until(lambda: node._id == 2)

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from bus.wire import messages as m
-from bus.wire.layout import VERSION
+from bus.wire.layout import PROTOCOL_VERSION
 from bus.wire.session import Role, Session
 from busd import admission as module
 from busd.admission import Admission
@@ -37,7 +37,7 @@ class Host:
         self.failures: list[bool] = []
 
     def greeting(self) -> bytes:
-        return m.encode_frame(m.Hello(version=VERSION, program="busd"))
+        return m.encode_frame(m.Hello(version=PROTOCOL_VERSION, program="busd"))
 
     def why_turned_away(self, who: Credentials) -> str:
         return self.stranger
@@ -257,7 +257,7 @@ class TestTurns:
     async def test_who_waits_is_let_in_when_it_is_time_and_in_order(self, door: Door) -> None:
         door.host.wait_ns = lambda said_ns: SECOND
         with door:
-            words = [HELLO, m.encode_frame(m.Hello(version=VERSION, program="second"))]
+            words = [HELLO, m.encode_frame(m.Hello(version=PROTOCOL_VERSION, program="second"))]
             for number, hello in enumerate(words, 1):
                 door.come(hello)
                 await until(lambda number=number: len(door.admission._anteroom) == number)

@@ -9,13 +9,13 @@ import pytest
 
 from bus.errors import BrokerUnavailable, BusError, RemoteProtocolError
 from bus.wire import messages as m
-from bus.wire.layout import VERSION
+from bus.wire.layout import PROTOCOL_VERSION
 from bus_cli import query as module
 from bus_cli.query import Query
 
-HELLO = m.Hello(version=VERSION, pid=1, program="busd", release="0.1.0")
-OLD_HELLO = m.Hello(version=VERSION, pid=1, program="busd")
-GRAPH = m.Graph(request=1, revision=0, nodes=(), endpoints=(), matches=())
+HELLO = m.Hello(version=PROTOCOL_VERSION, pid=1, program="busd", release="0.1.0")
+OLD_HELLO = m.Hello(version=PROTOCOL_VERSION, pid=1, program="busd")
+GRAPH = m.GraphSnapshot(request=1, revision=0, nodes=(), endpoints=(), matches=())
 
 
 @pytest.fixture

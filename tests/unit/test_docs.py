@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from bus import events, qos
-from bus.delivery.match import GATES, RINGS, GateEvent, RingEvent
+from bus.delivery.match import FEEDS, GATES, FeedEvent, GateEvent
 from bus.msg import PACKAGES
 from bus.msg.std_msgs import String
 from bus.types.support import type_support
@@ -154,7 +154,7 @@ class TestProtocol:
         kinds = {row[0]: int(row[1]) for row in rows_of(self.text, "kind", "number")}
         assert kinds == {"control": layout.CONTROL, "data": layout.DATA}
         text = words(self.text)
-        assert f"This is version {layout.VERSION}." in text
+        assert f"This is version {layout.PROTOCOL_VERSION}." in text
         assert f"in a data frame {layout.REPLAY} = *replay*" in text
         assert f" {layout.RESUMED} = *resumed*" in text
         control = layout.FRAME_HEAD_BYTES - layout.LENGTH_BYTES
@@ -185,7 +185,7 @@ class TestProtocol:
         queue = RunQueue(0, Account(1 << 20), endpoint=7)
         queue.append(Run(0, 3, 5, 2, b"".join(records)))
         head, body = queue.pop_frame()
-        hello = messages.Hello(version=layout.VERSION, pid=4711, program="talker.py")
+        hello = messages.Hello(version=layout.PROTOCOL_VERSION, pid=4711, program="talker.py")
         assert dumps == [messages.encode_frame(hello), bytes(head) + bytes(body)]
 
 
@@ -220,8 +220,8 @@ class TestRing:
     def test_the_states_of_a_gate(self) -> None:
         assert rows_of(self.text, "gate", *[event.value for event in GateEvent]) == as_rows(GATES, GateEvent)
 
-    def test_the_states_of_a_ring_that_is_read(self) -> None:
-        assert rows_of(self.text, "ring", *[event.value for event in RingEvent]) == as_rows(RINGS, RingEvent)
+    def test_the_states_of_a_feed(self) -> None:
+        assert rows_of(self.text, "feed", *[event.value for event in FeedEvent]) == as_rows(FEEDS, FeedEvent)
 
 
 class TestQoS:

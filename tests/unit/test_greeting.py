@@ -5,11 +5,11 @@ import pytest
 from bus.errors import RemoteProtocolError
 from bus.wire import messages as m
 from bus.wire.greeting import MAX_HELLO_BYTES, Greeting
-from bus.wire.layout import CONTROL, DATA, FRAME_HEAD, VERSION
+from bus.wire.layout import CONTROL, DATA, FRAME_HEAD, PROTOCOL_VERSION
 from raw_peer import control
 
 LONGEST = m.Hello(
-    version=VERSION,
+    version=PROTOCOL_VERSION,
     capabilities=("\U0001f600" * 64,) * 64,
     program="\U0001f600" * 1000,
     release="\U0001f600" * 1000,
@@ -29,7 +29,7 @@ def read(stream: bytes, at_once: int = 1 << 20) -> tuple[m.Hello | None, int]:
 
 @pytest.mark.parametrize("at_once", [1, 3, 1 << 20])
 def test_nothing_behind_it_is_read(at_once: int) -> None:
-    for hello in (m.Hello(version=VERSION), LONGEST):
+    for hello in (m.Hello(version=PROTOCOL_VERSION), LONGEST):
         frame = m.encode_frame(hello)
         assert read(frame + b"the next frame", at_once) == (hello, len(frame))
 
@@ -54,8 +54,8 @@ def test_a_part_of_it_is_none() -> None:
         (FRAME_HEAD.pack(5 + MAX_HELLO_BYTES, CONTROL, 0, 0), "frame of 32773 bytes"),
         (control(b"\xc1"), "control message not understood"),
         (
-            m.encode_frame(m.Hello(version=VERSION + 1)),
-            f"version {VERSION + 1} offered, this side speaks {VERSION}",
+            m.encode_frame(m.Hello(version=PROTOCOL_VERSION + 1)),
+            f"version {PROTOCOL_VERSION + 1} offered, this side speaks {PROTOCOL_VERSION}",
         ),
     ],
 )

@@ -53,7 +53,7 @@ def test_a_graph_that_contradicts_itself_is_refused() -> None:
     endpoint = m.EndpointRecord(
         id=2, kind="publisher", node=7, topic="/a", type_name="x", type_hash="y", gid=b"", qos=QoSProfile()
     )
-    snapshot = m.Graph(request=1, revision=1, nodes=(), endpoints=(endpoint,), matches=())
+    snapshot = m.GraphSnapshot(request=1, revision=1, nodes=(), endpoints=(endpoint,), matches=())
     with pytest.raises(RemoteProtocolError, match="node 7, which is not in it"):
         graph_of(snapshot)
 

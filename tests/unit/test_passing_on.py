@@ -13,7 +13,7 @@ import pytest
 
 from bus.qos import QoSProfile
 from bus.wire import messages as m
-from bus.wire.layout import DATA, DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES, VERSION
+from bus.wire.layout import DATA, DATA_HEAD, DATA_HEAD_BYTES, LENGTH_BYTES, PROTOCOL_VERSION
 from bus.wire.runs import Run
 from bus.wire.session import Role, Session
 from busd.core.broker import Broker
@@ -41,7 +41,7 @@ class Peer:
         inner.setblocking(False)
         self.sock.setblocking(False)
         who = Credentials(pid=os.getpid(), uid=UID, gid=os.getgid())
-        server.let_in(inner, who, m.Hello(version=VERSION, program="test"))
+        server.let_in(inner, who, m.Hello(version=PROTOCOL_VERSION, program="test"))
         self.connection: PeerConnection = max(server._peers.values(), key=lambda one: one.id)
         self._session = Session(Role.CLIENT)
         self._waiting: list[Any] = []

@@ -17,14 +17,14 @@ from bus.wire.layout import (
     FRAME_HEAD_BYTES,
     LENGTH_BYTES,
     MAX_CONTROL_BYTES,
+    PROTOCOL_VERSION,
     RUN_BYTES,
-    VERSION,
 )
 from bus.wire.runs import Run
 from bus.wire.session import MAX_BATCHES, Carried, Role, Session, State
 from feeding import feed, frame_record
 
-HELLO = m.encode_frame(m.Hello(version=VERSION, pid=7, program="talker"))
+HELLO = m.encode_frame(m.Hello(version=PROTOCOL_VERSION, pid=7, program="talker"))
 PING = m.encode_frame(m.Ping(number=1))
 
 
@@ -62,9 +62,9 @@ def refusal(made: Session, frames: bytes) -> str:
 class TestStates:
     def test_hello_opens(self, role: Role) -> None:
         made = session(role, State.NEW)
-        assert list(feed(made, HELLO)) == [m.Hello(version=VERSION, pid=7, program="talker")]
+        assert list(feed(made, HELLO)) == [m.Hello(version=PROTOCOL_VERSION, pid=7, program="talker")]
         assert made.state is State.OPEN
-        assert made.peer == m.Hello(version=VERSION, pid=7, program="talker")
+        assert made.peer == m.Hello(version=PROTOCOL_VERSION, pid=7, program="talker")
 
     def test_what_comes_when_open(self, role: Role) -> None:
         ping, run = feed(session(role, State.OPEN), PING + RUN)
@@ -86,17 +86,17 @@ class TestStates:
     def test_what_is_refused(self, role: Role, state: State, frame: bytes, text: str) -> None:
         assert refusal(session(role, state), frame) == text
 
-    @pytest.mark.parametrize("version", [VERSION - 1, VERSION + 1, -1, 2**63])
+    @pytest.mark.parametrize("version", [PROTOCOL_VERSION - 1, PROTOCOL_VERSION + 1, -1, 2**63])
     def test_another_version(self, role: Role, version: int) -> None:
         made = Session(role)
         text = refusal(made, m.encode_frame(m.Hello(version=version)))
-        assert text.startswith(f"protocol version {version} offered, this side speaks {VERSION};")
+        assert text.startswith(f"protocol version {version} offered, this side speaks {PROTOCOL_VERSION};")
         assert made.peer is None
 
     def test_a_later_hello_may_say_more(self, role: Role) -> None:
-        body = msgspec.msgpack.encode({"m": "hello", "version": VERSION, "colour": "blue"})
+        body = msgspec.msgpack.encode({"m": "hello", "version": PROTOCOL_VERSION, "colour": "blue"})
         (hello,) = feed(Session(role), control(body))
-        assert hello == m.Hello(version=VERSION)
+        assert hello == m.Hello(version=PROTOCOL_VERSION)
 
     def test_a_broken_frame_closes(self, role: Role) -> None:
         assert refusal(session(role, State.OPEN), b"\xff" * 8) == "frame of unknown kind 255"

@@ -12,13 +12,13 @@ import pytest
 
 from bus.transport.stream import Stream
 from bus.wire import messages as m
-from bus.wire.layout import VERSION
+from bus.wire.layout import PROTOCOL_VERSION
 from bus.wire.outbox import Outbox
 from bus.wire.session import Role, Session
 from conftest import WAIT_S
 
 MOST_ROOM = int(Path("/proc/sys/net/core/wmem_max").read_text())
-HELLO = m.encode_frame(m.Hello(version=VERSION))
+HELLO = m.encode_frame(m.Hello(version=PROTOCOL_VERSION))
 
 
 class End:

@@ -12,14 +12,14 @@ from bus.base.descriptor import Descriptor
 from bus.errors import RemoteProtocolError
 from bus.transport.stream import Stream
 from bus.wire import messages as m
-from bus.wire.layout import VERSION
+from bus.wire.layout import PROTOCOL_VERSION
 from bus.wire.outbox import Outbox
 from bus.wire.runs import Account, Run, RunQueue
 from bus.wire.session import MAX_BATCHES, Carried, Role, Session
 from conftest import WAIT_S, open_descriptors
 from feeding import frame_record
 
-HELLO = m.encode_frame(m.Hello(version=VERSION))
+HELLO = m.encode_frame(m.Hello(version=PROTOCOL_VERSION))
 PING = m.encode_frame(m.Ping())
 SHARE = m.encode_frame(m.Share())
 

@@ -8,12 +8,12 @@ import pytest
 
 from bus.transport.stream import Stream
 from bus.wire import messages as m
-from bus.wire.layout import VERSION
+from bus.wire.layout import PROTOCOL_VERSION
 from bus.wire.outbox import Outbox
 from bus.wire.session import Role, Session
 from semantics import until
 
-HELLO = m.encode_frame(m.Hello(version=VERSION))
+HELLO = m.encode_frame(m.Hello(version=PROTOCOL_VERSION))
 LONG = m.DeclareType(type_name="a/msg/B", type_hash="c", schema=bytes(900 << 10))
 
 

@@ -46,7 +46,7 @@ class TestTags:
         endpoints = {m.CreatePublisher, m.CreateSubscription}
         asked = {m.GetGraph, m.GetType, m.GetPeers, m.Observe}
         assert requests == {m.CreateNode, *endpoints, *asked, m.StopBroker, m.Reload}
-        assert answers == {m.Created, m.Done, m.Refused, m.Graph, m.TypeDescription, m.Peers}
+        assert answers == {m.Created, m.Done, m.Refused, m.GraphSnapshot, m.TypeDescription, m.Peers}
 
 
 class TestEncoding:

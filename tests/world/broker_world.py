@@ -27,7 +27,7 @@ from bus.base.ids import PeerId
 from bus.errors import RemoteProtocolError
 from bus.qos import QoSProfile
 from bus.wire import messages as m
-from bus.wire.layout import FRAME_HEAD_BYTES, SILENCE, VERSION
+from bus.wire.layout import FRAME_HEAD_BYTES, PROTOCOL_VERSION, SILENCE
 from bus.wire.outbox import Outbox
 from bus.wire.runs import Account, Run, RunQueue
 from bus.wire.session import Carried, Role, Session
@@ -73,14 +73,14 @@ class Handle:
         self.name = "closed"
 
 
-def whole_graph(graph: Graph, *, statistics: bool = False) -> m.Graph:
+def whole_graph(graph: Graph, *, statistics: bool = False) -> m.GraphSnapshot:
     """All of `graph`, looked at from inside the broker."""
     steps = take_snapshot(graph, 0, statistics=statistics, pid=1)
     while True:
         try:
             next(steps)
         except StopIteration as end:
-            found: m.Graph = m.from_broker.decode(m.encode_frame(end.value)[FRAME_HEAD_BYTES:])
+            found: m.GraphSnapshot = m.from_broker.decode(m.encode_frame(end.value)[FRAME_HEAD_BYTES:])
             return found
 
 
@@ -135,7 +135,7 @@ class World:
             assert not is_done or again_ns is None or again_ns > self.now_ns, "a tick leaves what is due"
         self.now_ns = end_ns
 
-    def whole_graph(self, *, statistics: bool = False) -> m.Graph:
+    def whole_graph(self, *, statistics: bool = False) -> m.GraphSnapshot:
         """The graph, looked at from inside."""
         return whole_graph(self.broker.graph, statistics=statistics)
 
@@ -148,7 +148,7 @@ class World:
                 case Send(peer, message, descriptors):
                     if peer in self.processes:
                         frame = m.encode_frame(message)
-                        if isinstance(message, m.Graph):  # the broker has encoded parts of it
+                        if isinstance(message, m.GraphSnapshot):  # the broker has encoded parts of it
                             message = m.from_broker.decode(frame[FRAME_HEAD_BYTES:])
                         self.processes[peer].sent.append(message)
                         self.processes[peer].outbox.put(frame, descriptors)
@@ -205,11 +205,11 @@ class Process:
         self._node: Node | None = None
         self._to_broker = Session(Role.BROKER, max_message_bytes=world.broker.limits.message_bytes)
         self._from_broker = Session(Role.CLIENT)
-        greeting = m.Hello(version=VERSION, capabilities=(SILENCE, *capabilities), program=program)
+        greeting = m.Hello(version=PROTOCOL_VERSION, capabilities=(SILENCE, *capabilities), program=program)
         (hello,) = feed(self._to_broker, m.encode_frame(greeting))
         self.id = world.broker.attach(world.now_ns, hello, pid=100 + len(world.processes), uid=uid)
         world.processes[self.id] = self
-        self.outbox.put(m.encode_frame(m.Hello(version=VERSION)))
+        self.outbox.put(m.encode_frame(m.Hello(version=PROTOCOL_VERSION)))
         self.read()
 
     # --- to the broker
@@ -344,8 +344,8 @@ class Process:
             self._types.add(kind)
             self.tell(m.DeclareType(type_name=kind[0], type_hash=kind[1]))
 
-    def graph(self, *, statistics: bool = False) -> m.Graph:
-        return self.request(m.GetGraph(request=0, statistics=statistics), m.Graph)
+    def graph(self, *, statistics: bool = False) -> m.GraphSnapshot:
+        return self.request(m.GetGraph(request=0, statistics=statistics), m.GraphSnapshot)
 
     def _own_node(self) -> "Node":
         if self._node is None:

@@ -516,7 +516,7 @@ class ClientWorld(broker_world.World):
                 client.connection.has_ended = True
         self.processes.clear()
         self.brokers += 1
-        self.broker = Broker(self._limits, (), self.broker._guard.access, uid=broker_world.UID, pid=1)
+        self.broker = Broker(self._limits, (), self.broker._access_guard.access, uid=broker_world.UID, pid=1)
 
     def connect_all(self) -> None:
         """Whoever has lost its connection has another."""

@@ -21,7 +21,7 @@ from bus.delivery.port import Port, ShmPort
 from bus.qos import QoSProfile
 from bus.types.support import TypeSupport
 from bus.wire import messages as m
-from bus.wire.layout import VERSION
+from bus.wire.layout import PROTOCOL_VERSION
 from bus.wire.outbox import Outbox
 from bus.wire.runs import Buffer, Run, RunQueue
 from bus.wire.session import Carried, Role, Session
@@ -210,7 +210,7 @@ class ListPort:
         self._gathered: dict[Any, None] = {}
         self._drains = Waiters(self)
         self._session = Session(Role.BROKER)
-        self._session.open(m.Hello(version=VERSION))
+        self._session.open(m.Hello(version=PROTOCOL_VERSION))
 
     # --- for tests
 

@@ -1,8 +1,8 @@
 """What a match by shared memory goes through at each of its ends: states, events, and which state follows.
 
-Owns the two tables, and what is remembered of one match: a Gate at the publisher's end, a Ring at the
-subscription's. What else goes with their states is `bus.delivery.shm_sender`'s and `shm_receiver`'s. (What
-the broker knows of a match is in `busd.core.match`.)
+Owns the two tables, and what is remembered of one match: a Gate at the publisher's end, a Feed at the
+subscription's (the native reader's half of it is `struct feed`). What else goes with their states is
+`bus.delivery.shm_sender`'s and `shm_receiver`'s. (What the broker knows of a match is in `busd.core.match`.)
 """
 
 from collections.abc import Mapping
@@ -19,16 +19,16 @@ if TYPE_CHECKING:  # what only publishes needs none
     from bus.delivery.sequence import PublisherProxy
 
 __all__ = [
+    "FEEDS",
     "GATES",
-    "RINGS",
     "STALE",
+    "Feed",
+    "FeedEvent",
+    "FeedState",
     "Gate",
     "GateEvent",
     "GateState",
     "MatchError",
-    "Ring",
-    "RingEvent",
-    "RingState",
 ]
 
 _keys = count(1)
@@ -47,7 +47,7 @@ class GateState(Enum):
     UNSURE = "unsure"
     """It was expected by an earlier broker; the present one has not made the match yet."""
     READING_ON = "reading on"
-    """It reads since an earlier broker; the present one has not made the match yet."""
+    """It has read since an earlier broker; the present one has not made the match yet."""
     LEFT = "left"
     """The match is gone; its reader may still hold messages in the ring."""
     LOST = "lost"
@@ -75,7 +75,7 @@ class GateEvent(Enum):
     """The reader holds nothing any more, or comes back in another match."""
 
 
-class RingState(Enum):
+class FeedState(Enum):
     """Where a match stands for its subscription: what it reads, and whether more will come."""
 
     __hash__ = object.__hash__
@@ -84,14 +84,14 @@ class RingState(Enum):
     ATTACHED = "attached"
     """It reads the publisher's ring."""
     READING_ON = "reading on"
-    """It does since an earlier broker; the present one has not made the match yet."""
+    """It has done so since an earlier broker; the present one has not made the match yet."""
     FINISHING = "finishing"
     """The publisher has gone: what is in its ring is still taken."""
     ENDED = "ended"
-    """The ring was left."""
+    """It has left the ring."""
 
 
-class RingEvent(Enum):
+class FeedEvent(Enum):
     """What happens to it."""
 
     __hash__ = object.__hash__
@@ -137,25 +137,25 @@ GATES: Mapping[GateState, Mapping[GateEvent, GateState]] = {
 }
 """What follows at the publisher's end, by state and event; what is not in it must not happen."""
 
-RINGS: Mapping[RingState, Mapping[RingEvent, RingState]] = {
-    RingState.NEW: {RingEvent.ATTACH: RingState.ATTACHED},
-    RingState.ATTACHED: {
-        RingEvent.DISCONNECT: RingState.READING_ON,
-        RingEvent.FINISH: RingState.FINISHING,
-        RingEvent.LEAVE: RingState.ENDED,
+FEEDS: Mapping[FeedState, Mapping[FeedEvent, FeedState]] = {
+    FeedState.NEW: {FeedEvent.ATTACH: FeedState.ATTACHED},
+    FeedState.ATTACHED: {
+        FeedEvent.DISCONNECT: FeedState.READING_ON,
+        FeedEvent.FINISH: FeedState.FINISHING,
+        FeedEvent.LEAVE: FeedState.ENDED,
     },
-    RingState.READING_ON: {
-        RingEvent.ATTACH: RingState.ATTACHED,
-        RingEvent.DISCONNECT: RingState.READING_ON,
-        RingEvent.FINISH: RingState.FINISHING,
-        RingEvent.LEAVE: RingState.ENDED,
+    FeedState.READING_ON: {
+        FeedEvent.ATTACH: FeedState.ATTACHED,
+        FeedEvent.DISCONNECT: FeedState.READING_ON,
+        FeedEvent.FINISH: FeedState.FINISHING,
+        FeedEvent.LEAVE: FeedState.ENDED,
     },
-    RingState.FINISHING: {
-        RingEvent.DISCONNECT: RingState.FINISHING,
-        RingEvent.FINISH: RingState.FINISHING,
-        RingEvent.LEAVE: RingState.ENDED,
+    FeedState.FINISHING: {
+        FeedEvent.DISCONNECT: FeedState.FINISHING,
+        FeedEvent.FINISH: FeedState.FINISHING,
+        FeedEvent.LEAVE: FeedState.ENDED,
     },
-    RingState.ENDED: {},
+    FeedState.ENDED: {},
 }
 """The same at the subscription's end."""
 
@@ -204,10 +204,10 @@ class LocalMatch(Generic[_S, _E]):
 class Gate(LocalMatch[GateState, GateEvent]):
     """A match of a publisher, and what its reader holds.
 
-    Until it is ATTACHED it is only known that there will be a reader, and from which number on it reads.
+    Until it is ATTACHED the publisher knows only that a reader will come, and from which number on it reads.
     """
 
-    __slots__ = ("hold", "is_held", "key", "place")
+    __slots__ = ("hold", "is_lossless", "key", "place")
 
     transitions = GATES
     kinds = "publisher", "subscription"
@@ -215,8 +215,10 @@ class Gate(LocalMatch[GateState, GateEvent]):
     def __init__(self, owner: Owner, matched: m.Matched, hold: int) -> None:
         super().__init__(owner, matched, GateState.NEW)
         self.key = next(_keys)
-        self.hold = hold  # until it is attached, nothing from here on may be given up
-        self.is_held = matched.qos.is_lossless  # not while its process is silent, nor where memory ends
+        self.hold = hold
+        """Until it is attached, the ring must keep everything from this number on."""
+        self.is_lossless = matched.qos.is_lossless
+        """Whether the publisher waits for it: not while its process is silent, nor once memory ran out."""
         self.place: tuple[ReaderProcess, int] | None = None
         """The process and the slot where the reader shows how far it has read. None until ATTACHED."""
 
@@ -227,18 +229,20 @@ class Gate(LocalMatch[GateState, GateEvent]):
         return qos.depth if qos.history is History.KEEP_LAST else 1
 
 
-class Ring(LocalMatch[RingState, RingEvent]):
-    """A match of a subscription, and the ring that it reads."""
+class Feed(LocalMatch[FeedState, FeedEvent]):
+    """A match of a subscription, and its reading of the publisher's ring."""
 
     __slots__ = ("doorbell", "final_seq", "identity", "slot", "source")
 
-    transitions = RINGS
+    transitions = FEEDS
     kinds = "subscription", "publisher"
 
     def __init__(self, owner: Owner, matched: m.Matched, source: "PublisherProxy", slot: int) -> None:
-        super().__init__(owner, matched, RingState.NEW)
+        super().__init__(owner, matched, FeedState.NEW)
         self.source = source
         self.slot = slot
-        self.identity = 0, 0  # of the newest segment; its descriptor is of no use once it is mapped
-        self.doorbell: Descriptor | None = None  # never read: held open, because the reader knows its number
-        self.final_seq = 0  # the last number of its publisher, which has gone while the broker was lost
+        self.identity = 0, 0  # of the newest segment, by which the same one is known again
+        self.doorbell: Descriptor | None = (
+            None  # the publisher's: held open, for the native reader has only its number
+        )
+        self.final_seq = 0  # the last number of a publisher that went while the broker was lost

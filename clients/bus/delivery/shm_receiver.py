@@ -1,14 +1,14 @@
 """The rings that one subscription reads: attaching, going on in a larger one, leaving.
 
-Owns the slots that its matches have. What is taken, and what is lost on the way, the native reader does and
-counts; `bus.delivery.receiver` takes from it.
+Owns the feeds of its matches, and their slots. The native reader takes the samples and counts what is lost;
+`bus.delivery.receiver` takes from it.
 """
 
 from collections.abc import Callable
 
 from bus import shm
 from bus.base.descriptor import Descriptor
-from bus.delivery.match import Ring, RingEvent, RingState
+from bus.delivery.match import Feed, FeedEvent, FeedState
 from bus.delivery.port import RETURN_S, Owner, Port, ShmPort, Timer
 from bus.delivery.sequence import PublisherProxy
 from bus.qos import Durability, History, QoSProfile
@@ -40,7 +40,7 @@ class ShmReceiver:
         self._on_missed = on_missed
         self._wants_history = qos.durability is Durability.TRANSIENT_LOCAL
         self._is_lossless = qos.is_lossless
-        self._rings: dict[bytes, Ring] = {}
+        self._feeds: dict[bytes, Feed] = {}
         self._positions: dict[bytes, int] = {}  # the next numbers of publishers whose rings were left
         self._declared_ns = _ALL
         self._lost_ns = _ALL  # when the broker was lost
@@ -64,17 +64,17 @@ class ShmReceiver:
         it was heard by socket, or was yet to be read here when a broker said that it had gone.
         """
         self.sweep()  # what the reader has left by itself must not be taken for what is attached now
-        ring = self._rings.get(matched.gid)
-        if ring is not None and (ring.state is RingState.FINISHING or matched.route != "shm"):
+        feed = self._feeds.get(matched.gid)
+        if feed is not None and (feed.state is FeedState.FINISHING or matched.route != "shm"):
             if matched.route != "shm":
                 drain()
             if self.leave(matched.gid):  # another ring, or none: goes on where this one was read up to
                 known_seq = None
-            ring = None
+            feed = None
         known_seq = self.known_seq(matched.gid, known_seq)
-        if ring is None:
+        if feed is None:
             return None, known_seq
-        source = ring.source
+        source = feed.source
         source.number, source.lifespan_ns = matched.other, matched.qos.lifespan_ns
         return source, known_seq
 
@@ -113,10 +113,10 @@ class ShmReceiver:
 
     def finish(self, gid: bytes) -> None:
         """The publisher has gone: what is in its ring may still be taken."""
-        ring = self._rings.get(gid)
-        if ring is not None:
-            ring.on(RingEvent.FINISH)
-            self.reader.finish(ring.source)
+        feed = self._feeds.get(gid)
+        if feed is not None:
+            feed.on(FeedEvent.FINISH)
+            self.reader.finish(feed.source)
             self.sweep()
             self._shm_context.look_soon()  # a last time: perhaps nobody was rung for what is there
 
@@ -125,10 +125,10 @@ class ShmReceiver:
 
         Returns up to where it was heard or is accounted for here, if at all.
         """
-        ring = self._rings.get(gid)
-        if ring is None:
+        feed = self._feeds.get(gid)
+        if feed is None:
             return self.known_seq(gid, None)
-        ring.final_seq = last_seq
+        feed.final_seq = last_seq
         self.finish(gid)
         return last_seq
 
@@ -137,30 +137,30 @@ class ShmReceiver:
 
         Returns whether it was read up to now.
         """
-        ring = self._rings.pop(gid, None)
-        if ring is None:
+        feed = self._feeds.pop(gid, None)
+        if feed is None:
             return False
-        ring.on(RingEvent.LEAVE)
-        next_seq = self.reader.next_seq(ring.source)
+        feed.on(FeedEvent.LEAVE)
+        next_seq = self.reader.next_seq(feed.source)
         if next_seq:  # else the reader has left it by itself
-            ring.source.last_seq = ring.source.known_seq = next_seq - 1
+            feed.source.last_seq = feed.source.known_seq = next_seq - 1
             self._remember(gid, next_seq)
-        self.reader.detach(ring.source)
-        self._shm_context.give_back(ring.slot)
+        self.reader.detach(feed.source)
+        self._shm_context.give_back(feed.slot)
         return next_seq != 0
 
     def sweep(self) -> None:
         """Give back what belonged to rings that the reader has left by itself."""
         for source, reason, next_seq in self.reader.pop_left():
-            ring = self._rings.get(source.gid)
+            feed = self._feeds.get(source.gid)
             source.last_seq = source.known_seq = max(source.last_seq, next_seq - 1)
             self._remember(source.gid, next_seq)
-            if ring is not None and ring.source is source:
-                ring.on(RingEvent.LEAVE)
-                del self._rings[source.gid]
-                self._shm_context.give_back(ring.slot)
-                if ring.final_seq >= next_seq:
-                    self._on_missed(ring.final_seq + 1 - next_seq)
+            if feed is not None and feed.source is source:
+                feed.on(FeedEvent.LEAVE)
+                del self._feeds[source.gid]
+                self._shm_context.give_back(feed.slot)
+                if feed.final_seq >= next_seq:
+                    self._on_missed(feed.final_seq + 1 - next_seq)
                 if reason:
                     self._refuse(source, reason)
 
@@ -169,19 +169,19 @@ class ShmReceiver:
         self._lost_ns = self._port.now_ns()
         self._cancel_return()
         self.sweep()  # the reader knows no position in what it has left
-        for ring in self._rings.values():
-            ring.source.last_seq = self.reader.next_seq(ring.source) - 1
-            ring.on(RingEvent.DISCONNECT)
+        for feed in self._feeds.values():
+            feed.source.last_seq = self.reader.next_seq(feed.source) - 1
+            feed.on(FeedEvent.DISCONNECT)
 
     def poll(self, time_s: float) -> None:
         """Look for the next message without sleeping for so long after each."""
         self._shm_context.poll(self, int(time_s * 1e9))
 
     def close(self) -> None:
-        """Leave every ring. What was taken and is still held stays readable."""
+        """Leave every feed. What was taken and is still held stays readable."""
         self._cancel_return()
         self._shm_context.poll(self, 0)
-        for gid in tuple(self._rings):
+        for gid in tuple(self._feeds):
             self.leave(gid)
 
     # --- inside
@@ -189,8 +189,8 @@ class ShmReceiver:
     def _finish_stale(self) -> None:
         """The broker has been back for a while: what it has not matched again has gone."""
         self._lost_ns = _ALL
-        for gid, ring in tuple(self._rings.items()):
-            if ring.state is not RingState.ATTACHED:
+        for gid, feed in tuple(self._feeds.items()):
+            if feed.state is not FeedState.ATTACHED:
                 self.finish(gid)
 
     def _cancel_return(self) -> None:
@@ -208,11 +208,11 @@ class ShmReceiver:
         if len(descriptors) != matched.descriptors:
             raise OSError(MISSING)
         descriptor, doorbell = descriptors
-        before = self._rings.get(matched.gid)
+        before = self._feeds.get(matched.gid)
         if before is not None:
-            if before.state is RingState.ATTACHED:
+            if before.state is FeedState.ATTACHED:
                 raise ValueError("another publisher with its gid is read already")
-            before.on(RingEvent.ATTACH)
+            before.on(FeedEvent.ATTACH)
             before.matched = matched
             if before.identity != segments.identity(descriptor):
                 self._replace(matched.gid, descriptor)
@@ -245,9 +245,9 @@ class ShmReceiver:
             self._shm_context.give_back(slot)
             raise
         source.last_seq = first_seq - 1
-        ring = self._rings[matched.gid] = Ring(self._owner, matched, source, slot)
-        ring.identity, ring.doorbell = segments.identity(descriptor), keep
-        ring.on(RingEvent.ATTACH)
+        feed = self._feeds[matched.gid] = Feed(self._owner, matched, source, slot)
+        feed.identity, feed.doorbell = segments.identity(descriptor), keep
+        feed.on(FeedEvent.ATTACH)
         self._shm_context.look_soon()
         return slot
 
@@ -257,12 +257,12 @@ class ShmReceiver:
             del self._positions[next(iter(self._positions))]
 
     def _replace(self, gid: bytes, descriptor: Descriptor) -> None:
-        ring = self._rings.get(gid)
-        if ring is not None:
+        feed = self._feeds.get(gid)
+        if feed is not None:
             memory = segments.map_ring(descriptor)
             _make_ready_for(memory.size)
-            self.reader.extend(ring.source, memory)
-            ring.identity = segments.identity(descriptor)
+            self.reader.extend(feed.source, memory)
+            feed.identity = segments.identity(descriptor)
             self._shm_context.look_soon()
 
     def _refuse(self, source: PublisherProxy, text: str) -> None:

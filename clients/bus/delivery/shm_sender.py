@@ -183,7 +183,7 @@ class ShmSender:
             return True
         for gate in self._gates.values():
             writer.make_lossy(gate.key)
-            gate.is_held = False
+            gate.is_lossless = False
         self._holds.clear()
         self._set_hold()
         return True
@@ -240,7 +240,7 @@ class ShmSender:
             gate = Gate(self._owner, matched, self.writer.seq_since(matched.at_ns))
             gate.on(GateEvent.MATCH)
             self._gates[matched.gid] = self._unattached[gate.key] = gate
-            if gate.is_held:
+            if gate.is_lossless:
                 heappush(self._holds, (gate.hold, gate.key))
         else:
             gate.on(GateEvent.MATCH)
@@ -270,7 +270,7 @@ class ShmSender:
             if before is not None:
                 before.on(GateEvent.FORGET)
                 gate.key = before.key  # it comes back, and may have pins: the same gate goes on
-            self.writer.add_gate(gate.key, process.bell, attached.slot, is_lossless=gate.is_held)
+            self.writer.add_gate(gate.key, process.bell, attached.slot, is_lossless=gate.is_lossless)
             gate.place = place
         self._unattached.pop(first_key, None)
         if process.is_here:
@@ -299,9 +299,9 @@ class ShmSender:
     def set_waiting(self, gid: bytes, *, is_on: bool) -> None:
         """Whether to wait for a lossless match; not while its process is silent."""
         gate = self._gates.get(gid)
-        if gate is None or gate.is_held is is_on:
+        if gate is None or gate.is_lossless is is_on:
             return
-        gate.is_held = is_on
+        gate.is_lossless = is_on
         if gate.place is None and is_on:
             heappush(self._holds, (gate.hold, gate.key))
         elif gate.place is not None and is_on:
@@ -404,7 +404,7 @@ class ShmSender:
 
     def _set_hold(self) -> None:
         holds, unattached = self._holds, self._unattached
-        while holds and not ((gate := unattached.get(holds[0][1])) and gate.is_held):
+        while holds and not ((gate := unattached.get(holds[0][1])) and gate.is_lossless):
             heappop(holds)
         first = holds[0][0] if holds else FOR_EVER
         if self._is_lossless:

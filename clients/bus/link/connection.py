@@ -30,7 +30,7 @@ from bus.transport.stream import Stream
 from bus.types.support import TypeSupport
 from bus.wire import messages as m
 from bus.wire.answers import expect
-from bus.wire.layout import LEAVING, NAMESAKES, SILENCE, VERSION
+from bus.wire.layout import LEAVING, NAMESAKES, PROTOCOL_VERSION, SILENCE
 from bus.wire.outbox import Outbox
 from bus.wire.runs import Buffer
 from bus.wire.session import Role, Session
@@ -75,7 +75,7 @@ class Connection:
         self.outbox = Outbox()
         self._shm_context = shm_context
         self._has_shared = False
-        self.hello = m.Hello(version=VERSION)
+        self.hello = m.Hello(version=PROTOCOL_VERSION)
         """The broker's, once the connection is open."""
         self._on_received = on_received
         self._on_lost = on_lost
@@ -120,7 +120,7 @@ class Connection:
         self._stream.before_write(self._on_wrote)
         self.send(
             m.Hello(
-                version=VERSION,
+                version=PROTOCOL_VERSION,
                 capabilities=(LEAVING, NAMESAKES, SILENCE),
                 pid=os.getpid(),
                 program=_program(),
@@ -261,7 +261,7 @@ class Connection:
                 self._farewell = text
                 if self._stream is not None:
                     self._stream.finish()
-            case m.Refused() | m.Created() | m.Done() | m.TypeDescription() | m.Graph():
+            case m.Refused() | m.Created() | m.Done() | m.TypeDescription() | m.GraphSnapshot():
                 request = self._requests.get(message.request)
                 if request is not None and not request.answer.done():
                     request.answer.set_result(message)

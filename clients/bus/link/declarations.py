@@ -1,6 +1,6 @@
 """What a process has declared at its broker: nodes and endpoints, the ids they got, and declaring them anew.
 
-Knows nodes and endpoints only by the methods that `Declared` and `Endpoint` name. These begin with an
+Knows nodes and endpoints only by the methods that `Declared` and `LinkEndpoint` name. These begin with an
 underscore, though other modules of `bus` call them: the objects are the users', who have no use for them.
 """
 
@@ -58,7 +58,7 @@ class Declared(Known, Protocol):
     def _declared(self, answer: m.Created) -> None: ...
 
 
-class Node(Declared, Protocol):
+class LinkNode(Declared, Protocol):
     """A node, as the link sees it."""
 
     @property
@@ -75,7 +75,7 @@ class Counted(Known, Protocol):
     def _totals(self) -> m.Report: ...
 
 
-class Endpoint(Declared, Counted, Protocol):
+class LinkEndpoint(Declared, Counted, Protocol):
     """A publisher or a subscription, as the link sees it."""
 
     _kind: str
@@ -101,7 +101,7 @@ class Endpoint(Declared, Counted, Protocol):
     def _abandon(self, reason: BusError) -> None: ...
 
 
-def lease_s(endpoint: Endpoint) -> float | None:
+def lease_s(endpoint: LinkEndpoint) -> float | None:
     """Within what time the broker wants a sign of life from this process for `endpoint`; None = no matter."""
     if endpoint._kind == "publisher" and endpoint.qos.liveliness is Liveliness.AUTOMATIC:
         return endpoint.qos.liveliness_lease_duration
@@ -120,19 +120,19 @@ class Declarations:
     """`by_id` are the endpoints that the broker knows at the moment."""
 
     def __init__(self) -> None:
-        self.by_id: dict[int, Endpoint] = {}
-        self._nodes: dict[Node, dict[Endpoint, None]] = {}
+        self.by_id: dict[int, LinkEndpoint] = {}
+        self._nodes: dict[LinkNode, dict[LinkEndpoint, None]] = {}
         self._admissions: dict[int, _Admission] = {}
         self._waiting: dict[Declared, QuotaExceeded] = {}
         self._namesakes: set[str] = set()
         """Names of nodes of which it was said that others have them too."""
         self._retry: asyncio.Task[None] | None = None
 
-    def __iter__(self) -> Iterator[Endpoint]:
+    def __iter__(self) -> Iterator[LinkEndpoint]:
         """Every endpoint, in the order of their making."""
         return iter([endpoint for endpoints in self._nodes.values() for endpoint in endpoints])
 
-    async def add_node(self, connection: Connection, node: Node) -> None:
+    async def add_node(self, connection: Connection, node: LinkNode) -> None:
         """Make `node` known to the broker."""
 
         def admit(answer: m.Created) -> None:
@@ -147,7 +147,7 @@ class Declarations:
             lambda answer: connection.send(m.DestroyNode(node=answer.id)),
         )
 
-    async def add(self, connection: Connection, node: Node, endpoint: Endpoint) -> None:
+    async def add(self, connection: Connection, node: LinkNode, endpoint: LinkEndpoint) -> None:
         """Make an endpoint of `node` known to the broker.
 
         Raises what the broker refuses it with, ConnectionClosed where the node is closed meanwhile.
@@ -207,7 +207,7 @@ class Declarations:
         if admission is not None:
             admission.act(answer)
 
-    def concerned(self, news: Any) -> Endpoint | None:
+    def concerned(self, news: Any) -> LinkEndpoint | None:
         """The endpoint that a message is about; None where it is about none, or one that is closed."""
         field = _ABOUT.get(type(news))
         return None if field is None else self.by_id.get(getattr(news, field))
@@ -223,14 +223,14 @@ class Declarations:
                 "rename one, as by --ros-args -r __node:=NAME"
             )
 
-    def remove(self, endpoint: Endpoint) -> None:
+    def remove(self, endpoint: LinkEndpoint) -> None:
         for endpoints in self._nodes.values():
             endpoints.pop(endpoint, None)
         self.by_id.pop(endpoint._id, None)
         self._waiting.pop(endpoint, None)
         self._revoke(endpoint)
 
-    def remove_node(self, node: Node) -> bool:
+    def remove_node(self, node: LinkNode) -> bool:
         """Returns whether it was declared."""
         self._revoke(node)
         self._waiting.pop(node, None)
@@ -250,7 +250,7 @@ class Declarations:
         """The shortest lease of all publishers."""
         return min((lease for lease in map(lease_s, self) if lease is not None), default=None)
 
-    def _check(self, node: Node) -> None:
+    def _check(self, node: LinkNode) -> None:
         if node not in self._nodes:
             raise ConnectionClosed(f"node {node.full_name} was closed, or a new busd refused it")
         if node in self._waiting:
@@ -289,7 +289,7 @@ class Declarations:
             if admission.what is what:
                 admission.act = admission.undo
 
-    async def _try_node_again(self, connection: Connection, node: Node) -> None:
+    async def _try_node_again(self, connection: Connection, node: LinkNode) -> None:
         if node not in self._nodes:  # closed a moment ago
             return
         name = f"node {node.full_name}"
@@ -305,7 +305,7 @@ class Declarations:
             for endpoint in self._nodes.pop(node, {}):
                 endpoint._end(error)
 
-    async def _try_again(self, connection: Connection, node: Node, endpoint: Endpoint) -> None:
+    async def _try_again(self, connection: Connection, node: LinkNode, endpoint: LinkEndpoint) -> None:
         if endpoint not in self._nodes.get(node, {}):  # closed a moment ago
             return
         name = f"{endpoint._kind} on '{endpoint.topic_name}'"

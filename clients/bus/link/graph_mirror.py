@@ -24,7 +24,7 @@ class GraphMirror:
         self._early: list[m.GraphChanged] = []
         """Changes that were read together with the snapshot, before that was taken up."""
 
-    def begin(self, snapshot: m.Graph) -> None:
+    def begin(self, snapshot: m.GraphSnapshot) -> None:
         """Raises RemoteProtocolError where busd contradicts itself."""
         graph = graph_of(snapshot)
         self._nodes = {one.id: one for one in graph.nodes}

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 from bus.base.descriptor import Descriptor
 from bus.errors import BrokerUnavailable, BusError, ConnectionClosed, ForkError, RemoteProtocolError, again
 from bus.link.connection import Connection
-from bus.link.declarations import Counted, Declarations, Endpoint, Known, Node, lease_s
+from bus.link.declarations import Counted, Declarations, Known, LinkEndpoint, LinkNode, lease_s
 from bus.link.reach import NotNow, Patience
 from bus.link.reports import Reports
 from bus.link.shm_context import ShmContext
@@ -24,7 +24,7 @@ from bus.logger import get_logger
 from bus.process.shared_loop import GuardedLoop
 from bus.process.waiters import Waiters
 from bus.wire import messages as m
-from bus.wire.layout import VERSION
+from bus.wire.layout import PROTOCOL_VERSION
 from bus.wire.runs import Buffer, Run, RunQueue
 from bus.wire.session import Carried
 
@@ -50,9 +50,9 @@ class Link:
     def __init__(self, path: str) -> None:
         self.path = path
         self.loop = asyncio.get_running_loop()
-        self.guard = self.loop if isinstance(self.loop, GuardedLoop) else None
-        self.is_shared = self.guard is not None
-        self.owns_thread = _is_thread(get_ident()) if self.guard is None else self.guard.is_mine
+        self.guarded_loop = self.loop if isinstance(self.loop, GuardedLoop) else None
+        self.is_shared = self.guarded_loop is not None
+        self.owns_thread = _is_thread(get_ident()) if self.guarded_loop is None else self.guarded_loop.is_mine
         self.now_ns = monotonic_ns
         self.soon = self.loop.call_soon
         self.soon_threadsafe = self.loop.call_soon_threadsafe
@@ -61,7 +61,9 @@ class Link:
         self.last_sent_ns = 0  # when a publisher last sent past the gathering
         self.failure: BusError | None = None
         self._users = 0
-        self._hello = m.Hello(version=VERSION, background=True)  # the present broker's, or the last one's
+        self._hello = m.Hello(
+            version=PROTOCOL_VERSION, background=True
+        )  # the present broker's, or the last one's
         self.broker = self._hello.pid, self._hello.began_ns
         """Which broker it is, or was the last: one that restarts has the same process id as before."""
         self._connection: Connection | None = None
@@ -130,11 +132,11 @@ class Link:
 
     # --- what is declared
 
-    async def declare_node(self, node: Node) -> None:
+    async def declare_node(self, node: LinkNode) -> None:
         """Make `node` known to the broker, now and after each reconnection."""
         await self._when_connected(partial(self._declarations.add_node, node=node))
 
-    async def declare(self, node: Node, endpoint: Endpoint) -> None:
+    async def declare(self, node: LinkNode, endpoint: LinkEndpoint) -> None:
         """Make an endpoint of `node` known to the broker, now and after each reconnection.
 
         Raises what the broker refuses it with (`Connection.request`). Cancellation: not declared.
@@ -143,7 +145,7 @@ class Link:
         if lease_s(endpoint) is not None:
             self._set_heartbeat()
 
-    def forget(self, endpoint: Endpoint) -> None:
+    def forget(self, endpoint: LinkEndpoint) -> None:
         """Take an endpoint out of the graph."""
         self._gathered.discard(endpoint)
         self._reports.send_last(endpoint)
@@ -153,7 +155,7 @@ class Link:
         if lease_s(endpoint) is not None:
             self._set_heartbeat()
 
-    def forget_node(self, node: Node) -> None:
+    def forget_node(self, node: LinkNode) -> None:
         """Take a node out of the graph; its endpoints must have been closed."""
         if self._declarations.remove_node(node):
             self.send_about(node, m.DestroyNode(node=node._id))
@@ -215,7 +217,7 @@ class Link:
 
     async def _ask_for_graph(self, mirror: "GraphMirror") -> None:
         try:
-            mirror.begin(await self.request(lambda number: m.Observe(request=number), m.Graph))
+            mirror.begin(await self.request(lambda number: m.Observe(request=number), m.GraphSnapshot))
         except (BusError, TimeoutError) as error:
             mirror.failure = error
         self._tell_observers()
@@ -315,7 +317,7 @@ class Link:
             connection.heard_ns = received_ns
         if items.__class__ is tuple and self._deliver_lone(items, received_ns):
             return
-        endpoints, touched = self._declarations.by_id, set[Endpoint]()
+        endpoints, touched = self._declarations.by_id, set[LinkEndpoint]()
         ending: BaseException | None = None
         self._is_receiving = True
         try:
@@ -362,7 +364,7 @@ class Link:
             self._reports.add(endpoint)
         return is_done
 
-    def _deliver(self, endpoints: Collection[Endpoint]) -> None:
+    def _deliver(self, endpoints: Collection[LinkEndpoint]) -> None:
         """Something has come for these. First of all the callbacks: somebody waits for them."""
         left = iter(endpoints)
         for endpoint in left:

@@ -26,7 +26,7 @@ CLOCK_MONOTONIC, which all processes of a machine share.
 import struct
 from typing import Final
 
-VERSION: Final = 1
+PROTOCOL_VERSION: Final = 1
 
 LEAVING: Final = "leaving"
 """Capability, in the Hello of a client that understands the message Leaving."""

@@ -336,7 +336,7 @@ class Credit(Message, frozen=True, tag="credit"):
     seq: Count
 
 
-class Graph(Message, frozen=True, tag="graph"):
+class GraphSnapshot(Message, frozen=True, tag="graph"):
     """Snapshot of all that the broker knows, at `revision`."""
 
     request: int
@@ -381,7 +381,7 @@ _Sharing = Share | Attach | RefuseRoute | LeaveRing | CaughtUp | ReplaceRing
 _Asking = GetGraph | GetType | Observe | GetPeers | StopBroker | Reload
 FromClient = _Both | _Declaring | _Sharing | AssertLiveliness | Ack | Report | _Asking
 
-_Answers = Created | Done | Refused | Graph | TypeDescription | Peers
+_Answers = Created | Done | Refused | GraphSnapshot | TypeDescription | Peers
 _Matching = Matched | Unmatched | Incompatible | Attached | RingReplaced | Rerouted
 _News = (
     LivelinessChanged

@@ -1,4 +1,4 @@
-"""What the messages Graph, GraphChanged and Peers are made of.
+"""What the messages GraphSnapshot, GraphChanged and Peers are made of.
 
 Owns the records of nodes, endpoints and matches, and of what processes and users make busd hold; must not
 know the messages that carry them.

@@ -23,9 +23,9 @@ from bus.wire.layout import (
     MAX_CONTROL_BYTES,
     MAX_MESSAGE_BYTES,
     MAX_SNAPSHOT_BYTES,
+    PROTOCOL_VERSION,
     RECORD_HEAD_BYTES,
     RUN_BYTES,
-    VERSION,
 )
 from bus.wire.messages import Hello, Message, from_broker, from_client
 from bus.wire.runs import Run
@@ -160,14 +160,14 @@ class Session:
 
 def check_version(hello: Hello, role: Role) -> None:
     """Raise RemoteProtocolError where the other side speaks another version than we do, in that `role`."""
-    if hello.version != VERSION:
-        is_theirs_older = hello.version < VERSION
+    if hello.version != PROTOCOL_VERSION:
+        is_theirs_older = hello.version < PROTOCOL_VERSION
         if (role is Role.CLIENT) is is_theirs_older:
             remedy = "the busd that runs is older: update it, then bus daemon stop"
         else:
             remedy = "the program has an older busd than runs: update the one that it imports"
         raise RemoteProtocolError(
-            f"protocol version {hello.version} offered, this side speaks {VERSION}; {remedy}"
+            f"protocol version {hello.version} offered, this side speaks {PROTOCOL_VERSION}; {remedy}"
         )
 
 

@@ -27,7 +27,7 @@ def renew(world: World, *rules: AccessRule) -> None:
     )
 
 
-def names(graph: m.Graph) -> tuple[set[str], set[str], int]:
+def names(graph: m.GraphSnapshot) -> tuple[set[str], set[str], int]:
     """Nodes, topics and the number of matches."""
     return {one.name for one in graph.nodes}, {one.topic for one in graph.endpoints}, len(graph.matches)
 
@@ -37,8 +37,8 @@ def own_name(process: Process) -> str:
     return f"node_{process.id}"
 
 
-def graph_of(process: Process) -> m.Graph:
-    return process.request(m.GetGraph(request=0), m.Graph)
+def graph_of(process: Process) -> m.GraphSnapshot:
+    return process.request(m.GetGraph(request=0), m.GraphSnapshot)
 
 
 class TestDeclaring:
@@ -172,7 +172,7 @@ class TestObserving:
 
     def test_changes_that_are_not_seen_leave_the_revision(self) -> None:
         _, own, alice = self.world()
-        before = alice.request(m.Observe(request=0), m.Graph).revision
+        before = alice.request(m.Observe(request=0), m.GraphSnapshot).revision
         own.publisher("/hidden2")
         (change,) = alice.got(m.GraphChanged)
         assert change == m.GraphChanged(revision=before + 1)
@@ -215,8 +215,8 @@ class TestOtherRules:
         own.publisher("/a")
         own.publisher("/b")
         free = world.process()
-        seen = alice.request(m.Observe(request=0), m.Graph)
-        all_seen = free.request(m.Observe(request=0), m.Graph)
+        seen = alice.request(m.Observe(request=0), m.GraphSnapshot)
+        all_seen = free.request(m.Observe(request=0), m.GraphSnapshot)
         assert names(seen)[1] == {"/a"}
         renew(world, rule("/b", OBSERVE))
         (change,) = alice.got(m.GraphChanged)

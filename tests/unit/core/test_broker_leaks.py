@@ -121,7 +121,7 @@ def lose_some(stage: Stage) -> None:
 
 def watch(stage: Stage) -> None:
     process = stage.world.process(uid=GUEST)
-    process.request(m.Observe(request=0), m.Graph)
+    process.request(m.Observe(request=0), m.GraphSnapshot)
     process.publisher("/topic", kind=("test_msgs/msg/Guest", f"of guest {process.id}"))
     stage.world.advance(1)
     process.die()

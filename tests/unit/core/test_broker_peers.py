@@ -108,7 +108,7 @@ class TestGoing:
                 process.subscription(topic, everything)
                 process.publisher(topic, kept).publish("x", "y", "z")
                 process.publisher(topic, everything).publish("x", "y", "z")
-            process.request(m.Observe(request=0), m.Graph)
+            process.request(m.Observe(request=0), m.GraphSnapshot)
         processes[0].is_blocked = True
         for _ in range(20):
             processes[1].publisher("/a", kept).publish("1", "2", "3")
@@ -230,7 +230,7 @@ class TestMistakes:
 
     def test_everybody_is_told_once(self) -> None:
         world, victim, offender = self.world()
-        victim.request(m.Observe(request=0), m.Graph)
+        victim.request(m.Observe(request=0), m.GraphSnapshot)
         offender.tell(m.DestroyEndpoint(endpoint=999))
         assert len(offender.got(m.Fault)) == 1
         assert len([note for note in world.notes if "cut off" in note]) == 1

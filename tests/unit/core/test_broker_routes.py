@@ -244,7 +244,7 @@ class TestRefusing:
         pair = Pair()
         publisher, subscription = pair.match()
         watcher = pair.world.process()
-        watcher.request(m.Observe(request=0), m.Graph)
+        watcher.request(m.Observe(request=0), m.GraphSnapshot)
         refuse(who, publisher, subscription)
         (change,) = watcher.got(m.GraphChanged)
         ends = {"publisher": publisher.id, "subscription": subscription.id}

@@ -9,9 +9,9 @@ from bus.wire import messages as m
 from bus.wire.layout import MAX_COUNT
 
 
-def watching(world: World) -> tuple[Process, m.Graph]:
+def watching(world: World) -> tuple[Process, m.GraphSnapshot]:
     process = world.process("observer")
-    return process, process.request(m.Observe(request=0), m.Graph)
+    return process, process.request(m.Observe(request=0), m.GraphSnapshot)
 
 
 class TestSnapshot:
@@ -118,7 +118,7 @@ class TestChanges:
     def test_asked_twice_each_change_comes_once(self) -> None:
         world = World()
         observer, _ = watching(world)
-        observer.request(m.Observe(request=0), m.Graph)
+        observer.request(m.Observe(request=0), m.GraphSnapshot)
         world.process().node("once")
         assert len(observer.got(m.GraphChanged)) == 1
 

@@ -99,7 +99,7 @@ class TestTheBudget:
         for number in range(MANY):
             process.subscription(f"/t{number}")
         world.budget = BUDGET
-        answers: list[m.Graph] = []
+        answers: list[m.GraphSnapshot] = []
         pieces = measure(world, lambda: answers.append(asker.graph(statistics=statistics)))
         assert pieces >= 2 * MANY // (BUDGET + STEP)
         assert answers == [
@@ -112,7 +112,7 @@ class TestTheBudget:
         process, alice = world.process(), world.process(uid=ALICE)
         for number in range(MANY):
             process.subscription(f"/t{number}")
-        answers: list[m.Graph] = []
+        answers: list[m.GraphSnapshot] = []
         assert measure(world, lambda: answers.append(alice.graph())) > 5
         assert len(answers[0].endpoints) == 111  # 1, 10 to 19 and 100 to 199
 
@@ -177,7 +177,7 @@ class TestTheBudget:
         assert len(listener.got(m.Dropped)) == MANY
 
 
-def whole_graph_like(world: World, answer: m.Graph, *, statistics: bool) -> m.Graph:
+def whole_graph_like(world: World, answer: m.GraphSnapshot, *, statistics: bool) -> m.GraphSnapshot:
     """The graph as it must have been told."""
     whole = whole_graph(world.broker.graph, statistics=statistics)
     assert (whole.nodes, whole.endpoints, whole.matches) == (answer.nodes, answer.endpoints, answer.matches)
@@ -315,7 +315,7 @@ class TestMeanwhile:
         world.budget, world.between = 5 if asks else 60, renew
         if asks:
             listener.tell(m.GetGraph(request=77))
-            assert len(listener.got(m.Graph)) == 1
+            assert len(listener.got(m.GraphSnapshot)) == 1
         else:
             listener.subscription("/t")
             assert len(listener.got(m.Matched)) == 20
@@ -332,9 +332,9 @@ class TestMeanwhile:
             world.between = change if len(made) < 3 else lambda: None
 
         world.budget, world.between = 10, change
-        answer = observer.request(m.Observe(request=0), m.Graph)
-        kinds = [type(one) for one in observer.messages if isinstance(one, m.Graph | m.GraphChanged)]
-        assert kinds[0] is m.Graph and len(made) > 1
+        answer = observer.request(m.Observe(request=0), m.GraphSnapshot)
+        kinds = [type(one) for one in observer.messages if isinstance(one, m.GraphSnapshot | m.GraphChanged)]
+        assert kinds[0] is m.GraphSnapshot and len(made) > 1
         news = [one for one in observer.got(m.GraphChanged) if one.revision <= answer.revision]
         assert not news
         known = {one.id for one in answer.endpoints}

@@ -305,7 +305,7 @@ class TestRate:
         asked = 0
         while True:
             try:
-                curious.request(m.GetGraph(request=0), m.Graph)
+                curious.request(m.GetGraph(request=0), m.GraphSnapshot)
             except Refusal:
                 break
             asked += 1
@@ -324,7 +324,7 @@ class TestRate:
         world.advance(0.1)
         process.tell(m.GetPeers(request=7))
         assert world.pauses[1:] == [(process.id, SECOND // 10)]
-        assert len(process.got(m.Graph)) == 6 and len(process.got(m.Peers)) == 1
+        assert len(process.got(m.GraphSnapshot)) == 6 and len(process.got(m.Peers)) == 1
 
     def test_matches_are_part_of_an_answer(self) -> None:
         world = self.world(endpoints_per_peer=100, endpoints_per_user=200, matches_per_peer=3200)
@@ -334,7 +334,7 @@ class TestRate:
         before = len(curious.sent)
         for number in range(1, 100):
             curious.tell(m.GetGraph(request=number))
-        answers = [one for one in curious.sent[before:] if isinstance(one, m.Graph)]
+        answers = [one for one in curious.sent[before:] if isinstance(one, m.GraphSnapshot)]
         assert len(answers) == (10 + 10 + 3200 // 32 + 4 * 100) // (1 + (1 + 100 + 2500) // 32)
 
     def test_a_guest_s_question_for_a_type_costs_a_look_at_the_graph(self) -> None:
@@ -395,7 +395,7 @@ def test_a_busy_robot_meets_no_limit() -> None:
                 node.subscription(f"/topic_{50 * (at + 1) % 1000 + number}")
         tool = world.process("tool")
         for _ in range(4):
-            tool.request(m.GetGraph(request=0), m.Graph)
+            tool.request(m.GetGraph(request=0), m.GraphSnapshot)
         answer = asked(tool)
         assert (answer.users[0].endpoints, answer.users[0].topics) == (2000, 1000)
         assert not any(user.refused for user in answer.users)

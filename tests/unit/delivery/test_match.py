@@ -9,15 +9,15 @@ import pytest
 
 from bus import shm
 from bus.delivery.match import (
+    FEEDS,
     GATES,
-    RINGS,
+    Feed,
+    FeedEvent,
+    FeedState,
     Gate,
     GateEvent,
     GateState,
     MatchError,
-    Ring,
-    RingEvent,
-    RingState,
 )
 from bus.delivery.port import RETURN_S
 from bus.delivery.sequence import PublisherProxy
@@ -59,19 +59,19 @@ def new_gate() -> Any:
     return Gate(owner(), matched(), 1)
 
 
-def new_ring() -> Any:
-    return Ring(owner(), matched(), PublisherProxy(7, bytes(16), 0, 0, needs_ack=True), 0)
+def new_feed() -> Any:
+    return Feed(owner(), matched(), PublisherProxy(7, bytes(16), 0, 0, needs_ack=True), 0)
 
 
 ENDS = {
     GateState: (GATES, GateEvent, new_gate, "publisher 4 (here) and subscription 7 (/far)"),
-    RingState: (RINGS, RingEvent, new_ring, "subscription 4 (here) and publisher 7 (/far)"),
+    FeedState: (FEEDS, FeedEvent, new_feed, "subscription 4 (here) and publisher 7 (/far)"),
 }
-CELLS = [*product(GateState, GateEvent), *product(RingState, RingEvent)]
+CELLS = [*product(GateState, GateEvent), *product(FeedState, FeedEvent)]
 
 
 @pytest.mark.parametrize(("state", "event"), CELLS)
-def test_every_cell(state: GateState | RingState, event: GateEvent | RingEvent) -> None:
+def test_every_cell(state: GateState | FeedState, event: GateEvent | FeedEvent) -> None:
     transitions, _, make, ends = ENDS[type(state)]
     match, rows = make(), cast("Any", transitions)
     for one in paths(rows, match.state)[state]:
@@ -233,34 +233,34 @@ def test_while_busd_is_there_it_says_who_has_died() -> None:
 def test_one_that_was_silent_and_is_matched_by_another_busd_is_waited_for_again(state: GateState) -> None:
     scene = Scene(state)
     scene.ring.set_waiting(scene.subscription.gid, is_on=False)
-    assert not scene.gate.is_held
+    assert not scene.gate.is_lossless
     scene.lose_busd()
-    assert not scene.gate.is_held
+    assert not scene.gate.is_lossless
     scene.all_come_back()
-    assert scene.gate.is_held
+    assert scene.gate.is_lossless
 
 
 class ReadScene(Scene):
     """The same, with a message that waits in the ring, as the subscription sees it."""
 
-    def __init__(self, state: RingState) -> None:
+    def __init__(self, state: FeedState) -> None:
         super().__init__(GateState.ATTACHED)
         rings = self.subscription._rings
         assert rings is not None
         self.rings = rings
-        self.read = rings._rings[self.publisher.gid]
+        self.read = rings._feeds[self.publisher.gid]
         self.talker.publish(self.publisher)
         self.world.settle()
-        if state is RingState.READING_ON:
+        if state is FeedState.READING_ON:
             self.lose_busd()
-        elif state is RingState.FINISHING:
+        elif state is FeedState.FINISHING:
             self.talker.hang_up()
             self.world.settle()
-        self.check_rings(state)
+        self.check_feed(state)
 
-    def check_rings(self, state: RingState) -> None:
+    def check_feed(self, state: FeedState) -> None:
         assert self.read.state is state
-        assert (self.rings._rings.get(self.publisher.gid) is self.read) is (state is not RingState.ENDED)
+        assert (self.rings._feeds.get(self.publisher.gid) is self.read) is (state is not FeedState.ENDED)
 
     # --- what happens
 
@@ -287,34 +287,34 @@ class ReadScene(Scene):
 @pytest.mark.parametrize(
     ("state", "happens", "following"),
     [
-        (RingState.ATTACHED, ReadScene.take, RingState.ATTACHED),
-        (RingState.ATTACHED, ReadScene.lose_busd, RingState.READING_ON),
-        (RingState.ATTACHED, ReadScene.publisher_closes, RingState.FINISHING),
-        (RingState.ATTACHED, ReadScene.refuse, RingState.ENDED),
-        (RingState.ATTACHED, ReadScene.end, RingState.ENDED),
-        (RingState.READING_ON, ReadScene.all_come_back, RingState.ATTACHED),
-        (RingState.READING_ON, ReadScene.the_publisher_does_not_come_back, RingState.FINISHING),
-        (RingState.READING_ON, ReadScene.end, RingState.ENDED),
-        (RingState.FINISHING, ReadScene.take, RingState.ENDED),
-        (RingState.FINISHING, ReadScene.connection_is_lost, RingState.FINISHING),
-        (RingState.FINISHING, ReadScene.all_come_back, RingState.ENDED),  # another ring, or from there on
-        (RingState.FINISHING, ReadScene.end, RingState.ENDED),
+        (FeedState.ATTACHED, ReadScene.take, FeedState.ATTACHED),
+        (FeedState.ATTACHED, ReadScene.lose_busd, FeedState.READING_ON),
+        (FeedState.ATTACHED, ReadScene.publisher_closes, FeedState.FINISHING),
+        (FeedState.ATTACHED, ReadScene.refuse, FeedState.ENDED),
+        (FeedState.ATTACHED, ReadScene.end, FeedState.ENDED),
+        (FeedState.READING_ON, ReadScene.all_come_back, FeedState.ATTACHED),
+        (FeedState.READING_ON, ReadScene.the_publisher_does_not_come_back, FeedState.FINISHING),
+        (FeedState.READING_ON, ReadScene.end, FeedState.ENDED),
+        (FeedState.FINISHING, ReadScene.take, FeedState.ENDED),
+        (FeedState.FINISHING, ReadScene.connection_is_lost, FeedState.FINISHING),
+        (FeedState.FINISHING, ReadScene.all_come_back, FeedState.ENDED),  # another ring, or from there on
+        (FeedState.FINISHING, ReadScene.end, FeedState.ENDED),
     ],
 )
-def test_what_becomes_of_a_ring(
-    state: RingState, happens: Callable[[ReadScene], None], following: RingState
+def test_what_becomes_of_a_feed(
+    state: FeedState, happens: Callable[[ReadScene], None], following: FeedState
 ) -> None:
     scene = ReadScene(state)
     happens(scene)
-    scene.check_rings(following)
+    scene.check_feed(following)
 
 
 @shared
 def test_one_that_comes_back_reads_on() -> None:
     """In another ring of the subscription's, from where the one that was finishing had come to."""
-    scene = ReadScene(RingState.FINISHING)
+    scene = ReadScene(FeedState.FINISHING)
     scene.all_come_back()
-    assert scene.rings._rings[scene.publisher.gid].state is RingState.ATTACHED
+    assert scene.rings._feeds[scene.publisher.gid].state is FeedState.ATTACHED
     scene.talker.publish(scene.publisher)
     scene.world.settle()
     assert scene.listener.take(scene.subscription) == [(1, 1), (1, 2)]

@@ -61,11 +61,11 @@ def test_a_ring_whose_publisher_does_not_come_back_is_read_to_its_end_and_left()
     listener.connect()
     world.advance(RETURN_S - 1)
     rings = subscription._rings
-    assert rings is not None and len(rings._rings) == 1
+    assert rings is not None and len(rings._feeds) == 1
     assert heard(listener, subscription) == [1, 2, 3]
     world.advance(2)
     rings.sweep()
-    assert not rings._rings
+    assert not rings._feeds
     totals = subscription.statistics()
     assert (totals.expected, totals.delivered, totals.dropped) == (3, 3, {})
 
