@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import pytest
 
 from bus.qos import QoSProfile
 from bus.wire import messages as m
@@ -16,6 +15,7 @@ from bus.wire.layout import FRAME_HEAD_BYTES, PROTOCOL_VERSION
 from bus.wire.runs import Account, Run, RunQueue
 from bus.wire.session import Role, Session
 from feeding import feed, frame_record
+from rows import for_each
 
 FOLDER = Path(__file__).parent / f"v{PROTOCOL_VERSION}"
 GID = bytes(range(16))
@@ -263,7 +263,7 @@ def golden(name: str) -> bytes:
     return bytes.fromhex((FOLDER / f"{name}.hex").read_text())
 
 
-@pytest.mark.parametrize("name", [*CONTROL, *DATA])
+@for_each("name", [*CONTROL, *DATA])
 def test_what_is_sent(name: str) -> None:
     made = frame(CONTROL.get(name) or DATA[name])
     shown = "\n".join(made[at : at + 32].hex(" ") for at in range(0, len(made), 32))
@@ -271,7 +271,7 @@ def test_what_is_sent(name: str) -> None:
     assert made == golden(name), shown
 
 
-@pytest.mark.parametrize(("name", "message"), [*CONTROL.items(), *FROM_EARLIER_BROKERS.items()])
+@for_each(("name", "message"), [*CONTROL.items(), *FROM_EARLIER_BROKERS.items()])
 def test_what_is_understood(name: str, message: m.Message) -> None:
     decoder = m.from_client if name in FROM_CLIENT else m.from_broker
     decoded = decoder.decode(golden(name)[FRAME_HEAD_BYTES:])
@@ -279,7 +279,7 @@ def test_what_is_understood(name: str, message: m.Message) -> None:
     assert m.encode_frame(decoded) == m.encode_frame(message)
 
 
-@pytest.mark.parametrize(("name", "expected"), DATA.items())
+@for_each(("name", "expected"), DATA.items())
 def test_which_run_is_understood(name: str, expected: Run) -> None:
     session = Session(Role.CLIENT)
     found: list[Any] = list(feed(session, golden("hello") + golden(name)))

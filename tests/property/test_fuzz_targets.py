@@ -1,12 +1,12 @@
 """The fuzzers' targets under hypothesis: inputs of the corpus, changed, joined or cut."""
 
-import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from effort import examples
 from fuzz.kept import CORPUS, inputs
 from fuzz.targets import TARGETS
+from rows import for_each
 
 EDITS = st.lists(st.tuples(st.integers(0, 400), st.integers(0, 3), st.binary(max_size=4)), max_size=4)
 
@@ -26,7 +26,7 @@ def changed(name: str) -> st.SearchStrategy[bytes]:
     )
 
 
-@pytest.mark.parametrize("name", TARGETS)
+@for_each("name", TARGETS)
 def test_any_input_is_survived(name: str) -> None:
     @settings(deadline=None, max_examples=examples(40), suppress_health_check=list(HealthCheck))
     @given(changed(name))

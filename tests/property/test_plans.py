@@ -24,6 +24,7 @@ from bus.types.large_fields import bytes_fields, encode_around, with_field
 from bus.types.schema import build, describe, type_name
 from bus.types.support import find_type, type_support
 from effort import examples
+from rows import for_each
 from shm_ends import Talker, core, talker
 
 __all__ = ["talker"]
@@ -224,7 +225,7 @@ def test_which_ready_made_classes_have_a_plan() -> None:
         assert type_support(cls).plan.encode(message) == msgspec.msgpack.encode(message)
 
 
-@pytest.mark.parametrize("number", BOUNDS)
+@for_each("number", BOUNDS)
 def test_numbers_at_every_bound(number: int) -> None:
     same_as_the_long_way(UInt64(data=number))
     same_as_the_long_way(Float64(data=number))
@@ -234,15 +235,15 @@ def test_numbers_at_every_bound(number: int) -> None:
             same_as_the_long_way(cls(data=number))
 
 
-@pytest.mark.parametrize("length", [*LENGTHS, 1 << 20])
-@pytest.mark.parametrize("char", ["x", "é", "€", "😀"])
+@for_each("length", [*LENGTHS, 1 << 20])
+@for_each("char", ["x", "é", "€", "😀"])
 def test_text_of_every_length(length: int, char: str) -> None:
     message = String(data=char * length)
     assert type_support(String).plan.encode(message) == msgspec.msgpack.encode(message)
 
 
-@pytest.mark.parametrize("count", [0, 1, 15, 16, 17, 65_535, 65_536])
-@pytest.mark.parametrize("item", [0.5, 7, -1.0, True, "x", b"", None, 2**64])
+@for_each("count", [0, 1, 15, 16, 17, 65_535, 65_536])
+@for_each("item", [0.5, 7, -1.0, True, "x", b"", None, 2**64])
 def test_lists_of_every_length(count: int, item: Any) -> None:
     lists: tuple[tuple[Any, str], ...] = (
         (LaserScan, "ranges"),
@@ -254,7 +255,7 @@ def test_lists_of_every_length(count: int, item: Any) -> None:
     same_as_the_long_way(LaserScan(ranges=[0.5] * count + [item]))
 
 
-@pytest.mark.parametrize("size", LENGTHS)
+@for_each("size", LENGTHS)
 def test_bytes_of_every_length(size: int) -> None:
     same_as_the_long_way(Image(data=bytes(size)))
     for data in (bytearray(size), memoryview(bytes(size))):
@@ -386,7 +387,7 @@ class Property(Map):
 Property.count = property(lambda self: 5)  # type: ignore[assignment]
 
 
-@pytest.mark.parametrize(
+@for_each(
     "cls",
     [
         Tagged,

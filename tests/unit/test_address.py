@@ -6,11 +6,12 @@ import pytest
 
 from bus.errors import ConfigurationError
 from bus.process.address import MAX_PATH_BYTES, domain_id, socket_path
+from rows import for_each
 
 RUNTIME = {"XDG_RUNTIME_DIR": "/run/user/7"}
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("socket", "domain", "environ", "expected"),
     [
         ("/a/b.sock", 3, {"BUSD_SOCKET": "/c.sock", **RUNTIME}, "/a/b.sock"),
@@ -68,7 +69,7 @@ def test_nul_is_refused() -> None:
         socket_path("/a\0b", environ={})
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("domain", "text", "expected"),
     [(0, "9", 0), (65535, "9", 65535), (None, "9", 9), (None, " 12 ", 12), (None, "", 0), (None, "007", 7)],
 )
@@ -76,14 +77,14 @@ def test_domain(domain: int | None, text: str, expected: int) -> None:
     assert domain_id(domain, environ={"BUSD_DOMAIN": text}) == expected
 
 
-@pytest.mark.parametrize("domain", [-1, 65536, True, 1.0, "1"])
+@for_each("domain", [-1, 65536, True, 1.0, "1"])
 def test_bad_domain_argument(domain: int) -> None:
     with pytest.raises(ConfigurationError) as caught:
         domain_id(domain, environ={})
     assert str(caught.value) == f"domain must be an integer from 0 to 65535, not {domain!r}"
 
 
-@pytest.mark.parametrize("text", ["-1", "65536", "abc", "1.5", "1_0", "٣", "9" * 5000])
+@for_each("text", ["-1", "65536", "abc", "1.5", "1_0", "٣", "9" * 5000])
 def test_bad_domain_variable(text: str) -> None:
     with pytest.raises(ConfigurationError) as caught:
         socket_path(environ={"BUSD_DOMAIN": text})

@@ -14,6 +14,7 @@ from bus.process.ros_args import (
     RemapRule,
     remove_ros_args,
 )
+from rows import for_each
 
 
 def parse(*arguments: str) -> Arguments:
@@ -66,7 +67,7 @@ def test_what_is_not_ros_stays(argv: list[str]) -> None:
     assert remove_ros_args(["--ros-args", "-r", "a:=b", "--", *argv]) == argv
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("rule", "expected"),
     [
         ("a:=b", RemapRule(RemapKind.TOPIC, "a", "b")),
@@ -81,12 +82,12 @@ def test_what_is_not_ros_stays(argv: list[str]) -> None:
         ("talker:__ns:=/a", RemapRule(RemapKind.NAMESPACE, "", "/a", "talker")),
     ],
 )
-@pytest.mark.parametrize("flag", ["-r", "--remap"])
+@for_each("flag", ["-r", "--remap"])
 def test_remap_rules(flag: str, rule: str, expected: RemapRule) -> None:
     assert parse(flag, rule).remaps == (expected,)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("rule", "reason"),
     [
         ("foo", "expected ':=' between two names"),
@@ -112,7 +113,7 @@ def test_bad_remap_rules(rule: str, reason: str) -> None:
     assert reason in str(caught.value)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("rule", "expected"),
     [
         ("rate:=10", Parameter("rate", "10")),
@@ -120,12 +121,12 @@ def test_bad_remap_rules(rule: str, reason: str) -> None:
         ("talker:url:='local:x:=y'", Parameter("url", "'local:x:=y'", "talker")),
     ],
 )
-@pytest.mark.parametrize("flag", ["-p", "--param"])
+@for_each("flag", ["-p", "--param"])
 def test_parameters(flag: str, rule: str, expected: Parameter) -> None:
     assert parse(flag, rule).parameters == (expected,)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("rule", "reason"),
     [
         ("rate", "expected ':='"),
@@ -157,7 +158,7 @@ def test_log_levels() -> None:
     )
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("value", "reason"),
     [
         ("loud", "'loud' is no severity (unset, debug, info, warn, error, fatal)"),
@@ -184,7 +185,7 @@ def test_what_only_ros_2_can_obey_is_accepted() -> None:
     assert parse("-e", "/x", "--log-config-file", "f", "--log-file-name", "f") == Arguments()
 
 
-@pytest.mark.parametrize(
+@for_each(
     "flag", ["-r", "--remap", "-p", "--param", "--params-file", "--log-level", "-e", "--log-config-file"]
 )
 def test_flag_without_its_value(flag: str) -> None:
@@ -211,7 +212,7 @@ def test_first_node_rule_wins_and_is_applied_once() -> None:
     assert arguments.node_name("a") == "b"
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("rules", "topic", "expected"),
     [
         (["foo:=bar"], "/ns/foo", "/ns/bar"),

@@ -5,9 +5,8 @@ from functools import partial, wraps
 from inspect import Parameter, Signature, iscoroutinefunction, signature
 from typing import Any
 
-import pytest
-
 from bus.base.callbacks import is_async, takes_info
+from rows import for_each
 
 
 class Station:
@@ -84,9 +83,7 @@ PLAIN: list[Callable[..., Any]] = [
 ]
 
 
-@pytest.mark.parametrize(
-    "callback", [*PLAIN, wrapped(later), wrapped(STATION.one), with_signature(), STATION]
-)
+@for_each("callback", [*PLAIN, wrapped(later), wrapped(STATION.one), with_signature(), STATION])
 def test_it_is_as_inspect_says(callback: Callable[..., Any]) -> None:
     asked = [
         one

@@ -11,6 +11,7 @@ from chaos.judge import Said, Scene
 from chaos.plan import Plan
 from chaos.roles import Ear, EarLook, Heard, Quality, Role, Talker
 from chaos.stories import CGROUP, CROWD, DOZERS, FAREWELL
+from rows import for_each
 
 STREAM, LATCHED = Quality(), Quality(10, is_durable=True)
 
@@ -111,7 +112,7 @@ class TestJudge:
         lossy = Quality(5)
         assert judge.judge(scene(10, 10, quality=lossy), scene(30, 25, dropped=5, quality=lossy)) == []
 
-    @pytest.mark.parametrize(("heard", "dropped"), [(25, 0), (25, 4), (25, 6)])
+    @for_each(("heard", "dropped"), [(25, 0), (25, 4), (25, 6)])
     def test_one_that_does_not_close(self, heard: int, dropped: int) -> None:
         lossy = Quality(5)
         (complaint,) = judge.judge(
@@ -155,7 +156,7 @@ class TestJudge:
         now.talkers[1] = Said(now.talkers[1].talker, "mouth", 20, 21, lives=False)
         assert judge.judge(before, now)  # it got more than there were
 
-    @pytest.mark.parametrize(("delivered", "dropped"), [(5, 0), (5, 14), (5, 16)])
+    @for_each(("delivered", "dropped"), [(5, 0), (5, 14), (5, 16)])
     def test_who_left_in_order_owes_all_to_whom_it_was_connected(self, delivered: int, dropped: int) -> None:
         lossy = Quality(5)
         before, now = scene(0, 0, quality=lossy), scene(20, delivered, dropped=dropped, quality=lossy)
@@ -190,9 +191,7 @@ class TestJudge:
 
 
 class TestHistory:
-    @pytest.mark.parametrize(
-        ("published", "depth", "first"), [(30, 5, 26), (30, 100, 21), (30, 0, 21), (3, 5, 1)]
-    )
+    @for_each(("published", "depth", "first"), [(30, 5, 26), (30, 100, 21), (30, 0, 21), (3, 5, 1)])
     def test_the_last_of_both_depths(self, published: int, depth: int, first: int) -> None:
         said = Said(Talker(1, "/t", LATCHED, (8, 8), 1, 0.0), "mouth", published, published)
         ear = Ear(2, "/t", Quality(depth, is_durable=True))

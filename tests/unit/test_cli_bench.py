@@ -23,6 +23,7 @@ from bus_cli.bench.progress import Bar
 from bus_cli.bench.session import Session, worker_environ
 from bus_cli.bench.task import Go, Sent, Settled, Task
 from bus_cli.output import CommandError
+from rows import for_each
 
 STRING = "std_msgs/msg/String"
 LOSSLESS = QoSProfile(history="keep_all")
@@ -54,7 +55,7 @@ def settled(delivered: int, *ages_us: int, late_us: int = 0, **dropped: int) -> 
 # --- the command line
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("text", "sizes"),
     [
         ("64", (64,)),
@@ -69,7 +70,7 @@ def test_sizes(text: str, sizes: tuple[int, ...]) -> None:
     assert read_sizes(text) == sizes
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("text", "complaint"),
     [
         ("0", "0 is too small: the stamps need 32 B"),
@@ -115,7 +116,7 @@ def test_without_qos_options_nothing_is_lost() -> None:
     assert read_plan(parse(), "latency", (1.0,)).qos == LOSSLESS
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("words", "qos"),
     [
         (("--qos-depth", "5"), QoSProfile(5)),
@@ -142,7 +143,7 @@ def test_how_long_a_plan_publishes() -> None:
 # --- payloads
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("name", "size", "field"),
     [
         (STRING, 64, "data"),
@@ -176,7 +177,7 @@ def test_stamps_have_room_for_centuries() -> None:
     assert read_stamps(payload.get(payload.stamped(late, late))) == Stamps(late, late)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("name", "size", "complaint"),
     [
         ("no/msg/Such", 64, "--type no/msg/Such: there is no such message type"),
@@ -199,9 +200,7 @@ def test_types_and_sizes_that_cannot_be(name: str, size: int, complaint: str) ->
 # --- figures
 
 
-@pytest.mark.parametrize(
-    ("percent", "value"), [(0, 1), (0.1, 1), (0.11, 2), (50, 500), (99, 990), (99.9, 999), (100, 1000)]
-)
+@for_each(("percent", "value"), [(0, 1), (0.1, 1), (0.11, 2), (50, 500), (99, 990), (99.9, 999), (100, 1000)])
 def test_percentiles_are_by_nearest_rank(percent: float, value: int) -> None:
     assert percentile(range(1, 1001), percent) == value
 
@@ -285,7 +284,7 @@ def test_a_loss_is_an_error_only_where_none_was_promised(capsys: pytest.CaptureF
     assert "messages were lost" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("size", "text"),
     [(64, "64 B"), (1024, "1 KiB"), (1500, "1500 B"), (1 << 20, "1 MiB"), (3 << 10, "3 KiB")],
 )

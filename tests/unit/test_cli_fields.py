@@ -11,6 +11,7 @@ from bus.msg.std_msgs import ByteMultiArray, String, UInt8MultiArray
 from bus.types.support import type_support
 from bus_cli.fields import FieldPath
 from bus_cli.output import CommandError
+from rows import for_each
 
 
 class Part(msgspec.Struct):
@@ -28,7 +29,7 @@ def pick(message: msgspec.Struct, text: str) -> Any:
     return FieldPath(text, type_support(type(message)).schema).pick(message)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("message", "path", "value"),
     [
         (String(data="hi"), "data", "hi"),
@@ -47,7 +48,7 @@ def test_what_a_path_means(message: msgspec.Struct, path: str, value: object) ->
     assert pick(message, path) == value
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("cls", "path", "node"),
     [
         (PoseStamped, "pose.position", "geometry_msgs/msg/Point"),
@@ -63,7 +64,7 @@ def test_the_type_of_what_is_there(cls: type[msgspec.Struct], path: str, node: o
     assert FieldPath(path, type_support(cls).schema).node == node
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("cls", "path", "text"),
     [
         (String, "x", "Invalid field 'x': 'String' object has no attribute 'x'"),
@@ -89,7 +90,7 @@ def test_a_wrong_path_is_known_before_any_message(cls: type[msgspec.Struct], pat
     assert str(caught.value) == text
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("message", "path"),
     [(JointState(), "name[0]"), (Own(), "maybe.size"), (Own(), "table.k"), (Own(anything=3), "anything.x")],
 )

@@ -15,6 +15,7 @@ from bus_cli import suggestions
 from bus_cli.main import COMMANDS, make_parser, run
 from bus_cli.output import CommandError
 from bus_cli.query import full_topic_name, full_type_name
+from rows import for_each
 
 VERBS = [(command, verb) for command, (_, verbs) in COMMANDS.items() for verb in verbs or ("",)]
 
@@ -36,7 +37,7 @@ def stop(*words: str) -> int:
     return caught.value.code
 
 
-@pytest.mark.parametrize(("command", "verb"), VERBS)
+@for_each(("command", "verb"), VERBS)
 def test_every_verb_has_its_module(command: str, verb: str) -> None:
     module = import_module(".".join(filter(None, ("bus_cli", command, verb))))
     module.add_arguments(ArgumentParser())
@@ -179,7 +180,7 @@ def test_global_options_may_stand_anywhere() -> None:
         assert (args.socket, args.json, args.domain, args.include_hidden_topics) == ("/s", True, None, False)
 
 
-@pytest.mark.parametrize(
+@for_each(
     "line",
     [
         "topic pub --once /t std_msgs/String hi",
@@ -230,7 +231,7 @@ def test_how_a_verb_may_end(
     assert capsys.readouterr().err == ("x\n" if code == 1 else "")
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("typed", "full"),
     [("std_msgs/String", "std_msgs/msg/String"), ("a/srv/B", "a/srv/B"), ("a/msg/B", "a/msg/B")],
 )
@@ -238,7 +239,7 @@ def test_types_may_be_written_without_msg(typed: str, full: str) -> None:
     assert full_type_name(typed) == full
 
 
-@pytest.mark.parametrize("typed", ["", "String", "/String", "std_msgs/", "a/b/c/d", "a//b"])
+@for_each("typed", ["", "String", "/String", "std_msgs/", "a/b/c/d", "a//b"])
 def test_what_is_no_type(typed: str) -> None:
     with pytest.raises(CommandError, match="The passed message type is invalid"):
         full_type_name(typed)

@@ -10,9 +10,10 @@ import pytest
 
 import bus_cli
 from bus_cli.output import complain, dropped_text, print_json, say, size_text, table
+from rows import for_each
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("size", "text"),
     [
         (0, "0 B"),

@@ -29,6 +29,7 @@ from bus_cli.documents import load, split
 from bus_cli.output import CommandError
 from bus_cli.populate import Prototype
 from bus_cli.render import View, to_yaml
+from rows import for_each
 
 
 class Wheel(msgspec.Struct):
@@ -49,7 +50,7 @@ def make(cls: type[msgspec.Struct], text: str) -> Any:
     return Prototype(cls, load(text)).message
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("cls", "text", "message"),
     [
         (String, "data: hi", String(data="hi")),
@@ -92,22 +93,20 @@ def test_own_types_also_those_made_from_a_schema(cls: type[msgspec.Struct]) -> N
     assert type_support(Own).decode(data) == Own("hi", [Wheel(3)], {"k": Wheel(4)}, (5, "y"), "fast", 1.0)
 
 
-@pytest.mark.parametrize("values", ["hi", "5", "[data]", "", "null", "'data: hi'"])
+@for_each("values", ["hi", "5", "[data]", "", "null", "'data: hi'"])
 def test_values_must_be_a_dictionary(values: str) -> None:
     with pytest.raises(CommandError) as caught:
         make(String, values)
     assert str(caught.value) == "The passed value needs to be a dictionary in YAML format"
 
 
-@pytest.mark.parametrize(
-    "text", ["{", "data: [", "\t- x", "a: b: c", "[" * 5000, "d: 2024-99-99", "!!python/none x"]
-)
+@for_each("text", ["{", "data: [", "\t- x", "a: b: c", "[" * 5000, "d: 2024-99-99", "!!python/none x"])
 def test_what_is_no_yaml(text: str) -> None:
     with pytest.raises(CommandError, match="The passed value needs to be a dictionary in YAML format"):
         load(text)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("cls", "text", "error"),
     [
         (String, "dat: hi", "'String' object has no attribute 'dat'"),
@@ -140,7 +139,7 @@ def test_a_fixed_array_of_the_wrong_length() -> None:
         make(PoseWithCovariance, "covariance: [1, 2]")
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("cls", "text", "stamp"),
     [
         (PoseStamped, "header: auto", lambda m: m.header.stamp),

@@ -8,6 +8,7 @@ from bus.errors import ConfigurationError
 from bus.graph import Graph, GraphEndpoint, GraphNode
 from bus.qos import Durability, History, Liveliness, QoSProfile, Reliability, sensor_data
 from bus_cli.qosargs import add_qos_arguments, choose_profile, given_profile
+from rows import for_each
 
 NODE = GraphNode(id=1, name="talker", namespace="/", pid=1)
 
@@ -66,7 +67,7 @@ def test_values_out_of_range(words: tuple[str, str]) -> None:
         given_profile(parse(*words))
 
 
-@pytest.mark.parametrize("words", [("--qos-profile", "x"), ("--qos-history", "x"), ("--qos-depth", "x")])
+@for_each("words", [("--qos-profile", "x"), ("--qos-history", "x"), ("--qos-depth", "x")])
 def test_unknown_values_are_wrong_usage(words: tuple[str, str]) -> None:
     with pytest.raises(SystemExit) as caught:
         parse(*words)
@@ -107,7 +108,7 @@ def test_it_falls_back_with_a_word_where_publishers_differ(capsys: pytest.Captur
     )
 
 
-@pytest.mark.parametrize(
+@for_each(
     "words", [("--qos-profile", "sensor_data"), ("--qos-depth", "7"), ("--qos-durability", "transient_local")]
 )
 def test_any_option_turns_the_choice_off(words: tuple[str, str]) -> None:

@@ -4,7 +4,6 @@ import math
 from typing import Any
 
 import msgspec
-import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,6 +15,7 @@ from bus.msg.std_msgs import Byte, ByteMultiArray, Empty, Header, String, UInt8M
 from bus.types.schema import build, describe
 from bus.types.support import type_support
 from bus_cli.render import View, to_csv, to_text, to_yaml
+from rows import for_each
 
 
 class Part(msgspec.Struct):
@@ -46,7 +46,7 @@ def test_plain_text_is_not_quoted() -> None:
     assert to_yaml(plain(String(data="Hello"))) == "data: Hello\n"
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("text", "line"),
     [
         ("", "data: ''\n"),
@@ -146,7 +146,7 @@ def test_a_class_made_from_a_schema_looks_like_the_one_it_describes() -> None:
     assert plain(copy) == plain(message)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("message", "line"),
     [
         (String(data="Hello World: 53"), "Hello World: 53"),

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bus_cli.stats import Bandwidth, Delays, Flow, Intervals, spread
+from rows import for_each
 
 S = 1_000_000_000
 
@@ -143,7 +144,7 @@ def test_flow_needs_two_moments() -> None:
     assert flow_of((b"a", 7, 1), (b"b", 1, 1)).rates() is None
 
 
-@pytest.mark.parametrize("heard", [2, 30, 31, 59])
+@for_each("heard", [2, 30, 31, 59])
 def test_flow_of_a_camera_that_loses_nothing(heard: int) -> None:
     """Both rates are the camera's, whenever one looks."""
     rates = flow_of(*((b"camera", 100 + n, 5 + n / 30) for n in range(heard))).rates()

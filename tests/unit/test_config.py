@@ -21,6 +21,7 @@ from busd.config_access import AccessTable, SocketTable
 from busd.core import limits as limits_module
 from busd.core.limits import Limits, TopicCaps, TopicRule, rules_for
 from busd.logs import LOG_LEVELS
+from rows import for_each
 
 DOC = Path(__file__).parents[2] / "docs" / "configuration.md"
 LIMIT_FIELDS = msgspec.structs.fields(Limits)
@@ -188,7 +189,7 @@ def test_limits_are_checked_without_a_file_too() -> None:
         Limits(schema_bytes=9_000_000)
 
 
-@pytest.mark.parametrize("name", [one.name for one in LIMIT_FIELDS if one.name.endswith("_per_peer")])
+@for_each("name", [one.name for one in LIMIT_FIELDS if one.name.endswith("_per_peer")])
 def test_a_process_may_not_have_more_than_its_user(name: str) -> None:
     whole = name.replace("peer", "user")
     most = getattr(Limits(), whole)
@@ -199,13 +200,13 @@ def test_a_process_may_not_have_more_than_its_user(name: str) -> None:
         Limits(**{name: most + 1})
 
 
-@pytest.mark.parametrize("level", LOG_LEVELS)
+@for_each("level", LOG_LEVELS)
 def test_logging_knows_every_level(level: str) -> None:
     assert Config(log_level=level).log_level == level
     assert level.upper() in logging.getLevelNamesMapping()
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("pattern", "matching", "others"),
     [
         ("/a", ["/a"], ["/a/b", "/ab", "/x/a", "/A"]),
@@ -225,7 +226,7 @@ def test_patterns(pattern: str, matching: list[str], others: list[str]) -> None:
     assert [topic for topic in matching + others if rule.matches(topic)] == matching
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("pattern", "why"),
     [
         ("", "begins with '/'"),

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from busd.credentials import Credentials, peer_credentials, process_name, program_name
+from rows import for_each
 
 
 def test_credentials_of_a_peer(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -44,7 +45,7 @@ def test_a_process_s_name() -> None:
     assert program_name(f"{sys.executable}\0".encode()) == Path(sys.executable).name
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("arguments", "name"),
     [
         (["/usr/bin/busd", "--domain", "1"], "busd"),

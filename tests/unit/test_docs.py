@@ -19,6 +19,7 @@ from bus.wire.runs import Account, Run, RunQueue
 from bus_cli.main import COMMANDS, make_parser
 from busd.core.match import TRANSITIONS, MatchEvent
 from feeding import frame_record
+from rows import for_each
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -107,7 +108,7 @@ class TestProtocol:
             picture = "\n".join(line.removeprefix("    ") for line in lines[start:stop]).strip()
             assert picture in [block.strip() for block in blocks]
 
-    @pytest.mark.parametrize("title", ["Both ways", "From a client", "From busd"])
+    @for_each("title", ["Both ways", "From a client", "From busd"])
     def test_messages_by_direction(self, title: str) -> None:
         client, broker = set(get_args(messages.FromClient)), set(get_args(messages.FromBroker))
         expected = {
@@ -299,7 +300,7 @@ def test_every_drop_reason_is_explained(page: str) -> None:
     assert {row[0] for row in rows_of(PAGES[page], "reason")} == reasons
 
 
-@pytest.mark.parametrize("name", ALL)
+@for_each("name", ALL)
 def test_links_and_paths_lead_somewhere(name: str) -> None:
     page = (DOCS / f"{name}.md").resolve()
     for target in LINK.findall(ALL[name]):
@@ -309,7 +310,7 @@ def test_links_and_paths_lead_somewhere(name: str) -> None:
             assert (ROOT / text).exists(), text
 
 
-@pytest.mark.parametrize("name", ALL)
+@for_each("name", ALL)
 def test_commands_exist(name: str) -> None:
     """Every `bus ...` that stands in a page can be parsed, options and all. `bus run` comes later."""
     shown = [text.removeprefix("$ ") for text in CODE.findall(FENCE.sub("", ALL[name]))]

@@ -4,12 +4,11 @@ import ast
 import difflib
 import re
 
-import pytest
-
 import apipage
 import bus
 from apipage import NAMED
 from apisource import entries
+from rows import for_each
 
 PUBLIC = entries()
 
@@ -30,7 +29,7 @@ def test_links_in_the_page_lead_somewhere() -> None:
     assert set(re.findall(r"\]\(#(.*?)\)", text)) <= set(there)
 
 
-@pytest.mark.parametrize("name", bus.__all__)
+@for_each("name", bus.__all__)
 def test_every_name_has_a_group(name: str) -> None:
     assert name in NAMED, f"bus.{name} is in no group of docs/api.md: add it to GROUPS in tests/apipage.py"
 
@@ -40,14 +39,14 @@ def test_the_groups_have_each_name_once_and_no_other() -> None:
     assert [path for path in NAMED if path not in PUBLIC] == []
 
 
-@pytest.mark.parametrize("path", PUBLIC)
+@for_each("path", PUBLIC)
 def test_every_name_has_a_docstring(path: str) -> None:
     one = PUBLIC[path]
     assert one.doc, f"bus.{path} has no docstring (a text below it, where it is an attribute)"
     assert one.signature or one.kind != "attribute", f"say the type of bus.{path} where it is set"
 
 
-@pytest.mark.parametrize("path", [path for path, one in PUBLIC.items() if one.kind in ("class", "enum")])
+@for_each("path", [path for path, one in PUBLIC.items() if one.kind in ("class", "enum")])
 def test_every_class_has_a_line_of_example(path: str) -> None:
     if not issubclass(getattr(bus, path), BaseException):
         (*_, example) = apipage.examples(PUBLIC[path]) or [""]
@@ -56,13 +55,13 @@ def test_every_class_has_a_line_of_example(path: str) -> None:
         )
 
 
-@pytest.mark.parametrize("path", PUBLIC)
+@for_each("path", PUBLIC)
 def test_lines_of_example_can_be_parsed(path: str) -> None:
     for example in apipage.examples(PUBLIC[path]):
         compile(example, path, "exec", ast.PyCF_ALLOW_TOP_LEVEL_AWAIT)
 
 
-@pytest.mark.parametrize("name", [name for name in bus.__all__ if isinstance(getattr(bus, name), type)])
+@for_each("name", [name for name in bus.__all__ if isinstance(getattr(bus, name), type)])
 def test_classes_offer_no_more_than_the_page_has(name: str) -> None:
     """tests/system/test_api_page.py has the same of live objects."""
     cls = getattr(bus, name)

@@ -21,6 +21,7 @@ from bus.node import SERVICE_QOS
 from bus_ros import aliases
 from bus_ros.entity import Entity
 from bus_ros.rclpy.node import Node
+from rows import for_each
 
 DOCS = Path(__file__).parents[2] / "docs"
 TEXT = (DOCS / "rclpy.md").read_text()
@@ -164,14 +165,14 @@ def test_every_module_is_listed() -> None:
     assert {*MODULES, *ours} == set(modules())
 
 
-@pytest.mark.parametrize("module", MODULES)
+@for_each("module", MODULES)
 def test_names_of_modules(module: str) -> None:
     assert set(MODULES[module]) == public_names(module) - INSIDE.get(module, set())
     for name in MODULES[module]:
         assert getattr(load(module), name) is not None
 
 
-@pytest.mark.parametrize("name", CLASSES)
+@for_each("name", CLASSES)
 def test_members_of_classes(name: str) -> None:
     assert set(CLASSES[name]) == members(find(name)) - inside_of(name)
 
@@ -229,7 +230,7 @@ def test_arguments_that_do_nothing_are_taken() -> None:
         assert why
 
 
-@pytest.mark.parametrize(("cell", "text"), rows("missing | text"))
+@for_each(("cell", "text"), rows("missing | text"))
 def test_what_can_only_be_imported(cell: str, text: str) -> None:
     (path,) = names_in(cell)
     with pytest.raises(NotImplementedError) as found:
@@ -244,7 +245,7 @@ def test_content_filters_are_missing() -> None:
     assert f"`{found.value}`" in section("What is not there")
 
 
-@pytest.mark.parametrize(("cell", "without"), rows("class | without"))
+@for_each(("cell", "without"), rows("class | without"))
 def test_attributes_that_are_missing(cell: str, without: str) -> None:
     (path,) = names_in(cell)
     assert names_in(without)

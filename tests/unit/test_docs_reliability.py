@@ -2,16 +2,15 @@
 
 import re
 
-import pytest
-
 from claims import DOCS, claims, named_tests, names_in
 from fuzz.kept import CORPUS
+from rows import for_each
 
 PAGE = (DOCS / "reliability.md").read_text()
 NAMED = named_tests(PAGE)
 
 
-@pytest.mark.parametrize(("path", "name"), NAMED, ids=[name for _, name in NAMED])
+@for_each(("path", "name"), NAMED)
 def test_the_test_exists(path: str, name: str) -> None:
     assert name in names_in(path)
 

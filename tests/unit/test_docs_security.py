@@ -7,6 +7,7 @@ import pytest
 from busd.config import load
 from busd.core.access import Access, Action, Subject
 from claims import DOCS, claims, named_tests, names_in
+from rows import for_each
 
 PAGE = (DOCS / "security.md").read_text()
 NAMED = named_tests(PAGE)
@@ -14,7 +15,7 @@ NAMED = named_tests(PAGE)
 OWN, ALICE, BOB, ROBOT = 1000, 1001, 1002, 500
 
 
-@pytest.mark.parametrize(("path", "name"), NAMED, ids=[name for _, name in NAMED])
+@for_each(("path", "name"), NAMED)
 def test_the_test_exists(path: str, name: str) -> None:
     assert name in names_in(path)
 

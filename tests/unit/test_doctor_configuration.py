@@ -8,11 +8,12 @@ from bus_cli import configuration
 from bus_cli.doctor import procfs
 from bus_cli.doctor.configuration import examine, file_of
 from bus_cli.doctor.finding import Finding
+from rows import for_each
 
 HOME = Path("/home/x")
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("line", "folder", "expected"),
     [
         ("busd --config /etc/busd.toml", HOME, "/etc/busd.toml"),

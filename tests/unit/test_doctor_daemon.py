@@ -17,6 +17,7 @@ from bus_cli.doctor.daemon import Seen, examine, others
 from bus_cli.doctor.finding import Finding
 from bus_cli.query import NotRunning
 from metrics_views import PUBLISHER, endpoint, graph
+from rows import for_each
 
 PATH = Path("/run/busd/0.sock")
 
@@ -127,7 +128,7 @@ def test_one_that_says_what_is_wrong(tmp_path: Path) -> None:
     assert look("daemon", missing, tmp_path / "not ours") == Finding("fail", "daemon", str(missing))
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("line", "expected"),
     [
         (["/usr/bin/python3", "-m", "busd", "--socket", "/x"], True),

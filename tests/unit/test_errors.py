@@ -3,6 +3,7 @@
 import pytest
 
 from bus import errors
+from rows import for_each
 
 ERRORS = [
     errors.ConfigurationError("no name", index=3),
@@ -16,7 +17,7 @@ ERRORS = [
 ]
 
 
-@pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)
+@for_each("error", ERRORS)
 def test_again(error: errors.BusError) -> None:
     with pytest.raises(type(error)) as raised:
         raise errors.again(error)

@@ -12,6 +12,7 @@ from bus.errors import ConfigurationError, LocalProtocolError
 from bus.process.foreground import Condition, Foreground, Signal, deadline_after
 from bus.process.termination import Terminated
 from conftest import WAIT_S
+from rows import for_each
 
 SECOND_NS = 10**9
 
@@ -105,7 +106,7 @@ def test_a_signal_ends_a_wait(
     assert went_on == [True] and type(caught.value) is kind
 
 
-@pytest.mark.parametrize("timeout", [-0.1, 1e10, float("nan"), "1"])
+@for_each("timeout", [-0.1, 1e10, float("nan"), "1"])
 def test_times_that_are_none(timeout: float) -> None:
     with pytest.raises(ConfigurationError, match="is not a number of seconds from 0, or None"):
         deadline_after(timeout)

@@ -23,6 +23,7 @@ from bus.wire.layout import (
 from bus.wire.runs import Account, Run
 from effort import examples
 from feeding import feed, frame_record
+from rows import for_each
 
 MAX_CONTROL = 4 << 20
 MAX_DATA = 16 << 20
@@ -72,15 +73,13 @@ class TestWhatComesOut:
         frame = data(body, count=2, first_seq=9, flags=REPLAY)
         assert values(feed(reader(), frame)) == [(7, 8, 9, 2, body, True)]
 
-    @pytest.mark.parametrize("size", [0, BUFFER_BYTES], ids=["short", "long"])
-    @pytest.mark.parametrize("flags", [0, REPLAY, RESUMED, REPLAY | RESUMED])
+    @for_each("size", [0, BUFFER_BYTES])
+    @for_each("flags", [0, REPLAY, RESUMED, REPLAY | RESUMED])
     def test_flags_of_a_run(self, flags: int, size: int) -> None:
         (run,) = feed(reader(), data(record(size), flags=flags))
         assert (run.is_replay, run.is_resumed) == (bool(flags & REPLAY), bool(flags & RESUMED))
 
-    @pytest.mark.parametrize(
-        "size", [0, 1, BUFFER_BYTES - DATA_HEAD_BYTES - 12, BUFFER_BYTES, 3 * BUFFER_BYTES]
-    )
+    @for_each("size", [0, 1, BUFFER_BYTES - DATA_HEAD_BYTES - 12, BUFFER_BYTES, 3 * BUFFER_BYTES])
     def test_a_run_survives_what_comes_after_it(self, size: int) -> None:
         """The body must not be a view of a buffer that is used again."""
         frames = reader()
@@ -89,14 +88,14 @@ class TestWhatComesOut:
         assert isinstance(first, Run)
         assert bytes(first.body) == record(size)
 
-    @pytest.mark.parametrize("size", range(BUFFER_BYTES - 2 * DATA_HEAD_BYTES, BUFFER_BYTES + 2, 7))
+    @for_each("size", range(BUFFER_BYTES - 2 * DATA_HEAD_BYTES, BUFFER_BYTES + 2, 7))
     def test_sizes_around_the_buffer(self, size: int) -> None:
         frames = [data(record(size)), control(b"between"), data(record(size))]
         assert len(values(feed(reader(), b"".join(frames)))) == 3
 
-    @pytest.mark.parametrize("is_broker", [False, True])
-    @pytest.mark.parametrize("size", [3, BUFFER_BYTES])
-    @pytest.mark.parametrize("flags", [0, REPLAY, RESUMED])
+    @for_each("is_broker", [False, True])
+    @for_each("size", [3, BUFFER_BYTES])
+    @for_each("flags", [0, REPLAY, RESUMED])
     def test_one_number_has_a_meaning_for_each_way(self, is_broker: bool, size: int, flags: int) -> None:
         limits = {"max_control_bytes": MAX_CONTROL, "max_data_bytes": 2 * BUFFER_BYTES}
         made = FrameReader(**limits, is_broker=is_broker)
@@ -182,15 +181,15 @@ class TestMemory:
 
 
 class TestRefusals:
-    @pytest.mark.parametrize("kind", [0, 3, 255])
+    @for_each("kind", [0, 3, 255])
     def test_an_unknown_kind(self, kind: int) -> None:
         assert refusal(FRAME_HEAD.pack(4, kind, 0, 0)) == f"frame of unknown kind {kind}"
 
-    @pytest.mark.parametrize("flags", [REPLAY, RESUMED, 128])
+    @for_each("flags", [REPLAY, RESUMED, 128])
     def test_flags_on_a_control_frame(self, flags: int) -> None:
         assert "flags" in refusal(FRAME_HEAD.pack(4, CONTROL, flags, 0))
 
-    @pytest.mark.parametrize("flags", [4, REPLAY | RESUMED | 4, 255])
+    @for_each("flags", [4, REPLAY | RESUMED | 4, 255])
     def test_unknown_flags_on_a_data_frame(self, flags: int) -> None:
         assert "flags" in refusal(data(record(1), flags=flags))
 
@@ -202,7 +201,7 @@ class TestRefusals:
     def test_a_control_frame_that_is_too_short(self, length: int) -> None:
         assert f"frame of {length} bytes" in refusal(FRAME_HEAD.pack(length, CONTROL, 0, 0))
 
-    @pytest.mark.parametrize("length", [0, 4, 27])
+    @for_each("length", [0, 4, 27])
     def test_a_data_frame_that_is_too_short(self, length: int) -> None:
         assert f"frame of {length} bytes" in refusal(FRAME_HEAD.pack(length, DATA, 0, 0))
 
@@ -276,7 +275,7 @@ class TestFront:
         assert values([made.take(front)]) == [(7, 8, 1, 1, record(3), False)]
         assert made.is_cut
 
-    @pytest.mark.parametrize(
+    @for_each(
         "content",
         [
             control(bytes(100)),

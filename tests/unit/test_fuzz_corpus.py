@@ -2,15 +2,14 @@
 
 from pathlib import Path
 
-import pytest
-
 from fuzz.kept import CORPUS, CRASHES, inputs, keep
 from fuzz.targets import NATIVE, TARGETS
+from rows import for_each
 
 MOST_BYTES = 300_000
 
 
-@pytest.mark.parametrize("name", TARGETS)
+@for_each("name", TARGETS)
 def test_what_is_kept_is_survived(name: str) -> None:
     for data in (*inputs(CORPUS, name), *inputs(CRASHES, name)):
         try:

@@ -7,6 +7,7 @@ from bus.wire import messages as m
 from bus.wire.greeting import MAX_HELLO_BYTES, Greeting
 from bus.wire.layout import CONTROL, DATA, FRAME_HEAD, PROTOCOL_VERSION
 from raw_peer import control
+from rows import for_each
 
 LONGEST = m.Hello(
     version=PROTOCOL_VERSION,
@@ -27,7 +28,7 @@ def read(stream: bytes, at_once: int = 1 << 20) -> tuple[m.Hello | None, int]:
     return None, at
 
 
-@pytest.mark.parametrize("at_once", [1, 3, 1 << 20])
+@for_each("at_once", [1, 3, 1 << 20])
 def test_nothing_behind_it_is_read(at_once: int) -> None:
     for hello in (m.Hello(version=PROTOCOL_VERSION), LONGEST):
         frame = m.encode_frame(hello)
@@ -41,7 +42,7 @@ def test_a_part_of_it_is_none() -> None:
         assert read(frame[:stop]) == (None, stop)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("stream", "reason"),
     [
         (m.encode_frame(m.Ping()), "a Ping came before Hello"),

@@ -13,12 +13,13 @@ from bus.qos import QoSProfile
 from bus.shm import is_available
 from bus.wire import messages as m
 from bus.wire.layout import MAX_COUNT
+from rows import for_each
 
 MATCHED = {"endpoint": 1, "other": 2, "node": "/n", "gid": b"", "qos": {}}
 ATTACHED = {"publisher": 1, "subscription": 2, "slot": 0, "process": 1, "pid": 1}
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("tag", "fields"),
     [
         ("hello", {"version": 1, "lease_s": -1.0}),

@@ -19,6 +19,7 @@ from bus.types.idl import (
     parse_message,
     parse_service,
 )
+from rows import for_each
 
 
 def field(line: str) -> Field:
@@ -31,7 +32,7 @@ def constant(line: str) -> Any:
     return only.value
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("text", "type_"),
     [
         ("int32", Type("int32")),
@@ -53,7 +54,7 @@ def test_types(text: str, type_: Type) -> None:
     assert field(f"{text} x") == Field("x", type_, None, 1)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("line", "value"),
     [
         ("int32 x 5", 5),
@@ -87,7 +88,7 @@ def test_defaults(line: str, value: Any) -> None:
         assert default == value and type(default) is type(value)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("line", "value"),
     [
         ("int32 X=1", 1),
@@ -133,7 +134,7 @@ def test_services_and_actions_have_parts() -> None:
     assert [part.fields[0].name for part in action[1:]] == ["a", "b", "c"]
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("line", "what"),
     [
         ("int33 x", "'int33' is not a known type; did you mean 'int32'?"),
@@ -196,9 +197,7 @@ def test_separators_are_counted() -> None:
         parse_action("int8 a\n---\n", "demo/action/Roll")
 
 
-@pytest.mark.parametrize(
-    "name", ["Demo/msg/X", "demo/msg/wheel", "demo/srv/Wheel", "Wheel", "a__b/msg/X", ""]
-)
+@for_each("name", ["Demo/msg/X", "demo/msg/wheel", "demo/srv/Wheel", "Wheel", "a__b/msg/X", ""])
 def test_names_of_definitions(name: str) -> None:
     with pytest.raises(ConfigurationError, match=r"a package has|begins with a capital"):
         parse_message("", name)

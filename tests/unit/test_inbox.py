@@ -11,6 +11,7 @@ from bus.delivery.receiver import Receiver
 from bus.delivery.sequence import PublisherProxy
 from bus.wire.runs import Run
 from feeding import frame_record
+from rows import for_each
 
 FIRST, SECOND = 7, 8
 """Publishers."""
@@ -61,8 +62,8 @@ def numbers(first: int, stop: int) -> list[str]:
     return [str(number) for number in range(first, stop)]
 
 
-@pytest.mark.parametrize("limit", [1, 3, 64])
-@pytest.mark.parametrize("depth", [0, 10])
+@for_each("limit", [1, 3, 64])
+@for_each("depth", [0, 10])
 def test_each_is_given_out_with_its_number_stamp_and_publisher(depth: int, limit: int) -> None:
     box = Box(depth)
     box.put(1, "11", "12", "13", stamp_ns=7)
@@ -177,8 +178,8 @@ class TestWhatIsWrong:
         assert box.take() == [1, 3, 5]
         assert (box.rejected, box.counts) == ([1, 1], (3, 3, 0, {"undecodable": 2}))
 
-    @pytest.mark.parametrize("cut", [1, 5, 12, 14])
-    @pytest.mark.parametrize("depth", [0, 10])
+    @for_each("cut", [1, 5, 12, 14])
+    @for_each("depth", [0, 10])
     def test_a_run_that_is_shorter_than_it_says(self, depth: int, cut: int) -> None:
         box = Box(depth)
         body = b"".join(frame_record(b"%d" % number, 5) for number in (1, 2, 3))

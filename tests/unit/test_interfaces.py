@@ -18,6 +18,7 @@ from bus.types.idl import Message
 from bus.types.schema import describe
 from bus.types.support import find_type, type_hash, type_support
 from bus_ros import rosidl
+from rows import for_each
 
 READY_MADE = [
     f"{package}/msg/{name}" for package in PACKAGES for name in import_module(f"bus.msg.{package}").__all__
@@ -112,7 +113,7 @@ def test_what_is_shipped_makes_classes_that_ros_would_know() -> None:
             assert support.decode(support.encode(default)) == default
 
 
-@pytest.mark.parametrize("name", HASHES_OF_ROS)
+@for_each("name", HASHES_OF_ROS)
 def test_hashes_are_those_of_ros(name: str) -> None:
     assert type_hash(message_class(name)) == f"RIHS01_{HASHES_OF_ROS[name]}"
 
@@ -204,7 +205,7 @@ def test_parts_of_services_and_actions(own: Path) -> None:
         message_class("demo/srv/Turn_Goal")
 
 
-@pytest.mark.parametrize(
+@for_each(
     "name",
     [
         "std_msgs/msg/Strin",

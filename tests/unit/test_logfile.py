@@ -26,6 +26,7 @@ from bus.process.logfile import (
     open_in_memory,
     open_log,
 )
+from rows import for_each
 
 STRANGER = 12345
 as_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a file to another user")
@@ -58,7 +59,7 @@ def fill(path: Path, text: str) -> None:
     append(path, f"{text}\n{'x' * MOST_BYTES}\n")
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("name", "log"),
     [
         ("0.sock", "0.log"),

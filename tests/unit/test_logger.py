@@ -15,6 +15,7 @@ import pytest
 from bus import logger
 from bus.errors import ConfigurationError
 from bus.logger import ConsoleHandler, Filters, LogEntry, Logger, Severity, get_logger
+from rows import for_each
 
 LINE = re.compile(r"\[(DEBUG|INFO|WARN|ERROR|FATAL)\] \[\d{10}\.\d{9}\] \[([^]]+)\]: (.*)")
 _numbers = itertools.count()
@@ -187,7 +188,7 @@ def test_unknown_keyword(log: Logger) -> None:
         log.info("x", throttle=1)  # type: ignore[call-arg]
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("template", "expected"),
     [
         ("[{severity}] [{name}]: {message}", "[WARN] [talker]: hi"),

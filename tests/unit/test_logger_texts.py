@@ -1,14 +1,13 @@
 """bus.logger: what a line on the console may do to a terminal, whoever wrote what is in it."""
 
-import pytest
-
 from bus.logger import ConsoleHandler
+from rows import for_each
 from unit.test_logger import record
 
 PLAIN = ConsoleHandler({"RCUTILS_CONSOLE_OUTPUT_FORMAT": "{message}"})
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("text", "shown"),
     [
         ("two\n\tlines", "two\n\tlines"),
@@ -21,7 +20,7 @@ def test_control_characters_but_newlines_and_tabs_are_escaped(text: str, shown: 
     assert PLAIN.format(record(20, text)) == shown
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("text", "shown"),
     [
         ("\x1b[31mred\x1b[0m", "\x1b[31mred\x1b[0m"),

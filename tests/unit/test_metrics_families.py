@@ -20,6 +20,7 @@ from bus.wire import messages as m
 from bus_cli.metrics.families import BusCollector
 from bus_cli.metrics.view import View
 from metrics_views import PUBLISHER, SUBSCRIPTION, endpoint, graph, view
+from rows import for_each
 
 DOCS = Path(__file__).parents[2] / "docs" / "operation.md"
 
@@ -178,7 +179,7 @@ def families() -> dict[str, Metric]:
     return {family.name: family for family in registry(seen, most_rows=10).collect()}
 
 
-@pytest.mark.parametrize("name", sorted(families()))
+@for_each("name", sorted(families()))
 def test_names_follow_the_rules(name: str) -> None:
     family = families()[name]
     assert re.fullmatch(r"busd_[a-z_]+", name)

@@ -6,9 +6,10 @@ from argparse import ArgumentTypeError
 import pytest
 
 from bus_cli.metrics.place import Place, parse_place
+from rows import for_each
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("text", "expected"),
     [
         ("127.0.0.1:9464", Place("127.0.0.1", 9464)),
@@ -21,7 +22,7 @@ def test_places(text: str, expected: Place) -> None:
     assert parse_place(text) == expected
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("text", "reason"),
     [
         ("0.0.0.0:9464", "0.0.0.0 is not loopback; metrics name processes and topics"),

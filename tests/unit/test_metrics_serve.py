@@ -19,6 +19,7 @@ from bus_cli.metrics.place import Place, parse_place
 from bus_cli.metrics.serve import open_server
 from bus_cli.output import CommandError
 from conftest import WAIT_S
+from rows import for_each
 
 
 class Answer(Collector):
@@ -76,7 +77,7 @@ def test_the_page(text: str) -> None:
         assert ask(place, verb="DELETE")[0] == 405
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("host", "expected"),
     [
         ("localhost", 200),

@@ -18,6 +18,7 @@ from bus.qos import profile
 from bus.srv.std_srvs import SetBool
 from bus.timer import Timer
 from bus.types.support import type_support
+from rows import for_each
 
 
 @dataclasses.dataclass
@@ -29,7 +30,7 @@ class Frame(msgspec.Struct):
     pixels: list[array.array]  # type: ignore[type-arg]
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("given", "text"),
     [
         (Pose, "Pose is no message class, but a dataclass: derive it from msgspec.Struct"),

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from bus import names
 from bus.errors import ConfigurationError
+from rows import for_each
 
 tokens = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,7}", fullmatch=True)
 paths = st.lists(tokens, min_size=1, max_size=4).map("/".join)
@@ -30,7 +31,7 @@ def fault(validate: Callable[[str], None], name: str) -> tuple[str, int | None]:
     return first_line.split(": ", 1)[1].removesuffix(":"), caught.value.index
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("name", "rule", "index"),
     [
         ("", "node name must not be empty", 0),
@@ -46,12 +47,12 @@ def test_bad_node_names(name: str, rule: str, index: int) -> None:
     assert fault(names.validate_node_name, name) == (rule, index)
 
 
-@pytest.mark.parametrize("name", ["a", "_", "Talker_2", "_ros2cli_17", "a" * 255])
+@for_each("name", ["a", "_", "Talker_2", "_ros2cli_17", "a" * 255])
 def test_good_node_names(name: str) -> None:
     names.validate_node_name(name)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("namespace", "rule", "index"),
     [
         ("", "namespace must not be empty", 0),
@@ -68,12 +69,12 @@ def test_bad_namespaces(namespace: str, rule: str, index: int) -> None:
     assert fault(names.validate_namespace, namespace) == (rule, index)
 
 
-@pytest.mark.parametrize("namespace", ["/", "/ns", "/a/b_2/_c", "/" + "a" * 244])
+@for_each("namespace", ["/", "/ns", "/a/b_2/_c", "/" + "a" * 244])
 def test_good_namespaces(namespace: str) -> None:
     names.validate_namespace(namespace)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("name", "rule", "index"),
     [
         ("", "topic name must not be empty string", 0),
@@ -102,14 +103,12 @@ def test_bad_topics_as_typed(name: str, rule: str, index: int) -> None:
     assert fault(names.validate_topic_name, name) == (rule, index)
 
 
-@pytest.mark.parametrize(
-    "name", ["chatter", "/a/b", "~", "~/x", "{node}/x", "a{ns}", "{node}_{node}", "a4{b4}", "~/{node}"]
-)
+@for_each("name", ["chatter", "/a/b", "~", "~/x", "{node}/x", "a{ns}", "{node}_{node}", "a4{b4}", "~/{node}"])
 def test_good_topics_as_typed(name: str) -> None:
     names.validate_topic_name(name)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("name", "rule", "index"),
     [
         ("", "topic name must not be empty", 0),
@@ -153,8 +152,8 @@ def test_error_of_a_huge_name_stays_small() -> None:
     assert len(str(caught.value)) < 1000
 
 
-@pytest.mark.parametrize("validate", VALIDATORS)
-@pytest.mark.parametrize("value", [None, 5, b"topic"])
+@for_each("validate", VALIDATORS)
+@for_each("value", [None, 5, b"topic"])
 def test_only_text_is_a_name(validate: Callable[[object], None], value: object) -> None:
     with pytest.raises(ConfigurationError, match="must be a string, not"):
         validate(value)
@@ -170,7 +169,7 @@ def test_a_validator_accepts_or_points_into_the_name(validate: Callable[[str], N
         assert 0 <= error.index < max(1, len(name))
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("name", "namespace", "full"),
     [
         ("foo", "/ns", "/ns/foo"),
@@ -190,7 +189,7 @@ def test_expansion(name: str, namespace: str, full: str) -> None:
     assert names.expand_topic_name(name, "trudy", namespace) == full
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("name", "node", "namespace", "text", "index"),
     [
         ("a/{host}", "n", "/", "Invalid topic name: unknown substitution: {host}:", 2),

@@ -13,6 +13,7 @@ from bus.errors import ConfigurationError
 from busd import sd_notify as notify_module
 from busd.listener import open_listener
 from busd.sd_notify import READY, STOPPING, notify, status
+from rows import for_each
 
 
 @pytest.fixture
@@ -48,9 +49,7 @@ def test_the_environment_is_the_processes_own(
     assert manager.recv(4096) == b"READY=1"
 
 
-@pytest.mark.parametrize(
-    "address", ["", "relative", "vsock:2:1", "/nowhere/notify", "@busd-nobody", "/" + "x" * 200]
-)
+@for_each("address", ["", "relative", "vsock:2:1", "/nowhere/notify", "@busd-nobody", "/" + "x" * 200])
 def test_nobody_listens(address: str) -> None:
     assert not notify(READY, {"NOTIFY_SOCKET": address})
     assert not notify(READY, {})
@@ -121,7 +120,7 @@ def test_a_passed_socket_is_used_and_left_in_place(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("family", "kind"),
     [
         (socket.AF_UNIX, socket.SOCK_STREAM),  # does not listen

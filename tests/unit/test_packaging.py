@@ -14,6 +14,7 @@ import pytest
 
 import bus
 from bus.base.version import RELEASE
+from rows import for_each
 
 ROOT = Path(__file__).parents[2]
 
@@ -48,7 +49,7 @@ def test_the_licence_is_what_bus_pkg_create_writes() -> None:
     assert (ROOT / "LICENSE").read_text() == given.read_text()
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("text", "shown"),
     [
         ("See [docs/qos.md](docs/qos.md).", "See `docs/qos.md`."),

@@ -15,6 +15,7 @@ from bus_ros.rclpy.exceptions import (
 from bus_ros.rclpy.impl.node_parameters import NodeParameters
 from bus_ros.rclpy.parameter import Parameter
 from bus_ros.rosidl import message_class
+from rows import for_each
 
 Type = Parameter.Type
 
@@ -51,7 +52,7 @@ def test_declare_several() -> None:
     assert not parameters.has_parameter("ns.c")
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("entry", "text"),
     [
         ((), "expecting length between 1 and 3"),

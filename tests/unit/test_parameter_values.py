@@ -15,6 +15,7 @@ from bus_ros.rclpy.parameter import (
     parameter_value_to_python,
 )
 from bus_ros.rosidl import message_class
+from rows import for_each
 
 Type = Parameter.Type
 
@@ -32,7 +33,7 @@ EXAMPLES: dict[Any, Any] = {
 }
 
 
-@pytest.mark.parametrize("type_", EXAMPLES)
+@for_each("type_", EXAMPLES)
 def test_types_and_messages(type_: Any) -> None:
     value = EXAMPLES[type_]
     parameter = Parameter("name", value=value)
@@ -111,7 +112,7 @@ TYPED = {
 }
 
 
-@pytest.mark.parametrize("text", TYPED)
+@for_each("text", TYPED)
 def test_values_from_text(text: str) -> None:
     value = get_parameter_value(text)
     assert (value.type, parameter_value_to_python(value)) == TYPED[text]

@@ -20,6 +20,7 @@ from bus.parameters.file import (
     read_file,
 )
 from bus.process.ros_args import Arguments
+from rows import for_each
 
 VALUES: dict[str, Any] = {
     "true": True,
@@ -66,7 +67,7 @@ VALUES: dict[str, Any] = {
 }
 
 
-@pytest.mark.parametrize("text", VALUES)
+@for_each("text", VALUES)
 def test_values(text: str) -> None:
     value = parse_value(text)
     assert value == VALUES[text]
@@ -97,7 +98,7 @@ NO_VALUES = {
 }
 
 
-@pytest.mark.parametrize("text", NO_VALUES)
+@for_each("text", NO_VALUES)
 def test_no_values(text: str) -> None:
     if "python" in text:
         # A tag of a list is not looked at, and nothing is made of it.
@@ -194,7 +195,7 @@ PATTERNS = {
 }
 
 
-@pytest.mark.parametrize("pattern", PATTERNS)
+@for_each("pattern", PATTERNS)
 def test_patterns(pattern: str) -> None:
     fitting, others = PATTERNS[pattern]
     section = Section(pattern, {})
@@ -222,7 +223,7 @@ BROKEN = {
 }
 
 
-@pytest.mark.parametrize("text", BROKEN)
+@for_each("text", BROKEN)
 def test_broken_files(text: str) -> None:
     with pytest.raises(ConfigurationError) as caught:
         parse_file(text, "f")
@@ -280,7 +281,7 @@ def test_broken_command_lines(tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.parametrize("stars", [1, 2, 12])
+@for_each("stars", [1, 2, 12])
 def test_stars_that_follow_one_another_are_one(stars: int) -> None:
     """Each more would take a multiple of the time, where none fits."""
     section = parse_file(f"{'/**' * stars}/b:\n  ros__parameters: {{x: 1}}", "f")[0]

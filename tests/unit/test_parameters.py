@@ -18,6 +18,7 @@ from bus_ros.rclpy.exceptions import (
 from bus_ros.rclpy.impl.node_parameters import NodeParameters
 from bus_ros.rclpy.parameter import Parameter, parameter_message
 from bus_ros.rosidl import message_class
+from rows import for_each
 
 Type = Parameter.Type
 
@@ -99,7 +100,7 @@ RANGES: list[tuple[Any, Any, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("allowed", "value", "reason"), RANGES)
+@for_each(("allowed", "value", "reason"), RANGES)
 def test_ranges(allowed: Any, value: Any, reason: str) -> None:
     field = "integer_range" if isinstance(value, int) else "floating_point_range"
     parameters = node()

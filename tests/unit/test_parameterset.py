@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from bus.errors import CommandLineError, ConfigurationError, ParameterError
 from bus.parameters.store import Description, Parameter, ParameterSet
 from bus.parameters.values import Change, Outcome, ParameterType
+from rows import for_each
 
 
 def parameters(**overrides: Any) -> ParameterSet:
@@ -50,7 +51,7 @@ VALUES: list[tuple[Any, ParameterType, Any]] = [
 ]
 
 
-@pytest.mark.parametrize(("given_", "type_", "value"), VALUES, ids=repr)
+@for_each(("given_", "type_", "value"), VALUES)
 def test_values_and_their_types(given_: Any, type_: ParameterType, value: Any) -> None:
     some = parameters()
     returned = some.declare("a", given_)
@@ -59,7 +60,7 @@ def test_values_and_their_types(given_: Any, type_: ParameterType, value: Any) -
     assert some.find("a").parameter == Parameter("a", type_, value)
 
 
-@pytest.mark.parametrize("value", [{}, ..., 1j, [1, "a"], [[1]], [None], {1}], ids=repr)
+@for_each("value", [{}, ..., 1j, [1, "a"], [[1]], [None], {1}])
 def test_no_values(value: Any) -> None:
     said = refusal(parameters().declare, "a", value)
     assert said.startswith("parameter 'a' of /robot: can't be ")
@@ -250,7 +251,7 @@ def test_ranges() -> None:
     assert "can't be 7, as the command line says: Parameter a out of range. Min: 0, Max: 5, value: 7" in out
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("default", "limits", "said"),
     [
         (1, (0,), "range=(0,) is not (lowest, highest) or (lowest, highest, step), each int"),

@@ -11,6 +11,7 @@ import pytest
 
 from bus_cli.main import run
 from bus_cli.pkg import templates
+from rows import for_each
 
 PYTHON = ("--build-type", "ament_python", "--maintainer-name", "Ann", "--maintainer-email", "ann@here.org")
 
@@ -159,7 +160,7 @@ def test_the_node_says_hi(here: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert capsys.readouterr().out == "Hi from arm.\n"
 
 
-@pytest.mark.parametrize("linter", templates.LINTERS)
+@for_each("linter", templates.LINTERS)
 def test_linters_that_are_not_there_are_skipped(linter: str) -> None:
     with pytest.raises(pytest.skip.Exception, match=f"ament_{linter} comes with ROS 2"):
         exec(templates.linter_test(linter), {})

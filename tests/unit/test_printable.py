@@ -5,10 +5,9 @@ import sys
 import unicodedata
 from functools import cache
 
-import pytest
-
 from bus.base.printable import printable, printable_json
 from bus.errors import BusError, ConfigurationError, ServiceError, SharedMemoryError
+from rows import for_each
 
 HARMLESS = "plain äöü 漢字 \u00a0 שלום ❤\ufe0f 👩\u200d🚀 \\x1b % {}"
 
@@ -26,14 +25,14 @@ def hostile() -> str:
     )
 
 
-@pytest.mark.parametrize("keep", ["", "\n", "\n\t"])
+@for_each("keep", ["", "\n", "\n\t"])
 def test_no_hostile_character_is_left(keep: str) -> None:
     assert len(hostile()) == 65 + 2 + 2048 + 9 + 3
     left = set(printable(f"a{hostile()}b", keep)) & set(hostile())
     assert left == set(keep)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("text", "shown"),
     [
         ("\x1b]0;title\x07\x1b[31mred", r"\x1b]0;title\x07\x1b[31mred"),
@@ -52,7 +51,7 @@ def test_a_text_on_one_line() -> None:
     assert printable("a\nb\tc", keep="") == r"a\nb\tc"
 
 
-@pytest.mark.parametrize("text", ["", HARMLESS, f"{HARMLESS}\n\t"])
+@for_each("text", ["", HARMLESS, f"{HARMLESS}\n\t"])
 def test_the_rest_stays_as_it_is(text: str) -> None:
     assert printable(text) == text
 
@@ -64,7 +63,7 @@ def test_json_says_the_same() -> None:
     assert json.loads(text) == value
 
 
-@pytest.mark.parametrize(
+@for_each(
     "error",
     [
         BusError("\x1b[2J"),

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from bus import qos
 from bus.errors import ConfigurationError
 from bus.qos import Durability, History, Liveliness, Policy, QoSProfile, Reliability
+from rows import for_each
 
 BEST_EFFORT = "ERROR: Best effort publisher and reliable subscription;"
 VOLATILE = "ERROR: Volatile publisher and transient local subscription;"
@@ -74,7 +75,7 @@ def test_compatibility_of_every_pair() -> None:
         assert qos.describe_incompatibilities(found) == "".join(expected)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("offered", "requested", "policy"),
     [
         (QoSProfile(reliability="best_effort"), QoSProfile(), Policy.RELIABILITY),
@@ -94,9 +95,9 @@ def test_each_reason_names_its_policy(offered: QoSProfile, requested: QoSProfile
     assert [reason.policy for reason in qos.check_compatible(offered, requested)] == [policy]
 
 
-@pytest.mark.parametrize("depth", [1, 1000])
-@pytest.mark.parametrize("history", list(History))
-@pytest.mark.parametrize("lifespan", [None, 1.0])
+@for_each("depth", [1, 1000])
+@for_each("history", list(History))
+@for_each("lifespan", [None, 1.0])
 def test_history_depth_and_lifespan_never_block(depth: int, history: History, lifespan: float | None) -> None:
     other = QoSProfile(depth=depth, history=history, lifespan=lifespan)
     assert qos.check_compatible(QoSProfile(), other) == []
@@ -162,7 +163,7 @@ def test_unknown_name_says_the_nearest() -> None:
         QoSProfile(history="?")
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("fields", "text"),
     [
         ({"depth": 0}, "depth must be from 1 to 2147483647, not 0"),
@@ -231,7 +232,7 @@ def test_defaults_take_no_bytes() -> None:
     assert msgspec.to_builtins(qos.sensor_data) == {"depth": 5, "reliability": "best_effort"}
 
 
-@pytest.mark.parametrize(
+@for_each(
     "fields",
     [
         {"depth": 0},
@@ -260,7 +261,7 @@ def test_what_stands_for_a_profile() -> None:
     assert qos.profile(own) is own
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("value", "text"),
     [
         (0, "QoS depth must be from 1"),

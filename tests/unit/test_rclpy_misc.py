@@ -20,6 +20,7 @@ from bus_ros.rclpy.callback_groups import (
 from bus_ros.rclpy.context import Context
 from bus_ros.rclpy.lifecycle import node as lifecycle_node
 from bus_ros.rosidl import message_class
+from rows import for_each
 
 
 class Entity:
@@ -133,7 +134,7 @@ def test_a_signal_ends_all_contexts() -> None:
         context.shutdown()  # forgiven once
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("make", "text"),
     [
         (lambda: action.ActionClient(None, None, "fibonacci"), "no ActionClient for 'fibonacci'.*a service"),

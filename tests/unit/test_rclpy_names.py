@@ -31,6 +31,7 @@ from bus_ros.rclpy.validate_topic_name import (
     validate_topic_name,
 )
 from bus_ros.rosidl import message_class, service_class
+from rows import for_each
 
 
 def test_names_that_are_right() -> None:
@@ -43,7 +44,7 @@ def test_names_that_are_right() -> None:
     assert expand_topic_name("~/x", "talker", "/ns") == "/ns/talker/x"
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("check", "name", "error", "text"),
     [
         (
@@ -102,7 +103,7 @@ def test_expansion_of_a_wrong_name() -> None:
         expand_topic_name("{other}/x", "talker", "/")
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("error", "text"),
     [
         (exceptions.NotInitializedException(), "rclpy.init() has not been called."),

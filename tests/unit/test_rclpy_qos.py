@@ -21,6 +21,7 @@ from bus_ros.rclpy.qos import (
     qos_policy_name_from_kind,
     to_native,
 )
+from rows import for_each
 
 
 def test_a_depth_alone_is_keep_last_and_the_defaults() -> None:
@@ -118,7 +119,7 @@ def test_short_keys() -> None:
     assert "parameter_events" in QoSPresetProfiles.short_keys()
 
 
-@pytest.mark.parametrize(
+@for_each(
     "name",
     [
         "default",

@@ -11,6 +11,7 @@ from bus_ros.rclpy import time as time_module
 from bus_ros.rclpy.duration import Duration, Infinite
 from bus_ros.rclpy.time import ClockType, Time
 from bus_ros.rosidl import message_class
+from rows import for_each
 
 ROS = ClockType.ROS_TIME
 STEADY = ClockType.STEADY_TIME
@@ -56,7 +57,7 @@ def test_order() -> None:
     assert early != 1 and short != 1
 
 
-@pytest.mark.parametrize(
+@for_each(
     "compare",
     [
         lambda a, b: a == b,
@@ -94,7 +95,7 @@ def test_out_of_range() -> None:
         Time() - Duration(nanoseconds=1)
 
 
-@pytest.mark.parametrize(
+@for_each(
     "wrong",
     [
         lambda: Time() + 1,  # type: ignore[operator]

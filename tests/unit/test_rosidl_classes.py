@@ -13,6 +13,7 @@ import pytest
 from bus.errors import ConfigurationError
 from bus_ros.rosidl import RosMessage, action_class, definition, message_class, service_class
 from bus_ros.rosidl.classes import module_of
+from rows import for_each
 
 DEFINITION = """
 int32 LIMIT=3
@@ -157,7 +158,7 @@ def test_its_text_is_that_of_rosidl(own: Any) -> None:
     assert "ranges=[], intensities=[]" in repr(cls("sensor_msgs/msg/LaserScan")())
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("name", "field", "value", "text"),
     [
         ("std_msgs/msg/String", "data", 5, "The 'data' field must be of type 'str'"),

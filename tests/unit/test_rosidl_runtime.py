@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from bus_ros.rosidl import ament_index, message_class, runtime
+from rows import for_each
 
 
 def cls(name: str) -> Any:
@@ -78,7 +79,7 @@ def test_stamps_are_filled_in_later() -> None:
         assert stamped.header.stamp is now
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("values", "kind", "text"),
     [
         ("x", TypeError, "Value 'x' is expected to be a dictionary but is a str"),
@@ -104,7 +105,7 @@ def test_classes_by_name() -> None:
     assert runtime.get_action("example_interfaces/action/Fibonacci").__name__ == "Fibonacci"
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("get", "name", "kind", "text"),
     [
         (

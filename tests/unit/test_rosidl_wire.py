@@ -19,6 +19,7 @@ from bus.types.support import type_hash, type_support, wrong_class
 from bus_ros.rclpy.serialization import deserialize_message, serialize_message
 from bus_ros.rosidl import RosMessage, message_class
 from effort import examples
+from rows import for_each
 
 SHIPPED = ("builtin_interfaces", "geometry_msgs", "nav_msgs", "sensor_msgs", "std_msgs", "visualization_msgs")
 MESSAGES = [name for package in SHIPPED for name in names("msg", package)]
@@ -149,7 +150,7 @@ def broken(name: str, /, **fields: Any) -> Any:
     return message
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("message", "text"),
     [
         (broken("sensor_msgs/msg/JointState", name=5), "each value of type 'str' - at `$.name`"),

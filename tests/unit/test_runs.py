@@ -1,11 +1,10 @@
 """bus.wire.runs: what a queue keeps, drops and gives out. The model in tests/property looks further."""
 
-import pytest
-
 from bus.wire.framing import FrameReader
 from bus.wire.layout import DATA_HEAD, REPLAY
 from bus.wire.runs import RUN_COST_BYTES, Account, Run, RunQueue, data_head
 from feeding import feed, frame_record
+from rows import for_each
 
 RECORD_BYTES = 13  # of a payload of one letter
 
@@ -79,7 +78,7 @@ class TestRecords:
 
 
 class TestDepth:
-    @pytest.mark.parametrize(("depth", "left"), [(0, "abcdef"), (1, "f"), (4, "cdef"), (6, "abcdef")])
+    @for_each(("depth", "left"), [(0, "abcdef"), (1, "f"), (4, "cdef"), (6, "abcdef")])
     def test_the_oldest_go(self, depth: int, left: str) -> None:
         waiting = queue(depth)
         replaced = waiting.push(run("abc")) + waiting.push(run("def", 4))
@@ -151,7 +150,7 @@ class TestQuota:
         assert other.drop_over_quota() == 1
         assert account.used == held(2)
 
-    @pytest.mark.parametrize("empty", ["advance", "pop_frame", "clear", "drop"])
+    @for_each("empty", ["advance", "pop_frame", "clear", "drop"])
     def test_what_leaves_is_not_charged(self, empty: str) -> None:
         waiting = queue()
         waiting.append(run("abc"))
@@ -193,8 +192,8 @@ class TestFrames:
         assert made.is_replay
         assert flags == REPLAY
 
-    @pytest.mark.parametrize("tail", [b"", b"\1", b"\xff" * 12])
-    @pytest.mark.parametrize("dropped", range(6))
+    @for_each("tail", [b"", b"\1", b"\xff" * 12])
+    @for_each("dropped", range(6))
     def test_what_is_left_of_a_malformed_run_can_be_read(self, dropped: int, tail: bytes) -> None:
         """A publisher that lies must not break the connection of those who hear it."""
         waiting = queue()
@@ -240,7 +239,7 @@ class TestExpiry:
         made.lifespan_ns = lifespan_ns
         return made
 
-    @pytest.mark.parametrize(("now_ns", "dropped"), [(0, 0), (110, 0), (111, 1), (112, 2), (10**6, 3)])
+    @for_each(("now_ns", "dropped"), [(0, 0), (110, 0), (111, 1), (112, 2), (10**6, 3)])
     def test_from_the_head(self, now_ns: int, dropped: int) -> None:
         waiting = queue()
         waiting.append(self.old("abc", 100, 10))
@@ -278,7 +277,7 @@ class TestNewest:
         waiting.drop(1)
         return waiting
 
-    @pytest.mark.parametrize(
+    @for_each(
         ("count", "after_seq", "expected"),
         [
             (0, 0, [(2, "bc"), (4, "d"), (5, "efg")]),

@@ -16,6 +16,7 @@ from bus.errors import ConfigurationError, MessageTypeError
 from bus.msg import Message, byte, float32, uint8
 from bus.msg.geometry_msgs import Point, Pose
 from bus.types.schema import Node, Schema, build, describe, type_name
+from rows import for_each
 
 T = TypeVar("T")
 
@@ -213,7 +214,7 @@ def test_two_classes_of_one_name_are_refused() -> None:
         describe(both)
 
 
-@pytest.mark.parametrize("wrong", [int, Plain, "text", Cat(), Box[int], None])
+@for_each("wrong", [int, Plain, "text", Cat(), Box[int], None])
 def test_only_message_classes_are_described(wrong: Any) -> None:
     with pytest.raises(MessageTypeError, match="is no message class"):
         describe(wrong)
@@ -227,9 +228,7 @@ def test_a_class_that_msgspec_refuses_is_named() -> None:
         describe(Torn)
 
 
-@pytest.mark.parametrize(
-    "name", ["String", "std_msgs/String", "std_msgs/msg/", "a/msg/b/c", "a/msg/1", "a/b/C", 5, ""]
-)
+@for_each("name", ["String", "std_msgs/String", "std_msgs/msg/", "a/msg/b/c", "a/msg/1", "a/b/C", 5, ""])
 def test_a_type_name_has_three_parts(name: object) -> None:
     cls = msgspec.defstruct("Foo", [], namespace={"__type_name__": name})
     with pytest.raises(ConfigurationError, match="must have three parts"):
@@ -244,7 +243,7 @@ def test_a_type_name_is_not_inherited() -> None:
     assert type_name(Child) == "local/msg/Child"
 
 
-@pytest.mark.parametrize("cls", [Zoo, Tree, Inner, Cat, Pose])
+@for_each("cls", [Zoo, Tree, Inner, Cat, Pose])
 def test_a_class_made_from_a_schema_has_that_schema(cls: type[Struct]) -> None:
     schema = msgspec.msgpack.decode(msgspec.msgpack.encode(describe(cls)))
     assert describe(build(schema)) == schema == describe(cls)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from bus.errors import ConfigurationError
 from bus.types.schema import MAX_DEPTH, MAX_ELEMENTS, Node, Schema, build, describe, type_name
+from rows import for_each
 
 
 def one_field(type_: object, **others: object) -> Schema:
@@ -150,7 +151,7 @@ HOSTILE: dict[str, Any] = {
 }
 
 
-@pytest.mark.parametrize("schema", HOSTILE.values(), ids=HOSTILE)
+@for_each("schema", HOSTILE.values())
 def test_a_hostile_schema_is_refused(schema: Any) -> None:
     with pytest.raises(ConfigurationError):
         build(schema)

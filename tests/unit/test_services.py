@@ -18,6 +18,7 @@ from bus.types.service import GID_BYTES, Reply, Request, ServiceSupport, message
 from bus.types.support import type_support
 from bus_cli.output import CommandError
 from bus_cli.service.definitions import full_service_type
+from rows import for_each
 
 GID = bytes(range(GID_BYTES))
 OTHER = bytes(GID_BYTES)
@@ -68,12 +69,12 @@ class TestDefinitions:
     def test_made_once(self) -> None:
         assert service_support(Move) is service_support(Move)
 
-    @pytest.mark.parametrize("wrong", [Text, 3, SimpleNamespace(Request=Text, Response=int)])
+    @for_each("wrong", [Text, 3, SimpleNamespace(Request=Text, Response=int)])
     def test_what_is_no_service(self, wrong: Any) -> None:
         with pytest.raises(bus.MessageTypeError):
             ServiceSupport(wrong)
 
-    @pytest.mark.parametrize("name", ["Move", "demo/msg/Move", "a/srv/b/c", "demo/srv/" + "M" * 250])
+    @for_each("name", ["Move", "demo/msg/Move", "a/srv/b/c", "demo/srv/" + "M" * 250])
     def test_bad_names(self, name: str) -> None:
         with pytest.raises(bus.ConfigurationError):
             ServiceSupport(SimpleNamespace(__type_name__=name, Request=Text, Response=Text))
@@ -97,7 +98,7 @@ class TestDefinitions:
 
 
 class TestEnvelopes:
-    @pytest.mark.parametrize(
+    @for_each(
         ("service", "request_", "response"),
         [
             (AddTwoInts, AddTwoInts.Request(a=-1, b=2**62), AddTwoInts.Response(sum=3)),
@@ -106,7 +107,6 @@ class TestEnvelopes:
             (Shared, Text(data="q"), Text(data="a")),
             (std_srvs.Empty, std_srvs.Empty.Request(), std_srvs.Empty.Response()),
         ],
-        ids=lambda value: getattr(value, "__name__", ""),
     )
     def test_there_and_back(self, service: Any, request_: Any, response: Any) -> None:
         both = service_support(service)
@@ -115,7 +115,7 @@ class TestEnvelopes:
         assert both.replies(GID).decode(sent) == Reply(GID, 2**63, "", response)
         assert both.replies(OTHER).decode(sent) == Reply(GID, 2**63, "", None)
 
-    @pytest.mark.parametrize(
+    @for_each(
         ("text", "shown"),
         [("no", "no"), ("", "no reason is given"), ("\ud800", "?"), ("x" * 9999, "x" * 2000)],
     )
@@ -123,7 +123,7 @@ class TestEnvelopes:
         both = service_support(AddTwoInts)
         assert both.replies(GID).decode(both.encode_error(GID, 1, text)) == Reply(GID, 1, shown, None)
 
-    @pytest.mark.parametrize(
+    @for_each(
         ("wrong", "text"),
         [
             (AddTwoInts.Response(), "expected a bus.srv.example_interfaces.AddTwoInts.Request, got"),
@@ -140,12 +140,12 @@ class TestEnvelopes:
         with pytest.raises(bus.MessageTypeError, match=r"AddTwoInts_Response: expected a .* got NoneType"):
             service_support(AddTwoInts).encode_response(GID, 1, None)
 
-    @pytest.mark.parametrize("data", [b"", b"\xc0", b"\x93\xc0\x01\x90", b"\x93\xc4\x01a\x01\xa1a"])
+    @for_each("data", [b"", b"\xc0", b"\x93\xc0\x01\x90", b"\x93\xc4\x01a\x01\xa1a"])
     def test_what_is_no_envelope(self, data: bytes) -> None:
         with pytest.raises(msgspec.DecodeError):
             service_support(AddTwoInts).requests.decode(data)
 
-    @pytest.mark.parametrize("service", [AddTwoInts, Move, Plain, Shared, std_srvs.Empty])
+    @for_each("service", [AddTwoInts, Move, Plain, Shared, std_srvs.Empty])
     def test_out_of_what_travels_with_discovery(self, service: Any) -> None:
         both = service_support(service)
         made = [message_of(build(support.schema)) for support in (both.requests, both.replies(GID))]
@@ -173,7 +173,7 @@ class TestNames:
             == "/ns/add"
         )
 
-    @pytest.mark.parametrize("topic", ["/add", "/_request", "/_reply", "/add_request", "/add/_request/x"])
+    @for_each("topic", ["/add", "/_request", "/_reply", "/add_request", "/add/_request/x"])
     def test_other_topics(self, topic: str) -> None:
         assert names.service_of_topic(topic) is None
 
@@ -184,7 +184,7 @@ class TestNames:
             == "std_srvs/srv/Empty"
         )
 
-    @pytest.mark.parametrize("text", ["", "Empty", "/Empty", "a/b/c/d", "std_msgs/msg/String"])
+    @for_each("text", ["", "Empty", "/Empty", "a/b/c/d", "std_msgs/msg/String"])
     def test_no_types(self, text: str) -> None:
         with pytest.raises(CommandError, match="The passed service type is invalid"):
             full_service_type(text)

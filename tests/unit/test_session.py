@@ -23,6 +23,7 @@ from bus.wire.layout import (
 from bus.wire.runs import Run
 from bus.wire.session import MAX_BATCHES, Carried, Role, Session, State
 from feeding import feed, frame_record
+from rows import for_each
 
 HELLO = m.encode_frame(m.Hello(version=PROTOCOL_VERSION, pid=7, program="talker"))
 PING = m.encode_frame(m.Ping(number=1))
@@ -194,7 +195,7 @@ class TestDescriptors:
     def test_where_none_can_come(self) -> None:
         assert list(feed(session(Role.BROKER, State.OPEN), SHARE)) == [Carried(m.Share(), ())]
 
-    @pytest.mark.parametrize("frame", [PING, RUN, RUN[:1]], ids=["messages", "runs", "parts"])
+    @for_each("frame", [PING, RUN, RUN[:1]])
     def test_a_flood_that_no_message_claims(self, frame: bytes) -> None:
         made = session(Role.BROKER, State.OPEN)
         sent = [batch(2) for _ in range(MAX_BATCHES + 1)]
@@ -261,7 +262,7 @@ BOMBS = {
 }
 
 
-@pytest.mark.parametrize("body", BOMBS.values(), ids=BOMBS.keys())
+@for_each("body", BOMBS.values())
 def test_control_messages_that_are_none(body: bytes) -> None:
     """Each is refused in words, and none takes the interpreter down."""
     assert refusal(session(Role.BROKER, State.OPEN), control(body)).startswith(

@@ -10,6 +10,7 @@ import pytest
 
 from bus.shm import has_core, headroom, segments
 from bus.shm.headroom import Room
+from rows import for_each
 
 MiB = 1 << 20
 UNLIMITED = 9223372036854771712
@@ -204,9 +205,7 @@ class TestMachine:
         assert 0 < machine.left <= machine.limit == os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
-@pytest.mark.parametrize(
-    ("limit_mib", "reserve_mib"), [(10, 8), (100, 8), (160, 10), (512, 32), (1024, 64), (65536, 64)]
-)
+@for_each(("limit_mib", "reserve_mib"), [(10, 8), (100, 8), (160, 10), (512, 32), (1024, 64), (65536, 64)])
 def test_the_reserve(limit_mib: int, reserve_mib: int) -> None:
     assert Room("", limit_mib * MiB, 0).reserve == reserve_mib * MiB
 

@@ -15,6 +15,7 @@ import pytest
 from bus.base.descriptor import Descriptor
 from bus.shm import has_core, openfiles, segments
 from bus.shm.openfiles import OWN, RESERVE
+from rows import for_each
 
 pytestmark = pytest.mark.skipif(not has_core(), reason="the native core was not built")
 
@@ -54,7 +55,7 @@ def opened(count: int) -> list[Descriptor]:
     return [Descriptor(os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)) for _ in range(count)]
 
 
-@pytest.mark.parametrize("soft", [256, 1024, 1500])
+@for_each("soft", [256, 1024, 1500])
 def test_rings_take_none_of_the_programs_numbers(soft: int) -> None:
     with limited(soft):
         rings = [make() for _ in range(3)]

@@ -25,6 +25,7 @@ from bus.base.descriptor import Descriptor
 from bus.shm import descriptors, segments
 from conftest import WAIT_S
 from effort import examples
+from rows import for_each
 from shm_ends import Listener, Talker, core
 
 CAPACITY, INDEX = 4096, 16
@@ -99,7 +100,7 @@ CHANGES: list[Callable[[int], object]] = [
 ]
 
 
-@pytest.mark.parametrize("change", CHANGES)
+@for_each("change", CHANGES)
 def test_nobody_can_write_to_it_or_resize_it_once_it_is_made(change: Callable[[int], object]) -> None:
     for descriptor, _ in (segments.make_ring(CAPACITY, INDEX, 1), segments.make_readers(4)):
         with pytest.raises(PermissionError):
@@ -119,7 +120,7 @@ def test_a_foreign_mapping_is_no_end_to_write_with() -> None:
             use()
 
 
-@pytest.mark.parametrize("size", [RING_BYTES + 1, 0, -1])
+@for_each("size", [RING_BYTES + 1, 0, -1])
 def test_a_mapping_is_never_longer_than_its_file(size: int) -> None:
     ring, _ = segments.make_ring(CAPACITY, INDEX, 1)
     with pytest.raises(OSError, match=r".") as caught:
@@ -221,8 +222,8 @@ def sparse_memfd() -> Descriptor:
     return descriptor
 
 
-@pytest.mark.parametrize("find_fault", [descriptors.ring_fault, descriptors.readers_fault])
-@pytest.mark.parametrize(
+@for_each("find_fault", [descriptors.ring_fault, descriptors.readers_fault])
+@for_each(
     ("make", "words"),
     [
         (segments.make_doorbell, "no memfd"),

@@ -6,6 +6,7 @@ import msgspec
 import pytest
 
 from bus.types.support import type_support
+from rows import for_each
 from shm_ends import Listener, Talker, core
 
 MIB = 1 << 20
@@ -52,7 +53,7 @@ def test_a_loan_that_is_given_back_leaves_nothing() -> None:
     talker.close()
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("index", "size"),
     [(-1, 3), (2, 3), (1 << 40, 3), (1 << 70, 3), (0, 3), (INDEX, -1), (INDEX, 1 << 70), (INDEX, 2.0)],
 )

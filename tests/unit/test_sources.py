@@ -1,13 +1,12 @@
 """bus.delivery.sequence: what the numbers of samples tell a subscription, by whatever way they come."""
 
-import pytest
-
 from bus.delivery.sequence import PublisherProxy, SequenceTracker
 from bus.qos import QoSProfile
 from bus.wire.bounds import MOST_REMEMBERED
 from bus.wire.layout import RECORD_HEAD
 from bus.wire.messages import Matched
 from bus.wire.runs import Run
+from rows import for_each
 
 GID = bytes(16)
 
@@ -223,7 +222,7 @@ class TestPublisherThatReturns:
         assert 7 not in heard.sources
 
 
-@pytest.mark.parametrize(("told", "lapped"), [(0, 5), (2, 3), (9, 0)])
+@for_each(("told", "lapped"), [(0, 5), (2, 3), (9, 0)])
 def test_a_ring_that_gave_up_some_before_the_match_went_by_socket(told: int, lapped: int) -> None:
     """What the broker says it dropped of those that are missing, the ring did not lose."""
     heard = Heard()

@@ -5,7 +5,6 @@ from array import array
 from typing import Annotated, Any, Literal
 
 import msgspec
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import Meta, Struct, field
@@ -18,6 +17,7 @@ from bus.msg.std_msgs import Bool, Byte, Float32, Int8, String, UInt8, UInt64
 from bus.types.check import predicate
 from bus.types.schema import build, describe
 from bus.types.support import type_support
+from rows import for_each
 
 
 class Number(enum.IntEnum):
@@ -36,7 +36,7 @@ class Whole(int):
     pass
 
 
-@pytest.mark.parametrize(
+@for_each(
     "message",
     [
         String(data="hi"),
@@ -62,7 +62,6 @@ class Whole(int):
         *(OccupancyGrid(data=[-128, -33, -32, -1, 0, 100, 127] * length) for length in (1, 3, 10_000)),
         OccupancyGrid(data=[0, 100, -1, 50] * 20_000),
     ],
-    ids=lambda message: f"{message!r:.60}",
 )
 def test_what_programs_publish_is_valid_at_once(message: Message) -> None:
     support: Any = type_support(type(message))
@@ -70,7 +69,7 @@ def test_what_programs_publish_is_valid_at_once(message: Message) -> None:
     assert support.explain(message) is None
 
 
-@pytest.mark.parametrize(
+@for_each(
     "message",
     [
         String(data=None),  # type: ignore[arg-type]
@@ -116,7 +115,6 @@ def test_what_programs_publish_is_valid_at_once(message: Message) -> None:
         OccupancyGrid(data=[0] * 100 + [""]),  # type: ignore[list-item]
         OccupancyGrid(data=[0] * 100 + [[]]),  # type: ignore[list-item]
     ],
-    ids=lambda message: f"{message!r:.60}",
 )
 def test_what_is_wrong_is_neither_valid_nor_right_after_all(message: Message) -> None:
     support: Any = type_support(type(message))
@@ -124,7 +122,7 @@ def test_what_is_wrong_is_neither_valid_nor_right_after_all(message: Message) ->
     assert support.explain(message) is not None
 
 
-@pytest.mark.parametrize(
+@for_each(
     "message",
     [
         String(data=Text("hi")),
@@ -136,7 +134,6 @@ def test_what_is_wrong_is_neither_valid_nor_right_after_all(message: Message) ->
         LaserScan(ranges=(1.0, 2.0)),  # type: ignore[arg-type]
         PoseArray(poses=()),  # type: ignore[arg-type]
     ],
-    ids=repr,
 )
 def test_what_is_unusual_is_right_after_all(message: Message) -> None:
     support: Any = type_support(type(message))
@@ -166,7 +163,7 @@ class Own(Struct):
     point: Point | None = None
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("name", "right", "wrong"),
     [
         ("maybe", [1, None], ["1", 1.5, True]),
@@ -193,7 +190,7 @@ def test_own_types(name: str, right: list[Any], wrong: list[Any]) -> None:
         assert support.explain(message) is not None, value
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("annotation", "value"),
     [
         (int | str, 1),
@@ -204,7 +201,6 @@ def test_own_types(name: str, right: list[Any], wrong: list[Any]) -> None:
         (Annotated[int, Meta(multiple_of=2)], 2),
         (Annotated[dict[str, int], Meta(max_length=3)], {}),
     ],
-    ids=str,
 )
 def test_for_the_rest_there_is_no_code(annotation: Any, value: Any) -> None:
     cls: Any = msgspec.defstruct("Rest", [("x", annotation)])

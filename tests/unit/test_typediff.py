@@ -3,7 +3,6 @@
 from typing import Annotated, Any, Literal
 
 import msgspec
-import pytest
 from msgspec import Meta, Struct
 
 from bus.msg import Message, float32, float64, int32, uint8
@@ -12,6 +11,7 @@ from bus.srv import make_service
 from bus.types.diff import difference
 from bus.types.schema import describe
 from bus.types.service import service_support
+from rows import for_each
 
 
 def described(**fields: Any) -> bytes:
@@ -26,7 +26,7 @@ def inner(annotation: Any) -> type[Struct]:
     return msgspec.defstruct("Inner", [("x", annotation)], bases=(Message,), kw_only=True)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("one", "other", "text"),
     [
         ({"a": int, "x": float64}, {"a": int, "x": float32}, "field 'x' is float64 at P and float32 at S"),
@@ -105,7 +105,7 @@ def test_a_service_is_told_without_its_envelope() -> None:
     assert difference(first, requests(int, str)) == "the definitions of the response differ"
 
 
-@pytest.mark.parametrize(
+@for_each(
     "broken",
     [
         b"",

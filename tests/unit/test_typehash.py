@@ -2,7 +2,6 @@
 
 from typing import Annotated, Any, Literal
 
-import pytest
 from msgspec import Meta, Struct
 
 from bus.msg import Message, byte_array, float64, uint8, uint8_array
@@ -10,6 +9,7 @@ from bus.msg.geometry_msgs import Point
 from bus.types.hash import schema_hash
 from bus.types.schema import describe
 from bus.types.support import find_type, type_hash
+from rows import for_each
 
 # As public ROS 2 programs, logs and rmw_zenoh key expressions have them.
 KNOWN = """
@@ -44,7 +44,7 @@ sensor_msgs/msg/RegionOfInterest ad16bcba5f9131dcdba6fbded19f726f5440e3c513b4fb5
 """
 
 
-@pytest.mark.parametrize(("name", "digest"), [line.split() for line in KNOWN.strip().splitlines()])
+@for_each(("name", "digest"), [line.split() for line in KNOWN.strip().splitlines()])
 def test_hash_of_real_ros_systems(name: str, digest: str) -> None:
     cls = find_type(name)
     assert cls is not None

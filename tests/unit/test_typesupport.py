@@ -18,6 +18,7 @@ from bus.msg.sensor_msgs import Imu, JointState
 from bus.msg.std_msgs import Float32, Header, String
 from bus.types.schema import build, describe
 from bus.types.support import find_type, type_hash, type_name, type_support, wrong_class
+from rows import for_each
 
 
 class Wheel(Struct, rename="camel"):
@@ -95,7 +96,7 @@ def test_a_decoder_reads_any_buffer_and_refuses_what_is_no_message() -> None:
             support.decode(wrong)
 
 
-@pytest.mark.parametrize("wrong", [int, dict, 5, "std_msgs/msg/String", String(), None, []])
+@for_each("wrong", [int, dict, 5, "std_msgs/msg/String", String(), None, []])
 def test_only_a_message_class_has_it(wrong: Any) -> None:
     with pytest.raises(MessageTypeError, match=r"is no message class"):
         type_support(wrong)
@@ -216,7 +217,7 @@ WRONG: list[tuple[Any, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("message", "text"), WRONG, ids=[text for _, text in WRONG])
+@for_each(("message", "text"), WRONG)
 def test_the_error_names_the_field(message: Any, text: str) -> None:
     error = type_support(type(message)).explain(message)
     assert isinstance(error, MessageTypeError)
@@ -236,7 +237,7 @@ def test_fields_of_a_foreign_class_are_named_too() -> None:
     assert str(error) == "geometry_msgs/msg/Twist: Expected `float`, got `str` - at `$.linear.z`"
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("cls", "message", "text"),
     [
         (
@@ -268,7 +269,7 @@ def test_an_object_of_another_class_is_explained(cls: type[Message], message: An
     assert str(type_support(cls).explain(message)) == text
 
 
-@pytest.mark.parametrize(
+@for_each(
     "name",
     [
         *("", "/", "std_msgs", "std_msgs/", "std_msgs/msg", "std_msgs/msg/", "std_msgs/Nothing", "String"),

@@ -5,6 +5,7 @@ import pytest
 from bus.errors import AccessDenied, BusError, ConfigurationError, QuotaExceeded, RemoteProtocolError
 from bus.wire import messages as m
 from bus.wire.answers import expect
+from rows import for_each
 
 
 def test_what_was_asked_for() -> None:
@@ -12,7 +13,7 @@ def test_what_was_asked_for() -> None:
     assert expect(answer, m.Done) is answer
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("answer", "error", "text"),
     [
         (m.Refused(request=1, text="no such thing"), ConfigurationError, "^no such thing$"),

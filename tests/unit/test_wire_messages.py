@@ -9,6 +9,7 @@ from bus.errors import RemoteProtocolError
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from bus.wire.layout import FRAME_HEAD, FRAME_HEAD_BYTES, MAX_COUNT
+from rows import for_each
 
 FROM_CLIENT = get_args(m.FromClient)
 FROM_BROKER = get_args(m.FromBroker)
@@ -81,8 +82,8 @@ class TestValues:
 
     REPORT: ClassVar[dict[str, Any]] = {"m": "report", "endpoint": 1, "samples": 0, "bytes": 0}
 
-    @pytest.mark.parametrize("field", ["samples", "bytes", "queued"])
-    @pytest.mark.parametrize("value", [-1, MAX_COUNT + 1, 2**64 - 1])
+    @for_each("field", ["samples", "bytes", "queued"])
+    @for_each("value", [-1, MAX_COUNT + 1, 2**64 - 1])
     def test_counters_of_a_report(self, field: str, value: int) -> None:
         assert f"$.{field}" in refusal(**(self.REPORT | {field: value}))
 
@@ -99,7 +100,7 @@ class TestValues:
         report = decode(**(self.REPORT | {"samples": MAX_COUNT}), dropped={"memory_limit": MAX_COUNT})
         assert report.samples == report.dropped["memory_limit"] == MAX_COUNT
 
-    @pytest.mark.parametrize("value", [-1, 0, MAX_COUNT + 1])
+    @for_each("value", [-1, 0, MAX_COUNT + 1])
     def test_the_first_number_of_a_publisher(self, value: int) -> None:
         text = refusal(
             m="pub+",
@@ -114,7 +115,7 @@ class TestValues:
         )
         assert "$.next_seq" in text
 
-    @pytest.mark.parametrize(
+    @for_each(
         "known",
         [
             {bytes(16): MAX_COUNT + 1},
@@ -127,7 +128,7 @@ class TestValues:
         endpoint = {"request": 1, "node": 1, "topic": "/a", "type_name": "a", "type_hash": "b", "gid": b""}
         assert "last_seqs" in refusal(m="sub+", qos={}, **endpoint, last_seqs=known)
 
-    @pytest.mark.parametrize(
+    @for_each(
         ("field", "most"),
         [("capabilities", ("c" * 64,) * 64), ("program", "p" * 1000), ("release", "r" * 1000)],
     )

@@ -2,13 +2,12 @@
 
 from collections.abc import Callable
 
-import pytest
-
 from absence import DEEP, Story, kept
 from broker_endpoints import Publisher, Subscription
 from broker_world import TEXT
 from bus.base.ids import EndpointId
 from bus.wire import messages as m
+from rows import for_each
 
 MANY = 150
 STEP = 90
@@ -74,14 +73,14 @@ def check(story: Crowd, left: list[Publisher]) -> None:
     ]
 
 
-@pytest.mark.parametrize("after", [1, 2, 3, 40, 100])
+@for_each("after", [1, 2, 3, 40, 100])
 def test_it_is_back_while_it_still_leaves(after: int) -> None:
     story = Crowd()
     story.in_pieces(story.lose, after=after, do=story.come_back_knowing_nothing)
     check(story, [])
 
 
-@pytest.mark.parametrize("after", [1, 2, 3, 40, 100])
+@for_each("after", [1, 2, 3, 40, 100])
 def test_a_publisher_leaves_while_it_leaves(after: int) -> None:
     story = Crowd()
     gone = [story.many[1], story.many[-2]]
@@ -90,7 +89,7 @@ def test_a_publisher_leaves_while_it_leaves(after: int) -> None:
     check(story, gone)
 
 
-@pytest.mark.parametrize("after", [1, 2, 3, 4, 40, 100])
+@for_each("after", [1, 2, 3, 4, 40, 100])
 def test_a_publisher_leaves_while_it_comes_back(after: int) -> None:
     story = Crowd()
     gone = [story.many[1], story.many[-2]]
@@ -103,7 +102,7 @@ def test_a_publisher_leaves_while_it_comes_back(after: int) -> None:
     assert not story.world.broker._absentees._open or after == 1
 
 
-@pytest.mark.parametrize("after", [1, 2, 3, 4, 40])
+@for_each("after", [1, 2, 3, 4, 40])
 def test_it_is_lost_while_it_comes_back(after: int) -> None:
     story = Crowd()
     story.lose()

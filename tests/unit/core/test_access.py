@@ -4,6 +4,7 @@ import pytest
 
 from bus.errors import ConfigurationError
 from busd.core.access import Access, AccessRule, Action, Subject
+from rows import for_each
 
 OWN, ALICE, BOB = 1000, 1001, 1002
 ROBOT = 500
@@ -18,15 +19,15 @@ def of(*uids: int) -> frozenset[int]:
     return frozenset(uids)
 
 
-@pytest.mark.parametrize("uid", [OWN, 0, -1], ids=["own", "root", "not told"])
-@pytest.mark.parametrize("action", ALL)
+@for_each("uid", [OWN, 0, -1])
+@for_each("action", ALL)
 def test_rules_are_not_for_the_daemons_user_and_root(uid: int, action: Action) -> None:
     access = Access(OWN, (rule(is_for_all=True, allow=False),))
     assert access.is_free(uid) and access.may_connect(Subject(uid))
     assert access.decide(Subject(uid), action, "/a") == (True, 0)
 
 
-@pytest.mark.parametrize("action", ALL)
+@for_each("action", ALL)
 def test_others_may_nothing_by_default(action: Action) -> None:
     access = Access(OWN)
     assert not access.may_connect(Subject(ALICE))
@@ -63,9 +64,7 @@ def test_the_first_rule_that_matches_decides() -> None:
     ]
 
 
-@pytest.mark.parametrize(
-    ("gids", "is_allowed"), [({ROBOT}, True), ({7, ROBOT}, True), ({7}, False), (set(), False)]
-)
+@for_each(("gids", "is_allowed"), [({ROBOT}, True), ({7, ROBOT}, True), ({7}, False), (set(), False)])
 def test_groups_are_all_that_the_process_has(gids: set[int], is_allowed: bool) -> None:
     access = Access(OWN, (rule(gids=of(ROBOT)),))
     who = Subject(ALICE, frozenset(gids))

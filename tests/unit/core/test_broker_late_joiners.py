@@ -7,6 +7,7 @@ from broker_world import Process, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from busd.core.limits import Limits
+from rows import for_each
 
 KIB = 1024
 KEPT = QoSProfile(durability="transient_local")
@@ -47,9 +48,9 @@ class TestTable:
         assert late.payloads == []
         assert late.got(m.Incompatible)
 
-    @pytest.mark.parametrize("published", [0, 1, 2, 3, 5, 9])
-    @pytest.mark.parametrize("wanted", [1, 2, 4, 7])
-    @pytest.mark.parametrize("offered", [1, 3, 7])
+    @for_each("published", [0, 1, 2, 3, 5, 9])
+    @for_each("wanted", [1, 2, 4, 7])
+    @for_each("offered", [1, 3, 7])
     def test_transient_local_to_transient_local(self, offered: int, wanted: int, published: int) -> None:
         """The last min(N, M, available), in order, before new ones."""
         world = World()
@@ -108,7 +109,7 @@ class TestReconnection:
     def late(self, world: World, last_seqs: dict[bytes, int]) -> list[str]:
         return world.process().subscription("/topic", kept(10), last_seqs=last_seqs).payloads
 
-    @pytest.mark.parametrize(("last_seq", "expected"), [(0, "abc"), (1, "bc"), (2, "c"), (3, ""), (99, "")])
+    @for_each(("last_seq", "expected"), [(0, "abc"), (1, "bc"), (2, "c"), (3, ""), (99, "")])
     def test_after_what_was_received(self, last_seq: int, expected: str) -> None:
         world = World()
         (publisher,) = publishers(world, KEPT, "abc")

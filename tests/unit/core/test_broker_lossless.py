@@ -7,6 +7,7 @@ from broker_world import World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from busd.core.limits import Limits, TopicRule
+from rows import for_each
 
 KIB = 1024
 ALL = QoSProfile(history="keep_all")
@@ -94,7 +95,7 @@ class TestAcks:
         late.ack(publisher, 4)
         assert credits(publisher) == [3, 4]
 
-    @pytest.mark.parametrize("seq", [4, 5, 10**12])
+    @for_each("seq", [4, 5, 10**12])
     def test_what_was_never_published_cannot_be_acked(self, seq: int) -> None:
         _, publisher, (subscription,) = pair()
         publisher.publish(*"abc")
@@ -124,7 +125,7 @@ class TestAcks:
 
 
 class TestWhoIsNotWaitedFor:
-    @pytest.mark.parametrize(
+    @for_each(
         "requested",
         [
             QoSProfile(),
@@ -183,7 +184,7 @@ class TestLateJoiners:
         late.ack(publisher, 4)
         assert credits(publisher) == [4]
 
-    @pytest.mark.parametrize("known", [2, 3, 9])
+    @for_each("known", [2, 3, 9])
     def test_what_was_taken_before_is_credited_when_it_comes_again(self, known: int) -> None:
         """From a publisher that a busd before knew, to a subscription that was back first."""
         world, gid = World(LIMITS), bytes(15) + b"g"

@@ -11,6 +11,7 @@ from busd.core.absent import KEEP_NS, TELL_AGAIN_NS
 from busd.core.access import Access
 from busd.core.entities import Peer
 from busd.core.limits import Limits
+from rows import for_each
 
 
 def assert_nothing_is_left(world: World) -> None:
@@ -216,7 +217,7 @@ class TestMistakes:
         assert [publisher.id, subscription.id, mine.id, offered.id] == [2, 3, 5, 6], "as MISTAKES says"
         return world, victim, offender
 
-    @pytest.mark.parametrize("message", MISTAKES.values(), ids=MISTAKES.keys())
+    @for_each("message", MISTAKES.values())
     def test_it_is_cut_off(self, message: m.Message) -> None:
         world, victim, offender = self.world()
         offender.tell(message)
@@ -245,9 +246,7 @@ class TestMistakes:
         )
         assert not any(node.name == "ghost" for node in world.broker.graph.nodes.values())
 
-    @pytest.mark.parametrize(
-        "garbage", [b"\xff" * 8, m.encode_frame(m.Hello(version=1)), b"\x04\0\0\0\x01\0\0\0"]
-    )
+    @for_each("garbage", [b"\xff" * 8, m.encode_frame(m.Hello(version=1)), b"\x04\0\0\0\x01\0\0\0"])
     def test_bytes_that_are_no_message(self, garbage: bytes) -> None:
         world, victim, offender = self.world()
         offender.send_bytes(garbage)

@@ -7,6 +7,7 @@ from broker_line import Pair, note, route
 from broker_world import ALL_MAY, UID, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
+from rows import for_each
 
 
 @pytest.mark.parametrize("publisher_first", [True, False])
@@ -138,7 +139,7 @@ class TestAttaching:
         )
         assert publisher.got(m.Unmatched) and pair.talker.cut_reason is None
 
-    @pytest.mark.parametrize("how", ["unmatched", "never matched", "never there", "socket", "refused"])
+    @for_each("how", ["unmatched", "never matched", "never there", "socket", "refused"])
     def test_too_late(self, how: str) -> None:
         pair = Pair()
         publisher, subscription = pair.match()

@@ -2,8 +2,6 @@
 
 from typing import Any
 
-import pytest
-
 from broker_endpoints import Publisher, Subscription
 from broker_line import Line, Pair
 from broker_world import World
@@ -14,6 +12,7 @@ from bus.wire.runs import Run
 from busd.core.effects import Flush
 from busd.core.limits import Limits
 from feeding import frame_record
+from rows import for_each
 
 ALL = QoSProfile(history="keep_all")
 GID = bytes(15) + b"g"
@@ -99,7 +98,7 @@ class TestAhead:
         back = world.process().subscription("/topic", last_seqs={GID: known})
         return world.process().publisher("/topic", gid=GID, **more), back
 
-    @pytest.mark.parametrize("next_seq", [1, 2, 3, 4, 5])
+    @for_each("next_seq", [1, 2, 3, 4, 5])
     def test_nothing_comes_twice_wherever_its_publisher_begins(self, next_seq: int) -> None:
         publisher, back = self.back(3, next_seq=next_seq)
         publisher.publish(*"123456"[next_seq - 1 :])
@@ -120,8 +119,8 @@ class TestAhead:
         assert (back.payloads, totals.expected, totals.dropped) == (["c", "h"], 2, {})
 
 
-@pytest.mark.parametrize("durability", ["volatile", "transient_local"])
-@pytest.mark.parametrize(
+@for_each("durability", ["volatile", "transient_local"])
+@for_each(
     ("offered", "requested"), [("keep_all", "keep_all"), ("keep_all", "keep_last"), ("keep_last", "keep_all")]
 )
 def test_a_volatile_one_that_was_there_before(offered: str, requested: str, durability: str) -> None:

@@ -8,6 +8,7 @@ from bus.qos import QoSProfile
 from bus.wire import messages as m
 from bus.wire.layout import NAMESAKES
 from busd.core.limits import Limits, TopicRule
+from rows import for_each
 
 ONE_KIB = 1024
 
@@ -18,7 +19,7 @@ def told(process: Process) -> list[m.Namesake]:
 
 
 class TestNames:
-    @pytest.mark.parametrize(
+    @for_each(
         ("name", "namespace", "text"),
         [
             ("", "/", "node name must not be empty"),
@@ -36,10 +37,8 @@ class TestNames:
         assert process.cut_reason is None
         process.node("after_that")
 
-    @pytest.mark.parametrize(
-        "topic", ["", "relative", "/", "/a/", "/a//b", "/1a", "~/a", "/{node}", "/ä", "/" + 247 * "a"]
-    )
-    @pytest.mark.parametrize("kind", ["publisher", "subscription"])
+    @for_each("topic", ["", "relative", "/", "/a/", "/a//b", "/1a", "~/a", "/{node}", "/ä", "/" + 247 * "a"])
+    @for_each("kind", ["publisher", "subscription"])
     def test_of_topics(self, topic: str, kind: str) -> None:
         world = World()
         process = world.process()
@@ -162,7 +161,7 @@ class TestQuotas:
             assert answer.text == "depth 101 is more than busd's limit of 100"
         process.subscription("/topic", QoSProfile(101, history="keep_all"))
 
-    @pytest.mark.parametrize("topic", ["/rosout", "/parameter_events", "/node/get_parameters/_reply"])
+    @for_each("topic", ["/rosout", "/parameter_events", "/node/get_parameters/_reply"])
     def test_the_depth_of_what_every_node_has(self, topic: str) -> None:
         process = World(Limits(depth=100)).process()
         assert process.publisher(topic, QoSProfile(depth=1000)).created.depth == 100
@@ -201,8 +200,8 @@ class TestTypes:
         process.tell(m.DeclareType(type_name="b", type_hash="1", schema=long))
         assert process.cut_reason == "schema of 1027 bytes, the limit is 1024"
 
-    @pytest.mark.parametrize("text", ["a\nb", "\x1b[2J", "a\u202eb", "a\x00"])
-    @pytest.mark.parametrize("field", ["type_name", "type_hash"])
+    @for_each("text", ["a\nb", "\x1b[2J", "a\u202eb", "a\x00"])
+    @for_each("field", ["type_name", "type_hash"])
     def test_what_would_play_tricks_on_a_terminal_is_no_name(self, field: str, text: str) -> None:
         process = World().process()
         process.tell(m.DeclareType(**{"type_name": "a", "type_hash": "1", field: text}))  # type: ignore[arg-type]

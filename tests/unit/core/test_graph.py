@@ -1,12 +1,11 @@
 """busd.core.graph: the snapshot, and the changes that observers get."""
 
-import pytest
-
 from broker_line import Line
 from broker_world import NUMBER, TEXT, Process, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from bus.wire.layout import MAX_COUNT
+from rows import for_each
 
 
 def watching(world: World) -> tuple[Process, m.GraphSnapshot]:
@@ -182,8 +181,8 @@ class TestStatistics:
             samples=7, bytes=70, queued=3, dropped={"replaced": 3, "undecodable": 1}, expected=13
         )
 
-    @pytest.mark.parametrize("expected", [0, 5, MAX_COUNT])
-    @pytest.mark.parametrize("repeated", [0, 9, MAX_COUNT])
+    @for_each("expected", [0, 5, MAX_COUNT])
+    @for_each("repeated", [0, 9, MAX_COUNT])
     def test_whatever_a_process_says_of_itself_others_can_read_it(self, expected: int, repeated: int) -> None:
         line = Line()
         line.publisher.publish("x")

@@ -1,13 +1,12 @@
 """busd.core.routing_times: the histogram of how long runs stay."""
 
-import pytest
-
 from broker_world import Process, World
 from bus.wire import messages as m
 from busd.core.routing_times import BOUNDS_US, RoutingTimes
+from rows import for_each
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("elapsed_ns", "bucket"),
     [
         (0, 0),

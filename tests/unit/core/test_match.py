@@ -15,6 +15,7 @@ from busd.core import entities
 from busd.core.entities import SHM, SOCKET, Match, Owed
 from busd.core.match import TRANSITIONS, MatchError, MatchEvent, MatchState
 from match_tables import check_matches
+from rows import for_each
 
 ALL = QoSProfile(history="keep_all")
 GID = bytes(15) + b"g"
@@ -67,7 +68,7 @@ def tables(publisher: entities.Publisher, number: EndpointId) -> set[str]:
     return {name for name, table in found.items() if number in table}
 
 
-@pytest.mark.parametrize(("state", "event"), list(product(MatchState, MatchEvent)))
+@for_each(("state", "event"), list(product(MatchState, MatchEvent)))
 def test_every_cell(state: MatchState, event: MatchEvent) -> None:
     _, publisher, subscription, match = scene(state)
     before = tables(match.publisher, match.subscription.id)
@@ -105,7 +106,7 @@ def test_every_match_that_is_there_can_end() -> None:
     assert [state for state in MatchState if MatchEvent.END in TRANSITIONS[state]] == LIVE
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("state", "word", "following"),
     [
         (MatchState.OFFERED, "attach", MatchState.ATTACHED),
@@ -156,7 +157,7 @@ MOVES = {
 }
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("state", "word"),
     sorted({*product(LIVE, ["attach", "refuse", "leave", "caught up", "acknowledge"])} - MOVES, key=str),
 )
@@ -167,8 +168,8 @@ def test_what_comes_too_late_is_no_mistake(state: MatchState, word: str) -> None
     assert one.publisher.process.cut_reason is one.subscription.process.cut_reason is None
 
 
-@pytest.mark.parametrize("end", ["subscription", "listener", "publisher", "talker"])
-@pytest.mark.parametrize("state", LIVE)
+@for_each("end", ["subscription", "listener", "publisher", "talker"])
+@for_each("state", LIVE)
 def test_whoever_goes_in_whatever_state_leaves_nothing(state: MatchState, end: str) -> None:
     """And whoever stays goes on."""
     world, publisher, subscription, match = scene(state)
@@ -200,7 +201,7 @@ def test_whoever_goes_in_whatever_state_leaves_nothing(state: MatchState, end: s
 class TestExpected:
     """Which samples count as routed for the subscription, by the state of the match."""
 
-    @pytest.mark.parametrize("state", LIVE)
+    @for_each("state", LIVE)
     def test_by_state(self, state: MatchState) -> None:
         one = scene(state)
         one.publisher.publish(*"12345")
@@ -240,7 +241,7 @@ class TestExpected:
 class TestOwed:
     """What is remembered of a publisher for a subscription that may be lost, or come back."""
 
-    @pytest.mark.parametrize("state", LIVE)
+    @for_each("state", LIVE)
     def test_by_state(self, state: MatchState) -> None:
         owed = scene(state).match.owed
         from_where = {
@@ -280,7 +281,7 @@ class TestOwed:
 class TestAwaited:
     """A lossless publisher waits for lossless subscriptions by socket, whatever the state is."""
 
-    @pytest.mark.parametrize("state", LIVE)
+    @for_each("state", LIVE)
     def test_by_state(self, state: MatchState) -> None:
         match = scene(state).match
         is_awaited = state not in (MatchState.OFFERED, MatchState.ATTACHED)

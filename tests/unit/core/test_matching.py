@@ -6,6 +6,7 @@ from broker_endpoints import Publisher, Subscription
 from broker_world import NUMBER, TEXT, Process, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
+from rows import for_each
 
 Q = QoSProfile
 MANUAL = "manual_by_topic"
@@ -198,7 +199,7 @@ class TestUnmatching:
         talker, listener = world.process(), world.process()
         return talker, listener, talker.publisher("/topic"), listener.subscription("/topic")
 
-    @pytest.mark.parametrize("how", ["endpoint", "node", "process"])
+    @for_each("how", ["endpoint", "node", "process"])
     def test_the_publisher_goes(self, how: str) -> None:
         talker, _, publisher, subscription = self.world()
         match how:
@@ -212,7 +213,7 @@ class TestUnmatching:
         assert subscription.got(m.Unmatched) == [told]
         assert len(publisher.got(m.Unmatched)) == (how != "process")
 
-    @pytest.mark.parametrize("how", ["endpoint", "node", "process"])
+    @for_each("how", ["endpoint", "node", "process"])
     def test_the_subscription_goes(self, how: str) -> None:
         _, listener, publisher, subscription = self.world()
         match how:

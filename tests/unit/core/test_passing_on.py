@@ -1,13 +1,12 @@
 """busd.core: which runs the shell may pass on as they are, and that they count as if they were routed."""
 
-import pytest
-
 from broker_line import Line
 from broker_world import World
 from bus.base.ids import EndpointId
 from bus.qos import QoSProfile
 from bus.wire.layout import MAX_RUN_SAMPLES
 from busd.core.limits import TopicRule
+from rows import for_each
 
 KEEP_ALL = QoSProfile(history="keep_all")
 
@@ -41,7 +40,7 @@ def test_order_is_kept_where_something_waits() -> None:
     assert line.subscription.payloads == ["a", "b", "c"]
 
 
-@pytest.mark.parametrize(
+@for_each(
     "qos",
     [
         QoSProfile(durability="transient_local"),

@@ -7,6 +7,7 @@ from bus.qos import QoSProfile
 from bus.wire import messages as m
 from busd.core.access import Access
 from busd.core.limits import Limits
+from rows import for_each
 
 OTHER_UID = UID + 1
 UNBOUNDED = QoSProfile(history="keep_all", reliability="best_effort")
@@ -143,8 +144,8 @@ class TestWhatADeclarationCosts:
 
 
 class TestLog:
-    @pytest.mark.parametrize("whose", ["peer", "user"])
-    @pytest.mark.parametrize("what", ["queued", "history"])
+    @for_each("whose", ["peer", "user"])
+    @for_each("what", ["queued", "history"])
     def test_bytes_are_told_once_and_of_the_one_that_loses_some(self, what: str, whose: str) -> None:
         small = {"peer": 12_000, "user": 12_000} if whose == "user" else {"peer": 8_000, "user": 100_000}
         sizes = {f"{kind}_bytes_per_{who}": small[who] for kind in ("queued", "history") for who in small}

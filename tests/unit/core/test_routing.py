@@ -1,7 +1,5 @@
 """busd.core.router: samples to queues, and every sample that is lost counted with its reason."""
 
-import pytest
-
 from broker_endpoints import Publisher
 from broker_line import Line
 from broker_world import SECOND, Process, World
@@ -10,6 +8,7 @@ from bus.wire import messages as m
 from bus.wire.layout import MAX_COUNT
 from busd.core.limits import Limits, TopicRule
 from feeding import frame_record
+from rows import for_each
 
 KIB = 1024
 
@@ -67,8 +66,8 @@ class TestDelivery:
 
 
 class TestDepth:
-    @pytest.mark.parametrize("runs", [["abcdef"], ["abc", "def"], [*"abcdef"], ["a", "bcde", "f"]])
-    @pytest.mark.parametrize("depth", [1, 2, 5, 6])
+    @for_each("runs", [["abcdef"], ["abc", "def"], [*"abcdef"], ["a", "bcde", "f"]])
+    @for_each("depth", [1, 2, 5, 6])
     def test_the_oldest_are_replaced(self, runs: list[str], depth: int) -> None:
         line = Line(requested=QoSProfile(depth=depth))
         line.listener.is_blocked = True
@@ -161,7 +160,7 @@ class TestPublisherGaps:
         line.publisher.publish("c")
         assert late.statistics().dropped == {}
 
-    @pytest.mark.parametrize("first_seq", [0, 1, 2])
+    @for_each("first_seq", [0, 1, 2])
     def test_numbers_that_go_back_are_the_end(self, first_seq: int) -> None:
         line = Line()
         line.publisher.publish("a", "b")
@@ -357,7 +356,7 @@ class TestMalformedRuns:
         line.publisher.publish_body(4_000_000_000, frame_record(b"x", 0))
         assert line.talker.cut_reason == "data frame claims 4000000000 samples in 13 bytes"
 
-    @pytest.mark.parametrize("depth", [1, 2, 3, 4, 5])
+    @for_each("depth", [1, 2, 3, 4, 5])
     def test_a_listener_survives_a_liar(self, depth: int) -> None:
         """Two good samples, then a record that claims 4 GB: each one is accounted for."""
         line = Line(requested=QoSProfile(depth=depth))
@@ -379,7 +378,7 @@ class TestMalformedRuns:
         assert late.undecodable == 1
 
 
-@pytest.mark.parametrize("number", [0, 2, 999])
+@for_each("number", [0, 2, 999])
 def test_samples_from_a_publisher_of_another(number: int) -> None:
     line = Line()
     offender = line.world.process()

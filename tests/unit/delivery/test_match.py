@@ -27,6 +27,7 @@ from bus.types.support import type_support
 from bus.wire import messages as m
 from client_world import ClientWorld, Numbered
 from list_port import Owner
+from rows import for_each
 
 shared = pytest.mark.skipif(not shm.is_available(), reason=shm.why_not())
 KEEP_ALL = QoSProfile(history="keep_all")
@@ -70,7 +71,7 @@ ENDS = {
 CELLS = [*product(GateState, GateEvent), *product(FeedState, FeedEvent)]
 
 
-@pytest.mark.parametrize(("state", "event"), CELLS)
+@for_each(("state", "event"), CELLS)
 def test_every_cell(state: GateState | FeedState, event: GateEvent | FeedEvent) -> None:
     transitions, _, make, ends = ENDS[type(state)]
     match, rows = make(), cast("Any", transitions)
