@@ -33,7 +33,7 @@ _SHARE_US_PER_S = 250_000
 """Time that newcomers may take of each second, and how much of it at once."""
 _BURST_US = 10_000
 _RETRY_S = 0.5
-_TELL_AGAIN_NS = 1_000_000_000
+_LOG_AGAIN_NS = 1_000_000_000
 _NO_PLACE = "busd has no place left for another connection that waits to be let in; try again"
 _HELD = select.EPOLLRDHUP | select.EPOLLHUP | select.EPOLLERR
 _SCRAP_READS = 16
@@ -110,7 +110,7 @@ class Admission:
         self._rest: asyncio.TimerHandle | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._timer_ns = 0
-        self._failed_ns = -_TELL_AGAIN_NS
+        self._failed_ns = -_LOG_AGAIN_NS
         self._turned_away: set[int] = set()
         self._is_closed = False
         self._resume()
@@ -189,7 +189,7 @@ class Admission:
     def _fail_to_accept(self, error: OSError) -> None:
         """Out of descriptors or memory. Who is inside goes on; newcomers make room for newcomers."""
         now_ns = monotonic_ns()
-        if now_ns - self._failed_ns >= _TELL_AGAIN_NS:
+        if now_ns - self._failed_ns >= _LOG_AGAIN_NS:
             self._failed_ns = now_ns
             _log.error("cannot accept a connection: %s", error)
         if error.errno in (errno.EMFILE, errno.ENFILE) and self._anteroom:
@@ -297,8 +297,8 @@ class Admission:
         """It has brought something else than a Hello, or none in time, or there is no place for it."""
         self._take_out(newcomer)
         who = newcomer.who
-        is_news, untold = self._host.come_to_nothing(who, for_want_of_room=for_want_of_room)
-        more = f" ({untold} more of user {who.uid} were not told of)" if untold else ""
+        is_news, unlogged = self._host.come_to_nothing(who, for_want_of_room=for_want_of_room)
+        more = f" ({unlogged} more of user {who.uid} were not told of)" if unlogged else ""
         self._refuse(newcomer, reason, is_news=is_news, again=for_want_of_room, more=more)
 
     def _refuse(

@@ -155,8 +155,8 @@ class _Lines(logging.Handler):
                 if self._is_closed:
                     return None
                 # Where nothing can be written, it is told with the next line: trying costs something.
-                is_to_be_told = self._left_out and not self._is_failing
-                if not self._changed.wait(_TELL_S if is_to_be_told else None):
+                has_to_report = self._left_out and not self._is_failing
+                if not self._changed.wait(_TELL_S if has_to_report else None):
                     self._tell()
             self._is_writing = True
             return self._waiting.popleft()

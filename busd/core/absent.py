@@ -30,7 +30,7 @@ MOST_PER_USER = 16_384
 """Publishers of which something is kept, for all subscriptions of a user; the longest absent loses first."""
 MOST = 65_536
 """The same for all users; then the user with most loses."""
-TELL_AGAIN_NS = 10_000_000_000
+LOG_AGAIN_NS = 10_000_000_000
 """The log hears no more often of those that did not come back."""
 
 _SOME = 64
@@ -110,7 +110,7 @@ class Absentees:
         self._sources: WeakValueDictionary[tuple[str, bytes], _Source] = WeakValueDictionary()
         self._open: dict[EndpointId, Accounts] = {}  # of those that are back
         self._is_looking = False
-        self._told_ns: int | None = None
+        self._logged_ns: int | None = None
         self._unclaimed_in_all = self._given_up_in_all = 0
         # What the log is yet to hear: how many did not come back, what had waited for them, the last of them;
         # and for how many there was no room.
@@ -161,8 +161,8 @@ class Absentees:
             else:
                 self._open.setdefault(subscription.id, {})[gid] = account
                 if owed.first_seq:
-                    known_seq = subscription.last_seqs.get(gid, 0)
-                    subscription.last_seqs[gid] = max(known_seq, owed.first_seq - 1)
+                    received_seq = subscription.last_seqs.get(gid, 0)
+                    subscription.last_seqs[gid] = max(received_seq, owed.first_seq - 1)
                     missed[gid] = owed.first_seq, 0
             if number % _SOME == 0:
                 now_ns = yield _SOME
@@ -172,7 +172,7 @@ class Absentees:
         comes_again = keeps_history(subscription.qos) or subscription.is_lossless
         explained = {} if comes_again else absentee.dropped
         if missed or explained:
-            out.append(_told(subscription, missed, explained))
+            out.append(_dropped(subscription, missed, explained))
         return now_ns
 
     def settle(self, now_ns: int, subscription: Subscription, out: list[Effect]) -> Steps:
@@ -236,7 +236,7 @@ class Absentees:
         """The daemon ends, and with it all accounts."""
         for key in [key for kept in self._kept.values() for key in kept]:
             self._give_up(key)
-        self._told_ns = None
+        self._logged_ns = None
         self._tell_log(now_ns)
 
     # --- inside
@@ -297,7 +297,7 @@ class Absentees:
             if number % _SOME == 0:
                 now_ns = yield _SOME
         if missed:
-            emit(_told(subscription, missed))
+            emit(_dropped(subscription, missed))
         return now_ns
 
     def _settle_at_last(self, now_ns: int, subscription: Subscription) -> None:
@@ -328,14 +328,14 @@ class Absentees:
             oldest_ns = min(next(iter(kept.values())).lost_ns for kept in self._kept.values())
             self._look_at(max(oldest_ns + KEEP_NS, now_ns + _PAUSE_NS))
         elif self._lost or self._given_up:
-            self._look_at(now_ns + TELL_AGAIN_NS)
+            self._look_at(now_ns + LOG_AGAIN_NS)
 
     def _tell_log(self, now_ns: int) -> None:
         """One line of all since the last one, and not too often."""
-        is_soon = self._told_ns is not None and now_ns - self._told_ns < TELL_AGAIN_NS
+        is_soon = self._logged_ns is not None and now_ns - self._logged_ns < LOG_AGAIN_NS
         if is_soon or not (self._lost or self._given_up):
             return
-        self._told_ns = now_ns
+        self._logged_ns = now_ns
         if self._lost:
             text = (
                 f"lost subscriptions that did not come back: {self._lost} (the last: {self._last_name}); "
@@ -358,14 +358,14 @@ def _key(subscription: Subscription) -> Key:
 def _count_missed(subscription: Subscription, gid: bytes, account: _Account, missed: Missed) -> None:
     """Up to the publisher's last sample it has had all, or hears now that it has missed it."""
     owed, source = account.owed, account.source
-    known_seq = max(subscription.last_seqs.pop(gid, 0), owed.first_seq - 1)
-    if owed.first_seq or source.last_seq > known_seq:
+    received_seq = max(subscription.last_seqs.pop(gid, 0), owed.first_seq - 1)
+    if owed.first_seq or source.last_seq > received_seq:
         missed[gid] = owed.first_seq, source.last_seq
-    subscription.last_seqs[gid] = max(known_seq, source.last_seq)
+    subscription.last_seqs[gid] = max(received_seq, source.last_seq)
     owed.has_left = source.has_left
 
 
-def _told(subscription: Subscription, missed: Missed, before: dict[str, int] | None = None) -> Send:
+def _dropped(subscription: Subscription, missed: Missed, before: dict[str, int] | None = None) -> Send:
     message = Dropped(
         subscription=subscription.id,
         dropped=dict(subscription.dropped),

@@ -15,8 +15,8 @@ from busd.core.effects import Effect, Note, Send
 from busd.core.entities import Node, Peer, Publisher, Subscription
 from busd.core.graph import Graph
 
-_MOST_TOLD = 1024
-"""Denials of one user that are told: nobody shall silence the log for others."""
+_MOST_REPORTED = 1024
+"""Denials of one user that are reported: nobody shall silence the log for others."""
 
 
 class AccessGuard:
@@ -25,12 +25,12 @@ class AccessGuard:
     def __init__(self, graph: Graph, access: Access) -> None:
         self.access = access
         self._graph = graph
-        self._told: dict[int, set[tuple[Action, str]]] = {}
+        self._reported: dict[int, set[tuple[Action, str]]] = {}
 
     def renew(self, access: Access) -> None:
-        """Other rules hold from now on; what they deny is told anew."""
+        """Other rules hold from now on; what they deny is reported anew."""
         self.access = access
-        self._told.clear()
+        self._reported.clear()
 
     def admit(self, node: Node, action: Action, topic: str, out: list[Effect]) -> None:
         """Raises AccessDenied where the user of `node` may not do that.
@@ -42,10 +42,14 @@ class AccessGuard:
         who = node.peer.subject
         if not self.access.decide(who, action, topic).is_allowed:
             text = self.access.why_not(who, action, topic)
-            told = self._told.setdefault(who.uid, set())
-            if (action, topic) not in told and len(told) < _MOST_TOLD:
-                told.add((action, topic))
-                more = f"; no more denials of user {who.uid} are logged" if len(told) == _MOST_TOLD else ""
+            reported = self._reported.setdefault(who.uid, set())
+            if (action, topic) not in reported and len(reported) < _MOST_REPORTED:
+                reported.add((action, topic))
+                more = (
+                    f"; no more denials of user {who.uid} are logged"
+                    if len(reported) == _MOST_REPORTED
+                    else ""
+                )
                 self._tell(node, action, topic, text, more, out)
             raise AccessDenied(text)
 

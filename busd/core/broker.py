@@ -455,8 +455,8 @@ class Broker:
         publisher = match.publisher
         self.meter.left -= len(publisher.awaited) // LOOKS_PER_UNIT
         if match.acked_seq is not None:
-            known_seq = max(publisher.next_seq - 1, match.acked_seq)
-            if message.seq > known_seq and not publisher.has_shared:
+            newest_seq = max(publisher.next_seq - 1, match.acked_seq)
+            if message.seq > newest_seq and not publisher.has_shared:
                 raise RemoteProtocolError(
                     f"sample {message.seq} of publisher {publisher.id} acknowledged, "
                     f"the last one is {publisher.next_seq - 1}"

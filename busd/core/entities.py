@@ -56,7 +56,7 @@ class Holder:
     """Those that it sent and that are held still, by whatever; opaque here."""
     refused: int = 0
     """How often a limit stood in its way."""
-    told_ns: dict[str, int] = field(default_factory=dict)
+    hit_ns: dict[str, int] = field(default_factory=dict)
     """When a limit last stood in its way, by resource."""
 
 
@@ -73,7 +73,7 @@ class User(Holder):
     """Processes that may come now, before they have to wait to be let in."""
     mishaps: TokenBucket
     """Connections that came to nothing of which the log may still tell now."""
-    untold: int = 0
+    unlogged: int = 0
     """Connections that came to nothing and were not logged."""
     absent: int = 0
     """Subscriptions whose process was lost, and that may be back (busd.core.absent)."""
@@ -411,10 +411,10 @@ class Match:
     def begin_routing(self) -> None:
         """From now on the subscription gets what all get, but for what was routed for it before."""
         publisher = self.publisher
-        known_seq = self.subscription.last_seqs.get(publisher.gid)
-        is_ahead = known_seq is not None and known_seq >= publisher.next_seq
-        self.began_seq = known_seq + 1 if known_seq is not None and is_ahead else publisher.next_seq
-        self.is_return = self.state is MatchState.NEW and known_seq is not None and not is_ahead
+        received_seq = self.subscription.last_seqs.get(publisher.gid)
+        is_ahead = received_seq is not None and received_seq >= publisher.next_seq
+        self.began_seq = received_seq + 1 if received_seq is not None and is_ahead else publisher.next_seq
+        self.is_return = self.state is MatchState.NEW and received_seq is not None and not is_ahead
         self.on(MatchEvent.ROUTE_AHEAD if is_ahead else MatchEvent.ROUTE)
 
     def end(self) -> int:

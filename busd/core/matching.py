@@ -190,11 +190,11 @@ def _begin_routing(now_ns: int, match: Match, last_seq: int | None, out: list[Ef
 def _replayed_from(match: Match) -> int | None:
     """The number after which a new match gets the publisher's history; None: it gets nothing of it."""
     subscription = match.subscription
-    known_seq = subscription.last_seqs.get(match.publisher.gid)
+    received_seq = subscription.last_seqs.get(match.publisher.gid)
     if keeps_history(subscription.qos):
-        return known_seq or 0
+        return received_seq or 0
     # Of the others only a lossless one, which was there before, has missed something.
-    return known_seq if match.is_lossless else None
+    return received_seq if match.is_lossless else None
 
 
 def _replay(

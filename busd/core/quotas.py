@@ -16,9 +16,9 @@ from busd.core.entities import Holder, Peer, User
 from busd.core.limits import Limits
 from busd.core.rate_limit import TokenBucket
 
-__all__ = ["TELL_AGAIN_NS", "Quotas"]
+__all__ = ["LOG_AGAIN_NS", "Quotas"]
 
-TELL_AGAIN_NS = 10_000_000_000
+LOG_AGAIN_NS = 10_000_000_000
 """A limit that a process runs into again and again is told to the log when it has not for so long."""
 
 _LONGEST_PAUSE_NS = 1_000_000_000
@@ -131,11 +131,11 @@ class Quotas:
         user = self.user(now_ns, uid)
         user.refused += for_want_of_room
         if not user.mishaps.has(now_ns, 1):
-            user.untold += 1
+            user.unlogged += 1
             return False, 0
         user.mishaps.take(now_ns, 1)
-        untold, user.untold = user.untold, 0
-        return True, untold
+        unlogged, user.unlogged = user.unlogged, 0
+        return True, unlogged
 
     def spend(self, now_ns: int, peer: Peer, message: object, records: Sized, out: list[Effect]) -> None:
         """Count a control frame; who asks about the graph has it looked through, which counts as well.
@@ -301,9 +301,9 @@ class Quotas:
 
 def _is_news(now_ns: int, holder: Holder, resource: str) -> bool:
     """Whether the log is to be told of that limit: it was not, or `holder` was not at it since."""
-    last_ns = holder.told_ns.get(resource)
-    holder.told_ns[resource] = now_ns
-    return last_ns is None or now_ns - last_ns >= TELL_AGAIN_NS
+    last_ns = holder.hit_ns.get(resource)
+    holder.hit_ns[resource] = now_ns
+    return last_ns is None or now_ns - last_ns >= LOG_AGAIN_NS
 
 
 def _check(*asked: _Asked) -> None:

@@ -325,7 +325,7 @@ class Publisher(Endpoint[M]):
     def _totals(self) -> m.Report:
         """This publisher's counters, for the graph."""
         sender = self._sender
-        sender.told()
+        sender.reported()
         samples, size = sender.published
         return m.Report(
             endpoint=self._id,

@@ -95,9 +95,9 @@ class ServiceBase:
 
     def _warnings(self, topic: str) -> dict[str, Callable[[Any], object]]:
         # The types of both topics differ together: one of them tells.
-        is_told = topic == request_topic(self.service_name)
+        warns_of_type = topic == request_topic(self.service_name)
         return {
-            "incompatible_type": self._warn_of_type if is_told else ignore,
+            "incompatible_type": self._warn_of_type if warns_of_type else ignore,
             "incompatible_qos": self._warn_of_qos,
         }
 

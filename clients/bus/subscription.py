@@ -94,7 +94,7 @@ class Subscription(Endpoint[M]):
         )
         self._ahead = self._receiver.ahead
         self._counters = DropCounters(self._receiver)
-        self._lost_told = 0
+        self._lost_reported = 0
         self._not_alive: set[int] = set()  # of the matches
         self._left_broker = link.broker
         self._ack_bytes = self._ack_samples = 1
@@ -108,7 +108,7 @@ class Subscription(Endpoint[M]):
         if link.shm_context is not None:
             self._rings = ShmReceiver(link, link.shm_context, self, self._miss)
             self._receiver.reader = self._rings.reader
-            self._receiver.on_note = partial(link.report, self)
+            self._receiver.on_report_due = partial(link.report, self)
             if busy_poll:
                 self._rings.poll(busy_poll)
         self._dispatcher: Dispatcher[M] | None = None
@@ -151,11 +151,11 @@ class Subscription(Endpoint[M]):
                         received_ns + offset_ns,
                         seq,
                         number := number + 1,
-                        source.gid if source.__class__ is PublisherProxy else b"",
+                        proxy.gid if proxy.__class__ is PublisherProxy else b"",
                     ),
                 ),
             )
-            for message, stamp_ns, seq, source, received_ns in batch
+            for message, stamp_ns, seq, proxy, received_ns in batch
         ]
 
     async def receive(self) -> tuple[M, MessageInfo]:
@@ -230,7 +230,7 @@ class Subscription(Endpoint[M]):
             type_hash=self._support.hash,
             qos=self.qos,
             gid=self.gid,
-            last_seqs=self._receiver.sources.last_seqs,
+            last_seqs=self._receiver.tracker.last_seqs,
         )
 
     def _declared(self, answer: m.Created) -> None:
@@ -254,35 +254,35 @@ class Subscription(Endpoint[M]):
         self._left_broker = self._link.broker
 
     def _handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
-        sources, rings = self._receiver.sources, self._rings
+        tracker, rings = self._receiver.tracker, self._rings
         match message:
             case m.Matched(other=other):
-                known_seq = sources.last_seqs.pop(message.gid, None)
-                known = None
+                received_seq = tracker.last_seqs.pop(message.gid, None)
+                proxy = None
                 if rings is not None:
-                    known, known_seq = rings.take_up(message, known_seq, self._drain_rings)
-                if known is None and (known := sources.take_back(message)) is not None:
-                    known_seq = known.last_seq
-                if known is None:
+                    proxy, received_seq = rings.take_up(message, received_seq, self._drain_rings)
+                if proxy is None and (proxy := tracker.take_back(message)) is not None:
+                    received_seq = proxy.last_seq
+                if proxy is None:
                     is_new_broker = self._link.broker != self._left_broker
-                    known = sources.meet(message, known_seq, self.qos, is_new_broker=is_new_broker)
-                source = sources[other] = known
+                    proxy = tracker.meet(message, received_seq, self.qos, is_new_broker=is_new_broker)
+                tracker[other] = proxy
                 super()._handle(message)
                 if rings is not None and message.route == "shm":
-                    rings.attach(source, message, descriptors, known_seq)
+                    rings.attach(proxy, message, descriptors, received_seq)
                 self._tell_liveliness(1, 0)
             case m.Unmatched(other=other, last_seq=last_seq):
                 super()._handle(message)
-                if rings is not None and other in sources:
-                    rings.finish(sources[other].gid)
-                sources.forget(other, last_seq)
+                if rings is not None and other in tracker:
+                    rings.finish(tracker[other].gid)
+                tracker.forget(other, last_seq)
             case m.RingReplaced(source=other):
-                if rings is not None and other in sources:
-                    rings.replace(sources[other], descriptors)
+                if rings is not None and other in tracker:
+                    rings.replace(tracker[other], descriptors)
             case m.Rerouted(other=other):
                 super()._handle(message)
-                if rings is not None and other in sources:
-                    self._leave_ring(sources[other], rings)
+                if rings is not None and other in tracker:
+                    self._leave_ring(tracker[other], rings)
             case m.LivelinessChanged(publisher=publisher, alive=alive):
                 if publisher in self._matches and alive is (publisher in self._not_alive):
                     self._not_alive ^= {publisher}
@@ -290,7 +290,7 @@ class Subscription(Endpoint[M]):
             case m.Dropped(missed=missed):
                 if rings is not None:
                     for gid, (_, last_seq) in missed.items():
-                        sources.hear(gid, rings.conclude(gid, last_seq) if last_seq else None)
+                        tracker.hear(gid, rings.conclude(gid, last_seq) if last_seq else None)
                 self._counters.tell(message)
                 if missed:
                     self._link.report(self)
@@ -303,7 +303,7 @@ class Subscription(Endpoint[M]):
         receiver = self._receiver
         queued = receiver.queued  # looks at the rings
         if self._rings is not None:
-            self._rings.reader.is_noted = False
+            self._rings.reader.is_report_due = False
             self._rings.sweep()
         return m.Report(
             endpoint=self._id,
@@ -312,7 +312,7 @@ class Subscription(Endpoint[M]):
             queued=min(queued, MAX_COUNT),  # a ring may lie
             dropped=self._counters.dropped_here,
             expected=self._counters.expected_here,
-            repeated=receiver.sources.known,
+            repeated=receiver.tracker.repeated,
             at_ns=monotonic_ns(),
         )
 
@@ -336,17 +336,17 @@ class Subscription(Endpoint[M]):
 
     def _miss(self, count: int) -> None:
         """A publisher had gone on in another ring, which is gone with it."""
-        self._receiver.sources.lose(count)
+        self._receiver.tracker.lose(count)
         self._link.report(self)
         self._tell_lost()
 
-    def _leave_ring(self, source: PublisherProxy, rings: ShmReceiver) -> None:
+    def _leave_ring(self, proxy: PublisherProxy, rings: ShmReceiver) -> None:
         try:
             self._drain_rings()
         finally:  # whatever is missing, the publisher sends
-            source.is_rerouted = rings.leave(source.gid)
-            known_seq = max(0, min(rings.known_seq(source.gid, source.known_seq) or 0, MAX_COUNT))
-            left = m.LeaveRing(subscription=self._id, source=source.number, seq=known_seq)
+            proxy.is_rerouted = rings.leave(proxy.gid)
+            received_seq = max(0, min(rings.received_seq(proxy.gid, proxy.received_seq) or 0, MAX_COUNT))
+            left = m.LeaveRing(subscription=self._id, source=proxy.number, seq=received_seq)
             self._link.send_about(self, left)
 
     def _drain_rings(self) -> None:
@@ -365,14 +365,14 @@ class Subscription(Endpoint[M]):
         await self._arrivals.wait()
 
     def _info(self, taken: Taken[M]) -> MessageInfo:
-        _, stamp_ns, seq, source, received_ns = taken
+        _, stamp_ns, seq, proxy, received_ns = taken
         offset_ns = self._link.wall_offset_ns
         return MessageInfo(
             stamp_ns + offset_ns if stamp_ns >= 0 else -stamp_ns,
             received_ns + offset_ns,
             seq,
             self._receiver.delivered,
-            source.gid if isinstance(source, PublisherProxy) else b"",
+            proxy.gid if isinstance(proxy, PublisherProxy) else b"",
         )
 
     def _check_deadline(self) -> None:
@@ -387,25 +387,25 @@ class Subscription(Endpoint[M]):
         if is_known:
             self._tell_liveliness(*((-1, 0) if was_alive else (0, -1)))
 
-    def _acknowledge(self, source: PublisherProxy) -> None:
+    def _acknowledge(self, proxy: PublisherProxy) -> None:
         """Samples of a lossless publisher were taken: tell it now if they are many, else a little later."""
-        samples = source.taken_seq - source.acked_seq
-        if source.unacked_bytes >= self._ack_bytes or samples >= self._ack_samples:
-            self._send_ack(source)
+        samples = proxy.taken_seq - proxy.acked_seq
+        if proxy.unacked_bytes >= self._ack_bytes or samples >= self._ack_samples:
+            self._send_ack(proxy)
         elif self._ack_timer is None:
             self._ack_timer = self._link.later(_ACK_DELAY_S, self._acknowledge_all)
 
     def _acknowledge_all(self) -> None:
         self._ack_timer = None
-        for source in self._receiver.sources.values():
-            if source.taken_seq > source.acked_seq:
-                self._send_ack(source)
+        for proxy in self._receiver.tracker.values():
+            if proxy.taken_seq > proxy.acked_seq:
+                self._send_ack(proxy)
 
-    def _send_ack(self, source: PublisherProxy) -> None:
-        source.acked_seq, source.unacked_bytes = source.taken_seq, 0
+    def _send_ack(self, proxy: PublisherProxy) -> None:
+        proxy.acked_seq, proxy.unacked_bytes = proxy.taken_seq, 0
         # A publisher that has gone, or that an earlier broker knew, needs none.
-        if source.number in self._matches and self._receiver.sources.get(source.number) is source:
-            ack = m.Ack(subscription=self._id, source=source.number, seq=source.taken_seq)
+        if proxy.number in self._matches and self._receiver.tracker.get(proxy.number) is proxy:
+            ack = m.Ack(subscription=self._id, source=proxy.number, seq=proxy.taken_seq)
             self._link.send_about(self, ack)
 
     def _reject(self, size: int, error: Exception) -> None:
@@ -417,8 +417,8 @@ class Subscription(Endpoint[M]):
         if callback is not None:
             reasons = self._counters.dropped
             total = sum(reasons.values())
-            if total > self._lost_told:
-                change, self._lost_told = total - self._lost_told, total
+            if total > self._lost_reported:
+                change, self._lost_reported = total - self._lost_reported, total
                 self._tell(callback, MessageLost(total, change, reasons))
 
     def _tell_liveliness(self, alive_change: int, not_alive_change: int) -> None:

@@ -25,7 +25,7 @@ class Silence:
         self._topic = topic
         self._heard = 0
         self._shown = 0
-        self._told = ""
+        self._last_reason = ""
 
     def hear(self) -> None:
         self._heard += 1
@@ -40,7 +40,7 @@ class Silence:
             shown = self._shown
             await asyncio.sleep(_PATIENCE_S)
             if self._shown > shown:
-                self._told = ""
+                self._last_reason = ""
             else:
                 await self._look(subscription, patient=False)
 
@@ -48,9 +48,9 @@ class Silence:
         reason = await self._nobody_publishes()
         if reason is None and not patient:
             reason = self._nothing_shown(subscription)
-        if reason is not None and reason != self._told:
+        if reason is not None and reason != self._last_reason:
             complain(reason)
-            self._told = reason
+            self._last_reason = reason
 
     async def _nobody_publishes(self) -> str | None:
         try:

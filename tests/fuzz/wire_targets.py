@@ -212,7 +212,7 @@ def receiver(data: bytes) -> None:
         on_taken=lambda source: None,
     )
     for number in (1, 2):
-        box.sources[number] = PublisherProxy(number, bytes([number]), 0, 0, needs_ack=True)
+        box.tracker[number] = PublisherProxy(number, bytes([number]), 0, 0, needs_ack=True)
     put, seq = 0, 1
     while script:
         match script.byte() % 6:
@@ -229,8 +229,8 @@ def receiver(data: bytes) -> None:
             case 4:
                 box.trim()
             case _:
-                box.sources.forget(1 + script.byte() % 2)
-        assert put == box.sources.received == box.delivered + box.queued + sum(dropped.values())
+                box.tracker.forget(1 + script.byte() % 2)
+        assert put == box.tracker.received == box.delivered + box.queued + sum(dropped.values())
     box.trim()
     while box.has_more:
         box.take(1 << 30)

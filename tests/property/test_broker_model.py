@@ -15,7 +15,7 @@ from bus.qos import QoSProfile
 from bus.wire import messages as m
 from bus.wire.runs import Run
 from busd.core import entities
-from busd.core.absent import KEEP_NS, TELL_AGAIN_NS
+from busd.core.absent import KEEP_NS, LOG_AGAIN_NS
 from busd.core.limits import Limits
 from busd.core.work import UNLIMITED
 from effort import examples
@@ -320,7 +320,7 @@ class Books:
         graph = self.world.broker.graph
         assert not any((graph.nodes, graph.publishers, graph.subscriptions, graph.topics, graph.types))
         self.world.advance(self.LIMITS.lease_s)
-        self.world.advance((KEEP_NS + TELL_AGAIN_NS) / SECOND)  # what is kept for those that may come back
+        self.world.advance((KEEP_NS + LOG_AGAIN_NS) / SECOND)  # what is kept for those that may come back
         assert self.world.broker.next_deadline_ns() is None
 
     # --- helpers

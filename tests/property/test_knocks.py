@@ -68,7 +68,7 @@ class Process:
             reader: shm.native.Reader[str] = self.core.Reader(self.readers, number, 0, tells_cursor=False)
             self.all_readers.append(reader)
             if number < PREPARED:
-                reader.is_noted = True
+                reader.is_report_due = True
                 reader.prepare(partial(self.hear, number), bytes, print, (), int)
             self.match(number)
         self.sleep()
@@ -103,7 +103,7 @@ class Process:
         elif what == "take":
             self.take(number)
         elif what == "report":  # the next message is noted
-            self.all_readers[number].is_noted = False
+            self.all_readers[number].is_report_due = False
         elif what == "raise":
             raise KeyboardInterrupt
         elif what == "match again":

@@ -104,7 +104,7 @@ class Box:
             on_taken=lambda source: None,
         )
         self.receiver._has_core = is_native
-        self.receiver.sources[1] = PublisherProxy(1, b"1" * 16, 0, 0, needs_ack=True)
+        self.receiver.tracker[1] = PublisherProxy(1, b"1" * 16, 0, 0, needs_ack=True)
 
     def put(self, first_seq: int, count: int, body: Any) -> None:
         run = Run(1, 1, first_seq, count, body)
@@ -134,7 +134,7 @@ class Box:
     @property
     def counts(self) -> Any:
         receiver = self.receiver
-        source = receiver.sources[1]
+        source = receiver.tracker[1]
         return (
             (
                 receiver.delivered,
@@ -144,7 +144,7 @@ class Box:
                 receiver._queue.held_bytes,
             ),
             (source.last_seq, source.taken_seq, source.unacked_bytes),
-            (receiver.sources.received, receiver.sources.missing),
+            (receiver.tracker.received, receiver.tracker.missing),
             self.told,
         )
 
@@ -195,7 +195,7 @@ def test_a_run_that_comes_alone_is_as_any(
     """Also after gaps and repetitions, and when it is broken."""
     boxes = Box(is_native=True, depth=depth), Box(is_native=False, depth=depth)
     for box in boxes:
-        source = box.receiver.sources[1]
+        source = box.receiver.tracker[1]
         source.lifespan_ns, source.is_new = lifespan_ns, not is_met
     next_seq = 1
     for gap, (count, body) in runs:

@@ -33,7 +33,7 @@ class World:
             on_reject=lambda size, error: self.errors.append(error),
             on_taken=lambda source: None,
         )
-        source = self.receiver.sources[1] = PublisherProxy(1, b"1" * 16, 0, 0, needs_ack=False)
+        source = self.receiver.tracker[1] = PublisherProxy(1, b"1" * 16, 0, 0, needs_ack=False)
         source.is_new = False
         self.seq = 0
         loop = asyncio.get_running_loop()

@@ -35,10 +35,10 @@ class Box:
         )
         for number in (FIRST, SECOND):
             source = PublisherProxy(number, bytes([number]) * 16, 0, 0, needs_ack=is_lossless)
-            self.receiver.sources[number] = source
+            self.receiver.tracker[number] = source
 
     def source(self, number: int = FIRST) -> PublisherProxy:
-        return self.receiver.sources[number]
+        return self.receiver.tracker[number]
 
     def put(self, first_seq: int, *payloads: str, source: int = FIRST, stamp_ns: int = 5) -> None:
         """As the link does it with what one read brought."""
@@ -166,7 +166,7 @@ def test_history_is_old_and_nothing_is_missing_behind_it() -> None:
     box.receiver.put(Run(1, FIRST, 7, 2, body, is_replay=True))
     box.put(9, "9", "10", "11")
     assert box.take() == [7, 8, 10, 11]
-    assert (box.receiver.sources.missing, box.receiver.sources.known) == (0, 1)
+    assert (box.receiver.tracker.missing, box.receiver.tracker.repeated) == (0, 1)
 
 
 class TestWhatIsWrong:

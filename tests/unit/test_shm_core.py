@@ -75,7 +75,7 @@ def test_refusals(listener: Listener) -> None:
 
 def test_noted_once(talker: Talker) -> None:
     talker.write(b"")
-    talker.writer.is_noted = False
+    talker.writer.is_report_due = False
     assert [talker.writer.write(b"") for _ in range(2)] == [core.REPORT_DUE, True]
 
 

@@ -24,10 +24,10 @@ class Heard:
         self.errors: list[BaseException] = []
         self.queue: list[object] = []
         self.then: Callable[[], object] = int
-        reader.is_noted = True
-        self.on_note: Callable[[], object] = self.note
+        reader.is_report_due = True
+        self.on_report_due: Callable[[], object] = self.note
         self.notes: list[int] = []
-        reader.prepare(self, decode, self.errors.append, (self.queue,), lambda: self.on_note())
+        reader.prepare(self, decode, self.errors.append, (self.queue,), lambda: self.on_report_due())
 
     def __call__(self, message: Any) -> None:
         self.messages.append(message)
@@ -260,10 +260,10 @@ def test_the_first_since_a_report_is_noted_and_the_process_sleeps(
     assert listener.readers.sleep() == []
     silent.write(b"x")
     for number in range(1, 4):
-        listener.reader.is_noted = number == 2
+        listener.reader.is_report_due = number == 2
         talker.write(b"x")
         assert listener.readers.deliver(True) is None
-        assert listener.reader.is_noted
+        assert listener.reader.is_report_due
         assert len(heard.messages) == number
         assert heard.notes == [0, 2][: (number + 1) // 2]  # before the callback, which may close it
         assert unheard.messages == ([] if crowd else [b"x"])  # nor are all looked at
@@ -277,8 +277,8 @@ def test_what_a_note_raises_is_told_and_the_message_delivered(
         heard.note()
         raise ValueError("note")
 
-    listener.reader.is_noted = False
-    heard.on_note = fail
+    listener.reader.is_report_due = False
+    heard.on_report_due = fail
     for number in (1, 2):
         talker.write(b"x")
         assert listener.readers.deliver(True) is None
@@ -292,8 +292,8 @@ def test_a_note_may_take_the_callback_away(talker: Talker, listener: Listener, h
         listener.reader.forget_callback()
         gc.collect()
 
-    listener.reader.is_noted = False
-    heard.on_note = forget
+    listener.reader.is_report_due = False
+    heard.on_report_due = forget
     for _ in range(2):
         talker.write(b"x")
         listener.readers.deliver(True)
@@ -360,7 +360,7 @@ def test_an_error_is_told_while_it_is_handled(talker: Talker, listener: Listener
 
 
 @pytest.mark.parametrize("error", [SystemExit, KeyboardInterrupt, GeneratorExit])
-@pytest.mark.parametrize("where", ["callback", "decode", "on_error", "on_note"])
+@pytest.mark.parametrize("where", ["callback", "decode", "on_error", "on_report_due"])
 def test_what_is_no_exception_goes_through_and_loses_no_wake_up(
     talker: Talker, listener: Listener, heard: Heard, error: type[BaseException], where: str
 ) -> None:
@@ -376,9 +376,9 @@ def test_what_is_no_exception_goes_through_and_loses_no_wake_up(
         heard.then = fail
     elif where == "decode":
         listener.reader.prepare(heard, fail, fail, (), heard.note)
-    elif where == "on_note":
-        heard.on_note = fail
-        listener.reader.is_noted = False
+    elif where == "on_report_due":
+        heard.on_report_due = fail
+        listener.reader.is_report_due = False
     else:
         heard.then = fail_simply
         listener.reader.prepare(heard, bytes, fail, (), heard.note)
@@ -391,7 +391,7 @@ def test_what_is_no_exception_goes_through_and_loses_no_wake_up(
     assert listener.readers.deliver(True) == [listener]
     assert other.messages == [b"x"]
     assert not is_rung(listener.doorbell)
-    assert listener.reader.is_noted is (where != "on_note")  # the next message is noted
+    assert listener.reader.is_report_due is (where != "on_report_due")  # the next message is noted
 
 
 def test_a_callback_may_look_itself(talker: Talker, listener: Listener, heard: Heard) -> None:
@@ -517,7 +517,7 @@ def test_nothing_is_kept_of_what_was_called(talker: Talker, listener: Listener) 
         for heard.then in (int, raise_error):
             for payload in (b"x", b"bad"):
                 for may_sleep in (True, False):
-                    listener.reader.is_noted = False
+                    listener.reader.is_report_due = False
                     talker.write(payload)
                     listener.readers.deliver(may_sleep)
                     listener.reader.pop_rejected()

@@ -31,7 +31,7 @@ class Waiting:
         self.epoll.register(listener.doorbell.number, select.EPOLLIN)
         listener.join(talker)
         listener.readers.sleep()
-        listener.reader.is_noted = True
+        listener.reader.is_report_due = True
         talker.writer.is_mine = lambda: True
 
     def wait(
@@ -192,7 +192,7 @@ def test_where_it_must_not_wait(waiting: Waiting, why: str) -> None:
         case "writers":
             readers.has_writers = True
         case "not noted":
-            reader.is_noted = False
+            reader.is_report_due = False
         case "detached":
             reader.detach(1)
     assert waiting.wait_quickly() is None

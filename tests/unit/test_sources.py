@@ -16,8 +16,8 @@ class Heard:
 
     def __init__(self) -> None:
         self.lost: list[tuple[str, int]] = []
-        self.sources = SequenceTracker(lambda reason, count: self.lost.append((reason, count)))
-        self.source = self.sources[7] = PublisherProxy(7, GID, 0, 0, needs_ack=False)
+        self.tracker = SequenceTracker(lambda reason, count: self.lost.append((reason, count)))
+        self.source = self.tracker[7] = PublisherProxy(7, GID, 0, 0, needs_ack=False)
 
     def get(self, first_seq: int, count: int = 1, *, number: int = 7, is_replay: bool = False) -> list[int]:
         """A run comes; returns the numbers of what is left of it."""
@@ -25,7 +25,7 @@ class Heard:
             RECORD_HEAD.pack(1, 0) + b"%d" % (seq % 10) for seq in range(first_seq, first_seq + count)
         )
         run = Run(0, number, first_seq, count, body, is_replay)
-        if not self.sources.look_at(self.source, run):
+        if not self.tracker.look_at(self.source, run):
             return []
         self.source.last_seq = max(self.source.last_seq, run.first_seq + run.count - 1)
         left = list(range(run.first_seq, run.first_seq + run.count))
@@ -33,11 +33,11 @@ class Heard:
         return left
 
     def return_as(self, number: int, next_seq: int, *, routed_seq: int = 0) -> None:
-        self.sources.forget(self.source.number, routed_seq)
+        self.tracker.forget(self.source.number, routed_seq)
         matched = Matched(endpoint=1, other=number, node="/n", gid=GID, qos=QoSProfile(), next_seq=next_seq)
-        source = self.sources.take_back(matched)
+        source = self.tracker.take_back(matched)
         assert source is self.source
-        self.sources[number] = source
+        self.tracker[number] = source
 
 
 def test_what_is_known_is_cut_off() -> None:
@@ -45,8 +45,8 @@ def test_what_is_known_is_cut_off() -> None:
     assert heard.get(1, 3) == [1, 2, 3]
     assert heard.get(2, 4) == [4, 5]
     assert heard.get(4, 2) == []
-    assert heard.sources.known == 4
-    assert heard.sources.missing == 0
+    assert heard.tracker.repeated == 4
+    assert heard.tracker.missing == 0
 
 
 def test_a_replay_is_old_and_yet_new() -> None:
@@ -54,15 +54,15 @@ def test_a_replay_is_old_and_yet_new() -> None:
     heard.source.last_seq = 9  # the match begins with 10
     assert heard.get(8, 2, is_replay=True) == [8, 9]
     assert heard.get(10) == [10]
-    assert heard.sources.missing == 0
+    assert heard.tracker.missing == 0
 
 
 def test_numbers_that_are_missing() -> None:
     heard = Heard()
     heard.get(5)
-    assert heard.sources.missing == 0, "before its first they may have gone to others by their rings"
+    assert heard.tracker.missing == 0, "before its first they may have gone to others by their rings"
     heard.get(8)
-    assert heard.sources.missing == 2
+    assert heard.tracker.missing == 2
     assert heard.lost == []
 
 
@@ -71,17 +71,17 @@ class TestBrokerThatDies:
         heard = Heard()
         heard.get(1)
         heard.get(6)
-        heard.sources.disconnected(3, "replaced")
+        heard.tracker.disconnected(3, "replaced")
         assert heard.lost == [("disconnected", 1)]
-        assert heard.sources.lost_between == 1
-        assert not heard.sources
+        assert heard.tracker.lost_between == 1
+        assert not heard.tracker
 
     def test_what_it_had_told_is_not_counted_again(self) -> None:
         heard = Heard()
         heard.get(1)
-        heard.sources.disconnected(4, "replaced")  # 2 to 5 were dropped
-        heard.sources.disconnected(0, "replaced")  # and the next one dies before anything comes
-        heard.sources.lose_while_away(7)
+        heard.tracker.disconnected(4, "replaced")  # 2 to 5 were dropped
+        heard.tracker.disconnected(0, "replaced")  # and the next one dies before anything comes
+        heard.tracker.lose_while_away(7)
         assert heard.lost == [("disconnected", 3)]
 
     def test_the_replay_of_the_next_one_fills_a_part(self) -> None:
@@ -91,7 +91,7 @@ class TestBrokerThatDies:
         assert heard.get(9, 2, is_replay=True) == [9, 10]
         assert heard.lost == [("disconnected", 4)]
         assert heard.get(12) == [12]
-        assert heard.sources.missing == 1
+        assert heard.tracker.missing == 1
 
 
 class TestReasons:
@@ -100,35 +100,35 @@ class TestReasons:
     def test_what_was_dropped_has_its_reason(self) -> None:
         heard = Heard()
         heard.get(1)
-        heard.sources.disconnected(0, "replaced")
-        heard.sources.explain({"replaced": 3, "expired": 1})
-        heard.sources.lose_while_away(2)
-        heard.sources.lose_while_away(5)
+        heard.tracker.disconnected(0, "replaced")
+        heard.tracker.explain({"replaced": 3, "expired": 1})
+        heard.tracker.lose_while_away(2)
+        heard.tracker.lose_while_away(5)
         assert heard.lost == [("replaced", 2), ("replaced", 1), ("expired", 1), ("disconnected", 3)]
-        assert heard.sources.lost_between == 7
+        assert heard.tracker.lost_between == 7
 
     def test_what_was_found_lost_without_one_keeps_it(self) -> None:
         heard = Heard()
         heard.get(1)
         heard.get(4)
-        heard.sources.disconnected(0, "replaced")  # 2 and 3 are missing, and nobody has said why
-        heard.sources.explain({"replaced": 5})
-        heard.sources.lose_while_away(4)
+        heard.tracker.disconnected(0, "replaced")  # 2 and 3 are missing, and nobody has said why
+        heard.tracker.explain({"replaced": 5})
+        heard.tracker.lose_while_away(4)
         assert heard.lost == [("disconnected", 2), ("replaced", 3), ("disconnected", 1)]
 
     def test_what_was_told_is_not_counted_again(self) -> None:
         heard = Heard()
         heard.get(1)
-        heard.sources.disconnected(3, "replaced")
-        heard.sources.explain({"replaced": 1})
-        heard.sources.lose_while_away(5)
+        heard.tracker.disconnected(3, "replaced")
+        heard.tracker.explain({"replaced": 1})
+        heard.tracker.lose_while_away(5)
         assert heard.lost == [("replaced", 1), ("disconnected", 1)]
 
     def test_reasons_end_with_the_connection(self) -> None:
         heard = Heard()
-        heard.sources.explain({"replaced": 5})
-        heard.sources.disconnected(0, "replaced")
-        heard.sources.lose_while_away(2)
+        heard.tracker.explain({"replaced": 5})
+        heard.tracker.disconnected(0, "replaced")
+        heard.tracker.lose_while_away(2)
         assert heard.lost == [("disconnected", 2)]
 
 
@@ -138,20 +138,20 @@ class TestLastSeqs:
     def test_the_last_number_of_each_those_that_are_there_at_the_end(self) -> None:
         heard = Heard()
         heard.get(1, 3)
-        heard.sources[8] = PublisherProxy(8, b"other", 5, 0, needs_ack=False)
-        heard.sources.forget(8)
-        heard.sources.disconnected(0, "replaced")
-        assert [*heard.sources.last_seqs.items()] == [(b"other", 5), (GID, 3)]
+        heard.tracker[8] = PublisherProxy(8, b"other", 5, 0, needs_ack=False)
+        heard.tracker.forget(8)
+        heard.tracker.disconnected(0, "replaced")
+        assert [*heard.tracker.last_seqs.items()] == [(b"other", 5), (GID, 3)]
 
     def test_of_many_that_have_gone(self) -> None:
         """The broker remembers 128, and asks about them."""
         heard = Heard()
         gids = [number.to_bytes(16, "big") for number in range(100, 100 + MOST_REMEMBERED + 200)]
         for number, gid in enumerate(gids, 100):
-            heard.sources[number] = PublisherProxy(number, gid, number, 0, needs_ack=False)
-            heard.sources.forget(number)
-        heard.sources.disconnected(0, "replaced")
-        known = heard.sources.last_seqs
+            heard.tracker[number] = PublisherProxy(number, gid, number, 0, needs_ack=False)
+            heard.tracker.forget(number)
+        heard.tracker.disconnected(0, "replaced")
+        known = heard.tracker.last_seqs
         assert [*known] == [*gids, GID][-MOST_REMEMBERED:]
         assert all(int.from_bytes(gid, "big") == last_seq for gid, last_seq in known.items())
 
@@ -164,8 +164,8 @@ class TestLastSeqs:
                 heard.get(first_seq, min(count, 4), is_replay=True)
             if count > 4:
                 heard.get(10)
-            heard.sources.disconnected(0, "replaced")
-            assert heard.sources.last_seqs.get(GID) == last_seq
+            heard.tracker.disconnected(0, "replaced")
+            assert heard.tracker.last_seqs.get(GID) == last_seq
 
 
 class TestPublisherThatReturns:
@@ -190,7 +190,7 @@ class TestPublisherThatReturns:
         heard.return_as(9, 9, routed_seq=6)  # 2 to 6 were routed, and dropped; 7 and 8 were never sent
         heard.get(9, number=9)
         assert heard.lost == [("disconnected", 2)]
-        assert heard.sources.missing == 5
+        assert heard.tracker.missing == 5
 
     def test_what_was_dropped_between_two_returns(self) -> None:
         heard = Heard()
@@ -201,7 +201,7 @@ class TestPublisherThatReturns:
         assert heard.lost == [("disconnected", 2)]
         assert heard.get(9, 1, number=11) == [9]
         assert heard.lost == [("disconnected", 2), ("disconnected", 1)]
-        assert heard.sources.missing == 3  # 2, 5 and 7
+        assert heard.tracker.missing == 3  # 2, 5 and 7
 
     def test_it_returns_and_goes_without_a_word(self) -> None:
         heard = Heard()
@@ -214,12 +214,12 @@ class TestPublisherThatReturns:
 
     def test_one_that_has_long_gone_is_forgotten(self) -> None:
         heard = Heard()
-        heard.sources.forget(7)
+        heard.tracker.forget(7)
         for number in range(100, 200):
-            heard.sources.forget(number)
+            heard.tracker.forget(number)
         matched = Matched(endpoint=1, other=9, node="/n", gid=GID, qos=QoSProfile())
-        assert heard.sources.take_back(matched) is None
-        assert 7 not in heard.sources
+        assert heard.tracker.take_back(matched) is None
+        assert 7 not in heard.tracker
 
 
 @for_each(("told", "lapped"), [(0, 5), (2, 3), (9, 0)])
@@ -228,9 +228,9 @@ def test_a_ring_that_gave_up_some_before_the_match_went_by_socket(told: int, lap
     heard = Heard()
     heard.source.is_rerouted = True
     heard.get(6)
-    assert heard.sources.missing == 5
-    assert heard.sources.lapped(told) == lapped
-    heard.sources.disconnected(told, "replaced")
+    assert heard.tracker.missing == 5
+    assert heard.tracker.lapped(told) == lapped
+    heard.tracker.disconnected(told, "replaced")
     assert heard.lost == ([("replaced", lapped)] if lapped else [])
 
 
@@ -242,39 +242,39 @@ class TestBeginnings:
         """It has heard one, and then lost a broker that had told that it dropped so many."""
         heard = Heard()
         heard.get(first_seq)
-        heard.sources.disconnected(told, "replaced")
+        heard.tracker.disconnected(told, "replaced")
         assert heard.lost == []
         return heard
 
     def test_what_was_told_is_what_comes_next(self) -> None:
         heard = self.heard(5, told=3)
-        heard.sources.learn({GID: (4, 9)})  # so two of the three come after 5
-        heard.sources.miss({GID: (4, 9)})
+        heard.tracker.learn({GID: (4, 9)})  # so two of the three come after 5
+        heard.tracker.miss({GID: (4, 9)})
         assert heard.lost == [("disconnected", 2)]
 
     def test_what_was_told_is_what_came_before(self) -> None:
         heard = self.heard(5, told=3)
-        heard.sources.learn({GID: (2, 9)})
-        heard.sources.miss({GID: (2, 9)})
+        heard.tracker.learn({GID: (2, 9)})
+        heard.tracker.miss({GID: (2, 9)})
         assert heard.lost == [("disconnected", 4)]
 
     def test_what_was_skipped_and_not_told(self) -> None:
         heard = self.heard(5, told=1)
-        heard.sources.learn({GID: (2, 0)})
+        heard.tracker.learn({GID: (2, 0)})
         assert heard.lost == [("disconnected", 2)]
-        heard.sources.learn({GID: (2, 0)})
+        heard.tracker.learn({GID: (2, 0)})
         assert heard.lost == [("disconnected", 2)], "told twice, counted once"
 
     def test_nobody_says(self) -> None:
         heard = self.heard(5, told=3)
-        heard.sources.learn({})
-        heard.sources.hear(GID, 9)
-        heard.sources.miss({GID: (0, 9)})
+        heard.tracker.learn({})
+        heard.tracker.hear(GID, 9)
+        heard.tracker.miss({GID: (0, 9)})
         assert heard.lost == [], "it reads the ring, and knows where it is"
-        assert heard.sources.last_seqs == {GID: 9}
+        assert heard.tracker.last_seqs == {GID: 9}
 
     def test_nobody_says_and_it_does_not_read_the_ring(self) -> None:
         """The match by the ring was lost before it was heard of."""
         heard = self.heard(5, told=0)
-        heard.sources.miss({GID: (0, 9), b"of whom nothing was heard": (0, 9)})
+        heard.tracker.miss({GID: (0, 9), b"of whom nothing was heard": (0, 9)})
         assert heard.lost == [("disconnected", 4)]

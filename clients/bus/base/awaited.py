@@ -61,7 +61,7 @@ class _Call(Coroutine[Any, Any, T]):
         self._path = caller.f_code.co_filename
         self._line = caller.f_lineno
         self._loop = loop
-        self._is_begun = self._is_told = False
+        self._is_begun = self._is_explained = False
 
     def __await__(self) -> Generator[Any, None, T]:
         self._is_begun = True
@@ -87,7 +87,7 @@ class _Call(Coroutine[Any, Any, T]):
         if name.startswith(("cr_", "__")):  # what asyncio, inspect and debuggers look at
             return getattr(self._coroutine, name)
         method = self._coroutine.__name__
-        self._is_told = True
+        self._is_explained = True
         raise AttributeError(
             f"{method}(...) has no '{name}' before it is awaited: write await {method}(...) "
             f"in line {self._line} of {self._path}"
@@ -107,7 +107,7 @@ class _Call(Coroutine[Any, Any, T]):
                 text += "; it is done a little later"
         except RuntimeError:  # the loop has ended
             coroutine.close()
-        if not self._is_told and not sys.is_finalizing():
+        if not self._is_explained and not sys.is_finalizing():
             warnings.warn_explicit(text, RuntimeWarning, self._path, self._line)
 
 

@@ -1,7 +1,7 @@
-"""The accounts of one subscription: what was published to it, and what has become of every message.
+"""The counters of one subscription: what was published to it, and what has become of every message.
 
-Puts together what its process has counted (`bus.delivery.receiver`) and what the brokers, this one and those
-before it, have told. Must not know where messages come from.
+Adds up what this process has counted (`bus.delivery.receiver`) and what the present broker and earlier ones
+have reported. Must not know where messages come from.
 """
 
 from time import monotonic_ns
@@ -35,7 +35,7 @@ class SubscriptionStatistics(msgspec.Struct, frozen=True):
     """Publishers matched now."""
     expected: int = 0
     """Messages that its publishers have published to it since they were matched, history included: by their
-    sequence numbers. Publishers that have gone, count on."""
+    sequence numbers. Those of publishers that have gone stay counted."""
     at_ns: int = 0
     """When this was counted: nanoseconds of the monotonic clock (`time.monotonic_ns`)."""
 
@@ -45,71 +45,73 @@ class DropCounters:
 
     def __init__(self, receiver: Receiver[Any]) -> None:
         self._receiver = receiver
-        self._told: dict[str, int] = {}
-        self._told_before: dict[str, int] = {}  # by earlier brokers
+        self._reported: dict[str, int] = {}  # by the present broker
+        self._reported_before: dict[str, int] = {}  # by earlier brokers
         self._broker: object = None
-        self._told_by_it: dict[str, int] = {}  # in earlier connections
+        self._reported_by_it: dict[str, int] = {}  # in earlier connections
         self._received_before = 0
 
     def tell(self, dropped: Dropped) -> None:
-        """What the present broker has dropped, and after a loss of the connection, what was missed."""
-        self._told = dropped.dropped
-        sources = self._receiver.sources
+        """The present broker reports what it has dropped, and after a lost connection what was missed."""
+        self._reported = dropped.dropped
+        tracker = self._receiver.tracker
         if dropped.before:
-            told, self._told_by_it = self._told_by_it, dropped.before
-            sources.explain({reason: count - told.get(reason, 0) for reason, count in dropped.before.items()})
-        sources.learn(dropped.missed)
-        sources.miss(dropped.missed)
+            before, self._reported_by_it = self._reported_by_it, dropped.before
+            tracker.explain(
+                {reason: count - before.get(reason, 0) for reason, count in dropped.before.items()}
+            )
+        tracker.learn(dropped.missed)
+        tracker.miss(dropped.missed)
 
     def disconnected(self, broker: object) -> None:
-        """The broker is gone, or the connection to it: what it has told is final."""
+        """The broker is gone, or the connection to it: its last report is final."""
         if broker != self._broker:
-            self._broker, self._told_by_it = broker, {}
-        self._told_by_it = _sum(self._told_by_it, self._told)
-        self._receiver.sources.disconnected(self._told_total, self._receiver.lapped_reason)
-        self._told_before = _sum(self._told_before, self._told)
-        self._told = {}
-        self._received_before = self._receiver.sources.received
+            self._broker, self._reported_by_it = broker, {}
+        self._reported_by_it = _sum(self._reported_by_it, self._reported)
+        self._receiver.tracker.disconnected(self._reported_total, self._receiver.lapped_reason)
+        self._reported_before = _sum(self._reported_before, self._reported)
+        self._reported = {}
+        self._received_before = self._receiver.tracker.received
 
     @property
     def dropped(self) -> dict[str, int]:
         """All that was lost, by reason, whoever counted it."""
-        return _sum(self.dropped_here, self._told)
+        return _sum(self.dropped_here, self._reported)
 
     @property
     def dropped_here(self) -> dict[str, int]:
-        """What the present broker does not know of, unless it is told."""
+        """What was lost here and under earlier brokers: the present one knows of it only by our report."""
         lapped = self._lapped
         return _sum(
             self._receiver.dropped,
-            self._told_before,
+            self._reported_before,
             {self._receiver.lapped_reason: lapped} if lapped else {},
         )
 
     @property
     def expected(self) -> int:
-        sources = self._receiver.sources
-        # What is missing in the numbers was lost, and so is what the broker dropped behind the last of them.
-        return self._by_other_ways + sources.received + max(sources.missing, self._told_total)
+        tracker = self._receiver.tracker
+        # Lost are the missing numbers, and what the broker dropped after the last number that came.
+        return self._by_other_ways + tracker.received + max(tracker.missing, self._reported_total)
 
     @property
     def expected_here(self) -> int:
-        """What the present broker did not route to it."""
+        """How many of `expected` the present broker did not route."""
         return min(self._by_other_ways + self._lapped + self._received_before, MAX_COUNT)
 
     @property
     def _by_other_ways(self) -> int:
         receiver = self._receiver
         rings = 0 if receiver.reader is None else receiver.reader.expected
-        return rings + receiver.sources.lost_between + sum(self._told_before.values())
+        return rings + receiver.tracker.lost_between + sum(self._reported_before.values())
 
     @property
-    def _told_total(self) -> int:
-        return sum(self._told.values())
+    def _reported_total(self) -> int:
+        return sum(self._reported.values())
 
     @property
     def _lapped(self) -> int:
-        return self._receiver.sources.lapped(self._told_total)
+        return self._receiver.tracker.lapped(self._reported_total)
 
     def statistics(self, publishers: int) -> SubscriptionStatistics:
         receiver = self._receiver

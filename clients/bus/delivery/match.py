@@ -232,14 +232,14 @@ class Gate(LocalMatch[GateState, GateEvent]):
 class Feed(LocalMatch[FeedState, FeedEvent]):
     """A match of a subscription, and its reading of the publisher's ring."""
 
-    __slots__ = ("doorbell", "final_seq", "identity", "slot", "source")
+    __slots__ = ("doorbell", "final_seq", "identity", "proxy", "slot")
 
     transitions = FEEDS
     kinds = "subscription", "publisher"
 
-    def __init__(self, owner: Owner, matched: m.Matched, source: "PublisherProxy", slot: int) -> None:
+    def __init__(self, owner: Owner, matched: m.Matched, proxy: "PublisherProxy", slot: int) -> None:
         super().__init__(owner, matched, FeedState.NEW)
-        self.source = source
+        self.proxy = proxy
         self.slot = slot
         self.identity = 0, 0  # of the newest segment, by which the same one is known again
         self.doorbell: Descriptor | None = (

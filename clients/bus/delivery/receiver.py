@@ -40,7 +40,7 @@ class Receiver(Generic[M]):
     """`depth` 0 is keep all; then `take` decodes a whole run at once, because nothing is ever replaced.
 
     `on_drop(reason, count)` is told of every sample lost here, `on_reject(size, error)` of those that do not
-    decode, `on_taken(source)` of what a lossless publisher must learn.
+    decode, `on_taken(proxy)` for what a lossless publisher must learn.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class Receiver(Generic[M]):
         self._samples = 0
         self._bytes = 0
         self._dropped: dict[str, int] = {}
-        self.sources = SequenceTracker(self.drop)
+        self.tracker = SequenceTracker(self.drop)
         self.is_lossless = is_lossless
         self._decode = decode
         self._queue = RunQueue(depth, Account(STEP_BYTES))
@@ -66,8 +66,8 @@ class Receiver(Generic[M]):
         """Takes out of the rings: `bus.shm`'s Reader, where memory is shared."""
         self.stamp_ns = 0
         """Stamp of the sample that `take` had last out of a ring."""
-        self.on_note: Callable[[], object] = _ignore
-        """Called when something is taken out of a ring, unless the reader's `is_noted` says that it was."""
+        self.on_report_due: Callable[[], object] = _ignore
+        """Called when a sample is taken out of a ring, unless the reader's `is_report_due` is set already."""
         self._rejected = 0
         self._on_drop = on_drop
         self._on_reject = on_reject
@@ -136,12 +136,12 @@ class Receiver(Generic[M]):
         left = self.reader.waiting()
         while left > 0 and (batch := self.reader.take(min(left, _MOST_AT_ONCE), bytes)):
             left -= len(batch)
-            for payload, stamp_ns, seq, source, received_ns in batch:
+            for payload, stamp_ns, seq, proxy, received_ns in batch:
                 if stamp_ns < 0:
                     payload, stamp_ns = source_head(-stamp_ns) + payload, received_ns
                 body = RECORD_HEAD.pack(len(payload), min(stamp_ns, MAX_COUNT)) + payload  # a liar's is more
-                run = Run(0, source.number, seq, 1, body, lifespan_ns=source.lifespan_ns)
-                run.received_ns, run.origin = received_ns, source
+                run = Run(0, proxy.number, seq, 1, body, lifespan_ns=proxy.lifespan_ns)
+                run.received_ns, run.origin = received_ns, proxy
                 self._queue.append(run)
                 self._samples -= 1  # until they are taken
                 self._bytes -= len(payload)
@@ -154,14 +154,14 @@ class Receiver(Generic[M]):
 
     def put(self, run: Run) -> bool:
         """Queue a run; returns whether the receiver now holds too much and is to be trimmed."""
-        source = run.origin = self.sources.get(run.source)
-        if source is not None:
-            run.lifespan_ns = source.lifespan_ns
-            is_next = run.first_seq == source.last_seq + 1 and not source.is_new
-            if not is_next and not self.sources.look_at(source, run):
+        proxy = run.origin = self.tracker.get(run.source)
+        if proxy is not None:
+            run.lifespan_ns = proxy.lifespan_ns
+            is_next = run.first_seq == proxy.last_seq + 1 and not proxy.is_new
+            if not is_next and not self.tracker.look_at(proxy, run):
                 return False
-            source.last_seq = max(source.last_seq, run.first_seq + run.count - 1)
-        self.sources.received += run.count
+            proxy.last_seq = max(proxy.last_seq, run.first_seq + run.count - 1)
+        self.tracker.received += run.count
         if not self._queue.runs:
             begin(self._queue)
         return self._queue.append(run)
@@ -241,28 +241,28 @@ class Receiver(Generic[M]):
 
         As at a moderate rate they all are: it is simply the next, and nothing else waits here but in rings.
         """
-        source = self.sources.get(run.source)
+        proxy = self.tracker.get(run.source)
         if (
-            source is None
+            proxy is None
             or run.count != 1
-            or run.first_seq != source.last_seq + 1
-            or source.is_new
-            or source.lifespan_ns
+            or run.first_seq != proxy.last_seq + 1
+            or proxy.is_new
+            or proxy.lifespan_ns
             or self._queue.runs
             or self.ahead
             or not self._has_core
         ):
             return []
         found = shm.native.run_messages(run.body, 0, 1, self._decode)
-        if found is None or run.first_seq != source.last_seq + 1:
+        if found is None or run.first_seq != proxy.last_seq + 1:
             return []
-        source.last_seq += 1
-        self.sources.received += 1
+        proxy.last_seq += 1
+        self.tracker.received += 1
         self._samples += 1
         size = found[1] - RECORD_HEAD_BYTES
         self._bytes += size
         if self.is_lossless:
-            run.origin = source
+            run.origin = proxy
             self._note_taken(run, run.first_seq, size)
         return found[0]
 
@@ -280,9 +280,9 @@ class Receiver(Generic[M]):
     def note(self) -> None:
         """A message was taken out of a ring: tell it where the reader was not told of that before."""
         reader = self.reader
-        if reader is not None and not reader.is_noted:
-            reader.is_noted = True
-            self.on_note()
+        if reader is not None and not reader.is_report_due:
+            reader.is_report_due = True
+            self.on_report_due()
 
     def call_back(
         self, callback: Callable[[M], object], on_error: Callable[[Exception], object], *others: Sized
@@ -290,7 +290,7 @@ class Receiver(Generic[M]):
         """Let the reader call back by itself for what comes in rings, while nothing else waits here, nor in
         `others`."""
         assert self.reader is not None
-        self.reader.prepare(callback, self._decode, on_error, (*self.waiting, *others), self.on_note)
+        self.reader.prepare(callback, self._decode, on_error, (*self.waiting, *others), self.on_report_due)
 
     def put_back(self, messages: list[M]) -> None:
         """What `take_messages` gave and was not delivered is taken next."""
@@ -416,11 +416,11 @@ class Receiver(Generic[M]):
             self._note_taken(run, run.first_seq + run.count - 1, len(run.body))
 
     def _note_taken(self, run: Run, seq: int, size: int) -> None:
-        source = run.origin
-        if isinstance(source, PublisherProxy) and source.needs_ack and seq > source.taken_seq:
-            source.taken_seq = seq
-            source.unacked_bytes += size
-            self._on_taken(source)
+        proxy = run.origin
+        if isinstance(proxy, PublisherProxy) and proxy.needs_ack and seq > proxy.taken_seq:
+            proxy.taken_seq = seq
+            proxy.unacked_bytes += size
+            self._on_taken(proxy)
 
     def _reject(self, rejected: list[tuple[int, Exception]]) -> None:
         # After the queue was brought in order: whoever is told may take again.

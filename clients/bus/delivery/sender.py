@@ -270,11 +270,11 @@ class Sender:
         """See `BurstWatch.watch_turn`."""
         self._bursts.watch_turn(lambda: self.published[0], least_depth)
 
-    def told(self) -> None:
+    def reported(self) -> None:
         """The counters were reported; the next sample asks for a report again."""
-        self._socket.is_noted = False
+        self._socket.is_report_due = False
         if self._ring is not None:
-            self._ring.writer.is_noted = False
+            self._ring.writer.is_report_due = False
 
     def credit(self, seq: int) -> None:
         """Everything up to `seq` that went by socket was taken by all that must take."""

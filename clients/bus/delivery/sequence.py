@@ -1,7 +1,7 @@
-"""The publishers that one subscription hears, and what the numbers of their samples tell.
+"""The publishers of one subscription, and what the numbers of their samples tell.
 
-Owns up to which number each was heard, by whatever route; so that nothing is received twice, and what is
-missing is known, whoever lost it. Must not know what is done with samples, nor who counts why they were lost.
+Owns the last number received from each, by whatever route: so no sample is received twice, and a missing one
+is noticed, whoever lost it. Must not know what is done with samples, nor who counts why they were lost.
 """
 
 from collections import deque
@@ -18,7 +18,7 @@ _MOST_GAPS = 64
 
 
 class PublisherProxy:
-    """A publisher that is heard: the last number received and taken, and what is not yet acknowledged."""
+    """One publisher: the last number received from it and taken, and what is not yet acknowledged."""
 
     __slots__ = (
         "acked_seq",
@@ -26,11 +26,11 @@ class PublisherProxy:
         "gid",
         "is_new",
         "is_rerouted",
-        "known_seq",
         "last_seq",
         "lifespan_ns",
         "needs_ack",
         "number",
+        "received_seq",
         "replayed_seq",
         "routed_seq",
         "taken_seq",
@@ -43,31 +43,33 @@ class PublisherProxy:
         self.last_seq = last_seq
         self.lifespan_ns = lifespan_ns
         self.needs_ack = needs_ack
-        self.known_seq = 0  # read from the ring, before the match went by socket: also no replay of these
+        self.received_seq = 0  # by ring, or from an earlier broker: not even a replay brings these again
         self.is_new = True  # until its first run that is no replay
-        # Up to where its history has come, as long as nothing else has: that is still to be expected then.
+        # Up to where its history has come, until its first new sample: the rest of the history may follow.
         self.replayed_seq: int | None = None
-        # Until the first run by another route, which shows what was lost between them:
+        # Until the first run by the other route, which shows what was lost between the two:
         self.is_rerouted = False
-        self.routed_seq = 0  # as it has gone: the last number that the broker has routed
-        # What it published while it was away: the numbers before and behind it, until a run from there comes.
+        self.routed_seq = 0  # once it has gone: the last number that the broker has routed
+        # What it published while it was away, as pairs of numbers (the last before, the first after), until a
+        # later run comes:
         self.gaps: tuple[tuple[int, int], ...] = ()
         self.taken_seq = self.acked_seq = last_seq
         self.unacked_bytes = 0
 
     def comes_back(self, routed_seq: int, next_seq: int) -> None:
-        """A broker had got its samples up to `routed_seq`, and gets those from `next_seq` on."""
+        """The broker has had its samples up to `routed_seq`, and gets those from `next_seq` on."""
         if routed_seq + 1 < next_seq:
             self.gaps = (*self.gaps, (routed_seq, next_seq))[-_MOST_GAPS:]
             self.routed_seq = next_seq - 1
-        self.is_new = False  # of what went to others meanwhile, the broker says that it is lost
+        self.is_new = False  # the broker reports what it did not route to us meanwhile
 
 
 class SequenceTracker(dict[int, PublisherProxy]):
-    """By the number that the broker gave each. `on_lost(reason, count)` hears what is lost between two ways.
+    """By the number that the broker gave each. `on_lost(reason, count)` hears what is lost between two routes
+    or brokers.
 
-    `told` is everywhere how many samples the present broker has said it dropped for this subscription.
-    `last_seqs` are, by gid, those that were heard in earlier connections, and up to where.
+    In all methods `reported` is how many samples the present broker has said it dropped for this
+    subscription. `last_seqs`: the last number received, by gid, of the publishers of earlier connections.
     """
 
     def __init__(self, on_lost: Callable[[str, int], None]) -> None:
@@ -76,115 +78,117 @@ class SequenceTracker(dict[int, PublisherProxy]):
         self.last_seqs: dict[bytes, int] = {}
         self._gone: deque[int] = deque()
         self.received = 0
-        """Samples that came by socket, without those that were known."""
-        self.known = 0
-        """Samples that the present broker sent, and that had come before by another way."""
+        """Samples that came by socket, those that came twice counted once."""
+        self.repeated = 0
+        """Samples that the present broker sent although they had come before, by a ring say."""
         self.lost_between = 0
-        """Samples lost between two routes or two brokers, of which `on_lost` was told."""
+        """Samples lost between two routes or two brokers; `on_lost` has heard of them."""
         # Numbers missing in what the present broker sent:
-        self._skipped = 0  # it has dropped them
-        self._perhaps_skipped = 0  # or they went by another route, to others
-        self._rerouted = 0  # or the ring had given them up before
-        self._told_ahead = 0  # what the broker that left had dropped of what would have come next
-        # By gid, how many of these are missing before the first that came, and its number; the same of the
-        # broker that left, until it says from where on samples were for us:
+        self._skipped = 0  # the broker has dropped them
+        self._perhaps_skipped = 0  # it has, or they went to others only, by their rings
+        self._rerouted = 0  # it has, or the ring had given them up before
+        self._reported_ahead = 0  # dropped by the last broker, of what would have come next
+        # By gid, how many of `_perhaps_skipped` are missing before the first sample that came, and its
+        # number; and the same of the last broker, until the present one says from where on samples were for
+        # us:
         self._beginnings: dict[bytes, tuple[int, int]] = {}
         self._unsure: dict[bytes, tuple[int, int]] = {}
         self._unsure_count = 0
-        self._told_besides = 0  # by the broker that left: more than it had surely skipped
-        # What was dropped of what will be found lost, by reason; and how much has been without a reason:
+        self._reported_besides = 0  # dropped by the last broker, beyond `_skipped`
+        # What was dropped and will be found missing, by reason; and how much was found before its reason:
         self._reasons: dict[str, int] = {}
         self._unexplained = 0
 
     def forget(self, number: int, routed_seq: int = 0) -> None:
-        """A publisher has gone; samples of it may still come, so the last ones are remembered for a while.
+        """A publisher has gone. Samples of it may still come, so a number of these publishers are kept.
 
-        The broker has routed those up to `routed_seq`: which of them do not come, it says.
+        The broker has routed its samples up to `routed_seq`, and reports those of them that it drops.
         """
-        if (source := self.get(number)) is not None:
-            source.routed_seq = max(source.routed_seq, routed_seq)
+        if (proxy := self.get(number)) is not None:
+            proxy.routed_seq = max(proxy.routed_seq, routed_seq)
         self._gone.append(number)
         if len(self._gone) > _MOST_GONE and (oldest := self.pop(self._gone.popleft(), None)) is not None:
             self._remember([oldest])
 
     def meet(
-        self, matched: Matched, known_seq: int | None, qos: QoSProfile, *, is_new_broker: bool
+        self, matched: Matched, received_seq: int | None, qos: QoSProfile, *, is_new_broker: bool
     ) -> PublisherProxy:
-        """A publisher is matched, as a subscription of `qos` asks. `known_seq`: up to where it was heard."""
-        last_seq = matched.next_seq - 1 if known_seq is None else known_seq
+        """A publisher is matched with a subscription of `qos`, which had its samples up to `received_seq`."""
+        last_seq = matched.next_seq - 1 if received_seq is None else received_seq
         needs_ack = qos.is_lossless and matched.qos.is_lossless
-        source = PublisherProxy(
+        proxy = PublisherProxy(
             matched.other, matched.gid, last_seq, matched.qos.lifespan_ns, needs_ack=needs_ack
         )
-        source.known_seq = known_seq or 0
+        proxy.received_seq = received_seq or 0
         if matched.route != "socket":
-            return source
+            return proxy
         has_history = matched.qos.durability is Durability.TRANSIENT_LOCAL
         is_volatile = qos.durability is Durability.VOLATILE
-        if known_seq is None:
+        if received_seq is None:
             if has_history and not is_volatile and matched.next_seq > 1:
-                source.replayed_seq = 0
-        elif matched.next_seq - 1 > known_seq:
-            # What a broker took with it, a lossless publisher sends once more; histories come anyway.
+                proxy.replayed_seq = 0
+        elif matched.next_seq - 1 > received_seq:
+            # What was lost with a broker, a lossless publisher sends once more; histories come anyway.
             if is_volatile and not (needs_ack and (has_history or is_new_broker)):
-                self.lose_while_away(matched.next_seq - 1 - known_seq)
-                source.last_seq = matched.next_seq - 1
+                self.lose_while_away(matched.next_seq - 1 - received_seq)
+                proxy.last_seq = matched.next_seq - 1
             else:
-                source.comes_back(known_seq, matched.next_seq)
-        return source
+                proxy.comes_back(received_seq, matched.next_seq)
+        return proxy
 
     def take_back(self, matched: Matched) -> PublisherProxy | None:
         """A publisher that had gone is there again; what it sent before may still come."""
         for number in self._gone:
-            source = self.get(number)
-            if source is not None and source.gid == matched.gid:
-                source.number = matched.other
-                source.lifespan_ns = matched.qos.lifespan_ns
-                source.comes_back(source.routed_seq, matched.next_seq)
-                return source
+            proxy = self.get(number)
+            if proxy is not None and proxy.gid == matched.gid:
+                proxy.number = matched.other
+                proxy.lifespan_ns = matched.qos.lifespan_ns
+                proxy.comes_back(proxy.routed_seq, matched.next_seq)
+                return proxy
         return None
 
-    def disconnected(self, told: int, lapped_reason: str) -> None:
-        """The broker is gone, and with it the numbers of publishers.
+    def disconnected(self, reported: int, lapped_reason: str) -> None:
+        """The broker is gone, and with it the numbers that it gave publishers.
 
-        What it had no time to tell is lost with it.
+        What it dropped and had no time to report counts as lost with it.
         """
         gone = set(self._gone)
         # Matched publishers come last, so that the bound forgets departed ones first.
-        self._remember(sorted(self.values(), key=lambda source: source.number not in gone))
+        self._remember(sorted(self.values(), key=lambda proxy: proxy.number not in gone))
         self.clear()
         self._gone.clear()
         self._reasons.clear()
-        if lapped := self.lapped(told):
+        if lapped := self.lapped(reported):
             self.lost_between += lapped
             self._on_lost(lapped_reason, lapped)
-        untold = self._skipped - told
+        unreported = self._skipped - reported
         self._unexplained = 0
         self._unsure, self._beginnings = self._beginnings, {}
         self._unsure_count, self._perhaps_skipped = self._perhaps_skipped, 0
-        self._told_besides = max(0, -untold - self._rerouted)
-        if untold > 0:
-            self._unexplained = self.lose_while_away(untold)
+        self._reported_besides = max(0, -unreported - self._rerouted)
+        if unreported > 0:
+            self._unexplained = self.lose_while_away(unreported)
         else:
-            self._told_ahead += max(0, self._told_besides - self._unsure_count)
-        self._skipped = self._rerouted = self.known = 0
+            self._reported_ahead += max(0, self._reported_besides - self._unsure_count)
+        self._skipped = self._rerouted = self.repeated = 0
 
     @property
     def missing(self) -> int:
         """Numbers missing in what the present broker sent, whoever lost them."""
         return self._skipped + self._rerouted
 
-    def lapped(self, told: int) -> int:
-        """How many of `missing` a ring had given up before its match went by socket, and not the broker."""
-        return min(self._rerouted, max(0, self.missing - told))
+    def lapped(self, reported: int) -> int:
+        """How many of `missing` the broker did not drop: a ring gave them up before its match went by
+        socket."""
+        return min(self._rerouted, max(0, self.missing - reported))
 
     def lose_while_away(self, count: int) -> int:
-        """Count what was lost between two connections, but for what was told in the one before.
+        """Count `count` samples as lost between two connections, without those that the last broker reported.
 
-        Returns how much that is.
+        Returns how many that are.
         """
-        lost = count - min(self._told_ahead, count)
-        self._told_ahead -= count - lost
+        lost = count - min(self._reported_ahead, count)
+        self._reported_ahead -= count - lost
         if not lost:
             return 0
         self.lost_between += lost
@@ -198,79 +202,81 @@ class SequenceTracker(dict[int, PublisherProxy]):
             self._on_lost("disconnected", left)
         return lost
 
-    def hear(self, gid: bytes, known_seq: int | None) -> None:
-        """Of a publisher that is not matched, it is known by another way up to where it was heard."""
-        if known_seq is not None:
-            self.last_seqs[gid] = max(self.last_seqs.get(gid, 0), known_seq)
+    def hear(self, gid: bytes, received_seq: int | None) -> None:
+        """The last number received of a publisher that is not matched, as a ring tells."""
+        if received_seq is not None:
+            self.last_seqs[gid] = max(self.last_seqs.get(gid, 0), received_seq)
 
     def lose(self, count: int) -> None:
-        """Count samples of a ring that was never seen here: its publisher went on in it meanwhile."""
+        """Count samples of a ring that was never seen here: its publisher grew while the broker was away."""
         self.lost_between += count
         self._on_lost("disconnected", count)
 
     def learn(self, missed: dict[bytes, tuple[int, int]]) -> None:
-        """From where on samples were for us, as in Dropped: so what was skipped before the first one."""
+        """From where on samples were for us, as in Dropped: that tells how many were skipped before the
+        first."""
         skipped = 0
-        ahead = max(0, self._told_besides - self._unsure_count)
+        ahead = max(0, self._reported_besides - self._unsure_count)
         for gid, (first_seq, _) in missed.items():
             if first_seq and gid in self._unsure:
                 count, came_seq = self._unsure.pop(gid)
                 self._unsure_count -= count
                 skipped += min(count, max(0, came_seq - first_seq))
-        untold = skipped - self._told_besides
-        self._told_besides = max(0, -untold)
-        self._told_ahead += max(0, self._told_besides - self._unsure_count) - ahead
-        if untold > 0:
-            self.lose_while_away(untold)
+        unreported = skipped - self._reported_besides
+        self._reported_besides = max(0, -unreported)
+        self._reported_ahead += max(0, self._reported_besides - self._unsure_count) - ahead
+        if unreported > 0:
+            self.lose_while_away(unreported)
 
     def miss(self, missed: dict[bytes, tuple[int, int]]) -> None:
-        """What publishers have sent since, or from where on that was to come; as in Dropped."""
+        """What publishers have sent since, or where that begins, as in Dropped: what of it did not come is
+        lost."""
         for gid, (first_seq, last_seq) in missed.items():
-            # No first number: the match went by a ring. Who never read that ring and knows an earlier number
-            # has missed what lies behind it; who knows none can't tell what was for it.
-            known_seq = max(self.last_seqs.get(gid, 0 if first_seq else last_seq), first_seq - 1)
-            self.last_seqs[gid] = max(known_seq, last_seq)
-            self.lose_while_away(max(0, last_seq - known_seq))
+            # Without a first number the match went by a ring. A subscription that never read that ring, but
+            # has an earlier number of the publisher, has missed all after that; without one it can't tell.
+            received_seq = max(self.last_seqs.get(gid, 0 if first_seq else last_seq), first_seq - 1)
+            self.last_seqs[gid] = max(received_seq, last_seq)
+            self.lose_while_away(max(0, last_seq - received_seq))
         self._forget_oldest()
 
     def explain(self, dropped: dict[str, int]) -> None:
-        """The broker had dropped these, by reason, of what will be found lost."""
+        """By reason, what the last broker had dropped: some of it is found missing only later."""
         for reason, count in dropped.items():
-            known = min(self._unexplained, max(0, count))  # it was found already
+            known = min(self._unexplained, max(0, count))  # found missing already
             self._unexplained -= known
             self._reasons[reason] = max(0, count - known)
 
-    def look_at(self, source: PublisherProxy, run: Run) -> bool:
-        """A run that is not simply the next: cut off what is known, note what is missing.
+    def look_at(self, proxy: PublisherProxy, run: Run) -> bool:
+        """A run that is not simply the next one: cut off what came before, count what is missing.
 
         Returns whether anything is left.
         """
-        known_seq = source.known_seq if run.is_replay else source.last_seq
-        if source.replayed_seq is not None:
-            source.replayed_seq = run.first_seq + run.count - 1 if run.is_replay else None
-        if run.first_seq <= known_seq and not self._skip_known(run, known_seq):
+        received_seq = proxy.received_seq if run.is_replay else proxy.last_seq
+        if proxy.replayed_seq is not None:
+            proxy.replayed_seq = run.first_seq + run.count - 1 if run.is_replay else None
+        if run.first_seq <= received_seq and not self._cut_repeated(run, received_seq):
             return False
-        missing = max(0, run.first_seq - source.last_seq - 1) - self._pass_gaps(source, run.first_seq)
-        if run.source != source.number:
-            self._skipped += missing  # it was sent before the publisher went
+        missing = max(0, run.first_seq - proxy.last_seq - 1) - self._pass_gaps(proxy, run.first_seq)
+        if run.source != proxy.number:
+            self._skipped += missing  # the run was sent before the publisher went
             return True
-        if source.is_rerouted:
+        if proxy.is_rerouted:
             self._rerouted += missing
-        elif source.is_new:
+        elif proxy.is_new:
             self._perhaps_skipped += missing
-            self._beginnings[source.gid] = missing, run.first_seq
+            self._beginnings[proxy.gid] = missing, run.first_seq
             if len(self._beginnings) > MOST_REMEMBERED:
                 del self._beginnings[next(iter(self._beginnings))]
         else:
             self._skipped += missing
-        source.is_rerouted = False
-        source.is_new &= run.is_replay
+        proxy.is_rerouted = False
+        proxy.is_new &= run.is_replay
         return True
 
-    def _remember(self, sources: list[PublisherProxy]) -> None:
-        for one in sources:
+    def _remember(self, proxies: list[PublisherProxy]) -> None:
+        for one in proxies:
             last_seq = one.last_seq if one.replayed_seq is None else one.replayed_seq
-            if one.replayed_seq != 0:  # else nothing of its history has come: it comes as to a new one
+            if one.replayed_seq != 0:  # else no history has come: all of it comes next time, as to a new one
                 self.last_seqs.pop(one.gid, None)
                 self.last_seqs[one.gid] = max(0, min(last_seq, MAX_COUNT))  # a ring may lie
         self._forget_oldest()
@@ -279,20 +285,20 @@ class SequenceTracker(dict[int, PublisherProxy]):
         for gid in [*self.last_seqs][:-MOST_REMEMBERED]:
             del self.last_seqs[gid]
 
-    def _pass_gaps(self, source: PublisherProxy, first_seq: int) -> int:
+    def _pass_gaps(self, proxy: PublisherProxy, first_seq: int) -> int:
         """Count what is missing before `first_seq` because no broker got it; returns how many."""
         gone = 0
-        for routed_seq, returned_seq in source.gaps:
-            gone += max(0, min(returned_seq, first_seq) - max(routed_seq, source.last_seq) - 1)
-        source.gaps = tuple(gap for gap in source.gaps if first_seq < gap[1])
+        for routed_seq, returned_seq in proxy.gaps:
+            gone += max(0, min(returned_seq, first_seq) - max(routed_seq, proxy.last_seq) - 1)
+        proxy.gaps = tuple(gap for gap in proxy.gaps if first_seq < gap[1])
         self.lose_while_away(gone)
         return gone
 
-    def _skip_known(self, run: Run, known_seq: int) -> bool:
-        known = known_seq + 1 - run.first_seq
-        self.known += min(known, run.count)
+    def _cut_repeated(self, run: Run, received_seq: int) -> bool:
+        known = received_seq + 1 - run.first_seq
+        self.repeated += min(known, run.count)
         if known >= run.count:
             return False
-        rest = run.after(known_seq)
+        rest = run.after(received_seq)
         run.first_seq, run.count, run.body = rest.first_seq, rest.count, rest.body
         return True

@@ -56,12 +56,12 @@ class ShmReceiver:
             self._return = self._port.later(RETURN_S, self._finish_stale)
 
     def take_up(
-        self, matched: m.Matched, known_seq: int | None, drain: Callable[[], None]
+        self, matched: m.Matched, received_seq: int | None, drain: Callable[[], None]
     ) -> tuple[PublisherProxy | None, int | None]:
         """What is read from since an earlier broker made the match, if it is, and up to where it was heard.
 
-        Where it goes by socket now, `drain` is called for what waits in the rings. `known_seq`: up to where
-        it was heard by socket, or was yet to be read here when a broker said that it had gone.
+        Where it goes by socket now, `drain` is called for what waits in the rings. `received_seq`: up to
+        where it was heard by socket, or was yet to be read here when a broker said that it had gone.
         """
         self.sweep()  # what the reader has left by itself must not be taken for what is attached now
         feed = self._feeds.get(matched.gid)
@@ -69,54 +69,54 @@ class ShmReceiver:
             if matched.route != "shm":
                 drain()
             if self.leave(matched.gid):  # another ring, or none: goes on where this one was read up to
-                known_seq = None
+                received_seq = None
             feed = None
-        known_seq = self.known_seq(matched.gid, known_seq)
+        received_seq = self.received_seq(matched.gid, received_seq)
         if feed is None:
-            return None, known_seq
-        source = feed.source
-        source.number, source.lifespan_ns = matched.other, matched.qos.lifespan_ns
-        return source, known_seq
+            return None, received_seq
+        proxy = feed.proxy
+        proxy.number, proxy.lifespan_ns = matched.other, matched.qos.lifespan_ns
+        return proxy, received_seq
 
-    def known_seq(self, gid: bytes, known_seq: int | None) -> int | None:
-        """Up to where that publisher was heard, if by socket up to `known_seq`."""
+    def received_seq(self, gid: bytes, received_seq: int | None) -> int | None:
+        """Up to where that publisher was heard, if by socket up to `received_seq`."""
         position = self._positions.get(gid)
-        return known_seq if position is None else max(known_seq or 0, position - 1)
+        return received_seq if position is None else max(received_seq or 0, position - 1)
 
     def attach(
         self,
-        source: PublisherProxy,
+        proxy: PublisherProxy,
         matched: m.Matched,
         descriptors: tuple[Descriptor, ...],
-        known_seq: int | None,
+        received_seq: int | None,
     ) -> None:
         """Read the ring of a new match, and tell the publisher; or say why not.
 
-        `known_seq`: what was received from this publisher before, if anything.
+        `received_seq`: what was received from this publisher before, if anything.
         """
         try:
-            slot = self._attach(source, matched, descriptors, known_seq)
+            slot = self._attach(proxy, matched, descriptors, received_seq)
         except (OSError, ValueError, MemoryError) as error:
-            self._refuse(source, str(error) or "no memory")
+            self._refuse(proxy, str(error) or "no memory")
         else:
-            attach = m.Attach(subscription=self._owner._id, source=source.number, slot=slot)
+            attach = m.Attach(subscription=self._owner._id, source=proxy.number, slot=slot)
             self._port.send_about(self._owner, attach)
 
-    def replace(self, source: PublisherProxy, descriptors: tuple[Descriptor, ...]) -> None:
+    def replace(self, proxy: PublisherProxy, descriptors: tuple[Descriptor, ...]) -> None:
         """The publisher goes on in another ring; or say why that can't be read."""
         try:
             if not descriptors:
                 raise OSError(MISSING)
-            self._replace(source.gid, descriptors[0])
+            self._replace(proxy.gid, descriptors[0])
         except (OSError, ValueError, MemoryError) as error:
-            self._refuse(source, str(error) or "no memory")
+            self._refuse(proxy, str(error) or "no memory")
 
     def finish(self, gid: bytes) -> None:
         """The publisher has gone: what is in its ring may still be taken."""
         feed = self._feeds.get(gid)
         if feed is not None:
             feed.on(FeedEvent.FINISH)
-            self.reader.finish(feed.source)
+            self.reader.finish(feed.proxy)
             self.sweep()
             self._shm_context.look_soon()  # a last time: perhaps nobody was rung for what is there
 
@@ -127,13 +127,13 @@ class ShmReceiver:
         """
         feed = self._feeds.get(gid)
         if feed is None:
-            return self.known_seq(gid, None)
+            return self.received_seq(gid, None)
         feed.final_seq = last_seq
         self.finish(gid)
         return last_seq
 
     def leave(self, gid: bytes) -> bool:
-        """The match goes another way now; what was read is known by `source.last_seq`.
+        """The match goes another way now; what was read is known by `proxy.last_seq`.
 
         Returns whether it was read up to now.
         """
@@ -141,28 +141,28 @@ class ShmReceiver:
         if feed is None:
             return False
         feed.on(FeedEvent.LEAVE)
-        next_seq = self.reader.next_seq(feed.source)
+        next_seq = self.reader.next_seq(feed.proxy)
         if next_seq:  # else the reader has left it by itself
-            feed.source.last_seq = feed.source.known_seq = next_seq - 1
+            feed.proxy.last_seq = feed.proxy.received_seq = next_seq - 1
             self._remember(gid, next_seq)
-        self.reader.detach(feed.source)
+        self.reader.detach(feed.proxy)
         self._shm_context.give_back(feed.slot)
         return next_seq != 0
 
     def sweep(self) -> None:
         """Give back what belonged to rings that the reader has left by itself."""
-        for source, reason, next_seq in self.reader.pop_left():
-            feed = self._feeds.get(source.gid)
-            source.last_seq = source.known_seq = max(source.last_seq, next_seq - 1)
-            self._remember(source.gid, next_seq)
-            if feed is not None and feed.source is source:
+        for proxy, reason, next_seq in self.reader.pop_left():
+            feed = self._feeds.get(proxy.gid)
+            proxy.last_seq = proxy.received_seq = max(proxy.last_seq, next_seq - 1)
+            self._remember(proxy.gid, next_seq)
+            if feed is not None and feed.proxy is proxy:
                 feed.on(FeedEvent.LEAVE)
-                del self._feeds[source.gid]
+                del self._feeds[proxy.gid]
                 self._shm_context.give_back(feed.slot)
                 if feed.final_seq >= next_seq:
                     self._on_missed(feed.final_seq + 1 - next_seq)
                 if reason:
-                    self._refuse(source, reason)
+                    self._refuse(proxy, reason)
 
     def disconnected(self) -> None:
         """The broker is gone; the rings are read on."""
@@ -170,7 +170,7 @@ class ShmReceiver:
         self._cancel_return()
         self.sweep()  # the reader knows no position in what it has left
         for feed in self._feeds.values():
-            feed.source.last_seq = self.reader.next_seq(feed.source) - 1
+            feed.proxy.last_seq = self.reader.next_seq(feed.proxy) - 1
             feed.on(FeedEvent.DISCONNECT)
 
     def poll(self, time_s: float) -> None:
@@ -199,10 +199,10 @@ class ShmReceiver:
 
     def _attach(
         self,
-        source: PublisherProxy,
+        proxy: PublisherProxy,
         matched: m.Matched,
         descriptors: tuple[Descriptor, ...],
-        known_seq: int | None,
+        received_seq: int | None,
     ) -> int:
         """Returns the slot. Raises OSError or ValueError, saying what is wrong."""
         if len(descriptors) != matched.descriptors:
@@ -226,12 +226,12 @@ class ShmReceiver:
             history = 0
             if self._wants_history and matched.qos.durability is Durability.TRANSIENT_LOCAL:
                 history = min(self.reader.depth or _ALL, _depth(matched.qos) or _ALL)
-            next_seq = max(known_seq + 1 if known_seq else 0, self._positions.pop(matched.gid, 0))
+            next_seq = max(received_seq + 1 if received_seq else 0, self._positions.pop(matched.gid, 0))
             # All of a publisher that was made later is for us, also what is lapped by now: counted then.
             is_new = matched.next_seq == 1 and matched.at_ns > self._declared_ns
             keep = self._shm_context.writer_doorbell(doorbell) if self._is_lossless else None
             first_seq = self.reader.attach(
-                source,
+                proxy,
                 memory,
                 slot,
                 start=next_seq or int(is_new),
@@ -244,8 +244,8 @@ class ShmReceiver:
         except BaseException:
             self._shm_context.give_back(slot)
             raise
-        source.last_seq = first_seq - 1
-        feed = self._feeds[matched.gid] = Feed(self._owner, matched, source, slot)
+        proxy.last_seq = first_seq - 1
+        feed = self._feeds[matched.gid] = Feed(self._owner, matched, proxy, slot)
         feed.identity, feed.doorbell = segments.identity(descriptor), keep
         feed.on(FeedEvent.ATTACH)
         self._shm_context.look_soon()
@@ -261,12 +261,12 @@ class ShmReceiver:
         if feed is not None:
             memory = segments.map_ring(descriptor)
             _make_ready_for(memory.size)
-            self.reader.extend(feed.source, memory)
+            self.reader.extend(feed.proxy, memory)
             feed.identity = segments.identity(descriptor)
             self._shm_context.look_soon()
 
-    def _refuse(self, source: PublisherProxy, text: str) -> None:
-        refusal = m.RefuseRoute(endpoint=self._owner._id, other=source.number, text=text[:1000])
+    def _refuse(self, proxy: PublisherProxy, text: str) -> None:
+        refusal = m.RefuseRoute(endpoint=self._owner._id, other=proxy.number, text=text[:1000])
         self._port.send_about(self._owner, refusal)
 
 

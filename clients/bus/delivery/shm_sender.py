@@ -59,7 +59,7 @@ class ShmSender:
         self.descriptor, memory = segments.make_ring(FIRST_CAPACITY, FIRST_INDEX, 1)
         self._announced: Descriptor | None = None
         self.writer = shm.native.Writer(memory, self._depth)
-        self.writer.is_noted = False
+        self.writer.is_report_due = False
         if port.is_shared:
             self.writer.is_mine = port.owns_thread
         support = owner._support

@@ -58,7 +58,7 @@ class SocketSender:
         self._owner = owner
         self._from_threads = from_threads
         self.is_active = True
-        self.is_noted = False
+        self.is_report_due = False
         """Else `hand_over` has the counters reported."""
         self.on_replaced: Callable[[int], object] = int
         """Called with the number of samples that the depth has replaced here."""
@@ -196,8 +196,8 @@ class SocketSender:
         ):
             body = memoryview(frame)[DATA_HEAD_BYTES:]
             self._queue_run(Run(0, 0, first_seq, samples, body, is_resumed=is_resumed))
-        if not self.is_noted:
-            self.is_noted = True
+        if not self.is_report_due:
+            self.is_report_due = True
             self._port.report(owner)
 
     def _keep(self, run: Run) -> None:

@@ -26,13 +26,13 @@ def watched(callback: Callable[..., Any], what: str, logger: Logger) -> Callable
     """
     if not asyncio.get_running_loop().get_debug():
         return callback
-    is_told = False
+    is_warned = False
 
     def look(began: float) -> None:
-        nonlocal is_told
+        nonlocal is_warned
         took = perf_counter() - began
-        if took > SLOW_S and not is_told:
-            is_told = True
+        if took > SLOW_S and not is_warned:
+            is_warned = True
             logger.warning(
                 f"callback {callback_name(callback)} of {what} took {took * 1e3:.0f} ms, while nothing else "
                 "could run in this event loop (said once)"

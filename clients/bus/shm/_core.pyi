@@ -11,7 +11,7 @@ Buffer: TypeAlias = Any
 Bytes: TypeAlias = bytes
 
 REPORT_DUE: Final = 2
-"""Written, and it was the first since `is_noted` was set to False."""
+"""Written, and it was the first since `is_report_due` was set to False."""
 FULL: Final = 3
 """Not written: a lossless reader, or `hold`, has not passed what would be overwritten."""
 SHORT: Final = 4
@@ -113,7 +113,7 @@ class Writer:
     1 << 62 at first."""
     is_mine: Callable[[], bool] | None
     """May be set: any thread may write for which that is true, as where it holds a lock."""
-    is_noted: bool
+    is_report_due: bool
     """May be set to False: then the next write returns REPORT_DUE once."""
     is_long: bool
     """`publish` took a message that was longer than `longest`: it takes no more until this is False."""
@@ -232,7 +232,7 @@ class Reader(Generic[S]):
     undecodable: int
     is_busy: bool
     """A call is under way or about to go on, so that it must not call back by itself. May be set."""
-    is_noted: bool
+    is_report_due: bool
     """May be set to False: the counters were reported, and change once more. Who notes that, sets it."""
     expected: int
     """By the numbers: samples + replaced + overrun + expired + undecodable + those that wait."""
@@ -277,11 +277,11 @@ class Reader(Generic[S]):
         decode: Callable[[Any], M],
         on_error: Callable[[Exception], object],
         queues: tuple[Sized, ...],
-        on_note: Callable[[], object],
+        on_report_due: Callable[[], object],
     ) -> None:
         """Let `Readers.deliver` call back, while all `queues` are empty: what waits there comes first.
 
-        Before a message for which `is_noted` is False it calls `on_note`, and sets it.
+        Before a message for which `is_report_due` is False it calls `on_report_due`, and sets it.
         """
     def forget_callback(self) -> None:
         """Take that back, also while it is called."""
@@ -308,10 +308,10 @@ class Reader(Generic[S]):
         away.
 
         None: at `deadline_ns` and at `due_s` (0: never), and wherever else the event loop is to have a turn,
-        or Python to look: `epoll` has other events than the doorbell, another reader has news, `is_noted` is
-        not set, a sample was refused, nothing is attached, signals were handled, all was found without a
-        sleep for a while. What has to be done then is still there to be found. Raises what `decode` raises
-        that is no Exception, and what a signal's handler raises.
+        or Python to look: `epoll` has other events than the doorbell, another reader has news,
+        `is_report_due` is not set, a sample was refused, nothing is attached, signals were handled, all was
+        found without a sleep for a while. What has to be done then is still there to be found. Raises what
+        `decode` raises that is no Exception, and what a signal's handler raises.
         """
     def pop_rejected(self) -> list[tuple[int, Exception]]:
         """Size and error of the samples that `decode` refused since the last call."""

@@ -100,7 +100,7 @@ typedef struct {
     struct home home; /* nobody's once it is closed */
     unsigned forks;
     bool is_closed;
-    char is_noted;
+    char is_report_due;
     char is_long;
     char is_lent; /* the place at head is filled by who has the loan: nothing else may be published */
     struct gate_owner *owners; /* beside ring.gates */
@@ -183,7 +183,7 @@ struct feed {
 struct prepared {
     PyObject *callback, *decode, *on_error;
     PyObject *queues;  /* a tuple: what waits in these comes before what is in the rings */
-    PyObject *on_note; /* called where `is_noted` is not set, and then it is */
+    PyObject *on_report_due; /* called where `is_report_due` is not set, and then it is */
 };
 
 struct Reader {
@@ -198,11 +198,11 @@ struct Reader {
     bool tells_cursor;
     uint64_t samples, bytes, expired, undecodable;
     uint64_t replaced, overrun, passed; /* of feeds that were left; passed: all that they have stepped over */
-    uint64_t lost_told;        /* of all that was lost, what the owner has looked after */
+    uint64_t lost_reported;        /* of all that was lost, what the owner has looked after */
     PyObject *rejected, *left; /* lists */
     struct prepared prepared;  /* callback NULL: the owner calls back */
     char is_busy;              /* a call is under way or about to go on: calls never overlap */
-    char is_noted;             /* the owner knows that its counters have changed */
+    char is_report_due;             /* the owner knows that its counters have changed */
 };
 
 /* py_module.c */

@@ -52,7 +52,7 @@ static void forget_callback(Reader *self)
     Py_XDECREF(prepared.decode);
     Py_XDECREF(prepared.on_error);
     Py_XDECREF(prepared.queues);
-    Py_XDECREF(prepared.on_note);
+    Py_XDECREF(prepared.on_report_due);
 }
 
 static int reader_clear(PyObject *object)
@@ -81,7 +81,7 @@ static int reader_traverse(PyObject *object, visitproc visit, void *arg)
     Py_VISIT(self->prepared.decode);
     Py_VISIT(self->prepared.on_error);
     Py_VISIT(self->prepared.queues);
-    Py_VISIT(self->prepared.on_note);
+    Py_VISIT(self->prepared.on_report_due);
     for (size_t i = 0; i < self->count; i++)
         Py_VISIT(self->feeds[i]->source);
     return 0;
@@ -379,17 +379,17 @@ static PyObject *get_expected(PyObject *object, void *Py_UNUSED(closure))
 
 static PyObject *reader_prepare(PyObject *object, PyObject *args, PyObject *kwargs)
 {
-    static char *names[] = {"callback", "decode", "on_error", "queues", "on_note", NULL};
+    static char *names[] = {"callback", "decode", "on_error", "queues", "on_report_due", NULL};
     Reader *self = (Reader *)object;
     struct prepared prepared;
     if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOO!O", names, &prepared.callback, &prepared.decode,
-                                     &prepared.on_error, &PyTuple_Type, &prepared.queues, &prepared.on_note))
+                                     &prepared.on_error, &PyTuple_Type, &prepared.queues, &prepared.on_report_due))
         return NULL;
     Py_INCREF(prepared.callback);
     Py_INCREF(prepared.decode);
     Py_INCREF(prepared.on_error);
     Py_INCREF(prepared.queues);
-    Py_INCREF(prepared.on_note);
+    Py_INCREF(prepared.on_report_due);
     forget_callback(self);
     self->prepared = prepared;
     Py_RETURN_NONE;
@@ -424,7 +424,7 @@ static PyMemberDef members[] = {
     {"expired", T_ULONGLONG, offsetof(Reader, expired), READONLY, NULL},
     {"undecodable", T_ULONGLONG, offsetof(Reader, undecodable), READONLY, NULL},
     {"is_busy", T_BOOL, offsetof(Reader, is_busy), 0, NULL},
-    {"is_noted", T_BOOL, offsetof(Reader, is_noted), 0, NULL},
+    {"is_report_due", T_BOOL, offsetof(Reader, is_report_due), 0, NULL},
     {0},
 };
 

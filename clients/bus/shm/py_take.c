@@ -263,8 +263,8 @@ static bool has_lost(Reader *self)
     uint64_t lost = self->overrun + self->replaced + self->expired + self->undecodable;
     for (size_t i = 0; i < self->count; i++)
         lost += self->feeds[i]->ring.overrun + self->feeds[i]->ring.replaced;
-    const bool is_due = lost != self->lost_told;
-    self->lost_told = lost;
+    const bool is_due = lost != self->lost_reported;
+    self->lost_reported = lost;
     return is_due;
 }
 
@@ -299,15 +299,15 @@ static int handle(PyObject *on_error)
 }
 
 /* The counters have changed, perhaps for the first time since they were reported. */
-static int note(Reader *self, PyObject *on_note, PyObject *on_error)
+static int note(Reader *self, PyObject *on_report_due, PyObject *on_error)
 {
-    if (self->is_noted)
+    if (self->is_report_due)
         return 0;
-    PyObject *answer = PyObject_CallFunctionObjArgs(on_note, NULL);
+    PyObject *answer = PyObject_CallFunctionObjArgs(on_report_due, NULL);
     if (answer == NULL)
         return handle(on_error);
     Py_DECREF(answer);
-    self->is_noted = 1;
+    self->is_report_due = 1;
     return 0;
 }
 
@@ -315,13 +315,13 @@ static int note(Reader *self, PyObject *on_note, PyObject *on_error)
 int reader_deliver(Reader *self)
 {
     PyObject *callback = Py_NewRef(self->prepared.callback), *decode = Py_NewRef(self->prepared.decode);
-    PyObject *on_error = Py_NewRef(self->prepared.on_error), *on_note = Py_NewRef(self->prepared.on_note), *message;
+    PyObject *on_error = Py_NewRef(self->prepared.on_error), *on_report_due = Py_NewRef(self->prepared.on_report_due), *message;
     self->is_busy = 1;
     int status = take_oldest(self, decode, false, &message);
     if (status == 1) {
         const bool is_due = has_lost(self);
         /* Before the callback: that may close the subscription, and then what it has had is told. */
-        status = note(self, on_note, on_error);
+        status = note(self, on_report_due, on_error);
         PyObject *answer = status < 0 ? NULL : PyObject_CallFunctionObjArgs(callback, message, NULL);
         if (status == 0 && answer == NULL)
             status = handle(on_error);
@@ -334,7 +334,7 @@ int reader_deliver(Reader *self)
     Py_DECREF(callback);
     Py_DECREF(decode);
     Py_DECREF(on_error);
-    Py_DECREF(on_note);
+    Py_DECREF(on_report_due);
     return status;
 }
 
@@ -358,7 +358,7 @@ enum {
 static bool may_wait(const Reader *self)
 {
     const Readers *readers = self->readers;
-    return readers->doorbell >= 0 && !readers->has_writers && self->is_noted && self->count != 0 &&
+    return readers->doorbell >= 0 && !readers->has_writers && self->is_report_due && self->count != 0 &&
            PyList_Size(self->rejected) == 0;
 }
 

@@ -33,7 +33,7 @@ static PyObject *writer_new(PyTypeObject *type, PyObject *args, PyObject *kwargs
     self->memory = memory;
     self->home.thread = PyThread_get_thread_ident();
     self->forks = core_forks;
-    self->is_noted = 1;
+    self->is_report_due = 1;
     self->most = self->longest = UINT64_C(1) << 62;
     return (PyObject *)self;
 }
@@ -96,9 +96,9 @@ static inline PyObject *published(Writer *self, uint64_t size)
     self->samples++;
     self->bytes += size;
     writer_ring_bells(self, false);
-    if (self->is_noted)
+    if (self->is_report_due)
         Py_RETURN_TRUE;
-    self->is_noted = 1;
+    self->is_report_due = 1;
     return PyLong_FromLong(REPORT_DUE);
 }
 
@@ -552,7 +552,7 @@ static PyMemberDef members[] = {
     {"samples", T_ULONGLONG, offsetof(Writer, samples), READONLY, NULL},
     {"bytes", T_ULONGLONG, offsetof(Writer, bytes), READONLY, NULL},
     {"is_mine", T_OBJECT, offsetof(Writer, home.is_mine), 0, NULL},
-    {"is_noted", T_BOOL, offsetof(Writer, is_noted), 0, NULL},
+    {"is_report_due", T_BOOL, offsetof(Writer, is_report_due), 0, NULL},
     {"is_long", T_BOOL, offsetof(Writer, is_long), 0, NULL},
     {"is_lent", T_BOOL, offsetof(Writer, is_lent), 0, NULL},
     {"longest", T_ULONGLONG, offsetof(Writer, longest), 0, NULL},

@@ -54,7 +54,7 @@ class Units(msgspec.Struct, frozen=True):
 
     def texts(self, command: str, version: int | None) -> dict[Path, str]:
         """What stands in each file. `command` starts busd, `version` is systemd's, None where not known."""
-        is_told = version is not None and version >= _NOTIFY_RELOAD
+        reloads_by_notify = version is not None and version >= _NOTIFY_RELOAD
         values = {
             "name": self.name,
             "domain": str(self.domain),
@@ -63,8 +63,8 @@ class Units(msgspec.Struct, frozen=True):
             "socket": self.socket,
             "command": command,
             # systemd sends the signal itself, and waits until it has been heeded.
-            "type": "notify-reload" if is_told else "notify",
-            "reload": "" if is_told else "/bin/kill -HUP $MAINPID",
+            "type": "notify-reload" if reloads_by_notify else "notify",
+            "reload": "" if reloads_by_notify else "/bin/kill -HUP $MAINPID",
         }
         scope = "system" if self.user else "user"
         return {path: _fill(f"{scope}.{kind}", values) for path, kind in zip(self.paths, _KINDS, strict=True)}

@@ -84,15 +84,15 @@ def _registry(args: Namespace) -> "CollectorRegistry":
     except ImportError as error:
         raise CommandError(f"metrics need prometheus-client ({error}): pip install 'busd[metrics]'") from None
     path = socket_path(args.socket, args.domain)
-    told = ""
+    last_reason = ""
 
     def look_and_tell() -> View | str:
-        nonlocal told
+        nonlocal last_reason
         seen = look(path)
         reason = "" if isinstance(seen, View) else seen
-        if reason != told:
+        if reason != last_reason:
             complain(reason or f"busd answers at {path}")
-        told = reason
+        last_reason = reason
         return seen
 
     registry = CollectorRegistry()

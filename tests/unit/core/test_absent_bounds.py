@@ -9,7 +9,7 @@ from bus.wire import messages as m
 from bus.wire.codec import encode_frame
 from bus.wire.layout import FRAME_HEAD_BYTES, MAX_COUNT
 from busd.core import absent
-from busd.core.absent import KEEP_NS, TELL_AGAIN_NS
+from busd.core.absent import KEEP_NS, LOG_AGAIN_NS
 
 
 class TestOthers:
@@ -99,7 +99,7 @@ class TestBounds:
         story = Story()
         story.publisher.publish("a")
         story.lose()
-        story.world.advance((KEEP_NS + TELL_AGAIN_NS) / SECOND)
+        story.world.advance((KEEP_NS + LOG_AGAIN_NS) / SECOND)
         assert not [note for note in story.world.notes if "did not come back" in note]
 
     def test_the_log_hears_of_many_at_once(self) -> None:
@@ -110,9 +110,9 @@ class TestBounds:
             story.publisher.publish("a")
             story.lose()
             story.world.advance(1)
-        story.world.advance((KEEP_NS + TELL_AGAIN_NS) / SECOND)
+        story.world.advance((KEEP_NS + LOG_AGAIN_NS) / SECOND)
         lines = [note for note in story.world.notes if "did not come back" in note]
-        assert 2 < len(lines) <= 30 / (TELL_AGAIN_NS / SECOND) + 2
+        assert 2 < len(lines) <= 30 / (LOG_AGAIN_NS / SECOND) + 2
         assert sum(int(line.rsplit(maxsplit=1)[1]) for line in lines) == 30
         assert kept(story.world).unclaimed == 30
 
@@ -127,7 +127,7 @@ class TestBounds:
         broker = story.world.broker
         broker.tick(story.world.now_ns + KEEP_NS)
         assert 0 < kept(story.world).subscriptions < 601
-        story.world.advance((KEEP_NS + TELL_AGAIN_NS) / SECOND)
+        story.world.advance((KEEP_NS + LOG_AGAIN_NS) / SECOND)
         assert kept(story.world) == m.AbsentRecord(unclaimed=601)
 
     def test_the_longest_absent_of_a_user_goes_first(self, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ from broker_world import ALL_MAY, SECOND, UID, Refusal, World
 from bus.base.ids import EndpointId
 from bus.qos import QoSProfile
 from bus.wire import messages as m
-from busd.core.absent import KEEP_NS, TELL_AGAIN_NS
+from busd.core.absent import KEEP_NS, LOG_AGAIN_NS
 from busd.core.access import AccessRule
 
 GUEST = UID + 1
@@ -158,7 +158,7 @@ def test_nothing_is_left_of(story: Callable[[Stage], None]) -> None:
             stage.listener.unblock()
             stage.world.advance(0.2)
             stage.live(0)
-        stage.live((KEEP_NS + TELL_AGAIN_NS) / SECOND)  # what is kept for those that may come back
+        stage.live((KEEP_NS + LOG_AGAIN_NS) / SECOND)  # what is kept for those that may come back
         return stage.weight()
 
     weight = play(SETTLING)

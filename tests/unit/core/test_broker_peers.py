@@ -7,7 +7,7 @@ import pytest
 from broker_world import SECOND, TEXT, UID, Process, Refusal, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
-from busd.core.absent import KEEP_NS, TELL_AGAIN_NS
+from busd.core.absent import KEEP_NS, LOG_AGAIN_NS
 from busd.core.access import Access
 from busd.core.entities import Peer
 from busd.core.limits import Limits
@@ -20,7 +20,7 @@ def assert_nothing_is_left(world: World) -> None:
     tables = (graph.nodes, graph.publishers, graph.subscriptions, graph.topics, graph.types)
     assert not any(tables)
     world.advance(world.broker.limits.lease_s + 1)
-    world.advance((KEEP_NS + TELL_AGAIN_NS) / SECOND)  # what is kept for those that may come back
+    world.advance((KEEP_NS + LOG_AGAIN_NS) / SECOND)  # what is kept for those that may come back
     assert broker.next_deadline_ns() is None, "timers hold what they look at"
 
 

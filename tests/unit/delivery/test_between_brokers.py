@@ -77,7 +77,7 @@ def test_what_was_read_in_the_ring_is_not_sent_once_more() -> None:
     talker.publish(publisher)
     world.settle()
     assert numbers(listener, subscription) == [6]
-    assert subscription._receiver.sources.known == 0
+    assert subscription._receiver.tracker.repeated == 0
     assert losses(subscription) == {}
 
 

@@ -114,7 +114,7 @@ class TestWhenItLeaves:
         way = Way(LAST_3)
         way.put_apart(3)
         assert way.port.reported == [way.owner]
-        way.sender.is_noted = False
+        way.sender.is_report_due = False
         way.put_apart(1)
         assert way.port.reported == [way.owner] * 2
 
