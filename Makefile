@@ -111,6 +111,9 @@ arm: ## the ring's C tests on aarch64, by an emulator; nothing where that or the
 sanitize: ## the ring as C programs under the sanitizers, and broken on purpose (needs gcc)
 	$(MAKE) -C tests/native test sanitize
 
+differential: $(TOOLS) $(ROS_STAMP) ## programs under ROS 2's own rclpy and under busd's (ARGS="--record timers")
+	@PYTHONPATH=tests:. $(BIN)/python -m differential $(ARGS)
+
 fuzz: $(FUZZ_STAMP) ## fuzz all that takes input, guided by coverage (SECONDS=60; atheris, and clang for the C parts)
 	PYTHONPATH=tests:tests/world $(BIN)/python -m fuzz --seconds $(or $(SECONDS),60)
 
@@ -157,11 +160,11 @@ bench-report: $(BENCH_STAMP) ## the report, its pictures and the README's table 
 	$(if $(RESULT),,$(error say of which: make bench-report RESULT=benchmarks/results/....json))
 	$(BIN)/python -m benchmarks.write $(RESULT)
 
-peers: $(ROS_STAMP) ## ROS 2's own rclpy into .venv-ros, to measure beside busd's: half a minute, 250 MB, x86_64
+peers: $(ROS_STAMP) ## ROS 2's own rclpy into .venv-ros, to compare with busd's: half a minute, 280 MB, x86_64
 
 # Its modules have the names of busd's facade, so it is kept apart. Where it can't be had, its rows say so.
 $(ROS_STAMP): benchmarks/peers.txt | $(TOOLS)
-	@echo "installing ROS 2's rclpy into $(ROS_VENV): half a minute, 250 MB"
+	@echo "installing ROS 2's rclpy into $(ROS_VENV): half a minute, 280 MB"
 	@mkdir -p $(ROS_VENV)
 	@{ $(BIN)/python -m venv $(ROS_VENV) \
 			&& $(ROS_VENV)/bin/python -m pip install -qq --disable-pip-version-check --requirement $<; } \
@@ -191,4 +194,4 @@ clean: ## remove what the other targets made
 	rm -rf $(VENV) $(ROS_VENV) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: help setup demo robot test compiled nightly test-nightly mutants native arm lint sanitize fuzz api messages fmt bench-quick bench peers chaos soak bench-compare bench-report wheels test-pythons clean
+.PHONY: help setup demo robot test compiled nightly test-nightly mutants native arm lint sanitize differential fuzz api messages fmt bench-quick bench peers chaos soak bench-compare bench-report wheels test-pythons clean

@@ -33,7 +33,7 @@ INSIDE = {
     "rclpy.task": {"UNFINISHED", "Step"},
     "rclpy.qos": {"from_native", "profile_of", "to_native"},
     "rclpy.validate_topic_name": {
-        *("expand_topic_name", "topic_or_service_is_hidden", "validate_full_topic_name"),
+        *("expand_topic_name", "full_name", "topic_or_service_is_hidden", "validate_full_topic_name"),
         *("validate_namespace", "validate_node_name", "validate_parameter_name"),
     },
 }

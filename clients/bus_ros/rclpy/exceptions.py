@@ -99,10 +99,15 @@ class _NameException(NameValidationException):
 
     @classmethod
     def of(cls, name: str, error: ConfigurationError) -> "_NameException":
-        """The error of `bus.names` about `name`, in rclpy's words."""
-        # Texts of bus.names: "Invalid <kind>: <rule>:\n  '<name>'\n   ^"
-        rule = str(error).partition(": ")[2].partition(":\n")[0]
-        return cls(name, rule or str(error), error.index or 0)
+        """The error of `bus.names` about `name`, or its full name, in rclpy's words."""
+        # Texts of bus.names: "Invalid <kind>: <rule>:\n  '<full>' (expanded from '<name>')\n   ^"
+        full, expanded, _ = str(error).partition(":\n  '")[2].partition(f"' (expanded from '{name}')\n")
+        return cls(full if expanded else name, rule_of(error), error.index or 0)
+
+
+def rule_of(error: ConfigurationError) -> str:
+    """The rule that a name breaks, of the error of `bus.names` about it."""
+    return str(error).partition(": ")[2].partition(":\n")[0] or str(error)
 
 
 class InvalidNamespaceException(_NameException):

@@ -31,9 +31,8 @@ from bus_ros.rclpy.clock import Clock, ROSClock
 from bus_ros.rclpy.context import Context, get_default_context, parse_arguments
 from bus_ros.rclpy.exceptions import (
     InvalidHandle,
-    InvalidServiceNameException,
-    InvalidTopicNameException,
     NotInitializedException,
+    RCLError,
 )
 from bus_ros.rclpy.guard_condition import GuardCondition
 from bus_ros.rclpy.impl.node_graph import NodeGraph
@@ -53,7 +52,12 @@ from bus_ros.rclpy.subscription import Subscription
 from bus_ros.rclpy.time_source import TimeSource
 from bus_ros.rclpy.timer import Rate, Timer
 from bus_ros.rclpy.type_support import check_is_valid_msg_type, check_is_valid_srv_type
-from bus_ros.rclpy.validate_topic_name import validate_namespace, validate_node_name, validate_topic_name
+from bus_ros.rclpy.validate_topic_name import (
+    full_name,
+    validate_namespace,
+    validate_node_name,
+    validate_topic_name,
+)
 
 if TYPE_CHECKING:  # most programs need none
     from bus.client import ServiceClient
@@ -324,7 +328,7 @@ class Node(NodeGraph, NodeParameters):
         """Call `callback()` every `timer_period_sec` seconds, the first time after one period."""
         period_ns = int(float(timer_period_sec) * 1e9)
         if period_ns < 0:
-            raise ValueError(f"timer period {timer_period_sec!r} is below zero")
+            raise RCLError("failed to create timer: timer period must be non-negative")
         if callback is not None:
             _check_callback(callback)
         group = callback_group or self._default_callback_group
@@ -456,11 +460,7 @@ class Node(NodeGraph, NodeParameters):
         if self.__is_destroyed:
             raise InvalidHandle(f"node '{self.__native.full_name}' is destroyed")
         validate_topic_name(name, is_service=is_service)
-        try:
-            self.__native.resolve_topic_name(name)
-        except ConfigurationError as error:  # what is wrong only with the full name
-            kind = InvalidServiceNameException if is_service else InvalidTopicNameException
-            raise kind.of(name, error) from None
+        full_name(name, self.__native.resolve_topic_name, is_service=is_service)
 
     def __profile(
         self, kind: str, topic: str, profile: QoSProfile | int, options: "QoSOverridingOptions | None"

@@ -345,7 +345,7 @@ def profile_of(qos_or_depth: QoSProfile | int) -> QoSProfile:
     if not isinstance(qos_or_depth, int):
         raise TypeError(f"Expected QoSProfile or int, but received {type(qos_or_depth)!r}")
     if qos_or_depth < 0:
-        raise ValueError("depth must be greater than or equal to zero")
+        raise ValueError("history depth must be greater than or equal to zero")
     return QoSProfile(depth=qos_or_depth)
 
 

@@ -3,6 +3,8 @@
 rclpy has a module for each function; those are in the table of `bus_ros.aliases`.
 """
 
+from collections.abc import Callable
+
 from bus import names
 from bus.errors import ConfigurationError
 from bus_ros.rclpy.exceptions import (
@@ -11,11 +13,13 @@ from bus_ros.rclpy.exceptions import (
     InvalidParameterException,
     InvalidServiceNameException,
     InvalidTopicNameException,
+    rule_of,
 )
 
 __all__ = [
     "TOPIC_SEPARATOR_STRING",
     "expand_topic_name",
+    "full_name",
     "topic_or_service_is_hidden",
     "validate_full_topic_name",
     "validate_namespace",
@@ -74,7 +78,29 @@ def validate_parameter_name(name: str) -> bool:
 
 def expand_topic_name(topic_name: str, node_name: str, node_namespace: str) -> str:
     """With `~` and `{node}` put in and the namespace in front; raises ValueError for a wrong name."""
-    return names.expand_topic_name(topic_name, node_name, node_namespace)
+    try:
+        return names.expand_topic_name(topic_name, node_name, node_namespace)
+    except ConfigurationError as error:
+        raise ValueError(f"topic name '{topic_name}' is invalid: {rule_of(error)}") from None
+
+
+def full_name(name: str, resolve: Callable[[str], str], *, is_service: bool = False) -> str:
+    """The full name that `resolve` finds; what is wrong with `name` is said as rclpy's node says it.
+
+    Raises ValueError for what is typed wrong, InvalidTopicNameException (InvalidServiceNameException) where
+    only the full name is wrong.
+    """
+    is_typed_right = False
+    try:
+        names.validate_topic_name(name)
+        is_typed_right = True
+        return resolve(name)
+    except ConfigurationError as error:
+        rule = rule_of(error)
+        if is_typed_right and not rule.startswith("unknown substitution"):
+            kind = InvalidServiceNameException if is_service else InvalidTopicNameException
+            raise kind.of(name, error) from None
+        raise ValueError(f"topic name '{name}' is invalid: {rule}") from None
 
 
 def topic_or_service_is_hidden(name: str) -> bool:

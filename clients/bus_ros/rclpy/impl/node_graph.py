@@ -1,15 +1,17 @@
 """A node's place in the graph: its name, the names of its endpoints, and its view of other nodes."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
+from bus import names
+from bus.errors import ConfigurationError
 from bus.graph import Graph, GraphEndpoint, services_of
 from bus.names import service_of_topic
 from bus.node import Node as NativeNode
 from bus_ros.engine import Engine
 from bus_ros.rclpy.context import Context
-from bus_ros.rclpy.exceptions import NodeNameNonExistentError
+from bus_ros.rclpy.exceptions import NodeNameNonExistentError, RCLError, rule_of
 from bus_ros.rclpy.topic_endpoint_info import TopicEndpointInfo
-from bus_ros.rclpy.validate_topic_name import expand_topic_name, validate_topic_name
+from bus_ros.rclpy.validate_topic_name import full_name
 
 __all__ = ["NodeGraph"]
 
@@ -34,18 +36,15 @@ class NodeGraph:
         return self.__native.full_name
 
     def resolve_topic_name(self, topic: str, *, only_expand: bool = False) -> str:
-        """The full name; after remapping, unless it is only to be expanded."""
-        validate_topic_name(topic)
-        if only_expand:
-            return self.__expand(topic)
-        return self.__native.resolve_topic_name(topic)
+        """The full name; after remapping, unless it is only to be expanded.
+
+        Raises RCLError for a wrong one.
+        """
+        return self.__resolve(topic, self.__native.resolve_topic_name, only_expand)
 
     def resolve_service_name(self, service: str, *, only_expand: bool = False) -> str:
         """As `resolve_topic_name`."""
-        validate_topic_name(service, is_service=True)
-        if only_expand:
-            return self.__expand(service)
-        return self.__native.resolve_service_name(service)
+        return self.__resolve(service, self.__native.resolve_service_name, only_expand)
 
     def wait_for_node(self, fully_qualified_node_name: str, timeout: float) -> bool:
         """Wait until such a node is in the graph, `timeout` seconds at most; returns whether."""
@@ -85,27 +84,27 @@ class NodeGraph:
         return [node.full_name for node in self.__graph().nodes]
 
     def count_publishers(self, topic_name: str) -> int:
-        return len(self.__graph().publishers_of(self.resolve_topic_name(topic_name)))
+        return len(self.__graph().publishers_of(self.__topic(topic_name)))
 
     def count_subscribers(self, topic_name: str) -> int:
-        return len(self.__graph().subscriptions_of(self.resolve_topic_name(topic_name)))
+        return len(self.__graph().subscriptions_of(self.__topic(topic_name)))
 
     def count_services(self, service_name: str) -> int:
-        return len(self.__graph().servers_of(self.resolve_service_name(service_name)))
+        return len(self.__graph().servers_of(self.__service(service_name)))
 
     def count_clients(self, service_name: str) -> int:
-        return len(self.__graph().clients_of(self.resolve_service_name(service_name)))
+        return len(self.__graph().clients_of(self.__service(service_name)))
 
     def get_publishers_info_by_topic(
         self, topic_name: str, no_mangle: bool = False
     ) -> list[TopicEndpointInfo]:
-        found = self.__graph().publishers_of(self.resolve_topic_name(topic_name))
+        found = self.__graph().publishers_of(self.__topic(topic_name))
         return [TopicEndpointInfo.from_graph(one) for one in found]
 
     def get_subscriptions_info_by_topic(
         self, topic_name: str, no_mangle: bool = False
     ) -> list[TopicEndpointInfo]:
-        found = self.__graph().subscriptions_of(self.resolve_topic_name(topic_name))
+        found = self.__graph().subscriptions_of(self.__topic(topic_name))
         return [TopicEndpointInfo.from_graph(one) for one in found]
 
     def get_publisher_names_and_types_by_node(
@@ -131,8 +130,19 @@ class NodeGraph:
 
     # --- inside
 
-    def __expand(self, name: str) -> str:
-        return expand_topic_name(name, self.__native.name, self.__native.namespace)
+    def __resolve(self, name: str, resolve: Callable[[str], str], only_expand: bool) -> str:
+        try:
+            if only_expand:
+                return names.expand_topic_name(name, self.__native.name, self.__native.namespace)
+            return resolve(name)
+        except ConfigurationError as error:
+            raise RCLError(f"failed to resolve name: {rule_of(error)}") from None
+
+    def __topic(self, name: str) -> str:
+        return full_name(name, self.__native.resolve_topic_name)
+
+    def __service(self, name: str) -> str:
+        return full_name(name, self.__native.resolve_service_name, is_service=True)
 
     def __graph(self) -> Graph:
         return self.__engine.run(self.__native.graph)

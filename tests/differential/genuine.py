@@ -1,0 +1,48 @@
+"""ROS 2's own rclpy: runs a program alone, so that it sees nothing else of the machine's ROS."""
+
+import os
+import subprocess
+from functools import cache
+from pathlib import Path
+
+from benchmarks import ros
+from cli import Result
+from conftest import WAIT_S
+
+# Processes of another network would be found by Fast DDS's shared memory.
+_ALONE = (
+    *("unshare", "--net", "--mount", "sh", "-c"),
+    "ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && mount -t tmpfs none /dev/shm"
+    ' && exec "$0" "$@"',
+)
+
+
+def missing() -> str:
+    """Why there is none; empty where there is one."""
+    if reason := ros.missing():
+        return reason
+    site = ros.PYTHON.parents[1].glob("lib/python*/site-packages/test_msgs")
+    return "" if any(site) else "test_msgs is not installed beside it: make peers"
+
+
+def run(program: Path, folder: Path) -> Result:
+    """Run it to its end; `folder` is for its files."""
+    alone = _ALONE if _can_be_alone() else ()
+    done = subprocess.run(
+        [*alone, str(ros.PYTHON), str(program)],
+        capture_output=True,
+        text=True,
+        timeout=2 * WAIT_S,
+        env={**os.environ, **ros.environ(folder)},
+        check=False,
+    )
+    return Result(done.stdout, done.stderr, done.returncode)
+
+
+@cache
+def _can_be_alone() -> bool:
+    """Where not, it has a domain of its own."""
+    try:
+        return subprocess.run([*_ALONE, "true"], capture_output=True, check=False).returncode == 0
+    except OSError:
+        return False

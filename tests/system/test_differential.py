@@ -1,0 +1,43 @@
+"""Programs print under busd what they print under rclpy, but for what docs/rclpy-differences.md says."""
+
+from pathlib import Path
+
+import pytest
+
+from differential import genuine, page
+from differential.compare import PROGRAMS, SHARE, asks, difference, normalized, recorded, recording
+from packaged import run_bus
+
+every_program = pytest.mark.parametrize("name", PROGRAMS)
+
+
+@pytest.mark.usefixtures("daemon")
+@every_program
+def test_the_facade_is_as_recorded(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BUS_INTERFACE_PATH", str(SHARE))
+    done = run_bus("run", str(PROGRAMS[name]))
+    assert done.code == 0, done.err
+    assert difference(recorded(name), normalized(done.out)) == page.differences().get(name, [])
+
+
+@pytest.mark.nightly
+@every_program
+def test_rclpy_is_as_recorded(name: str, tmp_path: Path) -> None:
+    if reason := genuine.missing():
+        pytest.skip(reason)
+    done = genuine.run(PROGRAMS[name], tmp_path)
+    assert done.code == 0, done.err
+    assert normalized(done.out) == recorded(name)
+
+
+def test_the_page_lists_the_programs() -> None:
+    differs = page.differences()
+    assert {name: asked for name, (asked, _) in page.rows().items()} == {
+        name: asks(name) for name in PROGRAMS
+    }
+    assert {name for name, (_, outcome) in page.rows().items() if outcome != "same"} == set(differs)
+    assert all(differs.values())
+
+
+def test_nothing_is_recorded_of_a_program_that_is_gone() -> None:
+    assert set(recording("").parent.iterdir()) == {recording(name) for name in PROGRAMS}
