@@ -6,6 +6,7 @@ inherits from another class of `bus`.
 
 import ast
 import inspect
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import Enum
@@ -221,8 +222,8 @@ class _Unquote(ast.NodeTransformer):
         return node if _source(node.value) == "Literal" else self.generic_visit(node)
 
     def visit_Constant(self, node: ast.Constant) -> ast.AST:
-        is_type = isinstance(node.value, str) and node.value.isidentifier() and node.value[0].isupper()
-        return ast.Name(str(node.value)) if is_type else node
+        is_type = isinstance(node.value, str) and re.fullmatch(r"[A-Z]\w*( \| \w+)*", node.value)
+        return ast.parse(str(node.value), mode="eval").body if is_type else node
 
 
 def _type(node: ast.expr | None) -> str:

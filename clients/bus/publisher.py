@@ -8,7 +8,7 @@ import asyncio
 import contextlib
 from operator import index as to_index
 from time import monotonic_ns
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 
@@ -21,7 +21,6 @@ from bus.diagnostics.provoked import warn
 from bus.endpoint import Endpoint, NodeContext
 from bus.errors import BusError, ConnectionClosed, PayloadTooLarge, again
 from bus.events import LivelinessLost, PublisherEvents
-from bus.loan import Loan
 from bus.qos import History, QoSProfile
 from bus.transport.memory import LARGE_BYTES, keep_freed_memory
 from bus.types.large_fields import (
@@ -37,6 +36,9 @@ from bus.wire import messages as m
 from bus.wire.layout import MAX_MESSAGE_BYTES
 from bus.wire.runs import Buffer
 from bus.wire.source_time import source_head
+
+if TYPE_CHECKING:  # few programs lend
+    from bus.loan import Loan
 
 M = TypeVar("M", bound=msgspec.Struct)
 
@@ -161,7 +163,7 @@ class Publisher(Endpoint[M]):
             return self._put(source_head(source_time_ns), in_bytes(payload))
         return self._sender.write(payload) or self._put(in_bytes(payload))
 
-    def loan(self, message: M, field: str, size: int) -> Loan | None:
+    def loan(self, message: M, field: str, size: int) -> "Loan | None":
         """A place for `size` bytes that are to be the field `field` of `message`, to be filled by the caller.
 
         What is written there is written where the subscriptions read it, with no copy in between; a camera's
@@ -178,6 +180,8 @@ class Publisher(Endpoint[M]):
         sender = self._sender
         place = sender.lend_field(message, index, size)
         if place.__class__ is memoryview:
+            from bus.loan import Loan
+
             return Loan(place, sender.end_loan)
         if (size := to_index(size)) < 0:
             raise ValueError(f"a loan of {size} bytes on '{self.topic_name}'")

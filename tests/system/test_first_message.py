@@ -62,6 +62,7 @@ _UNUSED = {
     "bus.client",
     "bus.service",
     "bus.types.service",
+    "bus.loan",
     "bus.parameters.values",
     "bus.parameters.store",
     "bus.parameters.time_source",

@@ -5,7 +5,7 @@ broker keeps the history. What other threads publish joins here. Does not know m
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from bus import shm
 from bus.base.descriptor import Descriptor
@@ -22,12 +22,14 @@ from bus.errors import (
     SharedMemoryError,
     again,
 )
-from bus.loan import Loan
 from bus.logger import Logger
 from bus.qos import History, Liveliness, QoSProfile
 from bus.types.large_fields import joined
 from bus.wire import messages as m
 from bus.wire.runs import Buffer
+
+if TYPE_CHECKING:  # few programs lend
+    from bus.loan import Loan
 
 _LOOK_S = 1.0
 """How often a waiting publisher looks whether the processes that it waits for still live."""
@@ -131,7 +133,7 @@ class Sender:
         self._check_loan()
         return not self._from_threads.late and self._put_now(parts, stamp_ns)
 
-    def lend(self, before: bytes, size: int, after: bytes) -> Loan | None:
+    def lend(self, before: bytes, size: int, after: bytes) -> "Loan | None":
         """A place for `size` bytes of a sample, the rest of which is known; None where `put` gives False.
 
         In the ring itself, where there is one. Until it ends, nothing else can be published.
@@ -153,6 +155,8 @@ class Sender:
         if ring is None:
             self._lent = place
             self._set_quick()  # the ring's own one takes nothing meanwhile
+        from bus.loan import Loan
+
         return Loan(place[start:stop], self.end_loan)
 
     def end_loan(self, is_wanted: bool) -> bool:
