@@ -21,9 +21,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from bus import qos as qos
     from bus.base.version import RELEASE as __version__
-    from bus.blocking import BlockingNode, connect
-    from bus.blocking_endpoint import BlockingPublisher, BlockingSubscription
-    from bus.client import ServiceClient, ServiceClientStatistics
+    from bus.blocking import BlockingNode, BlockingPublisher, BlockingSubscription, connect
     from bus.clock import Rate
     from bus.endpoint import Match
     from bus.errors import (
@@ -60,20 +58,20 @@ if TYPE_CHECKING:
     from bus.loan import Loan
     from bus.logger import Logger, Severity, get_logger
     from bus.node import Node
-    from bus.node_endpoints import NodeStatistics
+    from bus.node.endpoints import NodeStatistics
     from bus.publisher import Publisher, PublisherStatistics
     from bus.qos import Durability, History, Liveliness, QoS, QoSProfile, Reliability
     from bus.runner import run
     from bus.schema import MessageSchema
-    from bus.service import RequestId, ServiceServer, ServiceServerStatistics
+    from bus.service.client import ServiceClient, ServiceClientStatistics
+    from bus.service.server import RequestId, ServiceServer, ServiceServerStatistics
     from bus.srv import Service
     from bus.subscription import MessageInfo, Subscription, SubscriptionStatistics
     from bus.timer import Timer
 
 _HOMES = {
-    "bus.blocking": ("BlockingNode", "connect"),
-    "bus.blocking_endpoint": ("BlockingPublisher", "BlockingSubscription"),
-    "bus.client": ("ServiceClient", "ServiceClientStatistics"),
+    "bus.blocking": ("BlockingNode", "BlockingPublisher", "BlockingSubscription", "connect"),
+    "bus.service.client": ("ServiceClient", "ServiceClientStatistics"),
     "bus.clock": ("Rate",),
     "bus.endpoint": ("Match",),
     "bus.errors": (
@@ -110,12 +108,12 @@ _HOMES = {
     "bus.loan": ("Loan",),
     "bus.logger": ("Logger", "Severity", "get_logger"),
     "bus.node": ("Node",),
-    "bus.node_endpoints": ("NodeStatistics",),
+    "bus.node.endpoints": ("NodeStatistics",),
     "bus.publisher": ("Publisher", "PublisherStatistics"),
     "bus.qos": ("Durability", "History", "Liveliness", "QoS", "QoSProfile", "Reliability"),
     "bus.runner": ("run",),
     "bus.schema": ("MessageSchema",),
-    "bus.service": ("RequestId", "ServiceServer", "ServiceServerStatistics"),
+    "bus.service.server": ("RequestId", "ServiceServer", "ServiceServerStatistics"),
     "bus.srv": ("Service",),
     "bus.subscription": ("MessageInfo", "Subscription", "SubscriptionStatistics"),
     "bus.timer": ("Timer",),

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import bus
-import bus.rosout
+import bus.node.rosout
 from bus.msg.rcl_interfaces import Log
 from bus.msg.std_msgs import String
 from bus.wire import messages as m
@@ -59,8 +59,8 @@ _UNUSED = {
     "bus.types.classes",
     "bus.process.logfile",
     "bus.process.mistakes",
-    "bus.client",
-    "bus.service",
+    "bus.service.client",
+    "bus.service.server",
     "bus.types.service",
     "bus.loan",
     "bus.parameters.values",
@@ -177,7 +177,7 @@ async def test_a_refused_log_stays_here(broker: FakeBroker, caplog: pytest.LogCa
 async def test_a_node_ends_though_busd_never_answers(
     broker: FakeBroker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bus.rosout, "_END_S", 0.01)
+    monkeypatch.setattr(bus.node.rosout, "_END_S", 0.01)
     node, client, _ = await _opened(broker)
     node.get_logger().info("for nobody")
     await node.close()

@@ -146,7 +146,7 @@ class TestLies:
 
         def twice(request: AddTwoInts.Request) -> AddTwoInts.Response:
             response = AddTwoInts.Response(sum=7)
-            server.respond(bus.service.RequestId(client._gid, request.a), response)
+            server.respond(bus.RequestId(client._gid, request.a), response)
             return response
 
         server = await node.create_service(AddTwoInts, "add", twice)

@@ -182,7 +182,7 @@ def test_a_node_without_parameters_imports_nothing_for_them(daemon: object) -> N
     assert "bus.parameters.host" in imported
     assert not imported & {
         *("bus.types.classes", "bus.parameters.file", "bus.parameters.values", "bus.parameters.server"),
-        *("bus.parameters.store", "bus.service", "bus.parameters.time_source"),
+        *("bus.parameters.store", "bus.service.server", "bus.parameters.time_source"),
     }
 
 

@@ -4,7 +4,7 @@ from collections import deque
 from types import SimpleNamespace
 from typing import Any
 
-from bus.service import RequestId
+from bus.service.server import RequestId
 from bus.srv.example_interfaces import AddTwoInts
 from bus_ros.rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from bus_ros.rclpy.qos import qos_profile_services_default

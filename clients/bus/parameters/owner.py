@@ -9,7 +9,7 @@ from bus.publisher import Publisher
 from bus.qos import QoS
 
 if TYPE_CHECKING:  # most programs need neither
-    from bus.service import ServiceServer
+    from bus.service.server import ServiceServer
     from bus.subscription import Subscription
 
 __all__ = ["ParameterOwner"]

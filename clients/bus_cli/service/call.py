@@ -4,7 +4,7 @@ import asyncio
 from argparse import ArgumentParser, Namespace
 from typing import Any
 
-from bus.client import ServiceClient
+from bus.service.client import ServiceClient
 from bus.types.support import type_support
 from bus_cli.completion import completed_by
 from bus_cli.documents import load

@@ -12,7 +12,7 @@ from bus_ros.rclpy.qos import QoSProfile
 from bus_ros.rclpy.task import Future
 
 if TYPE_CHECKING:  # most programs have no clients
-    from bus.client import ServiceClient
+    from bus.service.client import ServiceClient
 
 __all__ = ["Client"]
 

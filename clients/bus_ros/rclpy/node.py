@@ -60,8 +60,8 @@ from bus_ros.rclpy.validate_topic_name import (
 )
 
 if TYPE_CHECKING:  # most programs need none
-    from bus.client import ServiceClient
-    from bus.service import ServiceServer
+    from bus.service.client import ServiceClient
+    from bus.service.server import ServiceServer
     from bus.subscription import Subscription as NativeSubscription
     from bus_ros.rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
     from bus_ros.rclpy.executors import Executor

@@ -6,7 +6,7 @@ from typing import Any
 
 from bus.base.callbacks import is_async
 from bus.errors import PayloadTooLarge
-from bus.service import RequestId, ServiceServer
+from bus.service.server import RequestId, ServiceServer
 from bus_ros.engine import Engine
 from bus_ros.entity import Destroyable, Entity, Group, Owner, Work
 from bus_ros.rclpy.qos import QoSProfile

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar, overload
 
 import msgspec
 
-from bus.blocking_endpoint import BlockingPublisher, BlockingSubscription
+from bus.blocking.endpoint import BlockingPublisher, BlockingSubscription
 from bus.errors import ConnectionClosed
 from bus.graph import Graph
 from bus.logger import Logger
@@ -25,7 +25,7 @@ from bus.schema import MessageSchema
 from bus.subscription import Subscription
 
 if TYPE_CHECKING:
-    from bus.client import ServiceClient
+    from bus.service.client import ServiceClient
 
 M = TypeVar("M", bound=msgspec.Struct)
 

@@ -22,22 +22,22 @@ from bus.events import PublisherEvents, SubscriptionEvents
 from bus.link.graph_watch import GraphWatches
 from bus.link.link import Link
 from bus.logger import Logger, configure, get_logger
-from bus.node_endpoints import NodeEndpoints, NodeStatistics
+from bus.node.endpoints import NodeEndpoints, NodeStatistics
+from bus.node.rosout import Rosout
 from bus.parameters.host import ParameterHost
 from bus.parameters.served import ServedParameters
 from bus.process.address import socket_name
 from bus.process.ros_args import Arguments
 from bus.publisher import Publisher
 from bus.qos import QoS, QoSProfile, profile, rosout_default
-from bus.rosout import Rosout
 from bus.schema import MessageSchema, find_schema, support_of
 from bus.types.support import TypeSupport, type_support
 from bus.wire import messages as m
 
 if TYPE_CHECKING:  # not every program needs them
-    from bus.client import ServiceClient
     from bus.graph import Graph
-    from bus.service import RequestId, ServiceServer
+    from bus.service.client import ServiceClient
+    from bus.service.server import RequestId, ServiceServer
     from bus.subscription import MessageInfo, Subscription
     from bus.timer import Timer
 
@@ -368,7 +368,7 @@ class Node(ParameterHost):
                 AddTwoInts, "add", lambda request: AddTwoInts.Response(sum=request.a + request.b)
             )
         """
-        from bus.service import ServiceServer
+        from bus.service.server import ServiceServer
 
         node, full_name = self._opened(), self.resolve_service_name(name)
         if callback is not None:
@@ -400,7 +400,7 @@ class Node(ParameterHost):
 
             client = await node.create_client(AddTwoInts, "add")
         """
-        from bus.client import ServiceClient
+        from bus.service.client import ServiceClient
 
         client = ServiceClient(
             self._opened(),

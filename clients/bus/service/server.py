@@ -21,7 +21,7 @@ from bus.errors import BusError, ConnectionClosed, PayloadTooLarge
 from bus.names import reply_topic, request_topic
 from bus.publisher import Publisher
 from bus.qos import QoSProfile
-from bus.service_base import ServiceBase
+from bus.service.base import ServiceBase
 from bus.subscription import Subscription
 from bus.types.service import Request
 
