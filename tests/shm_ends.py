@@ -35,6 +35,10 @@ class Talker:
         for payload in payloads:
             assert self.writer.write(payload) is True
 
+    def lend_field(self, message: Any, index: int, size: int) -> Any:
+        """The place itself, or why there is none."""
+        return self.writer.lend_field(message, index, size, lambda place, _: place, None)
+
     def grow(self, capacity: int, index: int = 512) -> Descriptor:
         ring, memory = segments.make_ring(capacity, index, self.writer.carry_from(1 << 30))
         self.writer.move(memory)

@@ -47,7 +47,7 @@ class Loan:
             self.discard()
 
     def __del__(self) -> None:
-        if self._finish is not None:
+        if getattr(self, "_finish", None) is not None:  # unset where a signal handler broke off its making
             self._end(False)
 
     def _end(self, is_wanted: bool) -> bool:

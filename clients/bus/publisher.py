@@ -178,11 +178,11 @@ class Publisher(Endpoint[M]):
         if index is None:
             raise no_such_field(self.type, field)
         sender = self._sender
-        place = sender.lend_field(message, index, size)
-        if place.__class__ is memoryview:
-            from bus.loan import Loan
+        from bus.loan import Loan
 
-            return Loan(place, sender.end_loan)
+        made = sender.lend_field(message, index, size, Loan, sender.end_loan)
+        if made.__class__ is Loan:
+            return made
         if (size := to_index(size)) < 0:
             raise ValueError(f"a loan of {size} bytes on '{self.topic_name}'")
         self._check_size(size)

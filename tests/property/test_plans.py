@@ -202,7 +202,7 @@ def test_what_stands_around_a_loan(cls: type[Message], data: st.DataObject) -> N
     change(data, message)
     setattr(message, name, b"")
     size = data.draw(st.sampled_from([0, 1, 9, 4096, 60_000]))
-    place = talker.writer.lend_field(message, cls.__struct_fields__.index(name), size)
+    place = talker.lend_field(message, cls.__struct_fields__.index(name), size)
     try:
         support.encode_checked(lent := with_field(message, name, bytes(size)))
         before, after = encode_around(lent, name, size, support.encode)

@@ -28,10 +28,10 @@ def prepared(capacity: int = 1 << 18) -> Talker:
 
 def test_nothing_is_published_while_a_loan_is_open() -> None:
     talker = prepared()
-    place = talker.writer.lend_field(Frame(1), INDEX, 3)
+    place = talker.lend_field(Frame(1), INDEX, 3)
     assert talker.writer.is_lent
     assert talker.writer.publish(Frame(2)) is False
-    assert talker.writer.lend_field(Frame(2), INDEX, 3) is False
+    assert talker.lend_field(Frame(2), INDEX, 3) is False
     place[:] = b"abc"
     assert talker.writer.publish_lent() is True
     assert not talker.writer.is_lent
@@ -41,9 +41,18 @@ def test_nothing_is_published_while_a_loan_is_open() -> None:
     talker.close()
 
 
+def test_a_loan_of_which_nothing_can_be_made_is_given_back() -> None:
+    talker = prepared()
+    with pytest.raises(ZeroDivisionError):
+        talker.writer.lend_field(Frame(1), INDEX, 3, lambda place, end: len(place) // end, 0)
+    assert not talker.writer.is_lent
+    assert talker.writer.publish(Frame(2)) is True
+    talker.close()
+
+
 def test_a_loan_that_is_given_back_leaves_nothing() -> None:
     talker = prepared()
-    assert talker.writer.lend_field(Frame(1), INDEX, 3) is not False
+    assert talker.lend_field(Frame(1), INDEX, 3) is not False
     talker.writer.is_lent = False
     assert len(talker.writer.lent()) == 0
     assert talker.writer.publish(Frame(2)) is True
@@ -59,7 +68,7 @@ def test_a_loan_that_is_given_back_leaves_nothing() -> None:
 )
 def test_what_can_not_be_lent_by_the_quick_way(index: int, size: int) -> None:
     talker = prepared()
-    assert talker.writer.lend_field(Frame(1), index, size) is False
+    assert talker.lend_field(Frame(1), index, size) is False
     assert not talker.writer.is_lent
     assert talker.writer.publish(Frame(2)) is True
     talker.close()
@@ -67,14 +76,14 @@ def test_what_can_not_be_lent_by_the_quick_way(index: int, size: int) -> None:
 
 def test_a_loan_of_more_than_the_limit_stays_open_and_may_be_given_back() -> None:
     talker = prepared()
-    assert len(talker.writer.lend_field(Frame(1), INDEX, 3_000)) == 3_000
+    assert len(talker.lend_field(Frame(1), INDEX, 3_000)) == 3_000
     talker.writer.most = 1_000
     assert talker.writer.publish_lent() == core.TOO_LARGE
     assert talker.writer.is_lent
     assert talker.writer.latest == 0
     talker.writer.is_lent = False
     assert talker.writer.publish(Frame(2)) is True
-    assert talker.writer.lend_field(Frame(1), INDEX, 3_000) == core.TOO_LARGE
+    assert talker.lend_field(Frame(1), INDEX, 3_000) == core.TOO_LARGE
     talker.close()
 
 
@@ -84,13 +93,13 @@ def test_a_loan_is_refused_by_both_ways_where_hold_is_out_of_date() -> None:
     listener.join(talker, start=1)
     talker.writer.hold = 1
     size = MIB // 2
-    while (place := talker.writer.lend_field(Frame(), INDEX, size)) != core.HELD:
+    while (place := talker.lend_field(Frame(), INDEX, size)) != core.HELD:
         del place
         assert talker.writer.publish_lent() is True
         assert len(listener.take()) == 1
     assert talker.writer.lend(size) == core.HELD
     talker.writer.hold = talker.writer.latest + 1
-    place = talker.writer.lend_field(Frame(), INDEX, size)
+    place = talker.lend_field(Frame(), INDEX, size)
     assert len(place) == size
     talker.close()
     listener.close()
@@ -116,7 +125,7 @@ def test_stamps_never_go_back() -> None:
 
 def test_the_child_of_a_fork_writes_nothing() -> None:
     talker = prepared()
-    place = talker.writer.lend_field(Frame(1), INDEX, 3)
+    place = talker.lend_field(Frame(1), INDEX, 3)
     if (child := os.fork()) == 0:
         outcomes = [
             talker.writer.write(b"x"),

@@ -5,7 +5,7 @@ broker keeps the history. What other threads publish joins here. Does not know m
 """
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from bus import shm
 from bus.base.descriptor import Descriptor
@@ -30,6 +30,9 @@ from bus.wire.runs import Buffer
 
 if TYPE_CHECKING:  # few programs lend
     from bus.loan import Loan
+
+EndLoan: TypeAlias = Callable[[bool], bool]
+LendField: TypeAlias = "Callable[[Any, int, int, type[Loan], EndLoan], Loan | bool | int]"
 
 _LOOK_S = 1.0
 """How often a waiting publisher looks whether the processes that it waits for still live."""
@@ -78,8 +81,8 @@ class Sender:
         self._sends = sends
         self.write: Callable[[Any], bool] = _no_quick_way
         """The quick way for an encoded sample, by socket; False: ask `put`."""
-        self.lend_field: Callable[[Any, int, int], memoryview | bool | int] = _no_quick_way
-        """The quick way for a loan, to be ended by `end_loan`; anything but a place: ask `lend`."""
+        self.lend_field: LendField = _no_quick_way
+        """The quick way for a loan, to be ended by `end_loan`; anything but a Loan: ask `lend`."""
         self._choose_routes()
 
     @property
@@ -148,16 +151,20 @@ class Sender:
         if self._socket.is_active and not self._socket.can_take(whole):
             return None
         ring = self._ring
-        place = memoryview(bytearray(whole)) if ring is None else ring.lend(whole)
-        if place is None:
-            return None
-        place[:start], place[stop:] = before, after
-        if ring is None:
-            self._lent = place
-            self._set_quick()  # the ring's own one takes nothing meanwhile
         from bus.loan import Loan
 
-        return Loan(place[start:stop], self.end_loan)
+        try:
+            place = memoryview(bytearray(whole)) if ring is None else ring.lend(whole)
+            if place is None:
+                return None
+            place[:start], place[stop:] = before, after
+            if ring is None:
+                self._lent = place
+                self._set_quick()  # the ring's own one takes nothing meanwhile
+            return Loan(place[start:stop], self.end_loan)
+        except BaseException:  # that of a signal handler, say: nobody has the loan, so nobody would end it
+            self.end_loan(False)
+            raise
 
     def end_loan(self, is_wanted: bool) -> bool:
         """What was lent is filled; where it is wanted, publish it. Returns whether it was taken."""
@@ -360,7 +367,7 @@ class Sender:
         publish: Callable[[Any], bool | int | bytes] | None = None,
         write: Callable[[Any], bool] | None = None,
         *,
-        lend_field: Callable[[Any, int, int], memoryview | bool | int] | None = None,
+        lend_field: "LendField | None" = None,
         spares_turns: bool = False,
     ) -> None:
         """The quick ways from now on; `spares_turns`: see `Sends`."""

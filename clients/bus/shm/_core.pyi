@@ -148,8 +148,13 @@ class Writer:
 
         Another write takes it back: then `publish_lent` says so.
         """
-    def lend_field(self, message: Any, index: int, size: int, /) -> memoryview | bool | int:
-        """As `publish`, but for `size` bytes that are to be the field `index` of `message`: their place."""
+    def lend_field(
+        self, message: Any, index: int, size: int, make: Callable[[memoryview, S], M], end: S, /
+    ) -> M | bool | int:
+        """As `publish`, but for `size` bytes that are to be the field `index` of `message`.
+
+        What `make` makes of their place and `end`; where that raises, nothing is lent.
+        """
     def lent(self) -> memoryview:
         """The place of the whole payload that is lent; empty where nothing is."""
     def publish_lent(self) -> Literal[True] | int:

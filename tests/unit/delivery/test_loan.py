@@ -1,6 +1,9 @@
 """Loans: what may be lent, and what happens to a publisher while one is open."""
 
 import gc
+import sys
+from itertools import count
+from types import FrameType
 from typing import Annotated, Any
 
 import msgspec
@@ -292,6 +295,44 @@ def test_that_ends_on_another_thread(route: str) -> None:
     stage.publisher.publish(Image(2))
     stage.world.settle()
     assert stage.numbers() == [2]
+
+
+class Interrupted(BaseException):
+    pass
+
+
+@by_either
+@pytest.mark.parametrize("is_quick", [True, False])
+def test_whose_making_is_broken_off_at_any_step(route: str, is_quick: bool) -> None:
+    """As a handler of a signal that raises does."""
+    stage = Stage(route, cls=Image if is_quick else ShortWithMore)
+    message = stage.support.cls()
+    stage.publisher.loan(message, "data", 5)  # what is made once is there then
+    for steps in count(1):
+        left = steps
+
+        def break_off(frame: FrameType, event: str, called: object) -> None:
+            nonlocal left
+            left -= called is not sys.setprofile
+            if not left:
+                raise Interrupted
+
+        sys.setprofile(break_off)
+        try:
+            loan = stage.publisher.loan(message, "data", 5)
+        except Interrupted:
+            pass
+        else:
+            break
+        finally:
+            sys.setprofile(None)
+        stage.publisher.publish(message)
+    assert steps > 3
+    assert loan is not None
+    loan.buffer[:] = b"abcde"
+    assert loan.publish()
+    stage.world.settle()
+    assert stage.subscription.statistics().expected == steps
 
 
 @by_either
