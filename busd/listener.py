@@ -19,12 +19,11 @@ import stat
 from collections.abc import MutableMapping
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Protocol, Self
 
 from bus.errors import ConfigurationError
 from bus.link.socket_owner import prepare_folder
 from bus.process.address import is_default_folder, socket_path
-from busd.config_access import SocketTable
 from busd.credentials import peer_credentials, process_name
 
 __all__ = ["BACKLOG", "AlreadyRunning", "Listener", "open_listener"]
@@ -47,6 +46,22 @@ class AlreadyRunning(ConfigurationError):
         super().__init__(f"{program} is already running on {path}{suffix}")
         self.path = path
         self.pid = pid
+
+
+class SocketRights(Protocol):
+    """Who can reach the socket beside this user."""
+
+    @property
+    def mode(self) -> int:
+        """Of the socket's file."""
+
+    @property
+    def group(self) -> str | int | None:
+        """The file's group, as errors name it."""
+
+    @property
+    def gid(self) -> int | None:
+        """Its number, or None if the group stays that of the process."""
 
 
 class Listener:
@@ -73,14 +88,14 @@ class Listener:
             self._lock.release()
             self._lock = None
 
-    def let_in(self, table: SocketTable) -> None:
+    def let_in(self, rights: SocketRights | None) -> None:
         """Set the socket's mode and group, where it is ours to set; those who are connected stay.
 
         Raises ConfigurationError where that is not permitted.
         """
         if self._lock is not None:
             try:
-                _let_in(self.path, table)
+                _let_in(self.path, rights)
             except OSError as error:
                 raise ConfigurationError(f"can't set the mode of '{self.path}': {error.strerror}") from None
 
@@ -108,15 +123,15 @@ class Listener:
 def open_listener(
     path: Path | None = None,
     *,
-    table: SocketTable | None = None,
+    rights: SocketRights | None = None,
     environ: MutableMapping[str, str] = os.environ,
 ) -> Listener:
     """Listen on the socket that a service manager passed, else at `path`, else where `socket_path` says.
 
     Before all of these goes what the program left that this process ran before (`Listener.bequeath`). The
     variables that say so are removed from `environ`, so that no child takes them for its own.
-    A missing folder is made where it is the default one; any other must exist. `table` says who is let in, by
-    default only this user; a socket that a service manager passed stays as it is.
+    A missing folder is made where it is the default one; any other must exist. `rights`: of others, by
+    default none; a socket that a service manager passed stays as it is.
 
     Raises AlreadyRunning if another process serves the path, and ConfigurationError, which says why, if the
     socket or its folder can't be used or can't be trusted.
@@ -126,16 +141,15 @@ def open_listener(
         return activated
     path = socket_path(environ=environ) if path is None else path
     inherited = _inherited(path, environ)
-    table = table or SocketTable()
     if inherited is not None:
-        inherited.let_in(table)
+        inherited.let_in(rights)
         return inherited
     prepare_folder(
-        path.parent, is_default=is_default_folder(path.parent, environ), may_enter=_may_enter(table)
+        path.parent, is_default=is_default_folder(path.parent, environ), may_enter=_may_enter(rights)
     )
     lock = _Lock(path)
     try:
-        return Listener(_bind(path, table), path, lock)
+        return Listener(_bind(path, rights), path, lock)
     except BaseException:
         lock.release()
         raise
@@ -178,18 +192,19 @@ def _inherited(path: Path, environ: MutableMapping[str, str]) -> Listener | None
     return None
 
 
-def _may_enter(table: SocketTable) -> int:
+def _may_enter(rights: SocketRights | None) -> int:
     """What the default folder's mode may have beyond 0700: who is let in must get there."""
-    return (0o050 if table.mode & stat.S_IWGRP else 0) | (0o055 if table.mode & stat.S_IWOTH else 0)
+    mode = 0 if rights is None else rights.mode
+    return (0o050 if mode & stat.S_IWGRP else 0) | (0o055 if mode & stat.S_IWOTH else 0)
 
 
-def _bind(path: Path, table: SocketTable) -> socket.socket:
+def _bind(path: Path, rights: SocketRights | None) -> socket.socket:
     listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         _remove_stale(path)
         listening.bind(os.fspath(path))
         try:
-            _let_in(path, table)  # before listen(), so that nobody could connect in between
+            _let_in(path, rights)  # before listen(), so that nobody could connect in between
         except BaseException:
             path.unlink()
             raise
@@ -204,19 +219,21 @@ def _bind(path: Path, table: SocketTable) -> socket.socket:
     return listening
 
 
-def _let_in(path: Path, table: SocketTable) -> None:
+def _let_in(path: Path, rights: SocketRights | None) -> None:
     """Raises ConfigurationError where this process may not give the socket to that group."""
     path.chmod(0o600)  # the group comes first: never another one, not for a moment
-    gid = table.gid
+    if rights is None:
+        return
+    gid = rights.gid
     if gid is not None:
         try:
             os.chown(path, -1, gid, follow_symlinks=False)
         except PermissionError:
             raise ConfigurationError(
-                f"socket.group = {table.group!r}: this user is not in that group, so busd can't give it "
+                f"socket.group = {rights.group!r}: this user is not in that group, so busd can't give it "
                 f"'{path}'; add the user to the group, or leave it out"
             ) from None
-    path.chmod(table.mode)
+    path.chmod(rights.mode)
 
 
 def _remove_stale(path: Path) -> None:

@@ -8,9 +8,7 @@ and no other busd gets in between.
 import asyncio
 import os
 import sys
-from collections.abc import Sequence
-
-from busd.listener import Listener
+from collections.abc import Mapping, Sequence
 
 __all__ = ["CHECK", "command_line", "find_fault", "hand_over"]
 
@@ -52,7 +50,6 @@ async def find_fault(command: Sequence[str]) -> str:
     return lines[-1].removeprefix("busd: ") if lines else f"the new busd ended with {process.returncode}"
 
 
-def hand_over(listener: Listener, command: Sequence[str]) -> None:
-    """Become `command`, with the listening socket and its lock. Returns only by raising OSError."""
-    environ = {**os.environ, **listener.bequeath()}
-    os.execve(command[0], [*command], environ)
+def hand_over(command: Sequence[str], bequest: Mapping[str, str]) -> None:
+    """Become `command`, whose environment has the `bequest`, too. Returns only by raising OSError."""
+    os.execve(command[0], [*command], {**os.environ, **bequest})

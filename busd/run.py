@@ -76,12 +76,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _allow_descriptors()
         signal.signal(signal.SIGTTOU, signal.SIG_IGN)  # else a line to a terminal may stop who runs behind it
         _set_up_log(options, config, path)
-        with open_listener(path, table=config.socket) as listener:
+        with open_listener(path, rights=config.socket) as listener:
             _warn_of_doubts(config, listener)
             command = command_line(arguments)
             if run(_serve(listener, config, options, partial(find_fault, command))):
                 logging.shutdown()  # what waits to be written would go with this program
-                hand_over(listener, command)
+                hand_over(command, listener.bequeath())
         return 0
     except AlreadyRunning as error:
         print(f"busd: {error}", file=sys.stderr)

@@ -101,7 +101,7 @@ def test_the_default_folder_may_be_as_open_as_the_socket(
     default.chmod(folder_mode)
     try:
         environ = {"XDG_RUNTIME_DIR": str(folder)}
-        with open_listener(table=SocketTable(mode=socket_mode), environ=environ) as listener:
+        with open_listener(rights=SocketTable(mode=socket_mode), environ=environ) as listener:
             assert is_fine
             assert stat.S_IMODE(listener.path.stat().st_mode) == socket_mode
     except ConfigurationError as error:
