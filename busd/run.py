@@ -19,17 +19,17 @@ from bus.base.version import RELEASE
 from bus.errors import ConfigurationError
 from bus.process.address import socket_path
 from bus.process.logfile import log_path
-from busd.config import Config, load
-from busd.config_access import find_doubts
+from busd.config.access import find_doubts
+from busd.config.file import Config, load
+from busd.config.reload import Reloader, ends_with_terminal, has_terminal
 from busd.core.access import Access
 from busd.core.broker import Broker
-from busd.credentials import lives
-from busd.listener import AlreadyRunning, Listener, open_listener
-from busd.logs import LOG_FORMATS, LOG_LEVELS, set_up
-from busd.reload import Reloader, ends_with_terminal, has_terminal
-from busd.restart import CHECK, command_line, find_fault, hand_over
-from busd.sd_notify import ALIVE, READY, STOPPING, notify, reloading, status, watchdog_s
-from busd.server import Server
+from busd.process.logs import LOG_FORMATS, LOG_LEVELS, set_up
+from busd.process.restart import CHECK, command_line, find_fault, hand_over
+from busd.process.sd_notify import ALIVE, READY, STOPPING, notify, reloading, status, watchdog_s
+from busd.server.credentials import lives
+from busd.server.listener import AlreadyRunning, Listener, open_listener
+from busd.server.server import Server
 
 EXIT_FAULT = 1
 EXIT_ALREADY_RUNNING = 3

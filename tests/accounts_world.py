@@ -23,9 +23,9 @@ from bus.qos import QoSProfile
 from bus.wire import messages as m
 from busd.core.broker import Broker
 from busd.core.limits import Limits
-from busd.listener import open_listener
-from busd.peer import PeerConnection
-from busd.server import Server
+from busd.server.listener import open_listener
+from busd.server.peer import PeerConnection
+from busd.server.server import Server
 from conftest import WAIT_S
 
 TOPIC = "/topic"

@@ -1,7 +1,7 @@
 """Who may do what on which topics.
 
 Owns the rules, their order and what holds where none of them speaks. Must not know names of users and groups
-(busd.config_access finds their numbers), nor what is done to those who are denied.
+(busd.config.access finds their numbers), nor what is done to those who are denied.
 
 Users are numbers, as the kernel tells them of the process at the other end of a connection. The daemon's own
 user and root may do everything: they could change the daemon itself. So may whoever the system tells nothing

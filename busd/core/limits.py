@@ -1,7 +1,7 @@
 """How much each process and each user may make busd hold, and the rules for single topics.
 
 Owns the numbers and their ranges. Must not know where the numbers come from
-(busd.config reads them) nor how they are enforced.
+(busd.config.file reads them) nor how they are enforced.
 
 Both structs are frozen and always valid. A limit "per peer" is for one process: everything that goes over
 its one connection, however many nodes it has. A limit "per user" is for all processes of one user together.

@@ -26,7 +26,7 @@ from bus_cli.filter import compile_filter
 from bus_cli.output import CommandError
 from bus_cli.populate import Prototype
 from bus_cli.render import View, to_yaml
-from busd import config
+from busd.config.file import load
 from busd.core.access import ACTIONS, Access, Subject
 from busd.core.broker import Broker
 from busd.core.limits import rules_for
@@ -69,7 +69,7 @@ class _File:
 def configuration(data: bytes) -> None:
     """busd.toml: a configuration to make a broker of, or a ConfigurationError that names the file."""
     try:
-        loaded = config.load(_File(data))  # type: ignore[arg-type]
+        loaded = load(_File(data))  # type: ignore[arg-type]
     except ConfigurationError as error:
         assert str(error).startswith("busd.toml: ")
         return

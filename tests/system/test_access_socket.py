@@ -15,8 +15,8 @@ from bus.errors import BrokerUnavailable, ConfigurationError
 from bus.link.autostart import open_socket
 from bus.link.reach import Patience
 from bus_cli.query import Query
-from busd.config_access import SocketTable
-from busd.listener import open_listener
+from busd.config.access import SocketTable
+from busd.server.listener import open_listener
 from raw_peer import RawPeer
 from users import GUEST, OWNER, STRANGER, TEAM, Guests, acting_as, command, needs_users, rule
 

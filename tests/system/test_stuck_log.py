@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from busd.logs import _MOST_WAITING
+from busd.process.logs import _MOST_WAITING
 from conftest import WAIT_S
 from neighbours import wait_until
 from raw_peer import RawPeer

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from bus.errors import ConfigurationError
-from busd.config import Config, load
-from busd.config_access import AccessTable, SocketTable, find_doubts
+from busd.config.access import AccessTable, SocketTable, find_doubts
+from busd.config.file import Config, load
 from busd.core.access import AccessRule
 
 ROOT, ROOT_GROUP = pwd.getpwuid(0).pw_name, grp.getgrgid(0).gr_name

@@ -1,4 +1,4 @@
-"""busd.admission: what a connection costs until its Hello, who keeps a place, and who is told why not."""
+"""busd.server.admission: what a connection costs until its Hello, who keeps a place, who is told why not."""
 
 import asyncio
 import errno
@@ -14,10 +14,10 @@ import pytest
 from bus.wire import messages as m
 from bus.wire.layout import PROTOCOL_VERSION
 from bus.wire.session import Role, Session
-from busd import admission as module
-from busd.admission import Admission
 from busd.core.anteroom import PLACES
-from busd.credentials import Credentials
+from busd.server import admission as module
+from busd.server.admission import Admission
+from busd.server.credentials import Credentials
 from raw_peer import HELLO
 from semantics import until
 

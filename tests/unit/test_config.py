@@ -1,4 +1,4 @@
-"""busd.config and busd.core.limits: what a file can say, what is refused and in which words."""
+"""busd.config.file and busd.core.limits: what a file can say, what is refused and in which words."""
 
 import ast
 import inspect
@@ -16,11 +16,11 @@ from hypothesis import strategies as st
 
 from bus.errors import ConfigurationError
 from bus.qos import History, QoSProfile
-from busd.config import Config, load
-from busd.config_access import AccessTable, SocketTable
+from busd.config.access import AccessTable, SocketTable
+from busd.config.file import Config, load
 from busd.core import limits as limits_module
 from busd.core.limits import Limits, TopicCaps, TopicRule, rules_for
-from busd.logs import LOG_LEVELS
+from busd.process.logs import LOG_LEVELS
 from rows import for_each
 
 DOC = Path(__file__).parents[2] / "docs" / "configuration.md"

@@ -1,4 +1,4 @@
-"""busd.credentials: who the kernel says is at the other end, and what a log calls him."""
+"""busd.server.credentials: who the kernel says is at the other end, and what a log calls him."""
 
 import os
 import socket
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from busd.credentials import Credentials, peer_credentials, process_name, program_name
+from busd.server.credentials import Credentials, peer_credentials, process_name, program_name
 from rows import for_each
 
 

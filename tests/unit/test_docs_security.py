@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from busd.config import load
+from busd.config.file import load
 from busd.core.access import Access, Action, Subject
 from claims import DOCS, claims, named_tests, names_in
 from rows import for_each

@@ -1,12 +1,12 @@
-"""busd.restart: what the next busd is started with, and whether it could start."""
+"""busd.process.restart: what the next busd is started with, and whether it could start."""
 
 import sys
 from pathlib import Path
 
 import pytest
 
-from busd import restart
-from busd.restart import CHECK, command_line, find_fault
+from busd.process import restart
+from busd.process.restart import CHECK, command_line, find_fault
 
 
 def program(source: str) -> list[str]:

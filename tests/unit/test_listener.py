@@ -1,4 +1,4 @@
-"""busd.listener with real sockets, files and processes."""
+"""busd.server.listener with real sockets, files and processes."""
 
 import asyncio
 import fcntl
@@ -16,8 +16,8 @@ from pathlib import Path
 import pytest
 
 from bus.errors import ConfigurationError
-from busd.credentials import process_name
-from busd.listener import BACKLOG, AlreadyRunning, open_listener
+from busd.server.credentials import process_name
+from busd.server.listener import BACKLOG, AlreadyRunning, open_listener
 
 STRANGER = 12345
 as_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a file to another user")
@@ -25,7 +25,7 @@ as_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a fil
 DAEMON = """
 import os, sys
 from pathlib import Path
-from busd.listener import AlreadyRunning, open_listener
+from busd.server.listener import AlreadyRunning, open_listener
 print("ready", flush=True)
 sys.stdin.readline()
 try:

@@ -1,4 +1,4 @@
-"""busd.listener: what one program leaves to the next one that its process runs."""
+"""busd.server.listener: what one program leaves to the next one that its process runs."""
 
 import os
 import socket
@@ -13,7 +13,7 @@ from conftest import WAIT_S
 FIRST = """
 import os, sys
 from pathlib import Path
-from busd.listener import open_listener
+from busd.server.listener import open_listener
 path = Path(sys.argv[1])
 listener = open_listener(path, environ={})
 print(os.getpid(), path.stat().st_ino, flush=True)
@@ -25,7 +25,7 @@ os.execve(sys.executable, [sys.executable, "-c", sys.argv[4], sys.argv[2]], envi
 SECOND = """
 import os, sys
 from pathlib import Path
-from busd.listener import open_listener
+from busd.server.listener import open_listener
 def link(number):
     try:
         return os.readlink(f"/proc/self/fd/{number}")

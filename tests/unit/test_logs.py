@@ -1,4 +1,4 @@
-"""busd.logs: what a line looks like, how many there may be, and that nobody waits until they are written."""
+"""busd.process.logs: what a line looks like, how many there may be, and that nobody waits for them."""
 
 import errno
 import json
@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from busd import logs
-from busd.logs import _MOST_LINES, _MOST_WAITING, LOG_FORMATS, _JsonLines, _Lines, _Text, set_up
+from busd.process import logs
+from busd.process.logs import _MOST_LINES, _MOST_WAITING, LOG_FORMATS, _JsonLines, _Lines, _Text, set_up
 from conftest import WAIT_S
 
 NASTY = 'a\n\x1b[2J\u202e"\udc80' + "x" * 5000

@@ -1,4 +1,4 @@
-"""busd under a service manager: busd.sd_notify, and the socket that busd.listener is passed."""
+"""busd under a service manager: busd.process.sd_notify, and the socket that it passes."""
 
 import os
 import socket
@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from bus.errors import ConfigurationError
-from busd import sd_notify as notify_module
-from busd.listener import open_listener
-from busd.sd_notify import READY, STOPPING, notify, status
+from busd.process import sd_notify as notify_module
+from busd.process.sd_notify import READY, STOPPING, notify, status
+from busd.server.listener import open_listener
 from rows import for_each
 
 
@@ -82,7 +82,7 @@ def test_a_status_is_one_line() -> None:
 
 ACTIVATED = """
 import os, sys
-from busd.listener import open_listener
+from busd.server.listener import open_listener
 os.dup2(int(sys.argv[1]), 3)
 os.environ.update(LISTEN_PID=str(os.getpid()), LISTEN_FDS="1", LISTEN_FDNAMES="bus")
 try:

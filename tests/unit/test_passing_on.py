@@ -1,4 +1,4 @@
-"""busd.passing: runs that are passed on as they lie in the reader's buffer, and what that costs."""
+"""busd.server.passing: runs that are passed on as they lie in the reader's buffer, and what that costs."""
 
 import asyncio
 import os
@@ -18,10 +18,10 @@ from bus.wire.runs import Run
 from bus.wire.session import Role, Session
 from busd.core.broker import Broker
 from busd.core.turns import BUDGET
-from busd.credentials import Credentials
-from busd.listener import open_listener
-from busd.peer import PeerConnection
-from busd.server import Server
+from busd.server.credentials import Credentials
+from busd.server.listener import open_listener
+from busd.server.peer import PeerConnection
+from busd.server.server import Server
 from conftest import WAIT_S
 from feeding import feed, frame_record
 from stepcount import StepCounter

@@ -1,4 +1,4 @@
-"""busd.server: the order in which it ends, and what it does where it did not run for a while."""
+"""busd.server.server: the order in which it ends, and what it does where it did not run for a while."""
 
 import asyncio
 import os
@@ -11,12 +11,12 @@ import pytest
 from bus.base.ids import PeerId
 from bus.wire.messages import Matched
 from bus.wire.runs import Run
-from busd import server as server_module
 from busd.core.broker import Broker
 from busd.core.turns import Party
-from busd.listener import Listener, open_listener
-from busd.peer import PeerConnection
-from busd.server import Server
+from busd.server import server as server_module
+from busd.server.listener import Listener, open_listener
+from busd.server.peer import PeerConnection
+from busd.server.server import Server
 from callcount import CallCounter
 from raw_peer import RawPeer
 

@@ -21,7 +21,7 @@ from bus.wire.greeting import Greeting
 from bus.wire.messages import Fault, Hello, encode_frame
 from busd.core.anteroom import Anteroom
 from busd.core.rate_limit import TokenBucket
-from busd.credentials import Credentials, peer_credentials
+from busd.server.credentials import Credentials, peer_credentials
 
 __all__ = ["Admission", "AdmissionHost"]
 

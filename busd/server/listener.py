@@ -24,7 +24,7 @@ from typing import Protocol, Self
 from bus.errors import ConfigurationError
 from bus.link.socket_owner import prepare_folder
 from bus.process.address import is_default_folder, socket_path
-from busd.credentials import peer_credentials, process_name
+from busd.server.credentials import peer_credentials, process_name
 
 __all__ = ["BACKLOG", "AlreadyRunning", "Listener", "open_listener"]
 

@@ -37,7 +37,7 @@ from bus.wire.session import Carried, Role, Session
 from busd.core.anteroom import PLACES
 from busd.core.limits import Limits
 from busd.core.turns import Party
-from busd.credentials import Credentials
+from busd.server.credentials import Credentials
 
 _FAULTS: dict[type[Message], tuple[Callable[[int], str], ...]] = {
     Share: (doorbell_fault, readers_fault),

@@ -25,7 +25,6 @@ from bus.wire.messages import (
 )
 from bus.wire.runs import Run
 from bus.wire.session import Carried
-from busd.admission import Admission
 from busd.core.access import Access
 from busd.core.broker import Broker
 from busd.core.effects import Disconnect, Effect, Flush, Later, Note, Pause, Reload, Restart, Send, Stop
@@ -33,11 +32,12 @@ from busd.core.limits import Limits, TopicRule
 from busd.core.timers import NEVER_NS
 from busd.core.turns import BUDGET, Party, Turns
 from busd.core.work import LOOKS_PER_UNIT, UNLIMITED
-from busd.credentials import Credentials
-from busd.listener import Listener
-from busd.passing import pass_on
-from busd.peer import PeerConnection, greeting
-from busd.shutdown import Drain
+from busd.server.admission import Admission
+from busd.server.credentials import Credentials
+from busd.server.listener import Listener
+from busd.server.passing import pass_on
+from busd.server.peer import PeerConnection, greeting
+from busd.server.shutdown import Drain
 
 _log = logging.getLogger("busd")
 
@@ -101,7 +101,7 @@ class Server:
         self._watch_idle()
 
     def stop(self, reason: str, *, restart: bool = False) -> None:
-        """Stop listening, and close the connections when what was sent has come; see busd.shutdown.
+        """Stop listening, and close the connections when what was sent has come; see busd.server.shutdown.
 
         On a `restart` who connects meanwhile waits for the next busd, which gets the listening socket. One
         that has begun can still be made an end.

@@ -11,7 +11,7 @@ from bus.base.ids import PeerId
 from bus.transport.stream import Stream
 from bus.wire.layout import DATA_HEAD_BYTES
 from busd.core.broker import Broker
-from busd.peer import PeerConnection
+from busd.server.peer import PeerConnection
 
 __all__ = ["pass_on"]
 

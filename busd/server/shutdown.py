@@ -10,7 +10,7 @@ import logging
 from collections.abc import Callable, Collection
 from time import monotonic
 
-from busd.peer import PeerConnection
+from busd.server.peer import PeerConnection
 
 __all__ = ["Drain"]
 

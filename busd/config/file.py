@@ -1,7 +1,7 @@
 """The daemon's configuration file: TOML in, one frozen Config out.
 
 Owns reading and the texts that say what is wrong where. Must not know what the values do: limits and topic
-rules belong to busd.core.limits, users and groups to busd.config_access.
+rules belong to busd.core.limits, users and groups to busd.config.access.
 """
 
 import tomllib
@@ -13,10 +13,10 @@ import msgspec
 from msgspec import structs
 
 from bus.errors import ConfigurationError
-from busd.config_access import AccessTable, SocketTable
+from busd.config.access import AccessTable, SocketTable
 from busd.core.access import AccessRule
 from busd.core.limits import Limits, TopicRule, checked
-from busd.logs import LOG_FORMATS, LOG_LEVELS
+from busd.process.logs import LOG_FORMATS, LOG_LEVELS
 
 __all__ = ["Config", "load"]
 

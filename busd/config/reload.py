@@ -15,8 +15,8 @@ from typing import Any
 import msgspec
 
 from bus.errors import ConfigurationError
-from busd.config import Config, load
-from busd.sd_notify import READY, notify, reloading
+from busd.config.file import Config, load
+from busd.process.sd_notify import READY, notify, reloading
 
 __all__ = ["Reloader", "ends_with_terminal", "has_terminal"]
 
