@@ -40,7 +40,7 @@ class Clock:
         return self._simulated_ns if self.is_simulated else time_ns()
 
     def steady_ns(self) -> int:
-        """For spans: of the machine's clocks the one that nobody sets."""
+        """For spans: the machine's clock that nobody sets, or the simulation's time."""
         return self._simulated_ns if self.is_simulated else monotonic_ns()
 
     def simulate(self, is_simulated: bool) -> None:
@@ -84,7 +84,7 @@ class Clock:
         self.check_open()
 
     def close(self) -> None:
-        """Those that wait are told that the node is closed."""
+        """From now on `wait` raises ConnectionClosed, also where it waits already."""
         self._is_closed = True
         self._wake_all()
 
@@ -165,7 +165,7 @@ class Rate:
         return self._next_ns
 
     def _pass(self, end_ns: int) -> None:
-        """That time has come; of several tasks the first to wake sees to it."""
+        """`end_ns` has come: plan the next turn. Of several tasks the first to wake does it."""
         if self._next_ns == end_ns:
             late_ns = self._clock.steady_ns() - end_ns
             self._next_ns += (late_ns // self._period_ns + 1) * self._period_ns

@@ -1,7 +1,7 @@
 """What publishers and subscriptions have in common: identity, declaration, matches, events, closing.
 
-Knows the link as what it sends through; the link knows endpoints by the methods with an underscore here
-that `bus.link.declarations` lists.
+An endpoint sends through the link. The link calls the methods with an underscore that `bus.link.declarations`
+lists.
 """
 
 import asyncio
@@ -75,7 +75,7 @@ class NodeContext(msgspec.Struct, frozen=True):
     """The node's full name."""
     logger: Logger
     on_error: Callable[[BaseException], None]
-    """Told of what a callback raises."""
+    """Called with what a callback raises."""
 
 
 class Endpoint(Generic[M]):
@@ -136,7 +136,7 @@ class Endpoint(Generic[M]):
     async def close(self) -> None:
         """Leave the graph, a publisher after it has handed over what was published. Closing twice is allowed.
 
-        Handing over takes 5 s at most; the log tells what was lost. Calls that wait here raise
+        Handing over takes 5 s at most; the log says what was lost. Calls that wait here raise
         ConnectionClosed. Cancellation: closed, and what was not handed over is lost.
         """
         if self._refusal is None:
@@ -186,7 +186,7 @@ class Endpoint(Generic[M]):
         """Turn what was gathered into a run (a publisher's part)."""
 
     _receive_lone: Callable[[Run], bool] = staticmethod(lambda run: False)
-    """The quick way for a run that came alone: it was delivered; False: nothing was done."""
+    """Deliver a run that came alone, by the quick way; False where nothing was done."""
 
     def _receive_run(self, run: Run) -> None:
         """A run has come (a subscription's part)."""
@@ -200,7 +200,7 @@ class Endpoint(Generic[M]):
 
     @property
     def _shared(self) -> tuple[Descriptor, ...]:
-        """What goes with the declaration."""
+        """Descriptors that go with the declaration."""
         return ()
 
     def _handle(self, message: Any, descriptors: tuple[Descriptor, ...] = ()) -> None:
@@ -271,7 +271,7 @@ class Endpoint(Generic[M]):
         self._tell(self._events.matched, event)
 
     async def _explain(self, message: m.Incompatible) -> None:
-        """Say where the two definitions of one type differ, instead of that they do."""
+        """Say where the two definitions of the type differ, not only that they do."""
         from bus.types.diff import difference
 
         task = asyncio.current_task()

@@ -56,6 +56,6 @@ class Loan:
             raise LocalProtocolError("the loan has ended already")
         try:
             self.buffer.release()
-        except BufferError:  # an array is still there that was made of it
+        except BufferError:  # an array that was made of it is still there
             pass
         return finish(is_wanted)

@@ -44,7 +44,7 @@ M = TypeVar("M", bound=msgspec.Struct)
 
 _DRAIN_S = 5.0
 _SENDS_PER_TURN = 100
-"""`send` lets the event loop turn at least this often, also where it never has to wait."""
+"""After this many sends without a wait, `send` gives the event loop a turn."""
 
 
 class PublisherStatistics(msgspec.Struct, frozen=True):
@@ -105,7 +105,7 @@ class Publisher(Endpoint[M]):
         self._sender = Sender(node.link, self, node.logger, ring, sends)
         self._long_fields = support.bytes_fields
         self._bytes_fields = {name: support.cls.__struct_fields__.index(name) for name in self._long_fields}
-        if ring is not None:  # by socket, text had to be copied once more to be joined with the rest
+        if ring is not None:  # by socket they would be copied once more, to join the rest
             self._long_fields += support.text_fields
         if qos.deadline is not None:
             self._watch_deadline()
@@ -124,7 +124,7 @@ class Publisher(Endpoint[M]):
         return True if status is True else self._publish_on(message, status)
 
     def _publish_on(self, message: M, status: int | bytes) -> bool:
-        """After `Sender.publish` gave this status, and not True: step by step, where it did nothing."""
+        """What `Sender.publish` has left to do, as its `status` says, which is not True."""
         if isinstance(status, bytes):
             return self._put(status)
         if status and status == shm.native.REPORT_DUE:
@@ -164,12 +164,11 @@ class Publisher(Endpoint[M]):
         return self._sender.write(payload) or self._put(in_bytes(payload))
 
     def loan(self, message: M, field: str, size: int) -> "Loan | None":
-        """A place for `size` bytes that are to be the field `field` of `message`, to be filled by the caller.
+        """A buffer of `size` bytes, to be filled by the caller: the field `field` of `message`.
 
-        What is written there is written where the subscriptions read it, with no copy in between; a camera's
-        frame, say. The rest of `message` counts as it is now. Until the loan is published or discarded,
-        nothing else can be published here. None where `publish` would give False. On the event loop's thread
-        only.
+        It lies where the subscriptions read, so that nothing is copied: for a camera's frame, say. The rest
+        of `message` counts as it is now. Until the loan is published or discarded, nothing else can be
+        published here. None where `publish` would give False. On the event loop's thread only.
 
         Raises as `publish`, and MessageTypeError for a field that is no bytes, ValueError for a negative
         size, LocalProtocolError on another thread.
@@ -209,13 +208,13 @@ class Publisher(Endpoint[M]):
             self._sends_in_turn = 1
             await asyncio.sleep(0)
         while not self.publish(message):
-            self._refused -= 1  # it is not given up
+            self._refused -= 1  # `send` tries again
             await self._sender.wait_for_room()
 
     def _send_on(self, message: M, status: int | bytes) -> bool:
-        """As `_publish_on`, for `send`; False: it is to wait for room."""
+        """As `_publish_on`, for `send`, which waits for room where this gives False."""
         is_taken = self._publish_on(message, status)
-        self._refused -= not is_taken  # it is not given up
+        self._refused -= not is_taken  # `send` tries again
         return is_taken
 
     async def wait_for_room(self) -> None:
@@ -228,7 +227,7 @@ class Publisher(Endpoint[M]):
     async def flush(self) -> None:
         """Wait until everything published has left this process: by shared memory, or through busd's socket.
 
-        Where busd is away and has to get some of it, that is when it is back.
+        While busd is away, what goes through it waits until it is back.
 
         Raises ConnectionClosed where the connection is closed first. Cancellation: nothing is lost.
         """

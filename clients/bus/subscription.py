@@ -330,7 +330,7 @@ class Subscription(Endpoint[M]):
 
     def _abandon(self, reason: BusError) -> None:
         super()._abandon(reason)
-        self._receiver.reader = None  # what it tells the publishers is the parent's word
+        self._receiver.reader = None  # its cursors and pins are the parent's
 
     # --- inside
 
@@ -352,8 +352,8 @@ class Subscription(Endpoint[M]):
     def _drain_rings(self) -> None:
         """What waits in the rings is brought in order with what comes by socket."""
         self._receiver.drain_rings()
-        self._link.report(self)  # nothing else may ever come that would have it reported
-        self._link.soon(self._wake)  # a publisher that has refused to share did not ring
+        self._link.report(self)  # else perhaps nothing ever has it reported
+        self._link.soon(self._wake)  # a publisher that refuses to share memory has rung no doorbell
 
     def _counts(self) -> str:
         dropped = sum(self._counters.dropped.values())
@@ -376,7 +376,7 @@ class Subscription(Endpoint[M]):
         )
 
     def _check_deadline(self) -> None:
-        # `_wake` does not hear of what the program takes before the doorbell was heard.
+        # What the program takes before the loop hears the doorbell does not pass through `_wake`.
         self._last_ns = max(self._last_ns, min(self._receiver.stamp_ns, monotonic_ns()))  # a stamp may lie
         super()._check_deadline()
 

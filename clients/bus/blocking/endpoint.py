@@ -28,7 +28,7 @@ _READY_NS = 1_000_000_000
 """A message waits at most this long until new subscriptions can be woken."""
 
 _RETURN_NS, _PAUSE_NS = 100_000_000, 1_000_000_000
-"""While busd is away a message waits at most so long for it; those of the pause after that do not wait."""
+"""While busd is away a message waits so long for it, and during the pause after that none does."""
 
 
 class _BlockingEndpoint:
@@ -138,7 +138,7 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
         return self._native._refusal is None
 
     def _warn_if_unheard(self) -> None:
-        """A script that ends must not seem to have been heard."""
+        """A script that ends before anybody listens must not look as if it had been heard."""
         native = self._native
         if (
             native._total_matches
@@ -165,7 +165,8 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
         self._has_new_matches |= change.current_count_change > 0
 
     def _send(self) -> None:
-        """Under the guard: what was gathered for the end of a turn leaves now, and all of a long message."""
+        """Under the guard: send now what waits for the end of the turn, and wait until a long message has
+        left."""
         link = self._native._link
         link.hand_over()
         if link.is_writing and self._foreground.is_free():
@@ -220,7 +221,7 @@ class BlockingSubscription(_BlockingEndpoint, Generic[M]):
 
         Raises ConnectionClosed once it is closed.
         """
-        deadline_after(timeout)  # a wrong one is told here
+        deadline_after(timeout)  # a wrong one raises here, not at the first message
         self._foreground.check()
         return self._found(timeout, with_info=False)
 
@@ -270,15 +271,16 @@ class BlockingSubscription(_BlockingEndpoint, Generic[M]):
     # --- inside
 
     def _found(self, timeout: float | None, *, with_info: bool) -> Iterator[Any]:
-        """What comes next, and next: messages, or as in `Taken`. Ends where the time is over first.
+        """The messages as they come, `with_info` as in `Taken`; ends where none has come for `timeout`
+        seconds.
 
-        Where the loop has nothing to do, it waits without it, and few steps lie between the wake-up and the
-        message: after a sleep each of them is slow.
+        Where the loop has nothing to do, this waits in one native call, without the loop: right after a sleep
+        each step of Python is slow.
         """
         foreground, loop, guard, arrival = self._foreground, self._loop, self._guard, self._arrival
         native, receiver = self._native, self._receiver
         look = sleep = None
-        if native.qos.deadline is None:  # else somebody must hear of each message
+        if native.qos.deadline is None:  # else the deadline must see each message
             look, sleep = receiver.quick_take(with_info=with_info), receiver.quick_wait(with_info=with_info)
         ahead, runs = receiver.waiting
         found: Any

@@ -1,7 +1,7 @@
-"""Calls a subscription's callback for what waits in its receiver: in turns, so that others have theirs.
+"""Calls a subscription's callback for what waits in its receiver: in turns, so that other work has its turns.
 
-Calls of one subscription never overlap. A plain callback for one message that came in a ring is the native
-reader's to call (`Readers.deliver`): both look at one flag, whether a call is under way.
+Calls of one subscription never overlap. The native reader itself calls a plain callback for one message from
+a ring (`Readers.deliver`); one flag, shared with it, says whether a call is under way.
 """
 
 from collections.abc import Awaitable, Callable
@@ -32,7 +32,7 @@ class _Calls:
 class Dispatcher(Generic[M]):
     """`make_info` gives a callback of two arguments its second; `receive` waits for the next message.
 
-    `on_error` is told of what the callback raises. `is_timed`: somebody must hear of each message.
+    `on_error` gets what the callback raises. `is_timed`: a deadline must see each message.
     """
 
     def __init__(
@@ -61,13 +61,13 @@ class Dispatcher(Generic[M]):
         if is_async(callback):
             self._cancel = port.start(self._run(), f"callback of {name}")
         self.is_plain = self._cancel is None and not self._wants_info and not is_timed
-        """It wants the message and nothing else."""
+        """Whether it is a plain function of the message alone, and no deadline watches."""
         if self.is_plain and receiver.reader is not None:
             receiver.call_back(callback, on_error)
 
     @property
     def is_async(self) -> bool:
-        """Then it takes messages itself, by `receive`."""
+        """Whether it is a coroutine function; then a task takes messages by `receive`."""
         return self._cancel is not None
 
     def end(self) -> None:
@@ -79,7 +79,7 @@ class Dispatcher(Generic[M]):
             self._cancel()
 
     def deliver(self, run: Run) -> bool:
-        """Call back for a run that has just come, where that is all there is to it; else it is to be put.
+        """Call back for a run that has just come, and return True; False: nothing was done, put it.
 
         Only where the callback `is_plain`.
         """
@@ -131,8 +131,8 @@ class Dispatcher(Generic[M]):
                     calls, end_ns = 0, now_ns + _TURN_NS  # not before the first call, which is waited for
                     continue
                 if now_ns > end_ns:
-                    # Let timers and sockets have their turn: a slow callback must not see stale messages.
-                    # Until then nobody else dispatches, or the turns would add up.
+                    # Give timers and sockets a turn: a slow callback must not get stale messages.
+                    # Until then no other dispatch: the turns would add up.
                     is_scheduled = True
                     self._port.soon(self._dispatch_on)
                     return
@@ -140,7 +140,7 @@ class Dispatcher(Generic[M]):
                 calls, number = 0, min(2 * number, _MOST_IN_A_TURN)
         except Exception as error:
             self._on_error(error)
-        except BaseException:  # the event loop may go on; what it has left over shall then, too
+        except BaseException:  # the event loop may go on after it; then so must what is left over
             is_scheduled = True
             self._port.soon(self._dispatch_on)
             raise

@@ -1,6 +1,6 @@
 """The run that a publisher fills: in C where the native core is, else in Python.
 
-Both ways give the same bytes and the same answers. Must not know topics, queues or what a run is sent for.
+Both give the same bytes and the same answers. Must not know topics, queues, or who gets the run.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ _pack_record = RECORD_HEAD.pack
 class OpenRun(Protocol):
     """The run that a publisher fills, until it is handed over.
 
-    Samples are taken on the `thread` only; where there is `is_mine`, on the one for which that is true.
+    It takes samples on `thread` only, or, with `is_mine`, on the thread for which that returns True.
     """
 
     samples: int
@@ -37,7 +37,7 @@ class OpenRun(Protocol):
     def add(self, payload: Buffer, stamp_ns: int = 0, /) -> bool:
         """Take a sample into the run that is open; False where it has no room or none is open.
 
-        It is stamped now, where there is no stamp. False on another thread.
+        Without a stamp it is stamped now. False on another thread.
         """
 
     def begin(self, payload: Buffer, stamp_ns: int, /) -> None:
@@ -47,17 +47,17 @@ class OpenRun(Protocol):
         """The run's frame towards the broker: the head, DATA_HEAD_BYTES long, and the records."""
 
     def forget(self) -> None:
-        """What is in the run goes nowhere."""
+        """Throw the run away."""
 
     # --- quick ways, which begin a run by themselves
 
     begins_below: int
-    """They begin one only with a payload that is shorter than this."""
+    """They begin a run only with a payload that is shorter than this."""
 
     def begin_by(self, begun: Callable[[int], object], may_begin: Callable[[int], bool] | None, /) -> None:
-        """`begun` is called with the stamp of a first sample when it was taken.
+        """After the first sample of a run was taken, `begun` is called with its stamp.
 
-        Before that `may_begin` is asked with its size, where there is one.
+        Before, `may_begin`, if given, is asked with its size.
         """
 
     def prepare(
@@ -68,8 +68,8 @@ class OpenRun(Protocol):
     def publish(self, message: Any, /) -> bool | bytes:
         """Check, encode and take a message; True, or False where nothing was done.
 
-        An error of the check or the encoder is not raised, but False. The message's encoding, where only the
-        run stands against it. It is always False before `prepare`.
+        False also for an error of the check or the encoder, and before `prepare`. The encoded message (bytes)
+        where only the run has no room.
         """
 
     def write(self, payload: Buffer, /) -> bool:
@@ -176,7 +176,7 @@ class PythonRun:
 
     def _append(self, payload: Buffer, stamp_ns: int) -> None:
         size = len(payload)
-        # What is no bytes may be changed by its owner before the run leaves.
+        # A buffer other than bytes may change before the run leaves.
         self._parts += (
             _pack_record(size, stamp_ns),
             payload if isinstance(payload, bytes) else bytes(payload),

@@ -16,11 +16,11 @@ from bus.wire import messages as m
 from bus.wire.runs import Buffer, RunQueue
 
 RETURN_S = 10.0
-"""How long a new broker is given until those who were matched before count as gone."""
+"""After a new broker came: how long until matches of the last one that are not back count as gone."""
 
 
 class Owner(Protocol):
-    """The publisher or subscription that something here belongs to."""
+    """The publisher or subscription that delivery works for."""
 
     _id: int
     """The broker's number; 0: it does not know the endpoint at the moment."""
@@ -64,7 +64,7 @@ class ReaderProcess(Protocol):
         """Whether it is this event loop itself."""
 
     def is_alive(self) -> bool:
-        """Whether the process still runs; also where that can't be found out."""
+        """Whether the process still runs; True also where that can't be found out."""
 
 
 class ShmPort(Protocol):
@@ -118,7 +118,7 @@ class Port(Protocol):
         """Send a message (or frame) about `owner`; nothing where the broker does not know it now."""
 
     def send_now(self, frame: Buffer, /) -> bool:
-        """Send a data frame at once, where nothing waits to be sent; returns whether it was taken over."""
+        """Send a data frame at once, where nothing waits to be sent; returns whether it was."""
 
     def gather(self, owner: Owner, /) -> None:
         """`owner` has begun a run: it is to hand it over when the turn of the loop ends."""
@@ -130,16 +130,16 @@ class Port(Protocol):
         """Send what waits, as far as the socket takes it."""
 
     def wrote(self) -> None:
-        """What waited was sent, or can be now."""
+        """The socket takes bytes again: what waited was sent, or can be now."""
 
     async def wait_for_drain(self, queue: RunQueue, /) -> None:
         """Wait until the socket has all that was in `queue`."""
 
     def report(self, owner: Owner, /) -> None:
-        """The counters of `owner` have changed; the broker is told soon."""
+        """The counters of `owner` have changed: report them to the broker soon."""
 
     def is_quiet(self) -> bool:
-        """Whether all that the broker has said was heard; also where there is none."""
+        """Whether all that the broker has sent was read; True also where there is none."""
 
     # --- shared memory
 
@@ -155,7 +155,7 @@ class Port(Protocol):
 
     @property
     def owns_thread(self) -> Callable[[], bool]:
-        """Says whether the thread that calls may use what lives here."""
+        """Whether the calling thread may use what lives here."""
 
     @property
     def now_ns(self) -> Callable[[], int]:

@@ -1,7 +1,7 @@
 """What has come for a subscription and was not taken yet: bounded, accounted, decoded when it is taken.
 
 Owns the queue of undecoded runs, and the counts of what was delivered and dropped here. What waits in rings
-waits there; it is taken after what came by socket. Does no I/O; its owner delivers and acknowledges.
+stays there, and is taken after what came by socket. Does no I/O; its owner delivers and acknowledges.
 """
 
 from collections import deque
@@ -20,8 +20,8 @@ from bus.wire.source_time import SOURCE_BYTES, SOURCE_MARK, source_head, source_
 M = TypeVar("M")
 
 INBOX_BYTES = 256 << 20
-"""A subscription holds no more in its process, and less where memory is short; then the oldest go, counted as
-memory_limit."""
+"""A subscription holds at most this in its process, and less where memory is short. The oldest beyond go,
+counted as memory_limit."""
 
 ALL = 1 << 30
 
@@ -39,8 +39,8 @@ A stamp below 0 is the time that the message's source gave it: on the wall clock
 class Receiver(Generic[M]):
     """`depth` 0 is keep all; then `take` decodes a whole run at once, because nothing is ever replaced.
 
-    `on_drop(reason, count)` is told of every sample lost here, `on_reject(size, error)` of those that do not
-    decode, `on_taken(proxy)` for what a lossless publisher must learn.
+    `on_drop(reason, count)` is called for every sample lost here, `on_reject(size, error)` for each that does
+    not decode, `on_taken(proxy)` when samples of a lossless publisher were taken.
     """
 
     def __init__(
@@ -63,9 +63,9 @@ class Receiver(Generic[M]):
         self.ahead: deque[Taken[M]] = deque()
         """Decoded ahead, not yet delivered."""
         self.reader: shm.native.Reader[PublisherProxy] | None = None
-        """Takes out of the rings: `bus.shm`'s Reader, where memory is shared."""
+        """The native Reader, which takes samples out of the rings; None where no memory is shared."""
         self.stamp_ns = 0
-        """Stamp of the sample that `take` had last out of a ring."""
+        """Stamp of the last sample taken out of a ring."""
         self.on_report_due: Callable[[], object] = _ignore
         """Called when a sample is taken out of a ring, unless the reader's `is_report_due` is set already."""
         self._rejected = 0
@@ -97,7 +97,7 @@ class Receiver(Generic[M]):
 
     @property
     def dropped(self) -> dict[str, int]:
-        """Lost here, by reason."""
+        """Samples lost here, by reason."""
         reader, dropped = self.reader, dict(self._dropped)
         if reader is not None:
             for reason, count in (
@@ -112,7 +112,8 @@ class Receiver(Generic[M]):
 
     @property
     def lapped_reason(self) -> str:
-        """What a ring gave up unread, the publisher's depth gave up; with a depth here, that would have."""
+        """The reason for what a ring gave up unread: the depth here where there is one, else the
+        publisher's."""
         return "replaced" if self._queue.depth else "publisher_queue"
 
     @property
@@ -139,7 +140,7 @@ class Receiver(Generic[M]):
             for payload, stamp_ns, seq, proxy, received_ns in batch:
                 if stamp_ns < 0:
                     payload, stamp_ns = source_head(-stamp_ns) + payload, received_ns
-                body = RECORD_HEAD.pack(len(payload), min(stamp_ns, MAX_COUNT)) + payload  # a liar's is more
+                body = RECORD_HEAD.pack(len(payload), min(stamp_ns, MAX_COUNT)) + payload  # a stamp may lie
                 run = Run(0, proxy.number, seq, 1, body, lifespan_ns=proxy.lifespan_ns)
                 run.received_ns, run.origin = received_ns, proxy
                 self._queue.append(run)
@@ -184,8 +185,8 @@ class Receiver(Generic[M]):
     def take(self, limit: int = 1) -> Taken[M] | None:
         """The oldest message, as in `Taken`; None where there is none.
 
-        `limit`: how many may be decoded at once. What is decoded is taken: a newer sample replaces it no
-        more. So that is 1, but where nothing is ever replaced or nothing can come in between.
+        `limit`: how many may be decoded at once. What is decoded counts as taken: a newer sample does not
+        replace it. So the limit is 1, except where nothing is ever replaced, or nothing can come in between.
         """
         ahead, runs = self.ahead, self._queue.runs
         while not ahead:
@@ -237,9 +238,9 @@ class Receiver(Generic[M]):
         return batch
 
     def take_lone(self, run: Run) -> list[M]:
-        """The message of a run that was not `put`, of one sample; nothing where there is more to it.
+        """The message of a run of one sample that was not `put`; empty where it is not as simple as that.
 
-        As at a moderate rate they all are: it is simply the next, and nothing else waits here but in rings.
+        At a moderate rate it always is: the sample is the next one, and nothing waits here.
         """
         proxy = self.tracker.get(run.source)
         if (
@@ -267,18 +268,19 @@ class Receiver(Generic[M]):
         return found[0]
 
     def quick_take(self, *, with_info: bool) -> Callable[[], list[Any]] | None:
-        """What takes a message out of the rings in one native call, for who knows that no others wait."""
+        """A native call that takes a message out of the rings; for callers that know that nothing waits
+        here."""
         if self.reader is None:
             return None
         return partial(self.reader.take if with_info else self.reader.messages, 1, self._decode)
 
     def quick_wait(self, *, with_info: bool) -> Callable[[int, int, float], Any] | None:
-        """What waits for the next message in one native call: see `Reader.wait`. Only while
-        nothing is `waiting`."""
+        """A native call that waits for the next message: see `Reader.wait`. Only while nothing is
+        `waiting`."""
         return None if self.reader is None else partial(self.reader.wait, self._decode, with_info)
 
     def note(self) -> None:
-        """A message was taken out of a ring: tell it where the reader was not told of that before."""
+        """A message was taken out of a ring: have it reported, unless a report is due already."""
         reader = self.reader
         if reader is not None and not reader.is_report_due:
             reader.is_report_due = True
@@ -293,7 +295,7 @@ class Receiver(Generic[M]):
         self.reader.prepare(callback, self._decode, on_error, (*self.waiting, *others), self.on_report_due)
 
     def put_back(self, messages: list[M]) -> None:
-        """What `take_messages` gave and was not delivered is taken next."""
+        """Messages that `take_messages` gave and that were not delivered: they are taken next."""
         self.ahead.extendleft((message, 0, 0, None, 0) for message in reversed(messages))
 
     def _reject_from_rings(self, reader: "shm.native.Reader[PublisherProxy]") -> None:
@@ -318,12 +320,12 @@ class Receiver(Generic[M]):
         return messages
 
     def _is_head(self, run: Run, skipped: int) -> bool:
-        """Whether the queue still begins like this: else the decoder has called what took from it."""
+        """Whether the queue still begins like this: the decoder may have called code that took from it."""
         queue = self._queue
         return bool(queue.runs) and queue.runs[0] is run and queue.skipped == skipped
 
     def _take_single(self, run: Run) -> Taken[M] | None:
-        """A run of one sample, as at a moderate rate they all are: the same as below, without the loop."""
+        """As `_decode_ahead`, for a run of one sample: at a moderate rate they all are."""
         self._queue.forget_head()
         body = memoryview(run.body)
         size, stamp_ns = _unpack_record(body) if len(body) >= RECORD_HEAD_BYTES else (len(body), 0)
@@ -402,7 +404,8 @@ class Receiver(Generic[M]):
     def _count(
         self, run: Run, samples: int, seq: int, size: int, rejected: Sequence[tuple[int, Exception]] = ()
     ) -> None:
-        """So many were taken out of the run, up to number `seq`; with those `rejected`, so many bytes."""
+        """Count `samples` taken out of the run, up to number `seq`: `size` bytes, those `rejected`
+        included."""
         self._samples += samples
         self._bytes += size
         if rejected:
@@ -423,11 +426,11 @@ class Receiver(Generic[M]):
             self._on_taken(proxy)
 
     def _reject(self, rejected: list[tuple[int, Exception]]) -> None:
-        # After the queue was brought in order: whoever is told may take again.
+        # After the queue was brought in order: the callee may take again.
         for size, error in rejected:
             self._on_reject(size, error)
             self.drop("undecodable", 1)
 
 
 def _ignore() -> None:
-    """Nobody is told."""
+    """Stands for a callback that was not given."""

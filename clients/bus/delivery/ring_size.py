@@ -1,6 +1,6 @@
 """How large a publisher's rings are: the first one, when a larger one is wanted, and how large that is.
 
-Knows of a ring what its writer tells. Must not know how rings are made, nor who reads them.
+Knows a ring by its writer's counters. Must not know how rings are made, nor who reads them.
 """
 
 from collections.abc import Callable
@@ -12,14 +12,14 @@ FOR_EVER = 1 << 60
 """A depth without bound."""
 
 FIRST_CAPACITY = 4 << 10
-"""A program may have hundreds of publishers that say little: this is what all begin with."""
+"""What every ring begins with: a program may have hundreds of publishers that say little."""
 FIRST_INDEX = 64
 
 EARLY = 16
-"""So many publishers of a process have a ring of the usual size from their first match on."""
+"""How many publishers of a process get a ring of the usual size at their first match."""
 
 LAP_S = 1.0
-"""A first ring in which records go round in less time is exchanged for one of the usual size."""
+"""A first ring whose records go round in less time is exchanged for one of the usual size."""
 
 _CAPACITY = 64 << 10
 _LONG_CAPACITY = 1 << 20
@@ -30,16 +30,16 @@ _GROW_AGAIN_NS = 1_000_000_000
 
 
 class RingSize:
-    """Of the rings of one publisher, which `keeps_all` or the last ones."""
+    """The sizes of one publisher's rings; `keeps_all`: its QoS is keep all."""
 
     def __init__(self, now_ns: Callable[[], int], *, keeps_all: bool) -> None:
         self._now_ns = now_ns
         self._usual_capacity = _LONG_CAPACITY if keeps_all else _CAPACITY
-        self._most_bytes = self._usual_capacity  # for depth's sake; for a message that has no place, more
+        self._most_bytes = self._usual_capacity  # the most for depth; for a message that does not fit, more
         self._no_growth_ns = 0  # until then, after it could not grow
 
     def allow(self, ring_bytes: int) -> None:
-        """What the broker lets a ring grow to for depth's sake."""
+        """The broker sets how far a ring may grow for depth."""
         self._most_bytes = max(ring_bytes, self._usual_capacity)
 
     def larger(
@@ -47,7 +47,8 @@ class RingSize:
     ) -> tuple[int, int] | None:
         """Capacity and index length of the next ring, with room for a message of `size` bytes.
 
-        `keep`: records that are to stay. `must`: also beyond what is for depth's sake. None: not to be made.
+        `keep`: records that must stay. `must`: also beyond the limit for depth. None where the ring is to
+        stay.
         """
         capacity = max(2 * writer.capacity, _power_of_two(4 * (size + RING_HEAD_BYTES)), self._usual_capacity)
         if not must:
@@ -58,13 +59,13 @@ class RingSize:
         return capacity, max(usual, most if keep >= most else _power_of_two(keep + 1))
 
     def failed(self) -> None:
-        """There was no memory for it: for depth's sake it is not asked for again for a while."""
+        """There was no memory: don't try again for depth for a while."""
         self._no_growth_ns = self._now_ns() + _GROW_AGAIN_NS
 
     def _capacity_for(self, writer: "shm.native.Writer", keep: int) -> int:
-        """What a ring that is full needs for all its depth, if it goes on like that.
+        """Bytes that a full ring needs for all its depth, with messages as they are now; 0: not known.
 
-        So it grows once, and not at each doubling, of which each holds messages up; 0: not known.
+        So it grows once, not at each doubling: each growth holds messages up.
         """
         held = writer.latest - writer.oldest + 1
         if keep == FOR_EVER or held < 1:
@@ -81,7 +82,7 @@ def is_filled_by_few(writer: "shm.native.Writer") -> bool:
 
 
 def laps_slowly(writer: "shm.native.Writer", now_ns: int) -> bool:
-    """Whether something in the ring is older than a lap may take."""
+    """Whether the ring still has a record from before the shortest time that a lap may take."""
     return writer.seq_since(now_ns - int(LAP_S * 1e9)) > writer.oldest
 
 

@@ -23,7 +23,7 @@ class ThreadQueue:
         self._is_announced = False
 
     def put(self, payload: bytes, stamp_ns: int, depth: int) -> bool:
-        """Queue a sample, replacing the oldest beyond `depth`; returns whether the event loop must be told.
+        """Queue a sample, replacing the oldest beyond `depth`; returns whether to wake the event loop.
 
         Safe from any thread.
         """
@@ -41,7 +41,7 @@ class ThreadQueue:
     def collect(self) -> int:
         """On the event loop: move what was put to `late`; returns how many were replaced before it.
 
-        What is late still counts as held.
+        What is in `late` still counts as held.
         """
         with self._lock:
             self.late += self._samples
@@ -50,7 +50,7 @@ class ThreadQueue:
             return skipped
 
     def forget_oldest(self) -> None:
-        """The oldest of `late` is counted elsewhere now."""
+        """Take the oldest of `late` out of the count: it is counted elsewhere now."""
         with self._lock:
             self._hold(-1, -len(self.late.popleft()[0]))
 

@@ -1,1 +1,1 @@
-"""The connection of an event loop to busd, and what is told over it."""
+"""The connection of an event loop to busd, and what goes over it."""

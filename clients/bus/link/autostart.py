@@ -22,10 +22,10 @@ if TYPE_CHECKING:  # for a program that starts one
     from pathlib import Path
 
 BUSD = (sys.executable, "-P", "-m", "busd")
-"""What starts busd: the one that is installed, whatever lies in the folder that we are in."""
+"""Starts the busd that is installed, whatever lies in the current folder."""
 
 IDLE_EXIT_S = 30
-"""A busd that was started in the background leaves after so long without a connection."""
+"""A busd that was started in the background ends after so long without a connection."""
 
 _START_S = 10.0
 _TAIL_BYTES = 4096
@@ -91,7 +91,7 @@ async def start(
             os.close(log.fd)
     except BrokerUnavailable:
         raise
-    except OSError as error:  # no descriptor or no process is left for us
+    except OSError as error:  # out of descriptors or processes
         raise BrokerUnavailable(f"busd could not be started at {path}: {error.strerror or error}") from None
     if log.fault and status != _ALREADY_RUNNING:
         get_logger("bus").warning(f"busd has no file for its log, which is in memory: {log.fault}")
@@ -132,14 +132,14 @@ def reap() -> None:
     for pid in tuple(_started):
         try:
             has_ended = os.waitpid(pid, os.WNOHANG)[0] == pid
-        except ChildProcessError:  # somebody else has waited for it, or we are a fork of its parent
+        except ChildProcessError:  # other code has waited for it, or this process is a fork of its parent
             has_ended = True
         if has_ended:
             _started.discard(pid)
 
 
 class _Log:
-    """What a busd that is to be started gets as stderr: its file, or memory where it can't have that."""
+    """The stderr of a busd that is to be started: its log file, or memory where there can be none."""
 
     def __init__(self, path: "Path") -> None:
         from bus.process.logfile import open_in_memory, open_log
@@ -154,7 +154,7 @@ class _Log:
         self._begin = os.fstat(self.fd).st_size
 
     def last_line(self) -> str:
-        """What was said last since it was opened."""
+        """The last lines since it was opened."""
         end = os.fstat(self.fd).st_size
         begin = max(self._begin, end - _TAIL_BYTES)
         lines = os.pread(self.fd, end - begin, begin).decode(errors="replace").strip().splitlines()
@@ -164,7 +164,7 @@ class _Log:
 def _prepare_folder(folder: "Path") -> None:
     is_default = is_default_folder(folder)
     try:
-        # Whether others may look into it, busd knows: it has the configuration.
+        # busd has the configuration, which says whether others may read it.
         prepare_folder(folder, is_default=is_default, may_enter=0o055)
     except ConfigurationError as error:
         hint = "; remove it, or set BUSD_SOCKET" if is_default and os.path.lexists(folder) else ""
@@ -174,7 +174,7 @@ def _prepare_folder(folder: "Path") -> None:
 def _spawn(path: "Path", log_fd: int, notify: str, options: Sequence[str]) -> int:
     environ = {**os.environ, "NOTIFY_SOCKET": notify}
     arguments = [*BUSD, "--socket", str(path), *options]
-    # Nothing is opened in the child that could keep it: until its exec we are held up as well.
+    # The child opens nothing on its way to exec: an open that hangs would hold this process up, too.
     return os.posix_spawn(
         sys.executable,
         arguments,

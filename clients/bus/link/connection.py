@@ -1,6 +1,7 @@
 """One connection to a broker, from Hello to the end: requests and answers, heartbeats, what is sent.
 
-Does not come back after a loss; that is the link's work. Hands samples and news of endpoints to its owner.
+It ends with the first loss; coming back is the link's work. It hands samples and news of endpoints to its
+owner.
 """
 
 import asyncio
@@ -41,17 +42,17 @@ ANSWER_S = 10.0
 """How long a broker that owes an answer may say nothing at all before it counts as hung."""
 
 _UNREAD_S = 0.05
-"""How long until another look where this process has not yet read what has come."""
+"""How long until the next look where this process has not read yet what has come."""
 
 _LATE_NS = 1_000_000_000
-"""A timer that comes so late says that this event loop stood still."""
+"""A timer that is so late shows that this event loop stood still."""
 _NEVER_NS = 1 << 63
 
 _log = get_logger("bus")
 
 
 class _Request(msgspec.Struct):
-    """What the broker owes an answer to."""
+    """A request that the broker has not answered yet."""
 
     answer: asyncio.Future[Any]
     since_ns: int
@@ -60,7 +61,7 @@ class _Request(msgspec.Struct):
 class Connection:
     """Made by `Connection.open`.
 
-    `on_received(items)` gets the runs and messages of one read, of which it hands back what is an answer to
+    `on_received(items)` gets the runs and messages of one read, and gives those that are answers to
     `resolve`; `on_lost(reason)` is called once, unless `close` came first.
     """
 
@@ -87,9 +88,9 @@ class Connection:
         self._is_for_now = False
         self._farewell = ""
         self.heard_ns = 0
-        """When anything last came from the broker; set by whoever hands it out."""
+        """When anything last came from the broker; the owner sets it."""
         self.turn_ns = 0
-        """When the event loop last had a turn; whoever is called in one sets it."""
+        """When the event loop last had a turn; every callback of ours sets it."""
         self.late_ns = _NEVER_NS
         """After that a turn comes late: call `note_standstill` before `turn_ns` or `heard_ns` is set."""
         self._beat_ns = self._due_ns = 0  # since and until when the next sign of life is waited for
@@ -144,25 +145,26 @@ class Connection:
         self.hello = hello
 
     def _refusal(self, path: str) -> BrokerUnavailable:
-        """Why the connection has ended before it could be used."""
-        if self._was_silent:  # as one that ends with connections in its backlog
+        """The error for a connection that has ended before it could be used."""
+        if self._was_silent:  # so does a broker that ends with connections in its backlog
             return NotNow(f"busd at {path} closed the connection without a word")
         kind = NotNow if self._is_for_now else BrokerUnavailable
         return kind(f"busd at {path} refused this process: {self._loss}")
 
     def send(self, message: m.Message | bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
-        """Send a control message, or a frame in turn with these; nothing happens where this has ended."""
+        """Send a control message, or a frame in turn with these; does nothing once the connection has
+        ended."""
         if self._stream is not None:
             self.outbox.put(message if isinstance(message, bytes) else m.encode_frame(message), descriptors)
             self._stream.flush()
 
     @property
     def is_quiet(self) -> bool:
-        """Nothing has come that was not read."""
+        """Whether all that has come was read."""
         return self._stream is None or self._stream.is_quiet
 
     def share(self) -> None:
-        """Before an endpoint is declared: tell how this process is woken, once for each connection."""
+        """Before an endpoint is declared: send how to wake this process, once for each connection."""
         if self._shm_context is not None and not self._has_shared:
             self._has_shared = True
             self.send(m.Share(), (self._shm_context.doorbell, self._shm_context.segment))
@@ -178,7 +180,7 @@ class Connection:
             self._stream.flush()
 
     def send_now(self, frame: Buffer) -> bool:
-        """Send a data frame at once, where nothing waits to be sent; returns whether it was taken over."""
+        """Send a data frame at once, where nothing waits to be sent; returns whether it was."""
         return self._stream is not None and self._stream.send_now(frame)
 
     async def request(
@@ -203,15 +205,14 @@ class Connection:
             self._requests.pop(number, None)
 
     def _watch_in(self, time_s: float) -> None:
-        """Look then whether answers are late. One timer is for all: most answers are there long before it."""
+        """Look then whether answers are late. All share one timer: most answers come long before it."""
         self._watch_ns = monotonic_ns() + int(time_s * 1e9)
         self._watch = self._loop.call_later(time_s, self._look_for_late)
 
     def _look_for_late(self) -> None:
-        """End the waits for answers where the broker says nothing for ANSWER_S, whatever it might say.
+        """End the waits for answers where the broker has said nothing at all for ANSWER_S.
 
-        One that is busy, with what this process has asked for or with others, answers others meanwhile, and
-        is not given up.
+        A broker that is only busy says something meanwhile, and is not given up.
         """
         self._watch = None
         now_ns = monotonic_ns()
@@ -280,7 +281,8 @@ class Connection:
             self._heartbeat = self._loop.call_later(interval_s, self._beat, interval_s)
 
     def note_standstill(self, now_ns: int) -> None:
-        """The event loop stood still. If that outlasted the lease, warn here: this program must be mended."""
+        """The event loop stood still. If for longer than the lease, warn here: the fault is this
+        program's."""
         self.late_ns = _NEVER_NS
         most_s = (now_ns - self._beat_ns) / 1e9
         if most_s < self.hello.lease_s or (isinstance(self._loop, GuardedLoop) and self._loop.rests):
@@ -327,7 +329,7 @@ class Connection:
         for waiting in waits:
             if not waiting.done():
                 waiting.set_exception(reason)
-        # Nobody may be waiting any more; the error must not be reported as one that was never looked at.
+        # Perhaps nobody waits any more: asyncio must not report the error as one that was never retrieved.
         for waiting in waits:
             if not waiting.cancelled():
                 waiting.exception()

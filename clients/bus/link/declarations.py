@@ -29,10 +29,10 @@ from bus.wire import messages as m
 from bus.wire.runs import Run
 
 _FINAL = (ConfigurationError, AccessDenied)
-"""Refusals for good. A limit is another thing: others may make room."""
+"""Refusals for good. One by a limit is not: there may be room later."""
 
 AGAIN_S = 2.0
-"""How long until a broker is asked again for what a limit of it was in the way of."""
+"""How long until a broker is asked again that refused by a limit."""
 
 _ABOUT: dict[Any, str] = (
     dict.fromkeys((m.Matched, m.Unmatched, m.Incompatible, m.Rerouted), "endpoint")
@@ -45,13 +45,13 @@ _log = get_logger("bus")
 
 
 class Known(Protocol):
-    """What the broker may know, by an id; 0: it does not at the moment."""
+    """What the broker may know by an id; 0 while it does not."""
 
     _id: int
 
 
 class Declared(Known, Protocol):
-    """What the broker gives an id to."""
+    """A node or an endpoint: the broker gives it an id."""
 
     def _declaration(self, request: int, node: int) -> m.Message: ...
 
@@ -66,7 +66,7 @@ class LinkNode(Declared, Protocol):
 
 
 class Counted(Known, Protocol):
-    """An endpoint, as the link sees it that sends its samples and reports its counters."""
+    """An endpoint as its link sees it, to send its samples and report its counters."""
 
     _refusal: BusError | None
 
@@ -102,14 +102,15 @@ class LinkEndpoint(Declared, Counted, Protocol):
 
 
 def lease_s(endpoint: LinkEndpoint) -> float | None:
-    """Within what time the broker wants a sign of life from this process for `endpoint`; None = no matter."""
+    """Within what time the broker wants a sign of life of `endpoint`, or None if it wants none."""
     if endpoint._kind == "publisher" and endpoint.qos.liveliness is Liveliness.AUTOMATIC:
         return endpoint.qos.liveliness_lease_duration
     return None
 
 
 class _Admission(msgspec.Struct):
-    """What is to be done when the answer to a declaration of `what` comes."""
+    """When the answer to the declaration of `what` comes: `act`, or `undo` if nobody waits for it any
+    more."""
 
     what: Declared
     act: Callable[[m.Created], None]
@@ -125,11 +126,11 @@ class Declarations:
         self._admissions: dict[int, _Admission] = {}
         self._waiting: dict[Declared, QuotaExceeded] = {}
         self._namesakes: set[str] = set()
-        """Names of nodes of which it was said that others have them too."""
+        """Names of nodes that the log has said others have too."""
         self._retry: asyncio.Task[None] | None = None
 
     def __iter__(self) -> Iterator[LinkEndpoint]:
-        """Every endpoint, in the order of their making."""
+        """Every endpoint, in the order in which they were made."""
         return iter([endpoint for endpoints in self._nodes.values() for endpoint in endpoints])
 
     async def add_node(self, connection: Connection, node: LinkNode) -> None:
@@ -181,8 +182,8 @@ class Declarations:
     async def declare_again(self, connection: Connection) -> None:
         """Tell a broker everything that it does not know.
 
-        What it refuses is ended, and the log says why. What a limit is in the way of waits until there is
-        room: it will be asked again.
+        What it refuses is ended, and the log says why. What it refuses by a limit is declared again later:
+        there may be room then.
         """
         nodes = [node for node in self._nodes if not node._id]
         await asyncio.gather(*(self._try_node_again(connection, node) for node in nodes))
@@ -198,11 +199,11 @@ class Declarations:
             self._ask_again_later(connection)
 
     def progress(self) -> tuple[int, int]:
-        """How many endpoints the broker knows, and how many there are."""
+        """How many endpoints the broker knows, and of how many."""
         return sum(bool(endpoint._id) for endpoint in self), sum(map(len, self._nodes.values()))
 
     def admit(self, answer: m.Created) -> None:
-        """The broker made something. To be called before anything that came after is handled."""
+        """The broker has made something. To be called before any later message is handled."""
         admission = self._admissions.pop(answer.request, None)
         if admission is not None:
             admission.act(answer)
@@ -213,7 +214,7 @@ class Declarations:
         return None if field is None else self.by_id.get(getattr(news, field))
 
     def warn_of_namesake(self, news: m.Namesake) -> None:
-        """Another node has the name of one of ours. It is said once, also where brokers come and go."""
+        """Another node has the name of one of ours. The log says so once, also where brokers come and go."""
         node = next((node for node in self._nodes if node._id == news.node), None)
         if node is not None and node.full_name not in self._namesakes:
             self._namesakes.add(node.full_name)
@@ -284,7 +285,7 @@ class Declarations:
             _log.info(f"busd has room for the {name} again")
 
     def _revoke(self, what: Declared) -> None:
-        """Nobody waits for the answer to its declaration any more: what that makes is not wanted."""
+        """Nobody waits for the answer to its declaration any more: undo what the broker makes."""
         for admission in self._admissions.values():
             if admission.what is what:
                 admission.act = admission.undo

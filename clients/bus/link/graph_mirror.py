@@ -1,6 +1,6 @@
-"""The graph as this process knows it: a snapshot, and every change that busd has told since.
+"""The graph as this process knows it: a snapshot, and every change that busd has sent since.
 
-Owns the copy and the one `Graph` that is made of it when somebody looks. Must not know who watches.
+Owns the copy, and the `Graph` that it makes of it when asked. Must not know who watches.
 """
 
 from bus.errors import BusError, RemoteProtocolError
@@ -22,7 +22,7 @@ class GraphMirror:
         self._matches: dict[GraphMatch, None] = {}
         self._is_begun = False
         self._early: list[m.GraphChanged] = []
-        """Changes that were read together with the snapshot, before that was taken up."""
+        """Changes that came in the same read as the snapshot."""
 
     def begin(self, snapshot: m.GraphSnapshot) -> None:
         """Raises RemoteProtocolError where busd contradicts itself."""
@@ -44,7 +44,7 @@ class GraphMirror:
             return
         if change.revision <= self._revision:
             return
-        # What came and went within one change stands in both lists.
+        # What was added and removed within one change is in both lists.
         self._nodes.update((one.id, node_of(one)) for one in change.nodes_added)
         for one in change.endpoints_added:
             if one.node not in self._nodes:

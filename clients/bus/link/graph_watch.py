@@ -1,4 +1,4 @@
-"""Who watches the graph: each gets the newest, however long it looked at the one before."""
+"""Watches of the graph: each is given the newest, however long it took over the one before."""
 
 import asyncio
 from collections.abc import AsyncGenerator
@@ -11,17 +11,17 @@ if TYPE_CHECKING:  # most programs never look
     from bus.graph import Graph
 
 _REST, _LONGEST_REST_S = 16, 0.2
-"""Between two looks at a graph that changes: so many times as long as it takes to put it together."""
+"""The pause between two looks at a changing graph, in times of what it takes to put it together."""
 
 
 class GraphWatches:
-    """Those of one node."""
+    """The watches of one node."""
 
     def __init__(self) -> None:
         self._running: set[asyncio.Event] = set()
 
     def end(self) -> None:
-        """The node is closed: so are they."""
+        """The node is closed: end them."""
         running, self._running = self._running, set()
         for changed in running:
             changed.set()

@@ -1,7 +1,7 @@
 """The link of a process to its broker: samples and news both ways, and recovery.
 
-Nodes of one event loop that use the same socket share a link. When the broker comes back, it connects and
-declares everything again.
+Nodes of one event loop that use the same socket share a link. When the broker comes back, the link
+connects and declares everything again.
 """
 
 import asyncio
@@ -61,11 +61,10 @@ class Link:
         self.last_sent_ns = 0  # when a publisher last sent past the gathering
         self.failure: BusError | None = None
         self._users = 0
-        self._hello = m.Hello(
-            version=PROTOCOL_VERSION, background=True
-        )  # the present broker's, or the last one's
+        # The present broker's, or the last one's:
+        self._hello = m.Hello(version=PROTOCOL_VERSION, background=True)
         self.broker = self._hello.pid, self._hello.began_ns
-        """Which broker it is, or was the last: one that restarts has the same process id as before."""
+        """The present broker, or the last one. A broker that restarts keeps its process id."""
         self._connection: Connection | None = None
         self._opening: asyncio.Task[None] | None = None
         self._declarations = Declarations()
@@ -76,7 +75,7 @@ class Link:
         self._drains = Waiters(self.loop)
         self._observers: list[Callable[[], None]] = []
         self.graph_mirror: GraphMirror
-        """Where somebody observes."""
+        """While somebody observes the graph."""
         self._mirroring: asyncio.Task[None] | None = None
         Link._links.add(self)
 
@@ -151,7 +150,7 @@ class Link:
         self._reports.send_last(endpoint)
         self._declarations.remove(endpoint)
         self.send_about(endpoint, m.DestroyEndpoint(endpoint=endpoint._id))
-        endpoint._id = 0  # messages that it still gives out must not be acknowledged any more
+        endpoint._id = 0  # its last messages must not be acknowledged any more
         if lease_s(endpoint) is not None:
             self._set_heartbeat()
 
@@ -168,7 +167,7 @@ class Link:
             self._connection.send(message, descriptors)
 
     def is_quiet(self) -> bool:
-        """Whether all that the broker has said was heard; also where there is none."""
+        """Whether all that the broker has sent was read; True also where there is none."""
         return not self._is_receiving and (self._connection is None or self._connection.is_quiet)
 
     async def request(self, make: Callable[[int], m.Message], kind: type[A]) -> A:
@@ -178,7 +177,8 @@ class Link:
         )
 
     async def description(self, type_name: str, type_hash: str) -> bytes:
-        """How a type that is on the bus was described by who has it (`bus.types.schema`, in MessagePack).
+        """The description of a type on the bus, as its endpoints gave it (`bus.types.schema`, in
+        MessagePack).
 
         Raises ConfigurationError where no endpoint has it.
         """
@@ -235,7 +235,7 @@ class Link:
         self._gathered.add(publisher)
 
     def send_now(self, frame: Buffer) -> bool:
-        """Send a data frame at once, where nothing waits to be sent; returns whether it was taken over."""
+        """Send a data frame at once, where nothing waits to be sent; returns whether it was."""
         return self._connection is not None and self._connection.send_now(frame)
 
     def make_ready(self, queue: RunQueue) -> None:
@@ -259,7 +259,7 @@ class Link:
                 await self._drains.wait()
 
     def report(self, endpoint: Counted) -> None:
-        self._reports.add(endpoint)  # the broker is told soon
+        self._reports.add(endpoint)  # soon the broker gets them
 
     @property
     def is_writing(self) -> bool:
@@ -275,7 +275,7 @@ class Link:
             self._connection.flush()
 
     def wrote(self) -> None:
-        """What waited was sent, or can be now."""
+        """The socket takes bytes again: what waited was sent, or can be now."""
         if self._drains:
             self.loop.call_soon(self._drains.release)  # they look again after the next choice
 
@@ -338,7 +338,7 @@ class Link:
                 except BaseException as error:
                     if self.failure is not None:
                         raise
-                    # It ends this turn, perhaps the loop: the rest is heard, and delivered later.
+                    # It ends this turn, perhaps the loop: the rest is taken up now and delivered later.
                     ending = error
         finally:
             self._is_receiving = False
@@ -349,7 +349,7 @@ class Link:
             raise ending
 
     def _deliver_lone(self, items: Any, received_ns: int) -> bool:
-        """A read has brought nothing but one run, and there is nothing to do but to call back for it."""
+        """A read has brought one run and nothing else: call back for it, with nothing in between."""
         run = items[0]
         endpoint = self._declarations.by_id.get(run.endpoint)
         if endpoint is None:
@@ -365,7 +365,7 @@ class Link:
         return is_done
 
     def _deliver(self, endpoints: Collection[LinkEndpoint]) -> None:
-        """Something has come for these. First of all the callbacks: somebody waits for them."""
+        """Something has come for these. Callbacks go first: somebody waits for them."""
         left = iter(endpoints)
         for endpoint in left:
             try:
@@ -386,7 +386,7 @@ class Link:
         if isinstance(message, Carried):
             message, descriptors = message
         if isinstance(message, m.Created):
-            # At once, and not when the request's task runs: news and samples may stand in the same read.
+            # At once, not when the request's task runs: its news and samples may be in the same read.
             self._declarations.admit(message)
         connection = self._connection
         if connection is None or connection.resolve(message):
@@ -451,7 +451,8 @@ class Link:
             while True:
                 pause_s = next(pauses, pause_s)
                 await asyncio.sleep(pause_s)
-                # Who started a daemon starts it again, with the same options: leave the user time for it.
+                # A user who started the daemon by hand starts it again, with its options: leave time for
+                # that.
                 may_start = self._hello.background or monotonic_ns() - lost_ns > _USERS_TURN_NS
                 try:
                     await self._declare_again(await self._connect(Patience(), may_start=may_start))
@@ -497,7 +498,7 @@ class Link:
         self._drains.release()
 
     async def _tell_progress(self) -> None:
-        """To be cancelled when all is declared; which with many endpoints and matches takes a while."""
+        """Say, after a while, that it takes long. To be cancelled when all is declared."""
         while True:
             await asyncio.sleep(_TELL_S)
             done, total = self._declarations.progress()

@@ -1,8 +1,8 @@
-"""Reaches a broker's socket: one try, and for how long to go on trying. The same for all clients.
+"""Reaches a broker's socket: one try, and how long to go on trying. The same for all clients.
 
-A UNIX socket whose backlog is full does not let connect() wait where that must not block: it says EAGAIN, and
-no event tells when there is room. So a client tries again, soon at first and then less often. It does the
-same where a broker turns it away for something that passes, or ends while it connects.
+Where the backlog of a UNIX socket is full, a connect() that must not block gives EAGAIN, and no event tells
+when there is room. So a client tries again, soon at first and then less often. It does the same where a
+broker turns it away for something that passes, or ends while it connects.
 """
 
 import os
@@ -23,13 +23,13 @@ _LONGEST_PAUSE_S = 0.05
 
 
 class NotNow(BrokerUnavailable):
-    """What was in the way passes: try again, with pauses that grow up to so many seconds."""
+    """Not now: try again, with pauses that grow up to `longest_s`."""
 
     longest_pause_s = _LONGEST_PAUSE_S
 
 
 class BacklogFull(NotNow):
-    """The broker does not hear of this, so that it costs it nothing to be asked again very soon."""
+    """The broker does not notice: trying again very soon costs it nothing."""
 
     longest_pause_s = 0.005
 
@@ -48,7 +48,7 @@ class Patience:
         self._pause_s = _FIRST_PAUSE_S
 
     def pause_s(self, why: str, longest_s: float = _LONGEST_PAUSE_S) -> float:
-        """For how long to wait before the next try; each time longer, up to `longest_s`.
+        """How long to wait before the next try; each time longer, up to `longest_s`.
 
         Raises BrokerUnavailable, with `why` and how long it was tried, where there is to be none.
         """

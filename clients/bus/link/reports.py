@@ -1,7 +1,7 @@
-"""Tells the broker the counters of endpoints, when they have changed, twice a second at most.
+"""Reports the counters of endpoints to the broker when they have changed, twice a second at most.
 
-Some at a time: those of a thousand at once would hold up messages for milliseconds, here and at the broker,
-and twice a second each would cost more than their messages. So a thousand are told of every two seconds.
+Some at a time: a thousand at once would hold up messages for milliseconds, here and at the broker, and twice
+a second each would cost more than their messages. So of a thousand each is reported every two seconds.
 """
 
 import asyncio
@@ -30,7 +30,7 @@ class Reports:
         self._has_ended = False
 
     def add(self, endpoint: Counted) -> None:
-        """Its counters have changed; the broker is told soon."""
+        """Its counters have changed: report them soon."""
         self._due.add(endpoint)
         if self._timer is None:
             self._arm()
@@ -41,14 +41,14 @@ class Reports:
             self._arm()
 
     def send_last(self, endpoint: Counted) -> None:
-        """The endpoint goes: what is not yet told is told now."""
+        """The endpoint goes: report now what is not reported yet."""
         if endpoint in self._due or endpoint in self._going:
             self._tell([endpoint])
             self._due.discard(endpoint)
             self._going.discard(endpoint)
 
     def end(self) -> None:
-        """Tell what is not yet told, and nothing more."""
+        """Report what is not reported yet, and nothing after it."""
         self._has_ended = True
         if self._timer is not None:
             self._timer.cancel()
@@ -69,7 +69,7 @@ class Reports:
         try:
             self._tell(some)
         except BaseException:
-            self._due.update(some)  # who was told already is told the same once more
+            self._due.update(some)  # those reported already are reported once more, the same
             raise
         finally:
             self._timer = None
@@ -84,8 +84,9 @@ class Reports:
         told = [(endpoint, endpoint._totals()) for endpoint in endpoints]
         for endpoint, totals in told:
             if totals.queued and endpoint._refusal is None:
-                self._due.add(endpoint)  # nobody says so when they are taken
-        # Some are not known at the moment; and to count may call a user's function, which may close others.
+                self._due.add(endpoint)  # no event says when they are taken
+        # The broker may not know some at the moment; and counting may call a user's code, which may close
+        # others.
         known = [
             (endpoint, totals)
             for endpoint, totals in told

@@ -1,7 +1,7 @@
-"""What a link shares with other processes, doorbell and readers' segment, and how it wakes up by them.
+"""What a link shares with other processes: its doorbell, by which they wake it, and its readers' segment.
 
-One of each, whatever the number of endpoints. Owns the slots of the segment, and what is known of the
-processes on the other side. Must not know what is in the rings.
+One of each, whatever the number of endpoints. Owns the slots of the segment, and the processes on the other
+side. Must not know what is in the rings.
 """
 
 import asyncio
@@ -29,7 +29,7 @@ _log = get_logger("bus")
 
 
 class ReaderProcess:
-    """A process that reads rings of this one: how to wake it. `is_here`: this event loop itself."""
+    """A process that reads rings of this one, and how to wake it. `is_here`: it is this event loop itself."""
 
     __slots__ = ("__weakref__", "bell", "doorbell", "is_here", "pid")
 
@@ -40,7 +40,7 @@ class ReaderProcess:
         self.bell = shm.native.Bell(segments.map_readers(segment), doorbell.number)
 
     def is_alive(self) -> bool:
-        """Whether the process still runs; also where that can't be found out."""
+        """Whether the process still runs; True also where that can't be found out."""
         try:
             process = Descriptor(os.pidfd_open(self.pid))
         except ProcessLookupError:
@@ -65,7 +65,8 @@ class ShmContext:
         self._loop = asyncio.get_running_loop()
         self._on_news = on_news
         self._waiting: dict[object, Callable[[], None]] = {}
-        self._slots = deque(range(SLOTS))  # the longest free first, lest an old gate still knows it
+        # Longest free first: a publisher may still have a gate on a slot that was freed a moment ago.
+        self._slots = deque(range(SLOTS))
         self._pinned_slots: list[int] = []
         self._processes: WeakValueDictionary[tuple[int, int], ReaderProcess] = WeakValueDictionary()
         self._doorbells: WeakValueDictionary[str, Descriptor] = WeakValueDictionary()
@@ -75,7 +76,7 @@ class ShmContext:
         self._is_polling = False
         self._is_look_due = False
         self._is_closed = False
-        # On a loop that threads share, whoever waits for the news goes on before the rest is seen to.
+        # On a loop that threads share, the thread that waits for the news goes on before the rest is done.
         self._deferred = self._loop.deferred if isinstance(self._loop, GuardedLoop) else None
         self._look_at_all = self._rung if self._deferred is None else self._rung_among_threads
         self._loop.add_reader(self.doorbell.number, self._look_at_all)
@@ -83,7 +84,7 @@ class ShmContext:
 
     @classmethod
     def make(cls, on_news: Callable[[Collection[Any]], None]) -> "ShmContext | None":
-        """None where memory may not or can't be shared; then everything goes by socket."""
+        """The context of a link, or None where memory may not or can't be shared: all goes by socket then."""
         if not is_available():
             return None
         try:
@@ -93,7 +94,7 @@ class ShmContext:
             return None
 
     def close(self) -> None:
-        """Hear the doorbell no more. What is pinned stays readable."""
+        """Stop listening to the doorbell. What is pinned stays readable."""
         if not self._is_closed:
             self._is_closed = True
             self.readers.close()
@@ -111,7 +112,7 @@ class ShmContext:
     # --- the other side
 
     def reader_process(self, segment: Descriptor, doorbell: Descriptor, pid: int) -> ReaderProcess:
-        """What is known of the process that has this readers' segment; one for all its matches.
+        """The process that has this readers' segment; one object for all its matches.
 
         Raises OSError or ValueError, saying what is wrong with it.
         """
@@ -139,7 +140,7 @@ class ShmContext:
         return self._slots.popleft() if self._slots else None
 
     def give_back(self, slot: int) -> None:
-        """The match is gone. Views of its messages may still pin some: then the slot waits for them."""
+        """The match is gone. While views of its messages still pin records, the slot is not used again."""
         (self._slots if self.readers.is_free(slot) else self._pinned_slots).append(slot)
 
     # --- waking up
@@ -178,7 +179,7 @@ class ShmContext:
         self._look_at_all()
 
     def _rung(self) -> None:
-        # Few steps from here to the callback: after a sleep each of them is slow.
+        # Few steps from here to the callback: right after a sleep each one is slow.
         owners = self.readers.deliver(not self._poll_ns)
         if owners is not None or self._waiting:
             try:
@@ -195,7 +196,7 @@ class ShmContext:
             self._deferred.append((self._turn, (bool(owners), 0)))
 
     def _turn(self, has_news: bool, spin_ns: int) -> None:
-        """What has come is delivered: see to the rest, and sleep."""
+        """What has come was delivered: do the rest, then sleep."""
         if self._waiting:
             for look in tuple(self._waiting.values()):
                 try:
@@ -206,8 +207,8 @@ class ShmContext:
         if self._poll_ns and has_news:
             self._look_on()
         elif not self._is_closed and (owners := self.readers.sleep(spin_ns)):
-            # More has come meanwhile. Others have their turn first; and while it goes on like that, a
-            # short look saves the writers most of their system calls.
+            # More has come meanwhile. Others have their turn first. As long as more comes, a short look in
+            # place of a sleep saves the writers most of their system calls.
             self._loop.call_soon(self._turn_on, owners)
 
     def _turn_on(self, owners: list[Any]) -> None:

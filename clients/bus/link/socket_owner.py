@@ -1,8 +1,8 @@
 """Whose socket a program may use, and in which folder busd may have its files.
 
-By default busd's socket is in a folder of the user's own. Under /tmp anybody may have made that before us,
-and would then get all that we send. Owns these two checks; where the user has named a path, it is his choice
-whose socket it is.
+By default busd's socket is in a folder of the user's own. Under /tmp another user may have made it first, and
+would then get all that we send. Owns these two checks. Where the user has named a path, whose socket it is is
+the user's choice.
 """
 
 import os
@@ -61,7 +61,7 @@ def prepare_folder(folder: "Path", *, is_default: bool, may_enter: int = 0) -> N
         raise ConfigurationError(f"no socket can be made in '{folder}': {error.strerror}; {hint}") from None
     except OSError as error:
         raise ConfigurationError(f"no socket can be made in '{folder}': {error.strerror}") from None
-    # From here on nobody can exchange the folder: it is ours, and so is the entry in the folder above.
+    # From here on no other user can exchange the folder: it is ours, and so is its entry in the folder above.
     distrust = _distrust(found, is_default=is_default, may_enter=may_enter)
     if distrust is None and is_default and _is_open_to_all(above):
         distrust = "anybody can exchange it: the folder above is world-writable without the sticky bit"
@@ -71,7 +71,7 @@ def prepare_folder(folder: "Path", *, is_default: bool, may_enter: int = 0) -> N
 
 
 def _check_above(folder: "Path", above: os.stat_result) -> None:
-    """Root, with a user's environment, must not make the folder that this user will then not have."""
+    """Root with a user's environment must not make the user's folder: it would belong to root."""
     us = os.geteuid()
     if above.st_uid not in (0, us) and not above.st_mode & stat.S_ISVTX:
         raise ConfigurationError(

@@ -51,7 +51,7 @@ _log = get_logger("bus")
 
 
 def _say_why_slow() -> None:
-    """Once for each process that could be faster, unless somebody wants it so."""
+    """Warn, once in a process, that messages go by socket, unless the user has turned shared memory off."""
     if not shm.turned_off_by() and (advice := shm.advice()):
         _log.warning(f"messages go by socket, not by shared memory: {shm.why_not()}; {advice}", once=True)
 
@@ -151,7 +151,7 @@ class Node(ParameterHost):
     async def close(self) -> None:
         """Stop the timers, hand over what was published, close all that the node has made, leave the graph.
 
-        Takes 5 s at most where busd does not take what was published; the log tells what was lost by that.
+        Takes 5 s at most where busd does not take what was published; the log says what that lost.
         Closing twice is allowed. Cancellation: closed, and what was not handed over is lost.
         """
         link, self._link = self._link, None
@@ -393,7 +393,7 @@ class Node(ParameterHost):
         *,
         on_response: Callable[[int, Any], object] | None = None,
     ) -> ServiceClient:
-        """A client of the service `name`; whoever serves it already is known on return.
+        """A client of the service `name`; on return it knows who serves it already.
 
         By default `qos` is keep last 1000. For `on_response` see `ServiceClient`. Raises as
         `create_publisher`. Cancellation: not created.
@@ -446,7 +446,7 @@ class Node(ParameterHost):
         return self._arguments.topic(full, self.name, self.namespace)
 
     def resolve_service_name(self, name: str) -> str:
-        """The full name of a service as this node means it; the rules for topics are for services, too.
+        """The full name of a service as this node means it; by the rules for topics.
 
         Raises ConfigurationError for a bad name.
         """
@@ -467,11 +467,11 @@ class Node(ParameterHost):
         return graph_of(snapshot)
 
     async def wait_for_graph(self, condition: Callable[[Graph], bool]) -> Graph:
-        """Wait until `condition(graph)` holds; returns that graph. It is asked again at every change.
+        """Wait until `condition(graph)` holds; returns that graph.
 
-        Changes that follow each other closely are looked at together, so that a large graph in which much
-        comes and goes costs little. Waits without an end: use `asyncio.timeout`. Cancellation leaves nothing
-        behind.
+        `condition` is called again at every change, for changes in quick succession once: so a large graph in
+        which much comes and goes costs little. Waits without an end: use `asyncio.timeout`. Cancellation
+        leaves nothing behind.
 
             await node.wait_for_graph(lambda graph: "/chatter" in graph.topics())
         """
@@ -484,10 +484,10 @@ class Node(ParameterHost):
     def watch_graph(self) -> AsyncGenerator[Graph, None]:
         """The graph now, and again after every change, until the node is closed.
 
-        busd tells what has changed, so that this costs little with a large graph too. What changes while
-        the last graph is looked at is looked at together: the next one is the newest. Over a restart of busd
-        it goes on. Raises ConnectionClosed where the node is not open. Cancellation, or leaving the loop,
-        leaves nothing behind.
+        busd sends only what has changed, so that a large graph costs little too. Several changes while the
+        body of the loop works come as one: the next graph is the newest. It goes on over a restart of busd.
+        Raises ConnectionClosed where the node is not open. Cancellation, or leaving the loop, leaves nothing
+        behind.
 
             async for graph in node.watch_graph():
                 if "/chatter" in graph.topics():
@@ -586,7 +586,8 @@ class Node(ParameterHost):
     async def _open_rosout(self) -> None:
         from bus.msg.rcl_interfaces import Log
 
-        # Each node has one, few say much, and busd keeps the history anyway: no ring is worth its memory.
+        # Every node has one, most log little, and busd keeps the history anyway: a ring is not worth its
+        # memory.
         publisher = self._make_publisher(self._context, Log, "/rosout", rosout_default, by_socket=True)
         self._rosout = Rosout(publisher, self._logger)
         await self._rosout.open(self._endpoints.declare)

@@ -27,14 +27,15 @@ class Rosout:
         self._is_open = False
 
     async def open(self, declare: Callable[[Publisher[Any]], Awaitable[None]]) -> None:
-        """Declare it before anything else that the program declares, which need not wait for the answer."""
+        """Declare it ahead of all that the program declares, and don't keep the program waiting for the
+        answer."""
         link = self._publisher._link
         self._is_open = True
         self._logger.add_sink(self.publish)  # what is logged until the answer comes waits for it
         self._declaring = link.loop.create_task(self._declare(declare), name="declare /rosout")
         if link.guarded_loop is None:
-            await asyncio.sleep(0)  # that has left now
-        else:  # such a loop may rest as soon as nobody waits, and what is logged with it
+            await asyncio.sleep(0)  # now the declaration has left
+        else:  # such a loop stands still while nobody waits: the log would, too
             await asyncio.wait([self._declaring])
 
     def close(self) -> None:

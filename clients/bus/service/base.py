@@ -50,7 +50,7 @@ class ServiceBase:
 
     @property
     def _endpoints(self) -> tuple[Publisher[Any] | Subscription[Any], Publisher[Any] | Subscription[Any]]:
-        """In the order in which they are to be declared; they are closed the other way round."""
+        """In the order of their declaration; they are closed in reverse."""
         raise NotImplementedError
 
     def _counts(self) -> str:
@@ -94,7 +94,7 @@ class ServiceBase:
         return subscription
 
     def _warnings(self, topic: str) -> dict[str, Callable[[Any], object]]:
-        # The types of both topics differ together: one of them tells.
+        # Where the types differ they do on both topics: one warning is enough.
         warns_of_type = topic == request_topic(self.service_name)
         return {
             "incompatible_type": self._warn_of_type if warns_of_type else ignore,

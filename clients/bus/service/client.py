@@ -28,9 +28,9 @@ from bus.types.service import Reply
 __all__ = ["MAX_PENDING", "ServiceClient", "ServiceClientStatistics"]
 
 MAX_PENDING: Final = 1000
-"""So many calls of one client may wait for their answers: what both sides keep by default."""
+"""Calls of one client that may wait for answers: as many as both sides keep by default."""
 
-# An answer may still be on its way when its sender's end is known, which travels by another queue.
+# The news that a server has left may overtake its last answer: they travel by different queues.
 _GRACE_S: Final = 0.5
 
 
@@ -142,8 +142,8 @@ class ServiceClient(ServiceBase):
         """Send `request`; its answer goes to `on_response`, with the number that this returns. Never blocks,
         and may be called from any thread.
 
-        Returns 0 where there is no room, as `Publisher.publish` returns False: it was not sent. Whether
-        anybody serves is not looked at; where nobody does, it waits until `forget`. Raises as `call`.
+        Returns 0 where there is no room, as `Publisher.publish` returns False: it was not sent. It does not
+        look whether anybody serves; where nobody does, the call waits until `forget`. Raises as `call`.
         """
         if self._on_response is None:
             raise LocalProtocolError("send_request is for clients that were made with on_response")
@@ -192,7 +192,7 @@ class ServiceClient(ServiceBase):
             )
         number = next(self._numbers)
         payload = self._support.encode_request(self._gid, number, request)
-        self._calls[number] = _Call(self._servers, deliver)  # before: an answer may be quicker than a thread
+        self._calls[number] = _Call(self._servers, deliver)  # before it is sent: the answer may come at once
         is_sent = False
         try:
             is_sent = self._requests.publish_encoded(payload)

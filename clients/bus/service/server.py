@@ -4,7 +4,7 @@ Owns: the server's two endpoints, and how a callback's result becomes an answer.
 nodes, graphs.
 
 The publisher of replies is declared before the subscription to requests; a client does it the other way
-round. So whoever's request arrives here is there to hear the answer.
+round. So when a request arrives here, its client can hear the answer already.
 """
 
 import asyncio
@@ -31,7 +31,7 @@ _MOST_AT_ONCE: Final = 100
 
 
 class RequestId(NamedTuple):
-    """Whose call it is, and which of theirs; given to `on_request` of a `ServiceServer`.
+    """Which client's call it is, and which one of these; given to `on_request` of a `ServiceServer`.
 
     For example:
 
@@ -152,7 +152,7 @@ class ServiceServer(ServiceBase):
     async def close(self) -> None:
         """Take no more requests, hand over the answers, leave the graph. Closing twice is allowed.
 
-        Callbacks that are still at work are cancelled; their clients are told that the service has gone.
+        Callbacks that are still at work are cancelled; their clients get ServiceUnavailable.
         """
         await self._close()
 
@@ -232,13 +232,14 @@ class _Work:
         return (request, self._server.type.Response()) if self._gives_response else (request,)
 
     def _respond(self, request_id: RequestId, response: Any) -> bool:
-        """Returns whether there was room; nobody waits for it once the server is closed."""
+        """Whether there was room; True also once the server is closed, so that nothing waits for room."""
         try:
             return self._server.respond(request_id, response)
         except ConnectionClosed:
             return True
         except PayloadTooLarge as error:
-            # The client may have asked for that much: it is told, and the server goes on for the others.
+            # Perhaps the client asked for that much: it gets the error, and the server goes on for the
+            # others.
             self._refuse(request_id, error)
             self._server._warn_of_size(error)
             return True
@@ -255,4 +256,4 @@ class _Work:
         try:
             self._server.respond(request_id, None, f"{type(error).__name__}: {error}")
         except BusError:
-            pass  # the one that is raised is the cause
+            pass  # the caller raises the cause

@@ -1,10 +1,10 @@
 """Tells a stream that the other side of its socket has gone, where its event loop may not.
 
-The other side may leave bytes unread when it goes, as who is killed does. Then the socket has an error, which
-libuv reports once and no more: who reads a part of what is there never hears of the rest, nor of the end. To
-ask the socket after each read would be a system call for each message. So one epoll for all streams of an
-event loop waits for nothing but the end. asyncio's own loops report an error as long as it is there, and need
-none of this.
+A process that is killed may leave bytes unread. Then the other end of its socket has an error, which libuv
+reports only once: a stream that read a part of what was there would never hear of the rest, nor of the end.
+Asking the socket after each read would cost a system call for each message. So one epoll for all streams of
+an event loop waits for the end and nothing else. asyncio's own loops report an error as long as it is there,
+and need none of this.
 """
 
 import asyncio
@@ -18,7 +18,7 @@ class HangUps:
     """Shared by the streams of an event loop, got with `of`; closed with the last of them."""
 
     _all: ClassVar["WeakValueDictionary[int, HangUps]"] = WeakValueDictionary()
-    """By the id of the loop, which they hold: to look one up is safe while other threads add theirs."""
+    """By the id of the loop, which each holds: a look-up is safe while other threads add theirs."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self.loop = loop
@@ -38,10 +38,10 @@ class HangUps:
     def watch(self, number: int, action: Callable[[], None]) -> None:
         """Call `action` once, when the other side of descriptor `number` has gone."""
         self._actions[number] = action
-        self._epoll.register(number, select.EPOLLONESHOT)  # of the end epoll always tells
+        self._epoll.register(number, select.EPOLLONESHOT)  # epoll reports the end whatever is asked for
 
     def forget(self, number: int) -> None:
-        """Before the descriptor is closed: say nothing of it any more."""
+        """Forget the descriptor; to be called before it is closed."""
         if self._actions.pop(number, None) is not None:
             self._epoll.unregister(number)
             if not self._actions:

@@ -1,14 +1,14 @@
 """Tells the C library to keep memory that was freed.
 
 By default glibc gives every block above 128 KiB back to the kernel, and takes the next one anew, zeroed and
-page by page: hundreds of page faults for each message of 1 MiB, in every process that it passes. They cost
-more than the transport.
+page by page: hundreds of page faults for each message of 1 MiB, in every process that it passes, which
+cost more than the transport.
 """
 
 import sys
 
 LARGE_BYTES = 128 << 10
-"""Blocks from this size on are concerned."""
+"""From this size on glibc gives blocks back."""
 
 _M_TRIM_THRESHOLD = -1
 _M_TOP_PAD = -2

@@ -1,7 +1,7 @@
 """One UNIX stream socket on the event loop: reads into a Session, sends from an Outbox.
 
-Works on the bare descriptor with add_reader and add_writer, because what is published shall leave at once
-and not at the end of the loop's turn. Must not know what the messages mean.
+Works on the bare descriptor with add_reader and add_writer, because what is published must leave at once,
+not at the end of the loop's turn. Must not know what the messages mean.
 
 A frame's descriptors go with its first byte, in a call of its own (SCM_RIGHTS). The kernel ends a read with
 the piece that carries descriptors, so one read brings one batch at most.
@@ -28,9 +28,9 @@ from bus.wire.session import Session
 _SHORT_BYTES = 4096
 _LONG_BYTES, _WIDE_BYTES = 64 << 10, 208 << 10
 _HUGE_BYTES, _WIDEST_BYTES = 512 << 10, 1 << 20
-"""Who sends so much at a time asks for so much room in the kernel, which doubles it, and says that there is
-room again when three quarters are free. By default it has 208 KiB, three long runs, and gives twice that at
-most; more where the administrator says so (net.core.wmem_max)."""
+"""A stream that sends so much at a time asks the kernel for so much room. The kernel doubles it, and reports
+room again when three quarters are free. By default a socket has 208 KiB, three long runs, and the kernel
+gives twice that at most, or what the administrator allows (net.core.wmem_max)."""
 _MOST_WORK = 512
 """What one `flush` sends at most, in the work that it costs; the rest goes in later turns of the loop."""
 _DESCRIPTORS_WORK = 8
@@ -46,12 +46,13 @@ class Stream:
 
     `on_received(items)` gets the messages and runs of one read, in order; iterating may raise
     RemoteProtocolError, which is handed to `on_lost` where `on_received` lets it pass. `on_lost(error)` is
-    called once when the connection ends for any reason but `close`; None means that the peer closed it.
-    With `on_bytes(count)` the owner is told how many bytes have come, and gets the items out of the session.
-    Descriptors that come are given to the session where it `takes_descriptors`; else the kernel closes them.
+    called once when the connection ends for any reason but `close`; None means that the peer closed it. With
+    `on_bytes(count)` in its place the owner learns how many bytes have come, and takes the items out of the
+    session itself. Descriptors that come are given to the session where it `takes_descriptors`; else the
+    kernel closes them.
 
-    `may_read` and `may_write`, where they are given, are asked each time that the event loop says that the
-    socket can be read or written again. Where they say no, that waits for `read_on` and `write_on`.
+    `may_read` and `may_write`, where they are given, are asked each time the event loop finds the socket
+    readable or writable again. Where they say no, the stream waits for `read_on` or `write_on`.
     """
 
     def __init__(  # noqa: PLR0913
@@ -73,7 +74,7 @@ class Stream:
         self.is_blocked = False
         self.sent_bytes = 0
         self.has_ended = False
-        """The other side will send no more, where that is not the end of the connection (`linger`)."""
+        """The other side sends no more, but the connection goes on (`linger`)."""
         self.is_unheard = False
         """The other side takes nothing any more; what it has sent may still be there to read."""
         self._does_linger = False
@@ -106,7 +107,7 @@ class Stream:
     def flush(self) -> int:
         """Send what waits, as far as the socket takes it and for a bounded time; the rest goes when it can.
 
-        Returns the work that this was, of which a buffer costs one and 4 KiB cost one.
+        Returns how much work this was: one for each buffer, and one for each 4 KiB.
         """
         outbox, work = self.outbox, 0
         while (outbox.control or outbox.ready) and not self.is_blocked and not self.is_closed:
@@ -120,7 +121,8 @@ class Stream:
         return work
 
     def hold(self) -> None:
-        """Don't read before as many `release`: what the other side sends waits, and so does its end."""
+        """Don't read until `release` was called as often: what the other side sends waits, and so does its
+        end."""
         self._holds += 1
         if self._holds == 1 and not self.is_closed:
             self._loop.remove_reader(self._sock.fileno())
@@ -149,13 +151,13 @@ class Stream:
 
     @property
     def is_idle(self) -> bool:
-        """Nothing waits to be sent."""
+        """Whether nothing waits to be sent."""
         outbox = self.outbox
         return not (self.is_blocked or self.is_closed or outbox.ready or outbox.control)
 
     @property
     def is_quiet(self) -> bool:
-        """Nothing has come that was not read."""
+        """Whether all that has come was read."""
         try:
             self._sock.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
         except BlockingIOError:
@@ -172,7 +174,7 @@ class Stream:
         return bool(poll.poll(0))
 
     def send_now(self, frames: Buffer, *, is_lent: bool = False) -> bool:
-        """Send whole frames past the outbox, if nothing waits to be sent; returns whether it took them over.
+        """Send whole frames past the outbox, if nothing waits to be sent; returns whether it did.
 
         `is_lent`: they lie in a buffer that is soon used again, so what the socket does not take is copied.
         """
@@ -198,7 +200,7 @@ class Stream:
             self._send_no_more()
 
     def linger(self) -> None:
-        """From now on the end of what the other side sends is no loss: it may still read what waits."""
+        """From now on the other side may stop sending: that is no loss, it may still read what waits."""
         self._does_linger = True
 
     def hear_out(self) -> None:
@@ -210,7 +212,7 @@ class Stream:
 
     @property
     def is_drained(self) -> bool:
-        """Nothing waits that could still be sent."""
+        """Whether nothing waits that could still be sent."""
         return self.is_closed or self.is_unheard or not (self.is_blocked or self.outbox)
 
     def close(self) -> None:
@@ -304,7 +306,7 @@ class Stream:
         self._be_full(size)
 
     def _be_full(self, size: int) -> None:
-        """The socket did not take all of `size` bytes. Who sends much at a time gets more room for it."""
+        """The socket did not take all of `size` bytes: ask for more room, where much is sent at a time."""
         if size >= _LONG_BYTES:
             self._widen(_WIDE_BYTES if size < _HUGE_BYTES else _WIDEST_BYTES)
         self._wait_to_write()
@@ -345,7 +347,7 @@ class Stream:
             self._sock.shutdown(socket.SHUT_WR)
 
     def _pause(self) -> None:
-        """The user has as many descriptors on the way as the kernel allows; no event says when to go on."""
+        """The user has as many descriptors in flight as the kernel allows; no event says when to go on."""
         if self.is_blocked:
             self._loop.remove_writer(self._sock.fileno())
         self.is_blocked = True
@@ -366,7 +368,7 @@ class Stream:
         self._read_rest()
 
     def _read_rest(self) -> None:
-        # Not left to the event loop, which may tell of the end only once (`HangUps`).
+        # At once: the event loop may report the end only once (`HangUps`).
         if self.is_closed or self.has_ended:
             return
         may_read = self._may_read is None or self._may_read()  # asked first: it may release what holds
@@ -381,7 +383,7 @@ class Stream:
 
     def _close(self) -> None:
         self.is_closed = True
-        # Whom it told of things goes with it: not when a collector comes by.
+        # Free what the callbacks hold now, not at the next garbage collection.
         self.on_received = self._on_lost = _ignore
         self._on_bytes = None
         self._before_write = None
@@ -398,7 +400,7 @@ class Stream:
         self._drop_descriptors()
 
     def _drop_descriptors(self) -> None:
-        """Those that came are closed; those that were to go may have other users."""
+        """Close those that came; those that were to go may have other owners."""
         self.session.drop_descriptors()
         self.session.reader.close()
         self.outbox.clear_control()
@@ -406,7 +408,7 @@ class Stream:
 
 
 def _ignore(_: object) -> None:
-    """Nobody is told any more."""
+    """Takes the place of the owner's callbacks after the end."""
 
 
 def _unsent(buffers: list[Buffer], sent: int) -> list[Buffer]:

@@ -1,4 +1,4 @@
-"""What busd answers, as those who asked want it: a message of the kind that they expect, or an error."""
+"""An answer of busd as the asking side wants it: a message of the expected kind, or an error."""
 
 from typing import Any, TypeVar
 

@@ -9,11 +9,11 @@ from bus.wire.layout import MAX_COUNT
 Count = Annotated[int, Meta(ge=0, le=MAX_COUNT)]
 Seq = Annotated[int, Meta(ge=1, le=MAX_COUNT)]
 NextSeq = Annotated[int, Meta(ge=1, le=MAX_COUNT + 1)]
-"""One more than the last that there was."""
+"""The number of the next sample, which is one above the last there was."""
 Drops = Annotated[dict[Annotated[str, Meta(max_length=32)], Count], Meta(max_length=16)]
 """Samples dropped, by reason."""
 MOST_REMEMBERED = 1024
-"""Publishers that have gone, of which is known up to where they were heard."""
+"""How many publishers that have gone are remembered, with the last number received of each."""
 LastSeqs = Annotated[dict[Annotated[bytes, Meta(max_length=16)], Count], Meta(max_length=MOST_REMEMBERED)]
 """By the gid of a publisher."""
 Missed = Annotated[

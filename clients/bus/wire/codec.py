@@ -1,6 +1,6 @@
 """Control messages into frames, and out of the bodies of frames.
 
-Owns the refusal of what is none; must not know the messages but for their base.
+Owns the refusal of bodies that are no message. Knows only the base of the messages.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,8 @@ _ARRAY_HEAD, _ARRAY_TAG = Struct(">BI"), 0xDD
 
 
 class Message(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="m", tag=True, gc=False):
-    """Base of all control messages. There may be many, and none is in a cycle: no work for the collector."""
+    """Base of all control messages. The garbage collector ignores them: there may be many, and none is in a
+    cycle."""
 
 
 def encode_frame(message: msgspec.Struct) -> bytes:
@@ -57,7 +58,7 @@ class Decoder:
 
     @cached_property
     def _decode(self) -> Callable[[bytes], Any]:
-        """Made when it is first used: a client has no use for that of the broker."""
+        """Made at its first use: a client never uses the broker's."""
         return msgspec.msgpack.Decoder(self._union).decode
 
     def decode(self, body: bytes) -> Any:

@@ -2,8 +2,8 @@
 
 The shell reads into `get_buffer()` and says how much came with `received(n)`. Small frames are cut out of one
 buffer; a frame that does not fit gets a buffer of its own, which grows with what really arrives, so that a
-lying length costs its sender's word and not our memory. The frames of one read are cut a few at a time
-(`cut`), so that whoever handles them can stop in between without having paid for all of them.
+length that lies costs us no memory. The frames of one read are cut a few at a time
+(`cut`), so that the caller can stop in between without having paid for all of them.
 
 The first frame that breaks the layout is the reader's `fault`; frames before it are given out.
 """
@@ -28,7 +28,7 @@ from bus.wire.runs import Account, Buffer, Run
 
 BUFFER_BYTES = 256 << 10
 MOST_CUT = 64
-"""Frames that are cut at a time: enough to make the call cheap, few enough to be left soon."""
+"""Frames that are cut at a time: enough to make the call cheap, few enough to stop soon."""
 _FIRST_GROWTH_BYTES = 4 << 20
 
 _unpack_short = Struct("<IIIIQII").unpack_from  # DATA_HEAD with kind, flags and zero as one word
@@ -48,8 +48,8 @@ Front: TypeAlias = tuple[int, int, int, int, int]
 class FrameReader:
     """Cuts a stream into control bodies (`bytes`) and runs.
 
-    `max_control_bytes` and `max_data_bytes` bound the body of a frame of each kind. What a frame takes that
-    is too long for the common buffer can be charged to an account (`charge_to`) until it is whole.
+    `max_control_bytes` and `max_data_bytes` bound the body of a frame of each kind. A frame that is too
+    long for the common buffer can be charged to an account (`charge_to`) until it is whole.
     `is_broker`: a client sends them, so that a run says `only_for` where a broker's says `source`.
     """
 
@@ -76,7 +76,7 @@ class FrameReader:
         self._charge(held)
 
     def close(self) -> None:
-        """Nothing more will come: let go of the memory, also where somebody still holds the reader."""
+        """Nothing more will come: free the memory now, even if somebody still holds the reader."""
         self._forget_large()
         self._buffer = bytearray()
         self._view = memoryview(self._buffer)
@@ -98,7 +98,7 @@ class FrameReader:
         return self.cut()
 
     def came(self, count: int) -> None:
-        """`count` bytes have come; `front` and `cut` tell what they are."""
+        """`count` bytes have come; `front` and `cut` give what they are."""
         if self._large is None:
             self._begin = self._start = 0
             self._stop, self._end = self._end + count, 0
@@ -107,7 +107,7 @@ class FrameReader:
 
     @property
     def is_cut(self) -> bool:
-        """Nothing whole is left in the buffer."""
+        """Whether no whole frame is left in the buffer."""
         return self._start == self._stop
 
     def front(self) -> Front | None:
@@ -133,7 +133,7 @@ class FrameReader:
         return endpoint, address, first_seq, number, size
 
     def take(self, front: Front) -> Run:
-        """The run that `front` has just told of."""
+        """The run that `front` has just found."""
         endpoint, address, first_seq, number, size = front
         start = self._start
         self._start = stop = start + size
@@ -143,7 +143,7 @@ class FrameReader:
         return run
 
     def readdress(self, front: Front, endpoint: int, source: int) -> None:
-        """The frame that `front` has just told of becomes one from `source` to `endpoint`, where it lies."""
+        """Make the frame that `front` has just found one from `source` to `endpoint`, in place."""
         start = self._start
         _pack_address(self._view, start + FRAME_HEAD_BYTES, endpoint, source)
         self._start = start + front[4]

@@ -1,6 +1,6 @@
-"""A client's Hello, read by itself: with no buffer to speak of, and nothing of what stands behind it.
+"""A client's Hello, read alone: byte for byte what it needs, nothing of what comes after it.
 
-For a broker that does not yet want to hold more of a connection than this. Bytes in, a Hello out; no I/O.
+For a broker that wants to hold no more of a connection than this yet. Bytes in, a Hello out; no I/O.
 """
 
 from bus.errors import RemoteProtocolError

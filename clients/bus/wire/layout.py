@@ -47,7 +47,7 @@ REPLAY: Final = 1
 """Flag of a data frame: its samples were published before the subscription was made (transient local)."""
 
 RESUMED: Final = 2
-"""Flag of a data frame: the numbers missing before it went by another route and are not lost."""
+"""Flag of a data frame: the numbers that are missing before it went by another route, and are not lost."""
 
 FRAME_HEAD: Final = struct.Struct("<IBBH")
 DATA_HEAD: Final = struct.Struct("<IBBHIIQII")

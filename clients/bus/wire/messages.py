@@ -1,7 +1,7 @@
 """The control messages: msgspec Structs, told apart by a tag, as MessagePack maps.
 
-Fields may be added with a default in a later version; a receiver ignores those it doesn't know. A `request`
-number is chosen by the client and comes back in the one answer to it. Ids are given by the broker. Where
+Fields may be added with a default in a later version; a receiver ignores those it doesn't know. The client
+chooses the number `request`, which comes back in the one answer. The broker gives the ids. Where
 `descriptors` is not 0, that many file descriptors come with the frame. Those about routes stand in
 `bus.wire.routes`.
 """
@@ -50,9 +50,9 @@ from bus.wire.routes import Share as Share
 class Hello(Message, frozen=True, tag="hello"):
     """The first frame in either direction.
 
-    From the broker are `lease_s`: a client that is silent for longer counts as hung; `background`: it was
-    started by a client and leaves when it is idle, so that a client may start the next one; `began_ns`: when
-    it began, which tells it from one before it that had the same process id.
+    The broker sets `lease_s`: a client that is silent for longer counts as hung; `background`: a client has
+    started this broker and it ends when it is idle, so that a client may start the next one; `began_ns`: when
+    it began, which tells it from an earlier one with the same process id.
     """
 
     version: int
@@ -66,7 +66,7 @@ class Hello(Message, frozen=True, tag="hello"):
 
 
 class Ping(Message, frozen=True, tag="ping"):
-    """Sign of life. Where it has a number it is answered, after everything that was asked before."""
+    """Sign of life. One with a number is answered, after everything that was asked before."""
 
     number: int = 0
 
@@ -225,7 +225,7 @@ class Refused(Message, frozen=True, tag="refused"):
 
 
 class Fault(Message, frozen=True, tag="fault"):
-    """Last word before the connection is cut. `again`: what was in the way passes, so try again."""
+    """Last word before the connection is cut. `again`: the reason passes, so try again."""
 
     text: str
     again: bool = False
@@ -257,7 +257,7 @@ class Matched(Message, frozen=True, tag="matched"):
 class Unmatched(Message, frozen=True, tag="unmatched"):
     """`lost`: the process of `other` did not take its leave, so that it may still run.
 
-    `last_seq`, to a subscription: the number up to which it has had all, or it was routed for it.
+    `last_seq`, to a subscription: the last number that it has had or that was routed to it.
     """
 
     endpoint: int
@@ -281,7 +281,7 @@ class Incompatible(Message, frozen=True, tag="incompatible"):
 
 
 class Namesake(Message, frozen=True, tag="namesake"):
-    """A node of that process has the name of `node`, which is yours. For who has NAMESAKES."""
+    """A node of that process has the name of your `node`. Only to peers with the capability NAMESAKES."""
 
     node: int
     pid: Pid
@@ -305,7 +305,8 @@ class LivelinessLost(Message, frozen=True, tag="lost"):
 class Silence(Message, frozen=True, tag="silence"):
     """To a lossless publisher: nothing has come from the process of a lossless subscription for `silent_s`.
 
-    So don't wait for it, until a second one says that the silence `is_over`. For who has SILENCE.
+    So don't wait for it, until another Silence says that it `is_over`. Only to peers with the capability
+    SILENCE.
     """
 
     publisher: int
@@ -318,8 +319,8 @@ class Dropped(Message, frozen=True, tag="dropped"):
     """Totals of what the broker dropped for a subscription, by reason.
 
     After a process had lost its connection and is back: `missed`, by publisher, from which number on its
-    samples were for the subscription (0: it knows that from a ring), and the last one (0: the publisher is
-    there, and the match tells it). What is told twice says the same. `before`: what was dropped for the
+    samples were for the subscription (0: the subscription knows from a ring), and the last one (0: the
+    publisher is there, and Matched has it). Repeated, it says the same. `before`: what was dropped for the
     subscription over its earlier connections.
     """
 
@@ -330,7 +331,7 @@ class Dropped(Message, frozen=True, tag="dropped"):
 
 
 class Credit(Message, frozen=True, tag="credit"):
-    """To a keep-all publisher: all that must take has taken everything up to `seq`."""
+    """To a keep-all publisher: all that must acknowledge have taken everything up to `seq`."""
 
     publisher: int
     seq: Count
@@ -365,7 +366,8 @@ class TypeDescription(Message, frozen=True, tag="type="):
 
 
 class Peers(Message, frozen=True, tag="peers"):
-    """What busd holds for whom, and its `[limits]`. Root and busd's own user see all, others their own."""
+    """What each process makes busd hold, and `[limits]`. Root and busd's own user see all, others their
+    own."""
 
     request: int
     peers: tuple[PeerRecord, ...]

@@ -1,8 +1,9 @@
 """What waits to be sent over one connection, and in which order.
 
 Control frames go first, in their order; then the ready queues of runs, each in turn, so that one flooded
-queue does not hold up the others. A control frame that carries descriptors keeps its place but leaves alone,
-because the kernel binds descriptors to what one call sends. Pure: gives out buffers, never sends.
+queue does not hold up the others. A control frame that carries descriptors keeps its place but is sent by a
+call of its own, because the kernel binds descriptors to what one call sends. Pure: gives out buffers, never
+sends.
 """
 
 from collections import deque
@@ -18,7 +19,7 @@ MAX_BUFFERS = 512  # sendmsg takes 1,024 at most
 class Outbox:
     """Control frames and ready queues of one connection.
 
-    Bytes of control frames are charged to `account`, and nothing else is: it says how many wait.
+    Only the bytes of control frames are charged to `account`, which so says how many wait.
     """
 
     __slots__ = ("account", "control", "ready")
@@ -31,13 +32,13 @@ class Outbox:
     def put(self, frame: bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
         """Queue a control frame and what it carries.
 
-        Who has no more use for one of the descriptors drops it; closed by then, it could not be sent.
+        The caller may drop the descriptors but not close them: a closed one could not be sent.
         """
         self.control.append((frame, descriptors) if descriptors else frame)
         self.account.charge(len(frame))
 
     def make_ready(self, queue: RunQueue) -> None:
-        """Say that `queue` has something to send; it is looked at until it is empty."""
+        """`queue` has something to send; it has its turns until it is empty."""
         if not queue.is_ready:
             queue.is_ready = True
             self.ready.append(queue)
@@ -45,7 +46,7 @@ class Outbox:
     def take(self) -> tuple[list[Buffer], int, tuple[Descriptor, ...]]:
         """Buffers to send now, their size, about TAKE_BYTES, and the descriptors that go with them.
 
-        Nothing where nothing waits.
+        Empty where nothing waits.
         """
         buffers: list[Buffer] = []
         size = 0

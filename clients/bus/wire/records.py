@@ -1,6 +1,6 @@
 """What the messages GraphSnapshot, GraphChanged and Peers are made of.
 
-Owns the records of nodes, endpoints and matches, and of what processes and users make busd hold; must not
+Owns the records of nodes, endpoints and matches, and of what processes and users make busd hold. Must not
 know the messages that carry them.
 """
 
@@ -65,7 +65,7 @@ class PeerRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
 
     `queued_bytes` are samples that wait for it, `history_bytes` those kept for its publishers,
     `control_bytes` control frames that wait for it. `topics` are those that its endpoints are on.
-    `refused`: how often a limit stood in its way. `silent_s`: seconds since it was last heard.
+    `refused`: how often a limit has refused it something. `silent_s`: seconds since it was last heard.
     """
 
     id: int
