@@ -19,7 +19,7 @@ from conftest import WAIT_S
 from neighbours import wait_until
 from raw_peer import RawPeer
 from system.test_autostart import daemons
-from unit.test_logfile import every_kind, lines, look, thing
+from unit.bus.process.test_logfile import every_kind, lines, look, thing
 from users import GUEST, needs_users
 
 IDLE = ("--idle-exit", "60")

@@ -1,6 +1,7 @@
 """Programs in a memory cgroup, as in a container: at its limit they get errors, and the kernel kills nobody.
 
-Needs a machine that lets the tests make cgroups, of either version; tests/unit/test_shm_headroom.py does not.
+Needs a machine that lets the tests make cgroups, of either version;
+tests/unit/bus/shm/test_headroom.py does not.
 """
 
 import contextlib

@@ -2,7 +2,7 @@
 
 from bus.logger import ConsoleHandler
 from rows import for_each
-from unit.test_logger import record
+from unit.bus.test_logger import record
 
 PLAIN = ConsoleHandler({"RCUTILS_CONSOLE_OUTPUT_FORMAT": "{message}"})
 

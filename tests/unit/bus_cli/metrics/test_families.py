@@ -22,7 +22,7 @@ from bus_cli.metrics.view import View
 from metrics_views import PUBLISHER, SUBSCRIPTION, endpoint, graph, view
 from rows import for_each
 
-DOCS = Path(__file__).parents[2] / "docs" / "operation.md"
+DOCS = Path(__file__).parents[4] / "docs" / "operation.md"
 
 CHARGES = m.Peers(
     request=1,

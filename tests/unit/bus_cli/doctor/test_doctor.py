@@ -354,7 +354,7 @@ def test_json(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_page_has_every_subject() -> None:
-    root = Path(__file__).parents[2]
+    root = Path(__file__).parents[4]
     sources = "".join(path.read_text() for path in Path(str(doctor.__file__)).parent.glob("*.py"))
     subjects = set(re.findall(r'\b(?:ok|warn|fail)\(\s*"([^"]+)"', sources))
     _, _, page = (root / "docs" / "operation.md").read_text().partition("\n## Doctor\n")

@@ -27,7 +27,7 @@ from rows import for_each
 
 STRING = "std_msgs/msg/String"
 LOSSLESS = QoSProfile(history="keep_all")
-DOCS = Path(__file__).parents[2] / "docs" / "cli.md"
+DOCS = Path(__file__).parents[4] / "docs" / "cli.md"
 
 
 def parse(*words: str, rate: float = 0.0) -> Namespace:
