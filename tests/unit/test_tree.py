@@ -1,5 +1,6 @@
 """The shape of the tree: what is packaged, how long files are, what the public surface is."""
 
+import re
 import subprocess
 import sys
 import tomllib
@@ -16,6 +17,17 @@ SOURCES = [
     for path in (ROOT / folder).rglob("*.py")
 ]
 MAX_LINES = 600
+UNIT = ROOT / "tests" / "unit"
+OF_SEVERAL = {
+    "bus/delivery/test_between_brokers.py",  # sender and receiver, busd away
+    "bus/delivery/test_liveliness.py",  # what the receiver's matches make of the subscription's events
+    "bus/delivery/test_loan.py",  # bus.loan, by both senders
+    "bus/test_hostile_numbers.py",  # wherever numbers of others come in
+    "bus/test_timing.py",  # all that goes by the clock
+    "test_packaging.py",
+    "test_tree.py",
+}
+"""Unit tests of no one module: these are named after what they tell."""
 
 
 def test_every_folder_with_sources_is_packaged() -> None:
@@ -30,6 +42,24 @@ def test_every_folder_with_sources_is_packaged() -> None:
 def test_no_file_has_outgrown_one_subject() -> None:
     lengths = {path.relative_to(ROOT): len(path.read_text().splitlines()) for path in SOURCES}
     assert {path: length for path, length in lengths.items() if length > MAX_LINES} == {}
+
+
+def test_unit_tests_lie_and_are_named_as_what_they_test() -> None:
+    """tests/unit/bus/wire/test_runs.py, or test_runs_SUBJECT.py, tests clients/bus/wire/runs.py."""
+    lost = {
+        str(path.relative_to(UNIT))
+        for path in UNIT.rglob("test_*.py")
+        if not any(re.match(rf"{name}(_|$)", path.stem[5:]) for name in _modules_for(path.parent))
+    }
+    assert lost == OF_SEVERAL, "move or rename them, or say in OF_SEVERAL of what they are"
+
+
+def _modules_for(tests: Path) -> set[str]:
+    """Modules and packages of the folder that this one mirrors, and its own name."""
+    part = tests.relative_to(UNIT)
+    folders = [path for path in (ROOT / part, ROOT / "clients" / part) if path.is_dir()]
+    modules = {path.name.partition(".")[0].lstrip("_") for one in folders for path in one.iterdir()}
+    return (modules | {part.name} if folders else set()) - {""}
 
 
 def test_clients_is_a_source_root_and_no_package() -> None:
