@@ -23,7 +23,7 @@ from busd.core.limits import Limits, TopicCaps, TopicRule, rules_for
 from busd.process.logs import LOG_LEVELS
 from rows import for_each
 
-DOC = Path(__file__).parents[3] / "docs" / "configuration.md"
+DOC = Path(__file__).parents[4] / "docs" / "configuration.md"
 LIMIT_FIELDS = msgspec.structs.fields(Limits)
 
 
