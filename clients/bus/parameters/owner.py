@@ -8,8 +8,7 @@ from bus.logger import Logger
 from bus.publisher import Publisher
 from bus.qos import QoS
 
-if TYPE_CHECKING:  # most programs need neither
-    from bus.service.server import ServiceServer
+if TYPE_CHECKING:  # few programs need it
     from bus.subscription import Subscription
 
 __all__ = ["ParameterOwner"]
@@ -25,7 +24,7 @@ class ParameterOwner(Protocol):
 
     def create_service(
         self, service_type: type[Any], name: str, callback: Callable[..., Any]
-    ) -> "Awaitable[ServiceServer]": ...
+    ) -> Awaitable[object]: ...
 
     def create_subscription(
         self, message_type: type[Any], topic: str, qos: QoS, callback: Callable[[Any], object]
