@@ -50,14 +50,12 @@ class Mutant(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def main(words: list[str]) -> int:
-    data = tomllib.loads((Path(__file__).parent / "mutants.toml").read_text())
-    mutants = msgspec.convert(data["mutant"], list[Mutant])
+    mutants = read()
     if words:
         mutants = [one for one in mutants if any(word in f"{one.file} {one.breaks}" for word in words)]
-    stale = [one for one in mutants if (ROOT / one.file).read_text().count(one.old) != 1]
-    for one in stale:
-        print(f"not there once: {one.file}: {one.old!r} ({one.breaks})")
+    stale = [mistake for one in mutants for mistake in mistakes(one)]
     if stale:
+        print(*stale, sep="\n")
         return 1
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder)
@@ -71,6 +69,18 @@ def main(words: list[str]) -> int:
         survivors = [one for one in mutants if not _is_killed(tree, one)]
     print(f"{len(mutants)} mutants, {len(survivors)} survived")
     return bool(survivors)
+
+
+def read() -> list[Mutant]:
+    data = tomllib.loads((Path(__file__).parent / "mutants.toml").read_text())
+    return msgspec.convert(data["mutant"], list[Mutant])
+
+
+def mistakes(mutant: Mutant) -> list[str]:
+    """Where it and the tree no longer fit each other: its line, and its tests."""
+    is_there = (ROOT / mutant.file).read_text().count(mutant.old) == 1
+    line = [] if is_there else [f"not there once: {mutant.file}: {mutant.old!r} ({mutant.breaks})"]
+    return line + [f"no such file: {test}" for test in mutant.tests if not (ROOT / test).is_file()]
 
 
 def _copy(tree: Path) -> None:
