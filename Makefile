@@ -14,7 +14,7 @@ ROS_STAMP := $(ROS_VENV)/.peers
 FUZZ_STAMP := $(VENV)/.fuzz
 SOAK_STAMP := $(VENV)/.soak
 RELEASE_STAMP := $(VENV)/.release
-CORE   := setup.py $(wildcard clients/bus/shm/*.c clients/bus/shm/*.h)
+CORE   := setup.py $(wildcard clients/bus/shm/*.[ch] clients/bus_tf2/core/*.[ch])
 PIP    := $(BIN)/python -m pip install -qq --disable-pip-version-check
 SECONDS ?=
 SEED ?=
@@ -45,7 +45,7 @@ $(STAMP): pyproject.toml $(CORE) | $(BIN)/python
 	@if [ $(BUS_NATIVE) != auto ] || [ -e $(VENV)/.busd-no ] || [ -z "$(BY_HAND)" ] \
 			|| [ -n "$$(find $^ -newer "$(BY_HAND)")" ]; then \
 		echo "installing busd and what it needs into $(VENV): some 10 seconds"; \
-		rm -f $(VENV)/.busd-* $(if $(filter no,$(BUS_NATIVE)),clients/bus/shm/*.so); \
+		rm -f $(VENV)/.busd-* $(if $(filter no,$(BUS_NATIVE)),clients/bus/shm/*.so clients/bus_tf2/core/*.so); \
 		$(PIP) --editable .; \
 	fi
 	@touch $@
@@ -191,7 +191,7 @@ $(RELEASE_STAMP): pyproject.toml | $(TOOLS)
 	@touch $@
 
 clean: ## remove what the other targets made
-	rm -rf $(VENV) $(ROS_VENV) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
+	rm -rf $(VENV) $(ROS_VENV) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so clients/bus_tf2/core/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 .PHONY: help setup demo robot test compiled nightly test-nightly mutants native arm lint sanitize differential fuzz api messages fmt bench-quick bench peers chaos soak bench-compare bench-report wheels test-pythons clean

@@ -14,7 +14,11 @@ from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_ext import build_ext
 
 HERE = Path(__file__).parent
-FOLDER = Path("clients", "bus", "shm")
+CORES = {
+    "bus.shm._core": Path("clients", "bus", "shm"),
+    "bus_tf2.core._core": Path("clients", "bus_tf2", "core"),
+}
+"""The native cores, and where their sources are: all of a folder."""
 
 NOTE = """\
 Pages named here, such as `docs/qos.md`, and the commands with `make` are of the source distribution.
@@ -40,8 +44,9 @@ class BuildExt(build_ext):
 
     def run(self) -> None:
         if self.inplace:
-            for core in (HERE / FOLDER).glob("_core*.so"):
-                core.unlink()
+            for folder in CORES.values():
+                for core in (HERE / folder).glob("_core*.so"):
+                    core.unlink()
         super().run()
 
     def build_extension(self, ext: Extension) -> None:
@@ -83,16 +88,18 @@ def extensions() -> list[Extension]:
         if reason:
             print(f"busd is built without its native core: {reason}", file=sys.stderr)
         return []
-    core = Extension(
-        name="bus.shm._core",
-        sources=sorted(str(FOLDER / path.name) for path in (HERE / FOLDER).glob("*.c")),
-        depends=sorted(str(FOLDER / path.name) for path in (HERE / FOLDER).glob("*.h")),
-        define_macros=[("Py_LIMITED_API", "0x030B0000"), ("_GNU_SOURCE", "1")],
-        extra_compile_args=["-std=c11", "-O2", "-Wall", "-Wextra", "-fvisibility=hidden"],
-        py_limited_api=True,
-        optional=wish != "yes",
-    )
-    return [core]
+    return [
+        Extension(
+            name=name,
+            sources=sorted(str(folder / path.name) for path in (HERE / folder).glob("*.c")),
+            depends=sorted(str(folder / path.name) for path in (HERE / folder).glob("*.h")),
+            define_macros=[("Py_LIMITED_API", "0x030B0000"), ("_GNU_SOURCE", "1")],
+            extra_compile_args=["-std=c11", "-O2", "-Wall", "-Wextra", "-fvisibility=hidden"],
+            py_limited_api=True,
+            optional=wish != "yes",
+        )
+        for name, folder in CORES.items()
+    ]
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ know: what is behind these modules, which are imported only when a program asks 
 Only what can't be imported is filled in, so that a machine with ROS 2 goes on as it is; `install(force=True)`
 (or BUS_RCLPY_FORCE=1 in the environment) puts ours before what is there.
 
-    rclpy, rclpy.*                           the same modules as bus_ros.rclpy, bus_ros.rclpy.*
+    rclpy, rclpy.*; tf2_ros, ...             the same modules as bus_ros.rclpy, bus_ros.rclpy.*; see _SAME
     <pkg>.msg, .srv, .action                 classes made of the definitions that bus.types.definitions finds
     <pkg>                                    an empty package, where there is no real one
     rosidl_runtime_py, rosidl_parser, ament_index_python
@@ -26,6 +26,13 @@ from bus_ros.filled import Filled, spec_of
 __all__ = ["install"]
 
 _KINDS: Final = ("msg", "srv", "action")
+
+_SAME: Final = {
+    "rclpy": "bus_ros.rclpy",
+    "tf2_py": "bus_tf2.tf2_py",
+    "tf2_ros": "bus_tf2.tf2_ros",
+}
+"""Packages whose modules, all of them, are those of one of ours."""
 
 _ALIASES: Final = {
     "rosidl_parser.definition": "bus_ros.rosidl.definition",
@@ -48,7 +55,7 @@ _MISSING: Final = frozenset(
         *("nav2_simple_commander", "ros2bag", "ros2cli", "ros2launch", "ros2node", "ros2param", "ros2pkg"),
         *("ros2run", "ros2service", "ros2topic", "rosbag2_py", "rosidl_adapter", "rosidl_generator_py"),
         *("rpyutils", "rqt_gui", "rqt_gui_py", "sensor_msgs_py", "sros2", "tf2_geometry_msgs", "tf2_kdl"),
-        *("tf2_py", "tf2_ros", "tf2_sensor_msgs", "tf_transformations", "turtle_tf2_py"),
+        *("tf2_sensor_msgs", "tf_transformations", "turtle_tf2_py"),
     )
 )
 """Of ROS 2, and not here."""
@@ -80,9 +87,9 @@ class _First:
     ) -> ModuleSpec | None:
         root, _, rest = name.partition(".")
         if self.is_forced:
-            is_ours = root == "rclpy" or root in _PACKAGES or rest.partition(".")[0] in _KINDS
+            is_ours = root in _SAME or root in _PACKAGES or rest.partition(".")[0] in _KINDS
             return _spec(name) if is_ours else None
-        if rest and root == "rclpy" and sys.modules.get("rclpy") is sys.modules.get("bus_ros.rclpy"):
+        if rest and _is_same(root):
             return _spec(name)  # its __path__ would have others load the same file a second time
         if rest not in _KINDS or root == "bus":
             return None
@@ -112,10 +119,10 @@ def _spec(name: str) -> ModuleSpec | None:
     root, _, rest = name.partition(".")
     if root == "bus":
         return None
-    if root == "rclpy":
-        if rest and sys.modules.get("rclpy") is not sys.modules.get("bus_ros.rclpy"):
+    if root in _SAME:
+        if rest and not _is_same(root):
             return None  # a part that the real one hasn't
-        return _alias(name, f"bus_ros.{name}")
+        return _alias(name, _SAME[root] + name.removeprefix(root))
     if name in _ALIASES:
         return _alias(name, _ALIASES[name]) if _is_ours(root) else None
     if name in _PACKAGES:
@@ -143,6 +150,11 @@ def _spec(name: str) -> ModuleSpec | None:
     return spec_of(name, Filled(partial(_fill_types, root, kind, known)), is_package=not part)
 
 
+def _is_same(root: str) -> bool:
+    """Whether the package of that name is ours, and imported."""
+    return root in _SAME and root in sys.modules and sys.modules[root] is sys.modules.get(_SAME[root])
+
+
 def _is_ours(name: str) -> bool:
     return isinstance(getattr(sys.modules.get(name), "__loader__", None), Filled)
 
@@ -150,10 +162,10 @@ def _is_ours(name: str) -> bool:
 def _refuse(name: str) -> None:
     """Raise an error that says why a part of ROS 2 is not here; return where `name` is none."""
     root, _, rest = name.partition(".")
-    if root == "rclpy":
-        if not rest or sys.modules.get("rclpy") is not sys.modules.get("bus_ros.rclpy"):
+    if root in _SAME:
+        if not rest or not _is_same(root):
             return
-        text = f"busd has no '{name}': it isn't built yet, or rclpy has no such module either"
+        text = f"busd has no '{name}': it isn't built yet, or {root} has no such module either"
     elif rest:
         return
     elif root in _MISSING:

@@ -14,6 +14,7 @@ from wheels.contents import check_wheel
 INFO = "busd-1.2.3.dist-info"
 PURE, NATIVE = "py3-none-any", "cp311-abi3-manylinux_2_34_x86_64"
 CORE = "bus/shm/_core.abi3.so"
+OTHER = {"bus_tf2/core/_core.abi3.so": ""}
 
 Make = Callable[..., Path]
 
@@ -58,7 +59,7 @@ def make(tmp_path: Path) -> Make:
 
 def test_wheels_that_are_right(tree: Path, make: Make) -> None:
     check_wheel(make(PURE, {}), tree, with_core=False)
-    check_wheel(make(NATIVE, {CORE: "/dev/null /proc/self"}), tree, with_core=True)
+    check_wheel(make(NATIVE, {CORE: "/dev/null /proc/self", **OTHER}), tree, with_core=True)
 
 
 @pytest.mark.parametrize(
@@ -84,9 +85,13 @@ def test_a_pure_wheel_that_is_wrong(
 @pytest.mark.parametrize(
     ("tag", "more", "fault"),
     [
-        (NATIVE, {}, "has 0 native cores, wanted: 1"),
-        ("cp311-abi3-linux_x86_64", {CORE: ""}, "says cp311-abi3-linux_x86_64, wanted: cp311-abi3-manylinux"),
-        (NATIVE, {CORE: "\0/home/me/python/lib\0"}, f"{CORE} names /home/me/python/lib"),
+        (NATIVE, OTHER, "has 1 native cores, wanted: 2"),
+        (
+            "cp311-abi3-linux_x86_64",
+            {CORE: "", **OTHER},
+            "says cp311-abi3-linux_x86_64, wanted: cp311-abi3-manylinux",
+        ),
+        (NATIVE, {CORE: "\0/home/me/python/lib\0", **OTHER}, f"{CORE} names /home/me/python/lib"),
     ],
 )
 def test_a_native_wheel_that_is_wrong(

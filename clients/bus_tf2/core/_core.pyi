@@ -1,0 +1,29 @@
+"""The native core. `bus_tf2.core.twin` says what each method does; here are only the types."""
+
+class FrameTree:
+    def __new__(cls, cache_ns: int) -> FrameTree: ...
+    def insert(
+        self,
+        child: str,
+        parent: str,
+        stamp_ns: int,
+        x: float,
+        y: float,
+        z: float,
+        qx: float,
+        qy: float,
+        qz: float,
+        qw: float,
+        authority: str,
+        is_static: bool,
+        /,
+    ) -> int: ...
+    def lookup(
+        self, target: str, source: str, time_ns: int, /
+    ) -> tuple[int, float, float, float, float, float, float, float] | tuple[int, int, int]: ...
+    def latest(self, target: str, source: str, /) -> int | tuple[int, int, int]: ...
+    def parent(self, name: str, time_ns: int, /) -> str | None: ...
+    def rows(self) -> list[tuple[str, str | None, str | None, int, int, int]]: ...
+    def names(self) -> list[str]: ...
+    def knows(self, name: str, /) -> bool: ...
+    def clear(self) -> None: ...

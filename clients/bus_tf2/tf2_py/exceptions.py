@@ -1,0 +1,45 @@
+"""What a look-up raises where there is no transform. Imports nothing."""
+
+__all__ = [
+    "ConnectivityException",
+    "ExtrapolationException",
+    "InvalidArgumentException",
+    "LookupException",
+    "TimeoutException",
+    "TransformException",
+]
+
+
+class TransformException(Exception):
+    """The base of all of tf2's."""
+
+
+class ConnectivityException(TransformException):
+    """The two frames are in trees that nothing connects."""
+
+
+class LookupException(TransformException):
+    """There is no frame of that name, or the tree has a loop."""
+
+
+class ExtrapolationException(TransformException):
+    """The time is outside of what is kept."""
+
+
+class InvalidArgumentException(TransformException):
+    """A frame's name is empty, or begins with a slash."""
+
+
+class TimeoutException(TransformException):
+    """Nothing came in time; raised by clients of a buffer server."""
+
+
+for _error in (
+    TransformException,
+    ConnectivityException,
+    LookupException,
+    ExtrapolationException,
+    InvalidArgumentException,
+    TimeoutException,
+):
+    _error.__module__ = "tf2"  # as a traceback shows them in ROS 2
