@@ -6,8 +6,7 @@ Service settings").
 """
 
 import logging
-from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import islice
 
 from bus.wire.messages import LivelinessChanged, LivelinessLost
@@ -15,7 +14,7 @@ from busd.core.effects import Effect, Note, Send
 from busd.core.entities import Match, Peer, Publisher
 from busd.core.silence import Silences
 from busd.core.timers import Timers
-from busd.core.work import TELL, Meter
+from busd.core.work import TELL, Meter, Rounds
 
 _FEW = 64
 """Publishers that come back, or subscriptions that are told of one, between two looks at other work."""
@@ -38,12 +37,11 @@ class Leases:
     ) -> None:
         self._timers = timers
         self._emit = emit
-        self._meter = meter
         self.lease_ns = lease_ns
         self._silences = silences
         self._returning: set[Peer] = set()
-        self._news: deque[tuple[Publisher, bool, Iterator[Match]]] = deque()
-        """Publishers whose lease ended or that are back, and whom that is yet to be told."""
+        # of publishers whose lease ended or that are back, through their subscriptions
+        self._rounds = Rounds(timers, meter, self._tell_one, few=_FEW, price=TELL)
 
     def watch_publisher(self, now_ns: int, publisher: Publisher) -> None:
         """Watch the lease of `publisher`, where it has one."""
@@ -101,23 +99,11 @@ class Leases:
         self._tell(now_ns, publisher)
 
     def _tell(self, now_ns: int, publisher: Publisher) -> None:
-        self._news.append((publisher, publisher.is_alive, iter(tuple(publisher.matches.values()))))
-        if len(self._news) == 1:
-            self._tell_some(now_ns)
+        matches = iter(tuple(publisher.matches.values()))
+        self._rounds.begin(now_ns, (publisher, publisher.is_alive), matches)
 
-    def _tell_some(self, now_ns: int) -> None:
-        """Tell a few, and the others right after that: a publisher may have thousands of subscriptions."""
-        publisher, is_alive, matches = self._news[0]
-        few = list(islice(matches, _FEW))
-        for match in few:
-            if not match.has_ended:
-                subscription = match.subscription
-                message = LivelinessChanged(
-                    subscription=subscription.id, publisher=publisher.id, alive=is_alive
-                )
-                self._emit(Send(subscription.node.peer.id, message))
-        self._meter.left -= TELL * len(few)
-        if len(few) < _FEW:
-            self._news.popleft()
-        if self._news:
-            self._timers.add(now_ns, self._tell_some)
+    def _tell_one(self, now_ns: int, news: tuple[Publisher, bool], match: Match) -> None:
+        if not match.has_ended:
+            subscription, (publisher, is_alive) = match.subscription, news
+            message = LivelinessChanged(subscription=subscription.id, publisher=publisher.id, alive=is_alive)
+            self._emit(Send(subscription.node.peer.id, message))

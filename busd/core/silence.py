@@ -7,16 +7,14 @@ for anybody who is too slow. (The leases of publishers are in `busd.core.leases`
 """
 
 import logging
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from itertools import islice
 
 from bus.base.ids import PeerId
 from busd.core.effects import Effect, Note
 from busd.core.entities import Match, Peer
 from busd.core.matching import give_credit, tell_of_silence
 from busd.core.timers import NEVER_NS, Timers
-from busd.core.work import LOOKS_PER_UNIT, TELL, Meter
+from busd.core.work import LOOKS_PER_UNIT, TELL, Meter, Rounds
 
 _FEW = 16
 """Matches that are gone through between two looks at other work."""
@@ -42,8 +40,8 @@ class Silences:
         self._lives = lives
         self._evict = evict
         self._looks: list[int] = []  # when the silent are looked for, the next time at the end
-        self._news: deque[tuple[Peer, int, Iterator[Match]]] = deque()
-        """Processes that fell silent or were heard again, for how long they were silent, and who waits."""
+        # of processes that fell silent or are heard again, through the matches whose publishers wait for them
+        self._rounds = Rounds(timers, meter, self._tell_one, few=_FEW, price=2 * TELL)
 
     def watch(self, now_ns: int, peer: Peer) -> None:
         """Notice when nothing has come from `peer` for its lease."""
@@ -58,7 +56,7 @@ class Silences:
             f"{peer.describe()} is heard again, after {silent_ns / 1e9:.1f} s: who waits for it does so again"
         )
         self._emit(Note(logging.INFO, text))
-        self._go_through(now_ns, peer, silent_ns)
+        self._rounds.begin(now_ns, (peer, silent_ns), _lossless_matches(peer))
 
     def _look_at(self, due_ns: int) -> None:
         # A timer for all: one each would keep every peer that has gone until the end of its lease.
@@ -90,28 +88,13 @@ class Silences:
             "it keeps its place, and who waits for it goes on without it"
         )
         self._emit(Note(logging.WARNING, text))
-        self._go_through(now_ns, peer, silent_ns)
+        self._rounds.begin(now_ns, (peer, silent_ns), _lossless_matches(peer))
 
-    def _go_through(self, now_ns: int, peer: Peer, silent_ns: int) -> None:
-        self._news.append((peer, silent_ns, _lossless_matches(peer)))
-        if len(self._news) == 1:
-            self._tell_some(now_ns)
-
-    def _tell_some(self, now_ns: int) -> None:
-        """Tell a few, and the others right after that. Each by what is true now, however often it is told."""
-        peer, silent_ns, matches = self._news[0]
-        few = list(islice(matches, _FEW))
-        for match in few:
-            if not match.has_ended and peer.id in self._peers:
-                self._tell(now_ns, match, silent_ns)
-        self._meter.left -= 2 * TELL * len(few)
-        if len(few) < _FEW:
-            self._news.popleft()
-        if self._news:
-            self._timers.add(now_ns, self._tell_some)
-
-    def _tell(self, now_ns: int, match: Match, silent_ns: int) -> None:
-        peer, waiting = match.subscription.node.peer, match.publisher.node.peer
+    def _tell_one(self, now_ns: int, news: tuple[Peer, int], match: Match) -> None:
+        """By what is true now, however often it is told."""
+        (peer, silent_ns), waiting = news, match.publisher.node.peer
+        if match.has_ended or peer.id not in self._peers:
+            return
         if match.is_shared:
             if peer.is_silent and not waiting.hears_of_silence:  # an older program would wait for ever
                 self._evict(now_ns, peer, f"no sign of life for {silent_ns / 1e9:.1f} s")

@@ -4,8 +4,15 @@ A unit is about a microsecond on a present-day machine. The prices were measured
 they are in proportion is what matters. Knows no clock.
 """
 
-from collections.abc import Generator
-from typing import TypeAlias
+from collections import deque
+from collections.abc import Callable, Generator, Iterator
+from itertools import islice
+from typing import Generic, TypeAlias, TypeVar
+
+from busd.core.timers import Timers
+
+S = TypeVar("S")
+T = TypeVar("T")
 
 FRAME = 3
 """A control frame, whatever it says."""
@@ -43,3 +50,38 @@ class Meter:
 
     def __init__(self, left: int = UNLIMITED) -> None:
         self.left = left
+
+
+class Rounds(Generic[S, T]):
+    """Rounds through many things, `few` at a time: the first at once, the others between other work.
+
+    One round ends before the next one begins. `visit(now_ns, subject, thing)` is called for each thing, and
+    `price` is what that costs: a thing may have gone since its round began.
+    """
+
+    def __init__(
+        self, timers: Timers, meter: Meter, visit: Callable[[int, S, T], None], *, few: int, price: int
+    ) -> None:
+        self._timers = timers
+        self._meter = meter
+        self._visit = visit
+        self._few = few
+        self._price = price
+        self._rounds: deque[tuple[S, Iterator[T]]] = deque()
+
+    def begin(self, now_ns: int, subject: S, things: Iterator[T]) -> None:
+        """A round through `things`, after those that have begun."""
+        self._rounds.append((subject, things))
+        if len(self._rounds) == 1:
+            self._go_on(now_ns)
+
+    def _go_on(self, now_ns: int) -> None:
+        subject, things = self._rounds[0]
+        few = list(islice(things, self._few))
+        for thing in few:
+            self._visit(now_ns, subject, thing)
+        self._meter.left -= self._price * len(few)
+        if len(few) < self._few:
+            self._rounds.popleft()
+        if self._rounds:
+            self._timers.add(now_ns, self._go_on)

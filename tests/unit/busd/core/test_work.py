@@ -13,7 +13,8 @@ from bus.qos import QoSProfile
 from bus.wire import messages as m
 from busd.core.access import Access, AccessRule
 from busd.core.limits import Limits
-from busd.core.work import MATCH
+from busd.core.timers import NEVER_NS, Timers
+from busd.core.work import MATCH, Meter, Rounds
 
 MANY = 200
 BUDGET = 100
@@ -357,3 +358,18 @@ class TestMeanwhile:
         world.budget, world.between = 10, die
         publisher.publish("x")
         assert all(one.payloads == ["x"] for one in subscriptions)
+
+
+def test_rounds_go_on_between_other_work_one_after_the_other() -> None:
+    timers, meter, seen = Timers(), Meter(100), list[tuple[int, str, int]]()
+    rounds = Rounds[str, int](timers, meter, lambda *visit: seen.append(visit), few=2, price=3)
+    rounds.begin(10, "a", iter(range(4)))
+    rounds.begin(10, "b", iter(range(1)))
+    assert (seen, meter.left) == ([(10, "a", 0), (10, "a", 1)], 94)
+    for now_ns in (20, 30, 40):
+        for action in [*timers.due(now_ns)]:
+            action(now_ns)
+    assert seen[2:] == [(20, "a", 2), (20, "a", 3), (40, "b", 0)]
+    assert (meter.left, timers.earliest_ns) == (85, NEVER_NS)
+    rounds.begin(50, "c", iter(range(1)))
+    assert seen[-1] == (50, "c", 0)
