@@ -37,7 +37,10 @@ MODULES: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
     "experimental": ("executors", ("EventsExecutor",)),
     "experimental.events_executor": ("executors", ("EventsExecutor",)),
     "qos_event": ("event_handler", _EVENTS),  # of Humble
-    "topic_or_service_is_hidden": ("validate_topic_name", ("topic_or_service_is_hidden",)),
+    "topic_or_service_is_hidden": (
+        "validate_topic_name",
+        ("HIDDEN_TOPIC_PREFIX", "topic_or_service_is_hidden"),
+    ),
     "validate_full_topic_name": ("validate_topic_name", ("validate_full_topic_name",)),
     "validate_namespace": ("validate_topic_name", ("validate_namespace",)),
     "validate_node_name": ("validate_topic_name", ("validate_node_name",)),

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
-from typing import Any, Protocol, Self, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 from bus_ros.engine import Lifetime, Waiter
 
@@ -48,19 +48,6 @@ class Owner(Protocol):
     def destroy_service(self, service: Any) -> bool: ...
     def destroy_guard_condition(self, guard: Any) -> bool: ...
     def destroy_timer(self, timer: Any) -> bool: ...
-
-
-class Destroyable:
-    """Base of what can be destroyed; `with` does it at the end."""
-
-    def destroy(self) -> None:
-        raise NotImplementedError
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.destroy()
 
 
 class Entity:

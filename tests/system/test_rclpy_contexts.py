@@ -10,7 +10,6 @@ import pytest
 
 import bus_ros.rclpy as rclpy
 from bus_ros.rclpy.context import Context
-from bus_ros.rclpy.exceptions import NotInitializedException
 from bus_ros.rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
 from bus_ros.rclpy.node import Node
 from bus_ros.rclpy.signals import SignalHandlerOptions
@@ -85,7 +84,7 @@ def test_domain_ids(world: World) -> None:
     assert (first.get_domain_id(), second.get_domain_id()) == (7, 0)
     with pytest.raises(RuntimeError, match="should not be lower than zero"):
         Context().init([], domain_id=-1)
-    with pytest.raises(NotInitializedException):
+    with pytest.raises(RuntimeError, match="must be initialized before it can have a domain id"):
         Context().get_domain_id()
 
 

@@ -39,7 +39,6 @@ class TestNames:
         assert node.get_fully_qualified_name() == "/walker"
         assert node.get_logger().name == "walker"
         assert repr(node) == "<Node /walker>"
-        assert node.handle is node
         assert node.context is world.context is rclpy.get_default_context()
 
     @pytest.mark.parametrize("namespace", ["left/leg", "/left/leg"])

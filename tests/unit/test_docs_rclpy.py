@@ -33,7 +33,13 @@ INSIDE = {
     "rclpy.task": {"UNFINISHED", "Step"},
     "rclpy.qos": {"from_native", "profile_of", "to_native"},
     "rclpy.validate_topic_name": {
-        *("expand_topic_name", "full_name", "topic_or_service_is_hidden", "validate_full_topic_name"),
+        *(
+            "expand_topic_name",
+            "full_name",
+            "HIDDEN_TOPIC_PREFIX",
+            "topic_or_service_is_hidden",
+            "validate_full_topic_name",
+        ),
         *("validate_namespace", "validate_node_name", "validate_parameter_name"),
     },
 }
@@ -43,6 +49,8 @@ INSIDE_OF_CLASSES = {
     "rclpy.callback_groups.CallbackGroup": {"is_exclusive", "is_shared"},
     "rclpy.client.Client": {"native", "on_response"},
     "rclpy.clock.ClockEvent": {"look_again"},
+    "rclpy.clock.Clock": {"destroy", "is_destroyed"},
+    "rclpy.clock.ROSClock": {"destroy", "is_destroyed"},
     "rclpy.clock.JumpHandle": {"post_callback", "pre_callback", "threshold"},
     "rclpy.clock.JumpThreshold": {"is_exceeded"},
     "rclpy.context.Context": {
@@ -63,7 +71,7 @@ INSIDE_OF_CLASSES = {
     },
     "rclpy.impl.rcutils_logger.RcutilsLogger": {"add_sink", "critical", "remove_sink"},
     "rclpy.node.Node": {"own_entities", "own_executor", "receive_one"},
-    "rclpy.publisher.Publisher": {"native", "node"},
+    "rclpy.publisher.Publisher": {"is_destroyed", "native", "node"},
     "rclpy.subscription.Subscription": {"native"},
     "rclpy.service.Service": {"begin", "native", "on_request"},
     "rclpy.task.Future": {"call_when_done", "forget_waiter"},

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from bus.errors import BusError, ServiceUnavailable
 from bus_ros.engine import Engine, Waiter, deadline_after
-from bus_ros.entity import Destroyable, Entity, Group, Owner, Work
+from bus_ros.entity import Entity, Group, Owner, Work
+from bus_ros.rclpy.destroyable import Destroyable
 from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.qos import QoSProfile
 from bus_ros.rclpy.task import Future
@@ -41,6 +42,11 @@ class Client(Entity, Destroyable):
         self._callers: list[Waiter] = []  # threads in `call`
         super().__init__(node, callback_group)
         self.held_group = None  # an answer calls no callback, and one of the group may await it
+
+    @property
+    def logger_name(self) -> str:
+        """Of its node."""
+        return str(self.node.get_logger().name)
 
     @property
     def service_name(self) -> str:

@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary, ref
 
+from bus_ros.rclpy.destroyable import Handled
 from bus_ros.rclpy.duration import Duration
 from bus_ros.rclpy.exceptions import NotInitializedException
 from bus_ros.rclpy.time import ClockType, Time
@@ -169,9 +170,10 @@ class ClockEvent:
     wait_until_steady = wait_until_system = wait_until_ros = wait_until
 
 
-class Clock:
+class Clock(Handled):
     """A clock of one type; `Clock(clock_type=ClockType.ROS_TIME)` is a ROSClock."""
 
+    is_destroyed = False  # ever
     _clock_type: ClockType
     _jump_handles: list[JumpHandle]
 
@@ -182,6 +184,9 @@ class Clock:
         self._clock_type = clock_type
         self._jump_handles = []
         return self
+
+    def destroy(self) -> None:
+        """It lives as long as somebody uses it."""
 
     @property
     def clock_type(self) -> ClockType:

@@ -13,7 +13,8 @@ from bus.parameters import file
 from bus.process.address import domain_id
 from bus.process.ros_args import Arguments, UnknownArguments
 from bus_ros import engine as engines
-from bus_ros.rclpy.exceptions import NotInitializedException, RCLInvalidROSArgsError, UnknownROSArgsError
+from bus_ros.rclpy.destroyable import Handle
+from bus_ros.rclpy.exceptions import RCLError, RCLInvalidROSArgsError, UnknownROSArgsError
 
 __all__ = ["Context", "get_default_context"]
 
@@ -36,13 +37,16 @@ class Context:
         self._callbacks: list[Callable[[], object]] = []
         self._sleepers: WeakSet[engines.Sleeper] = WeakSet()
         self._nodes: WeakSet[_Node] = WeakSet()
+        self._is_destroyed = False
+        self._handle: Handle | None = None
         self.arguments: tuple[str, ...] = ()
         self.parameters: tuple[file.Section, ...] = ()
         _contexts.add(self)
 
     @property
-    def handle(self) -> "Context":
-        return self
+    def handle(self) -> Handle | None:
+        """For programs that enter rclpy's handles; None before `init`."""
+        return self._handle
 
     def __enter__(self) -> "Context":
         if not self.is_valid:
@@ -71,24 +75,29 @@ class Context:
         if domain_id is not None and domain_id < 0:
             raise RuntimeError(f"Domain id ({domain_id}) should not be lower than zero.")
         with self._lock:
-            if self.is_valid:
+            if self.is_valid or self._is_destroyed:
                 raise RuntimeError("Context.init() must only be called once")
             self.arguments = words
             self.parameters = parameters
             self.domain_id = domain_id
             self.was_ended_by_signal = False
             self.is_valid = True
+            self._handle = Handle(lambda: self._is_destroyed, self.destroy)
         if initialize_logging:
             configure(arguments)
 
     def ok(self) -> bool:
-        """Whether it has begun and not ended."""
+        """Whether it has begun and not ended. Raises InvalidHandle once it is destroyed."""
+        if self._is_destroyed and self._handle is not None:
+            self._handle.check()
         return self.is_valid
 
     def get_domain_id(self) -> int:
-        """The bus it is on: `--domain` of busd. Raises NotInitializedException."""
+        """The bus it is on: `--domain` of busd. Raises RuntimeError before `init`, RCLError after the end."""
         if not self.is_valid:
-            raise NotInitializedException("cannot get the domain id")
+            if self._handle is not None:
+                raise RCLError("Failed to get domain id")
+            raise RuntimeError("Context must be initialized before it can have a domain id")
         return domain_id(self.domain_id)
 
     def shutdown(self) -> None:
@@ -97,11 +106,18 @@ class Context:
         Raises RuntimeError where it has not begun or has ended.
         """
         if not self._end() and not self._forgive():
+            if self._handle is not None and self is not _default:  # of which rclpy makes a new one
+                raise RCLError("failed to shutdown: rcl_shutdown already called on the given context")
             raise RuntimeError("Context must be initialized before it can be shutdown")
 
     def try_shutdown(self) -> None:
         """End, where that has not happened."""
         self._end()
+
+    def destroy(self) -> None:
+        """End it for good; once more does nothing."""
+        self._end()
+        self._is_destroyed = True
 
     def on_shutdown(self, callback: Callable[[], object]) -> None:
         """Call `callback` when it ends."""

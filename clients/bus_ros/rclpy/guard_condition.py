@@ -5,11 +5,12 @@ from collections.abc import Callable
 from bus.base.callbacks import is_async
 from bus_ros.engine import engine
 from bus_ros.entity import Entity, Group, Owner, Work
+from bus_ros.rclpy.destroyable import Handled
 
 __all__ = ["GuardCondition"]
 
 
-class GuardCondition(Entity):
+class GuardCondition(Entity, Handled):
     """Made by `Node.create_guard_condition`."""
 
     is_single = True
@@ -21,7 +22,11 @@ class GuardCondition(Entity):
         super().__init__(node, callback_group)
 
     def trigger(self) -> None:
-        """Have the callback called; several times before that are one. From any thread."""
+        """Have the callback called; several times before that are one. From any thread.
+
+        Raises InvalidHandle where it is destroyed.
+        """
+        self.handle.check()
         engine().call(self._trigger)
 
     def destroy(self) -> None:

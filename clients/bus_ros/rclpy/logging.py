@@ -22,6 +22,10 @@ __all__ = [
 ]
 
 
+_root_logger = RcutilsLogger("")
+"""rclpy's own name of the logger above all."""
+
+
 def get_logger(name: str) -> RcutilsLogger:
     """The logger of that name; raises ValueError for an empty one."""
     if not name:

@@ -6,9 +6,7 @@ that rclpy has too: a program's own nodes may have any other.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
 from copy import copy
-from inspect import signature
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from bus.errors import AccessDenied, BusError, ConfigurationError
@@ -29,12 +27,14 @@ from bus_ros.rclpy.callback_groups import (
 from bus_ros.rclpy.client import Client
 from bus_ros.rclpy.clock import Clock, ROSClock
 from bus_ros.rclpy.context import Context, get_default_context, parse_arguments
+from bus_ros.rclpy.destroyable import Handle
 from bus_ros.rclpy.exceptions import (
     InvalidHandle,
     NotInitializedException,
     RCLError,
 )
 from bus_ros.rclpy.guard_condition import GuardCondition
+from bus_ros.rclpy.impl.callback_checks import check_arguments, check_callback
 from bus_ros.rclpy.impl.node_graph import NodeGraph
 from bus_ros.rclpy.impl.node_parameters import NodeParameters
 from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger
@@ -111,7 +111,8 @@ class Node(NodeGraph, NodeParameters):
         # Its ROS arguments end where they end: what follows is the program's.
         words = [*own, "--", *context.arguments] if use_global_arguments else own
         native = _make_native(node_name, namespace or "", words, context, enable_rosout)
-        NodeGraph.__init__(self, engine(), native, context)
+        handle = Handle(lambda: self.__is_destroyed, self.destroy_node)
+        NodeGraph.__init__(self, engine(), native, context, handle)
         self.__engine = engine()
         self.__native = native
         self.__is_destroyed = False
@@ -156,10 +157,6 @@ class Node(NodeGraph, NodeParameters):
     @property
     def context(self) -> Context:
         return self._context
-
-    @property
-    def handle(self) -> "Node":
-        return self
 
     @property
     def executor(self) -> "Executor | None":
@@ -254,8 +251,8 @@ class Node(NodeGraph, NodeParameters):
     ) -> Subscription[M]:
         """A subscription; `callback` is `def` or `async def`, of (message) or (message, info)."""
         check_is_valid_msg_type(msg_type)
-        _check_callback(callback)
-        _check_arguments(callback)
+        check_callback(callback)
+        check_arguments(callback)
         if content_filter_options is not None:
             raise NotImplementedError("content filters are not there yet: filter in the callback")
         self.__check(topic)
@@ -305,7 +302,7 @@ class Node(NodeGraph, NodeParameters):
         """Serve; `callback(request, response)`, `def` or `async def`, returns the response."""
         check_is_valid_srv_type(srv_type)
         self.__check(srv_name, is_service=True)
-        _check_callback(callback)
+        check_callback(callback)
         profile = profile_of(qos_profile)
         group = callback_group or self._default_callback_group
         service = Service(self.__engine, srv_type, srv_name, callback, group, profile, self)
@@ -330,7 +327,7 @@ class Node(NodeGraph, NodeParameters):
         if period_ns < 0:
             raise RCLError("failed to create timer: timer period must be non-negative")
         if callback is not None:
-            _check_callback(callback)
+            check_callback(callback)
         group = callback_group or self._default_callback_group
         timer = Timer(callback, group, period_ns, clock or self._clock, node=self, autostart=autostart)
         with self.__engine.loop:
@@ -533,27 +530,6 @@ def _make_native(
         if namespace:
             validate_namespace(namespace if namespace.startswith("/") else f"/{namespace}")
         raise
-
-
-def _check_callback(callback: object) -> None:
-    if not callable(callback):
-        raise TypeError(f"callback must be callable, not {type(callback).__name__}")
-
-
-def _check_arguments(callback: Callable[..., object]) -> None:
-    """Of a subscription's callback. Raises RuntimeError, with rclpy's text."""
-    try:
-        taken = signature(callback)
-    except (TypeError, ValueError):  # some that are written in C have none
-        return
-    for given in ((None,), (None, None)):
-        with suppress(TypeError):
-            taken.bind(*given)
-            return
-    raise RuntimeError(
-        "Subscription.__init__(): callback should be either be callable with one argument"
-        "(to get only the message) or two (to get message and message info)"
-    )
 
 
 def _service_qos(profile: QoSProfile) -> NativeProfile:

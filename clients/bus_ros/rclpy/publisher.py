@@ -5,7 +5,7 @@ from typing import Any, Generic, TypeVar
 from bus.errors import ConnectionClosed
 from bus.publisher import Publisher as NativePublisher
 from bus_ros.engine import Engine
-from bus_ros.entity import Destroyable
+from bus_ros.rclpy.destroyable import Destroyable
 from bus_ros.rclpy.duration import Duration
 from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.qos import QoSProfile
@@ -36,6 +36,15 @@ class Publisher(Destroyable, Generic[M]):
         self._loop = engine.loop
         self._guard = engine.loop.guard
         self.native = native
+
+    @property
+    def is_destroyed(self) -> bool:
+        return self not in self.node.publishers
+
+    @property
+    def logger_name(self) -> str:
+        """Of its node."""
+        return str(self.node.get_logger().name)
 
     @property
     def topic(self) -> str:
@@ -106,8 +115,9 @@ class Publisher(Destroyable, Generic[M]):
             raise RuntimeError(f"no room to publish on '{self.topic_name}'")
 
     def _why_closed(self, error: ConnectionClosed) -> Exception:
-        is_destroyed = self not in self.node.publishers
-        return InvalidHandle(f"the publisher on '{self.topic_name}' is destroyed") if is_destroyed else error
+        if self.is_destroyed:
+            return InvalidHandle(f"the publisher on '{self.topic_name}' is destroyed")
+        return error
 
     def _wait_for_room(self, msg: M) -> None:
         try:

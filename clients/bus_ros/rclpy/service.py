@@ -8,7 +8,8 @@ from bus.base.callbacks import is_async
 from bus.errors import PayloadTooLarge
 from bus.service.server import RequestId, ServiceServer
 from bus_ros.engine import Engine
-from bus_ros.entity import Destroyable, Entity, Group, Owner, Work
+from bus_ros.entity import Entity, Group, Owner, Work
+from bus_ros.rclpy.destroyable import Destroyable
 from bus_ros.rclpy.qos import QoSProfile
 
 __all__ = ["Service"]
@@ -47,6 +48,11 @@ class Service(Entity, Destroyable):
         """For the node: `native` is made, and answers can go out. Requests may have come before."""
         self.native = native
         self.is_queued = False
+
+    @property
+    def logger_name(self) -> str:
+        """Of its node."""
+        return str(self.node.get_logger().name)
 
     @property
     def service_name(self) -> str:

@@ -9,7 +9,8 @@ from bus.base.callbacks import is_async, takes_info
 from bus.subscription import MessageInfo as NativeInfo
 from bus.subscription import Subscription as NativeSubscription
 from bus_ros.engine import Engine
-from bus_ros.entity import Destroyable, Entity, Group, Line, Owner, Work
+from bus_ros.entity import Entity, Group, Line, Owner, Work
+from bus_ros.rclpy.destroyable import Destroyable
 from bus_ros.rclpy.qos import QoSProfile
 
 __all__ = ["MessageInfo", "Subscription"]
@@ -64,6 +65,11 @@ class Subscription(Entity, Destroyable, Generic[M]):
         self._handed_to: Line | None = None  # the executor that may be handed a message as it comes
         with engine.loop:
             native._on_arrival = self._look
+
+    @property
+    def logger_name(self) -> str:
+        """Of its node."""
+        return str(self.node.get_logger().name)
 
     @property
     def topic(self) -> str:

@@ -8,6 +8,7 @@ import sys
 import warnings
 import weakref
 from collections.abc import Callable, Coroutine, Generator, Iterable
+from enum import Enum
 from threading import Lock
 from types import CoroutineType
 from typing import Any, Generic, Protocol, TypeVar
@@ -15,11 +16,20 @@ from typing import Any, Generic, Protocol, TypeVar
 from bus.base.printable import printable
 from bus_ros.entity import Entity, Group, Work
 
-__all__ = ["UNFINISHED", "Future", "Step", "Task"]
+__all__ = ["UNFINISHED", "Future", "FutureState", "Step", "Task"]
 
 T = TypeVar("T")
 
-_PENDING, _CANCELLED, _FINISHED = range(3)
+
+class FutureState(Enum):
+    """How far a future has come."""
+
+    PENDING = "PENDING"
+    CANCELLED = "CANCELLED"
+    FINISHED = "FINISHED"
+
+
+_PENDING, _CANCELLED, _FINISHED = FutureState
 UNFINISHED = object()
 """Returned by a call that goes on later."""
 
@@ -134,7 +144,7 @@ class Future(Generic[T]):
             if waiter in self._waiters:
                 self._waiters.remove(waiter)
 
-    def _finish(self, state: int) -> None:
+    def _finish(self, state: FutureState) -> None:
         with self._lock:
             if state == _CANCELLED and self._state != _PENDING:
                 return

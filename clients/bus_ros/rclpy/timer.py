@@ -7,6 +7,7 @@ from bus.base.callbacks import is_async
 from bus_ros.engine import Engine, Lifetime, Waiter, engine
 from bus_ros.entity import Entity, Group, Owner, Work
 from bus_ros.rclpy.clock import ANY_JUMP, CHANGES_OF_SOURCE, Clock, JumpHandle, ROSClock, TimeJump
+from bus_ros.rclpy.destroyable import Handled
 from bus_ros.rclpy.exceptions import InvalidHandle, ROSInterruptException
 
 __all__ = ["Rate", "Timer"]
@@ -21,7 +22,7 @@ def _now_ns(clock: Clock) -> int:
     return clock.now().nanoseconds if clock.ros_time_is_active else monotonic_ns()
 
 
-class Timer(Entity):
+class Timer(Entity, Handled):
     """Calls `callback()` every `timer_period_ns`, first after one period; made by `Node.create_timer`."""
 
     is_single = True

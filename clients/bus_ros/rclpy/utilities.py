@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from bus_ros.rclpy.context import Context
 
 __all__ = [
+    "get_available_rmw_implementations",
     "get_default_context",
     "get_rmw_implementation_identifier",
     "ok",
@@ -51,6 +52,11 @@ def remove_ros_args(args: Sequence[str] | None = None) -> list[str]:
 
 def get_rmw_implementation_identifier() -> str:
     return "rmw_busd"
+
+
+def get_available_rmw_implementations() -> set[str]:
+    """There is this one."""
+    return {get_rmw_implementation_identifier()}
 
 
 def timeout_sec_to_nsec(timeout_sec: float | None) -> int:

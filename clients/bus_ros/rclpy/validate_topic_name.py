@@ -17,6 +17,7 @@ from bus_ros.rclpy.exceptions import (
 )
 
 __all__ = [
+    "HIDDEN_TOPIC_PREFIX",
     "TOPIC_SEPARATOR_STRING",
     "expand_topic_name",
     "full_name",
@@ -29,6 +30,7 @@ __all__ = [
 ]
 
 TOPIC_SEPARATOR_STRING = "/"
+HIDDEN_TOPIC_PREFIX = "_"
 
 
 def validate_topic_name(name: str, *, is_service: bool = False) -> bool:

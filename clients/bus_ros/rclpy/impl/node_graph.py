@@ -9,6 +9,7 @@ from bus.names import service_of_topic
 from bus.node import Node as NativeNode
 from bus_ros.engine import Engine
 from bus_ros.rclpy.context import Context
+from bus_ros.rclpy.destroyable import Handle
 from bus_ros.rclpy.exceptions import NodeNameNonExistentError, RCLError, rule_of
 from bus_ros.rclpy.topic_endpoint_info import TopicEndpointInfo
 from bus_ros.rclpy.validate_topic_name import full_name
@@ -21,10 +22,16 @@ NamesAndTypes = list[tuple[str, list[str]]]
 class NodeGraph:
     """Base of Node. Its private names are its own: those of a program's nodes may be the same."""
 
-    def __init__(self, engine: Engine, native: NativeNode, context: Context) -> None:
+    def __init__(self, engine: Engine, native: NativeNode, context: Context, handle: Handle) -> None:
         self._context = context
         self.__engine = engine
         self.__native = native
+        self.__handle = handle
+
+    @property
+    def handle(self) -> Handle:
+        """For programs that enter rclpy's handles: `with node.handle:`."""
+        return self.__handle
 
     def get_name(self) -> str:
         return self.__native.name
@@ -145,6 +152,7 @@ class NodeGraph:
         return full_name(name, self.__native.resolve_service_name, is_service=True)
 
     def __graph(self) -> Graph:
+        self.__handle.check()
         return self.__engine.run(self.__native.graph)
 
 

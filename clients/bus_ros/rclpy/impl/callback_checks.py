@@ -1,0 +1,28 @@
+"""Whether a callback can be called as its entity will do it. Knows functions only."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from inspect import signature
+
+__all__ = ["check_arguments", "check_callback"]
+
+
+def check_callback(callback: object) -> None:
+    if not callable(callback):
+        raise TypeError(f"callback must be callable, not {type(callback).__name__}")
+
+
+def check_arguments(callback: Callable[..., object]) -> None:
+    """Of a subscription's callback. Raises RuntimeError, with rclpy's text."""
+    try:
+        taken = signature(callback)
+    except (TypeError, ValueError):  # some that are written in C have none
+        return
+    for given in ((None,), (None, None)):
+        with suppress(TypeError):
+            taken.bind(*given)
+            return
+    raise RuntimeError(
+        "Subscription.__init__(): callback should be either be callable with one argument"
+        "(to get only the message) or two (to get message and message info)"
+    )
