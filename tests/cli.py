@@ -217,3 +217,8 @@ def script(source: str, *arguments: str) -> Iterator[Running]:
     with Running(("-c", source, *arguments)) as running:
         assert running.line() == "ready"
         yield running
+
+
+def words(line: str) -> list[str]:
+    """The words of a command line; in one that is YAML, colons get the blank that YAML wants."""
+    return [word.replace(":", ": ") if word.startswith("{") else word for word in line.split()]

@@ -61,6 +61,15 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
             "type": "Output a service's type",
         },
     ),
+    "action": (
+        "Various action related sub-commands",
+        {
+            "info": "Print information about an action",
+            "list": "Output a list of action names",
+            "send_goal": "Send an action goal",
+            "type": "Print an action's type",
+        },
+    ),
     "daemon": (
         "Various daemon related sub-commands",
         {

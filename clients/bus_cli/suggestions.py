@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from bus.types.definitions import Kind
 
 __all__ = [
+    "near_action",
     "near_interface_package",
     "near_node",
     "near_package",
@@ -29,7 +30,6 @@ __all__ = [
 _EXAMPLES = "example_interfaces/"
 
 _NOT_YET = {
-    "action": "programs can't serve or call actions; bus interface shows their definitions",
     "bag": "to record, write what bus topic echo --json prints into a file",
     "component": "several nodes in one process are several bus.Node in one main()",
     "control": "",
@@ -57,6 +57,12 @@ def near_topic(name: str, graph: "Graph") -> str:
 
 def near_service(name: str, graph: "Graph") -> str:
     return _near(name, (service for service in graph.services() if not is_hidden_topic(service)))
+
+
+def near_action(name: str, graph: "Graph") -> str:
+    from bus_actions.graph import actions_of
+
+    return _near(name, actions_of((*graph.publishers, *graph.subscriptions)))
 
 
 def near_node(name: str, graph: "Graph") -> str:

@@ -240,7 +240,7 @@ def _fill_types(package: str, kind: str, known: list[str], module: ModuleType) -
 
 
 def _type(module: ModuleType, package: str, kind: str, known: list[str], name: str) -> Any:
-    whole, _, part = name.rpartition("_")
+    whole, _, part = name.partition("_")
     if name not in known and not (whole in known and part in _parts(kind)):
         _no_type(module, known, name)
     from bus_ros.rosidl import action_class, message_class, service_class
@@ -253,9 +253,9 @@ def _type(module: ModuleType, package: str, kind: str, known: list[str], name: s
 
 
 def _parts(kind: str) -> tuple[str, ...]:
-    from bus.types.idl import PARTS
+    from bus.types.idl import CARRIERS, PARTS
 
-    return PARTS.get(kind, ())
+    return (*PARTS.get(kind, ()), *(CARRIERS if kind == "action" else ()))
 
 
 def _no_type(module: ModuleType, known: list[str], name: str) -> NoReturn:

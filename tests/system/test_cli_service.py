@@ -9,7 +9,7 @@ import pytest
 from bus_cli.completion import topics
 from bus_cli.main import make_parser
 from bus_cli.service.definitions import services
-from cli import Result, bus, script, start
+from cli import Result, bus, script, start, words
 
 SERVER = """
 import asyncio, bus
@@ -122,11 +122,6 @@ REFUSED = {
     ),
     f"service call add_two_ints {TYPE} {{a:x}}": (f"{NO_FIELD}invalid literal for int() with base 10: 'x'\n"),
 }
-
-
-def words(line: str) -> list[str]:
-    """The words of a command line; in one that is YAML, colons get the blank that YAML wants."""
-    return [word.replace(":", ": ") if word.startswith("{") else word for word in line.split()]
 
 
 @pytest.fixture

@@ -118,10 +118,7 @@ class ServiceClient(ServiceBase):
         where the service's callback raised; LocalProtocolError where 1000 calls wait already; else as
         `Publisher.publish`. Cancellation leaves nothing behind; the service may do its work all the same.
         """
-        if not self._servers and self._requests._id:  # with busd away, nobody knows who serves
-            if self._requests._refusal is not None:
-                raise again(self._requests._refusal)
-            raise ServiceUnavailable(self.service_name, "nobody serves it now; see wait_for_service")
+        self._check_served()
         answer: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
 
         def deliver(number: int, outcome: Any) -> None:
@@ -184,6 +181,13 @@ class ServiceClient(ServiceBase):
 
     def _counts(self) -> str:
         return f"servers={len(self._servers)} requests={self._sent} pending={len(self._calls)}"
+
+    def _check_served(self) -> None:
+        """Raises ServiceUnavailable where nobody serves; with busd away, nobody knows. Raises as `call`."""
+        if not self._servers and self._requests._id:
+            if self._requests._refusal is not None:
+                raise again(self._requests._refusal)
+            raise ServiceUnavailable(self.service_name, "nobody serves it now; see wait_for_service")
 
     def _send(self, request: Any, deliver: Callable[[int, Any], object]) -> int:
         if len(self._calls) >= MAX_PENDING:

@@ -63,15 +63,20 @@ def find_definition(name: str) -> idl.Message | idl.Service | idl.Action:
 def find_message(name: str) -> idl.Message:
     """The definition of a message, or of a part of a service or an action: `std_srvs/srv/SetBool_Request`.
 
-    Raises ConfigurationError as `find_definition` does.
+    So are those that carry an action's parts: `example_interfaces/action/Fibonacci_FeedbackMessage`. Raises
+    ConfigurationError as `find_definition` does.
     """
-    from bus.types.idl import PARTS, Message
+    from bus.types.idl import CARRIERS, PARTS, Action, Message, carriers
 
-    kind = name.split("/")[1] if name.count("/") == 2 else ""
-    whole, _, part = name.rpartition("_")
+    package, kind, short = name.split("/") if name.count("/") == 2 else ("", "", name)
+    whole, _, part = short.partition("_")
     if part in PARTS.get(kind, ()):
-        found: idl.Message = getattr(find_definition(whole), part.lower())
+        found: idl.Message = getattr(find_definition(f"{package}/{kind}/{whole}"), part.lower())
         return found
+    if kind == "action" and part in CARRIERS:
+        action = find_definition(f"{package}/{kind}/{whole}")
+        assert isinstance(action, Action)
+        return carriers(action)[part]
     definition = find_definition(name)
     if isinstance(definition, Message):
         return definition

@@ -19,6 +19,7 @@ from typing import Any, Final, NamedTuple
 from bus.errors import ConfigurationError
 
 __all__ = [
+    "CARRIERS",
     "INTEGERS",
     "PARTS",
     "PRIMITIVES",
@@ -28,6 +29,7 @@ __all__ = [
     "Message",
     "Service",
     "Type",
+    "carriers",
     "code_of",
     "parse_action",
     "parse_message",
@@ -46,6 +48,15 @@ PRIMITIVES: Final = frozenset((*INTEGERS, "bool", "float32", "float64", "string"
 
 PARTS: Final = {"srv": ("Request", "Response"), "action": ("Goal", "Result", "Feedback")}
 """What the messages of a service or an action are called: `SetBool` has `SetBool_Request`."""
+
+CARRIERS: Final = {
+    "SendGoal_Request": (("goal_id", "unique_identifier_msgs/msg/UUID"), ("goal", "Goal")),
+    "SendGoal_Response": (("accepted", "bool"), ("stamp", "builtin_interfaces/msg/Time")),
+    "GetResult_Request": (("goal_id", "unique_identifier_msgs/msg/UUID"),),
+    "GetResult_Response": (("status", "int8"), ("result", "Result")),
+    "FeedbackMessage": (("goal_id", "unique_identifier_msgs/msg/UUID"), ("feedback", "Feedback")),
+}
+"""The messages that carry an action's parts: what ROS 2 adds to each action, with their fields."""
 
 _SHORT_NAMES: Final = {
     "Header": "std_msgs/msg/Header",
@@ -141,6 +152,20 @@ def parse_action(text: str, name: str) -> Action:
     """The text of an .action file; errors as those of `parse_message`."""
     goal, result, feedback = _parse(text, name, "action", PARTS["action"])
     return Action(name, goal, result, feedback)
+
+
+def carriers(action: Action) -> dict[str, Message]:
+    """The messages that carry the parts of `action`, by what stands in CARRIERS."""
+    return {
+        name: Message(
+            f"{action.name}_{name}",
+            tuple(
+                Field(field, Type(f"{action.name}_{base}" if base in PARTS["action"] else base))
+                for field, base in fields
+            ),
+        )
+        for name, fields in CARRIERS.items()
+    }
 
 
 class _Wrong(Exception):

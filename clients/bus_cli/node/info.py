@@ -5,12 +5,10 @@ from collections.abc import Iterable
 
 from bus.graph import GraphEndpoint, services_of
 from bus.names import is_hidden_topic
+from bus_actions.graph import actions_of
 from bus_cli.completion import completed_by, nodes
 from bus_cli.output import CommandError, complain, print_json, say
 from bus_cli.query import get_graph
-
-# The bus has no actions; ros2's headings stay, so that what reads them finds them.
-_EMPTY = ("Action Servers", "Action Clients")
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -46,17 +44,19 @@ def main(args: Namespace) -> int:
                 "publishers": publishers,
                 "service_servers": servers,
                 "service_clients": clients,
+                "action_servers": actions_of(published),
+                "action_clients": actions_of(subscribed),
             }
         )
         return 0
     say(name)
-    empty: dict[str, list[str]] = {}
     for title, topics in (
         ("Subscribers", subscriptions),
         ("Publishers", publishers),
         ("Service Servers", servers),
         ("Service Clients", clients),
-        *((title, empty) for title in _EMPTY),
+        ("Action Servers", actions_of(published)),
+        ("Action Clients", actions_of(subscribed)),
     ):
         say(f"  {title}:")
         say(*(f"    {topic}: {', '.join(types)}" for topic, types in topics.items()), sep="\n")

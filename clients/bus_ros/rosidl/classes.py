@@ -49,38 +49,83 @@ def message_class(name: str) -> type[RosMessage]:
 
 def service_class(name: str) -> type:
     """The class of `std_srvs/srv/SetBool`, which holds its `Request` and `Response`; errors as above."""
-    return _whole(name, "srv", "Service")
+    return _whole(name, "srv", "Service", type)
 
 
 def action_class(name: str) -> type:
-    """The class of `example_interfaces/action/Fibonacci`: `Goal`, `Result`, `Feedback`; errors as above."""
-    return _whole(name, "action", "Action")
+    """The class of `example_interfaces/action/Fibonacci`: `Goal`, `Result`, `Feedback`, and `Impl`, which has
+    the services and messages that carry them; errors as above.
+    """
+    return _whole(name, "action", "Action", _ActionType)
+
+
+class _ActionType(type):
+    """The type of action classes."""
+
+    __type_name__: str
+
+    @property
+    def Impl(cls) -> type:
+        """Made when it is first asked for: most programs that import an action's package don't."""
+        made = _wholes.get(f"{cls.__type_name__}_Impl")
+        if made is None:
+            made = _impl(cls.__type_name__)
+            with _lock:
+                made = _wholes.setdefault(f"{cls.__type_name__}_Impl", made)
+        return made
+
+
+def _impl(name: str) -> type:
+    def service(part: str) -> type:
+        return _made(
+            f"{name}_{part}",
+            "Service",
+            type,
+            {end: message_class(f"{name}_{part}_{end}") for end in PARTS["srv"]},
+        )
+
+    return _made(
+        f"{name}_Impl",
+        "Action",
+        type,
+        {
+            "SendGoalService": service("SendGoal"),
+            "GetResultService": service("GetResult"),
+            "FeedbackMessage": message_class(f"{name}_FeedbackMessage"),
+            "CancelGoalService": service_class("action_msgs/srv/CancelGoal"),
+            "GoalStatusMessage": message_class("action_msgs/msg/GoalStatusArray"),
+        },
+    )
 
 
 def module_of(name: str) -> str:
     """The module in which rosidl puts a type: `std_msgs.msg._string` for `std_msgs/msg/String`."""
     package, kind, short = name.split("/")
-    if kind in PARTS and short.rpartition("_")[2] in PARTS[kind]:
-        short = short.rpartition("_")[0]
+    short = short.partition("_")[0]
     parted = re.sub(r"(.)([A-Z][a-z]+)", r"\1_\2", short)
     snake = re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", parted).lower()
     return f"{package}.{kind}._{snake}"
 
 
-def _whole(name: str, kind: str, what: str) -> type:
+def _whole(name: str, kind: str, what: str, metaclass: type) -> type:
     name = full_name(name)
     made = _wholes.get(name)
     if f"/{kind}/" not in name:
         raise ConfigurationError(f"{name} is no {what.lower()}")
     if made is None:
         parts = {part: message_class(f"{name}_{part}") for part in PARTS[kind]}
-
-        def __init__(self: object) -> NoReturn:
-            raise NotImplementedError(f"{what} classes can not be instantiated")
-
-        namespace = {"__init__": __init__, "__type_name__": name, "__module__": module_of(name), **parts}
+        made = _made(name, what, metaclass, parts)
         with _lock:
-            made = _wholes.setdefault(name, type(name.rpartition("/")[2], (), namespace))
+            made = _wholes.setdefault(name, made)
+    return made
+
+
+def _made(name: str, what: str, metaclass: type, contents: Mapping[str, type]) -> type:
+    def __init__(self: object) -> NoReturn:
+        raise NotImplementedError(f"{what} classes can not be instantiated")
+
+    namespace = {"__init__": __init__, "__type_name__": name, "__module__": module_of(name), **contents}
+    made: type = metaclass(name.rpartition("/")[2], (), namespace)
     return made
 
 

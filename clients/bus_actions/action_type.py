@@ -1,0 +1,156 @@
+"""Types of actions, and the messages that carry their parts over the bus.
+
+Owns: the base class of an action's definition, and which classes travel for it. A goal, a result or feedback
+goes within a message of ROS 2's that says whose it is: `<pkg>/action/<Name>_SendGoal_Request` and so on. Must
+not know: topics, goals.
+"""
+
+from functools import cache
+from typing import Any, ClassVar, Final
+
+from msgspec import defstruct, field
+
+from bus.errors import ConfigurationError, MessageTypeError
+from bus.msg import Message, int8
+from bus.srv import make_service
+from bus.types.classes import message_class, service_class
+from bus.types.idl import CARRIERS, PARTS
+
+__all__ = ["Action", "ActionSupport", "action_support", "find_action", "make_action"]
+
+_PLAIN: Final[dict[str, tuple[Any, Any]]] = {"bool": (bool, False), "int8": (int8, 0)}
+
+
+class Action:
+    """Base of an action's definition: three message classes, `Goal`, `Result` and `Feedback`, within it.
+
+    `__type_name__` is `local/action/<Class>`, or what the class itself sets. It is no object at run time: see
+    `ActionServer` and `ActionClient`.
+
+        class Count(Action):
+            class Goal(Message, kw_only=True):
+                target: int32 = 0
+
+            class Result(Message, kw_only=True):
+                reached: int32 = 0
+
+            class Feedback(Message, kw_only=True):
+                current: int32 = 0
+    """
+
+    __type_name__: ClassVar[str]
+    Goal: ClassVar[type[Any]]
+    """The message class of what is to be done."""
+    Result: ClassVar[type[Any]]
+    """The message class of what came of it; made without arguments where a goal ends without a result."""
+    Feedback: ClassVar[type[Any]]
+    """The message class of what is told on the way."""
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "__type_name__" not in cls.__dict__:
+            cls.__type_name__ = f"local/action/{cls.__name__}"
+        for part in PARTS["action"]:
+            message = cls.__dict__.get(part)
+            if message is not None and message.__qualname__ == f"{cls.__qualname__}.{part}":
+                message.__type_name__ = f"{cls.__type_name__}_{part}"
+                message.__name__ = f"{cls.__name__}_{part}"  # as ROS 2 calls it in its texts
+
+
+def find_action(name: str) -> Any:
+    """The action called `name` (`example_interfaces/action/Fibonacci`), made of its definition.
+
+    Definitions are looked for in the workspace, in AMENT_PREFIX_PATH and in BUS_INTERFACE_PATH; some come
+    with busd (`bus interface list`). Raises ConfigurationError where there is none, or a malformed one.
+
+        Fibonacci = find_action("example_interfaces/action/Fibonacci")
+    """
+    parts = {part: message_class(f"{name}_{part}") for part in PARTS["action"]}
+    return make_action(name, parts["Goal"], parts["Result"], parts["Feedback"])
+
+
+@cache
+def make_action(name: str, goal: type[Any], result: type[Any], feedback: type[Any]) -> type[Action]:
+    """The action called `name` (`demo/action/Count`) with these three message classes."""
+    contents = {"__type_name__": name, "Goal": goal, "Result": result, "Feedback": feedback}
+    return type(name.rpartition("/")[2], (Action,), contents)
+
+
+class ActionSupport:
+    """The classes that carry one action; get it from `action_support(action_type)`.
+
+    Raises MessageTypeError for what is no definition of an action, ConfigurationError for a bad type name.
+    """
+
+    def __init__(self, action_type: Any) -> None:
+        try:
+            self.goal: Any = action_type.Goal
+            self.result: Any = action_type.Result
+            self.feedback: Any = action_type.Feedback
+        except AttributeError:
+            raise MessageTypeError(
+                f"{action_type!r:.80} is no action: it has no message classes Goal, Result and Feedback"
+            ) from None
+        self.name: str = getattr(action_type, "__type_name__", "")
+        if self.name.count("/action/") != 1 or self.name.count("/") != 2:
+            raise ConfigurationError(
+                f"__type_name__ of {action_type!r:.80} must have three parts, like "
+                f"'example_interfaces/action/Fibonacci'; it is {self.name!r}"
+            )
+        if hasattr(action_type, "Impl"):  # made by rosidl, or as rosidl does it
+            ready = action_type.Impl
+            self.send_goal: Any = ready.SendGoalService
+            self.get_result: Any = ready.GetResultService
+            self.feedback_message: Any = ready.FeedbackMessage
+            self.cancel_goal: Any = ready.CancelGoalService
+            self.status_array: Any = ready.GoalStatusMessage
+            self.status: Any = self.status_array.__nested__["status_list"]
+            self.goal_info: Any = self.status.__nested__["goal_info"]
+            self.uuid: Any = self.goal_info.__nested__["goal_id"]
+            self._id_of: Any = list
+            return
+        parts = {"Goal": self.goal, "Result": self.result, "Feedback": self.feedback}
+        made = {part: _carrier(self.name, part, parts) for part in CARRIERS}
+        self.send_goal = make_service(
+            f"{self.name}_SendGoal", made["SendGoal_Request"], made["SendGoal_Response"]
+        )
+        self.get_result = make_service(
+            f"{self.name}_GetResult", made["GetResult_Request"], made["GetResult_Response"]
+        )
+        self.feedback_message = made["FeedbackMessage"]
+        self.cancel_goal = service_class("action_msgs/srv/CancelGoal")
+        self.status_array = message_class("action_msgs/msg/GoalStatusArray")
+        self.status = message_class("action_msgs/msg/GoalStatus")
+        self.goal_info = message_class("action_msgs/msg/GoalInfo")
+        self.uuid = message_class("unique_identifier_msgs/msg/UUID")
+        self._id_of = bytes
+
+    def goal_id(self, goal_id: bytes) -> Any:
+        """A UUID."""
+        return self.uuid(uuid=self._id_of(goal_id))
+
+
+@cache
+def action_support(action_type: Any) -> ActionSupport:
+    """The ActionSupport of a class with `Goal`, `Result`, `Feedback` and `__type_name__`, made once."""
+    return ActionSupport(action_type)
+
+
+def _carrier(name: str, part: str, parts: dict[str, type[Any]]) -> type[Any]:
+    """A native class that carries a part of an action."""
+    fields: list[tuple[str, Any, Any]] = []
+    for own, base in CARRIERS[part]:
+        if base in _PLAIN:
+            fields.append((own, *_PLAIN[base]))
+        else:
+            cls = parts.get(base) or message_class(base)
+            fields.append((own, cls, field(default_factory=cls)))
+    package, kind, short = name.split("/")
+    return defstruct(
+        f"{short}_{part}",
+        fields,
+        bases=(Message,),
+        namespace={"__type_name__": f"{name}_{part}"},
+        module=f"{package}.{kind}",
+        kw_only=True,
+    )

@@ -1,0 +1,40 @@
+"""The actions in a graph: their names and types, and which nodes serve or call them. Values only."""
+
+from collections.abc import Iterable
+
+from bus.graph import Graph, GraphEndpoint
+
+__all__ = ["action_clients_of", "action_of_topic", "action_servers_of", "actions_of"]
+
+_FEEDBACK = "/_action/feedback"
+_SEND_GOAL = "/_action/send_goal"
+_MESSAGE = "_FeedbackMessage"
+
+
+def action_of_topic(topic: str) -> str | None:
+    """The action whose feedback a topic carries; None where it is any other topic."""
+    if topic.endswith(_FEEDBACK) and len(topic) > len(_FEEDBACK):
+        return topic.removesuffix(_FEEDBACK)
+    return None
+
+
+def actions_of(endpoints: Iterable[GraphEndpoint]) -> dict[str, list[str]]:
+    """The actions whose feedback `endpoints` carry, with the names of their types; all sorted."""
+    found: dict[str, set[str]] = {}
+    for endpoint in endpoints:
+        action = action_of_topic(endpoint.topic)
+        if action is not None:
+            found.setdefault(action, set()).add(endpoint.type_name.removesuffix(_MESSAGE))
+    return {action: sorted(found[action]) for action in sorted(found)}
+
+
+def action_servers_of(graph: Graph, action: str) -> list[GraphEndpoint]:
+    """The publishers of its feedback, one of each server."""
+    serving = {endpoint.node.id for endpoint in graph.servers_of(f"{action}{_SEND_GOAL}")}
+    return [one for one in graph.publishers_of(f"{action}{_FEEDBACK}") if one.node.id in serving]
+
+
+def action_clients_of(graph: Graph, action: str) -> list[GraphEndpoint]:
+    """The subscriptions to its feedback, one of each client, without those of observers."""
+    calling = {endpoint.node.id for endpoint in graph.clients_of(f"{action}{_SEND_GOAL}")}
+    return [one for one in graph.subscriptions_of(f"{action}{_FEEDBACK}") if one.node.id in calling]

@@ -1,0 +1,496 @@
+"""Action servers on asyncio: each goal is a task, and a canceled goal is a task that is cancelled.
+
+Owns: the tasks of goals, their results, and who waits for them. Which state follows which is in `goal_state`,
+whom a cancel request means in `goal_table`.
+"""
+
+import asyncio
+from collections import deque
+from collections.abc import AsyncGenerator, Callable
+from contextlib import aclosing
+from time import time_ns
+from types import TracebackType
+from typing import Any, Final, Self
+
+import msgspec
+
+from bus.base.awaited import done_anyway, to_be_awaited
+from bus.base.callbacks import is_async
+from bus.errors import BusError, ConnectionClosed, LocalProtocolError, MessageTypeError
+from bus.names import validate_topic_name
+from bus.node import Node
+from bus.service.server import RequestId
+from bus_actions.action_type import ActionSupport, action_support
+from bus_actions.endpoints import ActionQoS, ServerEndpoints
+from bus_actions.goal_state import GoalEvent, GoalStatus
+from bus_actions.goal_table import CancelCode, Goal, GoalTable, TooManyGoals
+
+__all__ = ["ActionServer", "ActionServerStatistics", "ServerGoal"]
+
+_MOST_WAITING: Final = 1000
+"""So many requests may wait for the result of one goal."""
+_NS: Final = 1_000_000_000
+
+
+class ActionServerStatistics(msgspec.Struct, frozen=True):
+    """Totals of one server.
+
+    For example:
+
+        print(server.statistics().active)
+    """
+
+    accepted: int
+    """Goals accepted."""
+    rejected: int
+    """Goals refused: by the callback, or because their id was known, or too many were active."""
+    succeeded: int
+    """Goals that have succeeded."""
+    canceled: int
+    """Goals that were canceled."""
+    aborted: int
+    """Goals given up."""
+    active: int
+    """Goals that have not ended."""
+    feedback: int
+    """Feedback published."""
+
+
+class ServerGoal:
+    """A goal that an action server has accepted; `execute` gets it.
+
+    async def execute(goal):
+        yield Count.Feedback(current=1)
+        yield Count.Result(reached=goal.request.target)
+    """
+
+    def __init__(self, server: "ActionServer", record: Goal, request: Any) -> None:
+        self.request = request
+        """The Goal message that the client sent."""
+        self._server = server
+        self._record = record
+        self._result: Any = None
+        self._response: Any = None  # since the end
+        self._waiting: list[RequestId] = []
+        self._task: asyncio.Task[None] | None = None
+        self._is_given_up = False
+
+    def __repr__(self) -> str:
+        return f"<ServerGoal {self.id.hex()} {self.status.name}>"
+
+    @property
+    def id(self) -> bytes:
+        """16 bytes that the client has chosen."""
+        return self._record.id
+
+    @property
+    def status(self) -> GoalStatus:
+        """How far it has come."""
+        return self._record.status
+
+    @property
+    def is_active(self) -> bool:
+        """Whether it has not ended."""
+        return self._record.status.is_active
+
+    @property
+    def is_cancel_requested(self) -> bool:
+        """Whether a cancellation was accepted, and it has not ended yet."""
+        return self._record.status is GoalStatus.CANCELING
+
+    def publish_feedback(self, feedback: Any) -> None:
+        """Tell the clients how far it is; what `yield` does with a Feedback.
+
+        Raises MessageTypeError for another class, LocalProtocolError after the goal's end.
+        """
+        if not self.is_active:
+            raise LocalProtocolError(f"goal {self.id.hex()} has ended: it has no more feedback")
+        self._server._publish_feedback(self, feedback)
+
+    def succeed(self, result: Any = None) -> None:
+        """End it: what was asked for is done. What `yield` does with a Result, unless it is canceled.
+
+        `result` is what its client gets, by default what `execute` returns or yields yet. Raises
+        InvalidTransition where it has ended, MessageTypeError for another class than the action's Result.
+        """
+        self._end(GoalEvent.SUCCEED, result)
+
+    def abort(self, result: Any = None) -> None:
+        """End it: it can't be done. Arguments and errors as those of `succeed`."""
+        self._end(GoalEvent.ABORT, result)
+
+    def canceled(self, result: Any = None) -> None:
+        """End it after a cancellation. Raises InvalidTransition where none was accepted; as `succeed`."""
+        self._end(GoalEvent.CANCELED, result)
+
+    def _end(self, event: GoalEvent, result: Any) -> None:
+        if result is not None:
+            self._server._check_result(result)
+        self._server._advance(self, event)
+        if result is not None:
+            self._result = result
+
+
+class ActionServer:
+    """Serves the action `name`; use it as `async with ActionServer(node, Fibonacci, "fibonacci", execute):`.
+
+    `execute` is called with a `ServerGoal` for each goal that is accepted. As an async generator it yields
+    Feedback, and at its end a Result: the goal has succeeded. As an `async def` without a `yield` it returns
+    the Result. A goal whose `execute` ends without a Result is aborted, and so is one that raises; the
+    exception then goes out of the node as any callback's.
+
+    `goal_callback`, `def` or `async def`, gets the Goal message and says whether it is accepted; by default
+    all are. `cancel_callback` gets the ServerGoal and says whether it may be canceled; by default all may. A
+    cancellation raises `asyncio.CancelledError` in `execute`, where it awaits. A Result that it yields
+    nevertheless is what had been done until then.
+
+    `at_once` goals are executed side by side; the others wait in their order. Results are kept for
+    `result_timeout` seconds, 1000 at most.
+
+        async with bus.Node("counter") as node, ActionServer(node, Count, "count", execute):
+            await node.spin()
+    """
+
+    def __init__(  # noqa: PLR0913
+        self,
+        node: Node,
+        action_type: Any,
+        name: str,
+        execute: Callable[[ServerGoal], Any],
+        *,
+        goal_callback: Callable[[Any], Any] | None = None,
+        cancel_callback: Callable[[ServerGoal], Any] | None = None,
+        at_once: int = 100,
+        result_timeout: float = 900.0,
+        qos: ActionQoS | None = None,
+    ) -> None:
+        validate_topic_name(name)
+        self.name = name
+        """The action's name as it was given; the full one once it is open."""
+        self.type: Any = action_type
+        """The class with `Goal`, `Result` and `Feedback`."""
+        self._node = node
+        self._support: ActionSupport = action_support(action_type)
+        self._execute = execute
+        self._goal_callback = goal_callback
+        self._cancel_callback = cancel_callback
+        self._at_once = at_once
+        self._qos = qos or ActionQoS()
+        self._table = GoalTable(round(result_timeout * _NS))
+        self._goals: dict[bytes, ServerGoal] = {}
+        self._queue: deque[ServerGoal] = deque()
+        self._running: set[asyncio.Task[None]] = set()
+        self._ends: ServerEndpoints | None = None
+        self._expiry: asyncio.TimerHandle | None = None
+        self._counts = dict.fromkeys(("accepted", "rejected", "feedback"), 0)
+        self._ended = dict.fromkeys((GoalStatus.SUCCEEDED, GoalStatus.CANCELED, GoalStatus.ABORTED), 0)
+
+    def __repr__(self) -> str:
+        state = "" if self._ends is not None else "not open "
+        return f"<ActionServer {state}{self.name} {self._support.name} goals={len(self._table.active())}>"
+
+    @property
+    def goals(self) -> list[ServerGoal]:
+        """Those that have not ended, in the order in which they came."""
+        return [self._goals[goal.id] for goal in self._table.active()]
+
+    @to_be_awaited
+    async def open(self) -> None:
+        """Appear in the graph; `async with` does it. On return, clients that are there can send goals.
+
+        Raises as `Node.create_service`. Cancellation: not open.
+        """
+        ends = ServerEndpoints()
+        await ends.open(
+            self._node,
+            self._support,
+            self.name,
+            self._qos,
+            on_goal=self._take_goal_async if _is_async(self._goal_callback) else self._take_goal,
+            on_cancel=self._take_cancel_async if _is_async(self._cancel_callback) else self._take_cancel,
+            on_result=self._take_result,
+            on_end=self._stop,
+        )
+        self._ends = ends
+        self.name = ends.action_name
+
+    @done_anyway
+    async def close(self) -> None:
+        """Take no more goals. Those that are executed are cancelled, and end as aborted; clients are told.
+
+        Closing twice is allowed. Cancellation: closed, and clients may learn it only by our absence.
+        """
+        ends = self._ends
+        if ends is None:
+            return
+        try:
+            await ends.goal.close()
+            self._stop()
+            if self._running:
+                await asyncio.wait(self._running)
+        finally:
+            self._ends = None
+            await ends.close()
+
+    async def __aenter__(self) -> Self:
+        await self.open()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()
+
+    def statistics(self) -> ActionServerStatistics:
+        """Its counters until now; they stay when it is closed."""
+        return ActionServerStatistics(
+            **self._counts,
+            succeeded=self._ended[GoalStatus.SUCCEEDED],
+            canceled=self._ended[GoalStatus.CANCELED],
+            aborted=self._ended[GoalStatus.ABORTED],
+            active=len(self._table.active()),
+        )
+
+    # --- goals that come
+
+    def _take_goal(self, request: Any, request_id: RequestId) -> None:
+        is_new = self._table.find(bytes(request.goal_id.uuid)) is None
+        is_wanted = is_new and (self._goal_callback is None or bool(self._goal_callback(request.goal)))
+        self._answer_goal(request, request_id, is_wanted=is_wanted)
+
+    async def _take_goal_async(self, request: Any, request_id: RequestId) -> None:
+        assert self._goal_callback is not None
+        is_new = self._table.find(bytes(request.goal_id.uuid)) is None
+        is_wanted = is_new and bool(await self._goal_callback(request.goal))
+        self._answer_goal(request, request_id, is_wanted=is_wanted)
+
+    def _answer_goal(self, request: Any, request_id: RequestId, *, is_wanted: bool) -> None:
+        if self._ends is None:
+            return
+        response = self._support.send_goal.Response()
+        record: Goal | None = None
+        if is_wanted:
+            try:
+                record = self._table.accept(bytes(request.goal_id.uuid), time_ns())
+            except TooManyGoals as error:
+                self._node.get_logger().warning(f"action '{self.name}' rejects a goal: {error}")
+        if record is None:
+            self._counts["rejected"] += 1
+            self._ends.goal.respond(request_id, response)
+            return
+        self._counts["accepted"] += 1
+        response.accepted = True
+        response.stamp.sec, response.stamp.nanosec = divmod(record.stamp_ns, _NS)
+        self._ends.goal.respond(request_id, response)
+        goal = self._goals[record.id] = ServerGoal(self, record, request.goal)
+        self._publish_status()
+        self._queue.append(goal)
+        self._start_next()
+
+    # --- executing
+
+    def _start_next(self) -> None:
+        while self._queue and len(self._running) < self._at_once and self._ends is not None:
+            goal = self._queue.popleft()
+            self._advance(goal, GoalEvent.EXECUTE)
+            goal._task = asyncio.get_running_loop().create_task(
+                self._run(goal), name=f"goal {goal.id.hex()} of {self.name}"
+            )
+            self._running.add(goal._task)
+            goal._task.add_done_callback(self._forget_task)
+
+    def _forget_task(self, task: asyncio.Task[None]) -> None:
+        self._running.discard(task)
+        self._start_next()
+
+    async def _run(self, goal: ServerGoal) -> None:
+        try:
+            work = self._execute(goal)
+            if isinstance(work, AsyncGenerator):
+                await self._follow(goal, work)
+            else:
+                self._take_outcome(goal, await work)
+        except asyncio.CancelledError:
+            if goal.is_cancel_requested:
+                goal.canceled()
+        except Exception as error:
+            self._node._fail(error)
+        finally:
+            self._settle(goal)
+
+    async def _follow(self, goal: ServerGoal, work: AsyncGenerator[Any, None]) -> None:
+        async with aclosing(work):
+            async for item in work:
+                if isinstance(item, self._support.result):
+                    self._take_outcome(goal, item)
+                    return
+                goal.publish_feedback(item)
+
+    def _take_outcome(self, goal: ServerGoal, result: Any) -> None:
+        if result is None:
+            return
+        self._check_result(result)
+        if goal.is_active:
+            self._advance(goal, _end_of(goal))
+        if goal._result is None:
+            goal._result = result
+
+    def _settle(self, goal: ServerGoal) -> None:
+        """Its execution has ended: send the result to those who wait for it."""
+        if goal.is_active:
+            if goal.status is GoalStatus.ACCEPTED:  # it was never begun
+                self._advance(goal, GoalEvent.EXECUTE)
+            self._advance(goal, GoalEvent.ABORT)
+        response = self._support.get_result.Response()
+        response.status = int(goal.status)
+        if goal._result is not None:
+            response.result = goal._result
+        goal._response = response
+        waiting, goal._waiting = goal._waiting, []
+        for request_id in waiting:
+            self._send_result(request_id, response)
+        self._expire()
+
+    def _stop(self, reason: BusError | None = None) -> None:
+        """No goals can come any more: give up those that are here."""
+        if self._expiry is not None:
+            self._expiry.cancel()
+        waiting, self._queue = self._queue, deque()
+        for goal in waiting:
+            self._settle(goal)
+        for goal in self._goals.values():
+            if goal._task in self._running:
+                goal._is_given_up = True
+        for task in self._running - {asyncio.current_task()}:
+            task.cancel()
+
+    # --- cancel requests
+
+    def _take_cancel(self, request: Any, request_id: RequestId) -> None:
+        found = self._find_canceled(request)
+        agreed = [goal for goal in found[1] if self._cancel_callback is None or self._cancel_callback(goal)]
+        self._answer_cancel(request_id, found[0], agreed, is_refused=len(found[1]) > len(agreed) == 0)
+
+    async def _take_cancel_async(self, request: Any, request_id: RequestId) -> None:
+        assert self._cancel_callback is not None
+        found = self._find_canceled(request)
+        agreed = [goal for goal in found[1] if await self._cancel_callback(goal)]
+        self._answer_cancel(request_id, found[0], agreed, is_refused=len(found[1]) > len(agreed) == 0)
+
+    def _find_canceled(self, request: Any) -> tuple[CancelCode, list[ServerGoal]]:
+        info = request.goal_info
+        code, goals = self._table.canceled_by(
+            bytes(info.goal_id.uuid), info.stamp.sec * _NS + info.stamp.nanosec
+        )
+        return code, [self._goals[goal.id] for goal in goals]
+
+    def _answer_cancel(
+        self, request_id: RequestId, code: CancelCode, goals: list[ServerGoal], *, is_refused: bool
+    ) -> None:
+        response = self._support.cancel_goal.Response()
+        response.return_code = int(CancelCode.REJECTED if is_refused else code)
+        canceled = [goal for goal in goals if goal.status in (GoalStatus.ACCEPTED, GoalStatus.EXECUTING)]
+        response.goals_canceling = [self._goal_info(goal._record) for goal in canceled]
+        if self._ends is not None:
+            self._ends.cancel.respond(request_id, response)
+        for goal in canceled:
+            self._advance(goal, GoalEvent.CANCEL_GOAL)
+            if goal._task is not None:
+                goal._task.cancel()
+            else:
+                self._queue.remove(goal)
+                goal.canceled()
+                self._settle(goal)
+
+    # --- results
+
+    def _take_result(self, request: Any, request_id: RequestId) -> None:
+        goal = self._goals.get(bytes(request.goal_id.uuid))
+        if goal is None:
+            self._send_result(request_id, self._support.get_result.Response())
+        elif goal._response is not None:
+            self._send_result(request_id, goal._response)
+        elif len(goal._waiting) >= _MOST_WAITING and self._ends is not None:
+            text = f"{_MOST_WAITING} requests wait for the result of goal {goal.id.hex()} already"
+            self._ends.result.respond(request_id, None, text)
+        else:
+            goal._waiting.append(request_id)
+
+    def _send_result(self, request_id: RequestId, response: Any) -> None:
+        if self._ends is None:
+            return
+        try:
+            self._ends.result.respond(request_id, response)
+        except ConnectionClosed:
+            pass
+        except BusError as error:
+            self._ends.result.respond(request_id, None, str(error))
+
+    def _expire(self) -> None:
+        for goal in self._table.expire(time_ns()):
+            self._goals.pop(goal.id, None)
+        due_ns = self._table.next_expiry_ns()
+        if self._expiry is not None:
+            self._expiry.cancel()
+        if due_ns is not None and self._ends is not None:
+            loop = asyncio.get_running_loop()
+            self._expiry = loop.call_later(max(due_ns - time_ns(), 0) / _NS, self._expire)
+
+    # --- for goals
+
+    def _advance(self, goal: ServerGoal, event: GoalEvent) -> None:
+        self._table.advance(goal._record, event, time_ns())
+        if goal.status.is_end:
+            self._ended[goal.status] += 1
+        self._publish_status()
+
+    def _check_result(self, result: Any) -> None:
+        if not isinstance(result, self._support.result):
+            raise MessageTypeError(
+                f"the result of action '{self.name}' must be a {self._support.result.__name__}, "
+                f"not {type(result).__name__}"
+            )
+
+    def _publish_feedback(self, goal: ServerGoal, feedback: Any) -> None:
+        if not isinstance(feedback, self._support.feedback):
+            raise MessageTypeError(
+                f"what execute of action '{self.name}' yields must be a {self._support.feedback.__name__} or "
+                f"a {self._support.result.__name__}, not {type(feedback).__name__}"
+            )
+        if self._ends is None:
+            return
+        message = self._support.feedback_message(goal_id=self._support.goal_id(goal.id), feedback=feedback)
+        self._ends.feedback.publish(message)
+        self._counts["feedback"] += 1
+
+    def _publish_status(self) -> None:
+        if self._ends is None:
+            return
+        make = self._support.status
+        try:
+            self._ends.status.publish(
+                self._support.status_array(
+                    status_list=[
+                        make(goal_info=self._goal_info(goal), status=int(goal.status))
+                        for goal in self._table.shown()
+                    ]
+                )
+            )
+        except ConnectionClosed:
+            pass  # the node has gone, and all who would read it were told
+
+    def _goal_info(self, goal: Goal) -> Any:
+        info = self._support.goal_info(goal_id=self._support.goal_id(goal.id))
+        info.stamp.sec, info.stamp.nanosec = divmod(goal.stamp_ns, _NS)
+        return info
+
+
+def _end_of(goal: ServerGoal) -> GoalEvent:
+    """What a result means that comes without a word."""
+    if goal.is_cancel_requested:
+        return GoalEvent.CANCELED
+    return GoalEvent.ABORT if goal._is_given_up else GoalEvent.SUCCEED
+
+
+def _is_async(callback: Callable[..., Any] | None) -> bool:
+    return callback is not None and is_async(callback)

@@ -1,0 +1,98 @@
+"""What the action verbs have in common: types by name, and the names that the shell completes."""
+
+from argparse import Namespace
+from typing import TYPE_CHECKING, Any, get_type_hints
+
+from bus.errors import ConfigurationError
+from bus_cli.output import CommandError
+
+if TYPE_CHECKING:
+    from bus.graph import Graph
+    from bus.node import Node
+
+__all__ = ["action_types", "actions", "find_action_type", "full_action_type"]
+
+
+def full_action_type(text: str) -> str:
+    """`example_interfaces/Fibonacci` as `example_interfaces/action/Fibonacci`.
+
+    Raises CommandError for what is no action's type.
+    """
+    parts = text.split("/")
+    if len(parts) not in (2, 3) or not all(parts):
+        from bus_cli.suggestions import near_type
+
+        raise CommandError(f"The passed action type is invalid{near_type(text, 'action')}")
+    if len(parts) == 3 and parts[1] != "action":
+        what = {"msg": "a message", "srv": "a service"}.get(parts[1], f"a definition of kind {parts[1]!r}")
+        raise CommandError(f"The passed action type is invalid: {text} is {what}, not an action")
+    return text if len(parts) == 3 else f"{parts[0]}/action/{parts[1]}"
+
+
+def actions(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
+    """Names of actions, for the shell."""
+    from bus.errors import BusError
+    from bus_actions.graph import actions_of
+    from bus_cli.query import get_graph
+
+    try:
+        graph = get_graph(parsed_args, may_start=False)
+    except (BusError, OSError):
+        return []
+    return list(actions_of((*graph.publishers, *graph.subscriptions)))
+
+
+def action_types(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
+    """Names of types, for the shell: the action's where it is on the bus, else all that are defined here."""
+    from bus.errors import BusError
+    from bus.types.definitions import names
+    from bus_actions.graph import actions_of
+    from bus_cli.query import get_graph
+
+    try:
+        graph = get_graph(parsed_args, may_start=False)
+        served = actions_of((*graph.publishers, *graph.subscriptions))
+    except (BusError, OSError):
+        served = {}
+    return served.get(getattr(parsed_args, "action_name", ""), []) or names("action")
+
+
+async def find_action_type(node: "Node", graph: "Graph", action: str, name: str) -> Any:
+    """The definition called `name`, as it is served: from a file, or made of what is on the bus.
+
+    Raises CommandError where nothing knows it, or the action has another type.
+    """
+    from bus.types.service import message_of
+    from bus.types.support import type_support
+    from bus_actions.action_type import action_support, find_action, make_action
+    from bus_actions.graph import action_servers_of
+
+    servers = action_servers_of(graph, action)
+    served = {one.type_name.removesuffix("_FeedbackMessage"): one.type_hash for one in servers}
+    if served and name not in served:
+        raise CommandError(f"action '{action}' has the type {min(served)}, not {name}")
+    known: Any = None
+    try:
+        known = find_action(name)
+    except ConfigurationError as error:
+        if not served:
+            raise CommandError(f"The passed action type is invalid: {error}") from None
+    hash_here = known and type_support(action_support(known).feedback_message).hash
+    if known is not None and served.get(name) in (None, hash_here):
+        return known
+
+    async def made(type_name: str, type_hash: str, field: str, *, is_enveloped: bool = True) -> Any:
+        carrier = await node.get_type(f"{name}_{type_name}", type_hash)
+        return get_type_hints(message_of(carrier) if is_enveloped else carrier)[field]
+
+    begin = f"{action}/_action/"
+    asked = graph.subscriptions_of(f"{begin}send_goal/_request")
+    answered = graph.publishers_of(f"{begin}get_result/_reply")
+    if not asked or not answered:
+        raise CommandError(f"action '{action}' has just left")
+    return make_action(
+        name,
+        await made("SendGoal_Request", asked[0].type_hash, "goal"),
+        await made("GetResult_Response", answered[0].type_hash, "result"),
+        await made("FeedbackMessage", served[name], "feedback", is_enveloped=False),
+    )
