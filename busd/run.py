@@ -37,10 +37,9 @@ EXIT_ALREADY_RUNNING = 3
 _ENDING = (signal.SIGINT, signal.SIGTERM)
 _HANDLED = (*_ENDING, signal.SIGHUP)
 _THRESHOLDS = 700, 10, 100
-"""Python's own, but for the last: to look at all that busd has can take 10 ms, and nothing it does leaves a
-cycle."""
+"""Python's own, except the last: a full collection can take 10 ms, and nothing in busd leaves a cycle."""
 _TURNS = 4
-"""Turns of the event loop in which it hears of each signal that came before it was blocked."""
+"""Turns of the event loop in which it handles each signal that came before they were blocked."""
 
 _DESCRIPTION = """\
 The message bus for the processes of one machine: routes messages between the publishers and
@@ -63,7 +62,7 @@ see also: bus daemon status, bus doctor, docs/configuration.md, docs/operation.m
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the daemon; returns its exit status."""
     options = _parser().parse_args(arguments)
-    # They wait while no event loop listens to them, so that the socket is removed whenever they come.
+    # Signals wait while no event loop handles them: so the socket is removed whenever one comes.
     signal.pthread_sigmask(signal.SIG_BLOCK, _HANDLED)
     try:
         path = socket_path(options.socket, options.domain)
@@ -74,7 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 print(f"busd: {doubt}", file=sys.stderr)
             return 0
         _allow_descriptors()
-        signal.signal(signal.SIGTTOU, signal.SIG_IGN)  # else a line to a terminal may stop who runs behind it
+        signal.signal(signal.SIGTTOU, signal.SIG_IGN)  # else writing to a terminal may stop it
         _set_up_log(options, config, path)
         with open_listener(path, rights=config.socket) as listener:
             _warn_of_doubts(config, listener)

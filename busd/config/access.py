@@ -1,7 +1,7 @@
 """Users, groups and modes as the configuration names them, and as the kernel knows them.
 
-Owns names to numbers, and what contradicts itself between the rules and the socket. Must not know what a rule
-decides: that is busd.core.access.
+Owns the way from names to numbers, and what contradicts itself between the rules and the socket. Must not
+know what a rule decides: that is busd.core.access.
 """
 
 import grp
@@ -26,12 +26,12 @@ _GROUP_MAY, _OTHERS_MAY = stat.S_IWGRP, stat.S_IWOTH  # connecting needs the rig
 
 
 class SocketTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """`[socket]`: who can reach the socket at all. Raises ConfigurationError for what can't be."""
+    """`[socket]`: which users can reach the socket at all. Raises ConfigurationError for a bad value."""
 
     mode: int = 0o600
     """Of the socket's file; in TOML 0o660 is octal."""
     group: str | int | None = None
-    """The socket's group; None: that of the process."""
+    """The socket's group, or None for that of the process."""
 
     def __post_init__(self) -> None:
         if self.mode & ~0o666 or self.mode & 0o600 != 0o600:
@@ -90,7 +90,7 @@ def group_id(name: str | int, key: str) -> int:
 
 
 def find_doubts(rules: Sequence[AccessRule], path: Path) -> list[str]:
-    """What means nothing in the rules, or contradicts the socket that now listens at `path`."""
+    """What in the rules means nothing, or contradicts the socket that now listens at `path`."""
     doubts = [
         f"{text} means nothing any more: between users everything goes by socket; remove it"
         for rule in rules

@@ -24,7 +24,7 @@ _Table = TypeVar("_Table", Limits, TopicRule, SocketTable, AccessTable)
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Everything that busd.toml can say.
+    """All that busd.toml can set.
 
     Raises ConfigurationError for a log level or format that does not exist, and for a cap above the limit
     that it caps.

@@ -1,7 +1,7 @@
 """SIGHUP: the configuration is read again and put in force, or left as it was where something is wrong.
 
-Owns the configuration in force, what a change of it is called in the log, and what SIGHUP means where busd
-was started in a terminal. Must not know what the values do.
+Owns the configuration in force, what the log calls a change of it, and what SIGHUP means to a busd that was
+started in a terminal. Must not know what the values do.
 """
 
 import logging
@@ -71,7 +71,7 @@ def has_terminal() -> bool:
 
 
 def ends_with_terminal() -> bool:
-    """Whether the end of the terminal is to be that of this process: it has one, and no nohup."""
+    """Whether this process is to end with its terminal: it has one, and does not run under nohup."""
     return has_terminal() and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
 
 

@@ -1,9 +1,9 @@
 """Subscriptions whose process was lost: what was to come to them by socket is kept, in case they are back.
 
-A process that stands still is cut off after its lease, and comes back when it wakes up. What it has missed of
-publishers that are there then, their numbers tell. Of those that have left meanwhile nobody else knows: so it
-is kept here, by the gid of the subscription and for its user alone, from which number on each publisher's
-samples were for it, and up to which there were some. Owns these accounts and their bounds; routes nothing and
+A process that loses its connection comes back when it can. What it has missed of publishers that are there
+then follows from their sequence numbers. Of publishers that have left meanwhile nobody else knows: so busd
+keeps here, by the gid of the subscription and for its user alone, from which number on each publisher's
+samples were for it, and what the last number was. Owns these accounts and their bounds; routes nothing and
 matches nothing.
 """
 
@@ -23,21 +23,21 @@ from busd.core.entities import Owed, Publisher, Subscription, User, keeps_histor
 from busd.core.timers import Timers
 
 KEEP_NS = 600_000_000_000
-"""How long a process may be away and still be told what it has missed."""
+"""How long a process may be away and still learn what it has missed."""
 RETURN_NS = 10_000_000_000
-"""How long a publisher that was lost as well may be away until its history counts as gone with it."""
+"""How long a publisher that was lost, too, may be away until its history counts as gone."""
 MOST_PER_USER = 16_384
-"""Publishers of which something is kept, for all subscriptions of a user; the longest absent loses first."""
+"""Accounts kept for all subscriptions of a user; the longest absent loses its accounts first."""
 MOST = 65_536
-"""The same for all users; then the user with most loses."""
+"""The same for all users together; the user with most loses first."""
 LOG_AGAIN_NS = 10_000_000_000
-"""The log hears no more often of those that did not come back."""
+"""How often the log says, at most, how many did not come back."""
 
 _SOME = 64
 _PAUSE_NS = 1_000_000
 
 Key = tuple[int, str, bytes]
-"""User, topic and gid of a subscription: nobody else may claim what is kept for it."""
+"""User, topic and gid of a subscription: no other user may claim what is kept for it."""
 Missed = dict[bytes, tuple[int, int]]
 """As in the message Dropped."""
 Steps: TypeAlias = Generator[int, int, int]
@@ -45,7 +45,7 @@ Steps: TypeAlias = Generator[int, int, int]
 
 
 class _Source:
-    """A publisher that somebody who is absent was matched with; one for all of these."""
+    """A publisher that absent subscriptions were matched with; one object for all of them."""
 
     __slots__ = ("__weakref__", "_last_seq", "has_left", "publisher")
 
@@ -64,14 +64,14 @@ class _Source:
 
 
 class _Account(msgspec.Struct, gc=False):
-    """One publisher's samples for one who is absent; many, as Owed is."""
+    """One publisher's samples for one absent subscription. There may be many, as of Owed."""
 
     owed: Owed
     source: _Source
 
     @property
     def has_ended(self) -> bool:
-        """Nothing more will come of this publisher, and nothing once more."""
+        """Whether this publisher will send nothing more, and nothing again."""
         return self.source.publisher is None and (self.source.has_left or not self.owed.is_kept)
 
 
@@ -143,11 +143,11 @@ class Absentees:
     def find(self, now_ns: int, subscription: Subscription, out: list[Effect]) -> Steps:
         """A subscription is there and is yet to be matched: if it is back, tell it what it can't know.
 
-        Of a publisher that has left, that is what it has missed. Of one that it has never heard of it is from
-        where on that was for it; what it has missed of that, the match tells.
+        Of a publisher that has left, that is what it has missed. Of one that it has never had a sample of,
+        from which number on the samples were for it; Matched then shows what it has missed.
         """
         key = _key(subscription)
-        if (before := self._here.get(key)) is not None:  # which is lost, and has not left the graph yet
+        if (before := self._here.get(key)) is not None:  # it is lost, but still in the graph
             now_ns = yield from self.lose(now_ns, before)
         self._here[key] = subscription
         absentee = self._kept.get(key[0], {}).get(key)
@@ -168,7 +168,7 @@ class Absentees:
                 now_ns = yield _SOME
         self._take(key)  # not before: it may be lost again while this is done
         subscription.dropped_before = absentee.dropped
-        # Of what may come once more, nobody knows yet how much was dropped for good.
+        # What may come again is not yet dropped for good.
         comes_again = keeps_history(subscription.qos) or subscription.is_lossless
         explained = {} if comes_again else absentee.dropped
         if missed or explained:
@@ -178,7 +178,7 @@ class Absentees:
     def settle(self, now_ns: int, subscription: Subscription, out: list[Effect]) -> Steps:
         """It is matched with all publishers that are there: what it has missed of others will not come.
 
-        Unless they were lost, too: they may come back, with the history that they keep.
+        Except from those that were lost, too: they may come back with their history.
         """
         if subscription.id in self._open:
             now_ns = yield from self._settle(now_ns, subscription, out.append)
@@ -189,10 +189,10 @@ class Absentees:
         return now_ns
 
     def lose(self, now_ns: int, subscription: Subscription) -> Steps:
-        """The process of a subscription did not take its leave: keep what is for it."""
+        """The process of a subscription ended without a goodbye: keep what is for it."""
         key = _key(subscription)
         if self._here.get(key) is not subscription:
-            return now_ns  # it is back already, or it was not whole yet
+            return now_ns  # it is back already, or was never made whole
         open_accounts = self._open.get(subscription.id, {})
         accounts: Accounts = {}
         topic = subscription.topic.name
@@ -265,7 +265,7 @@ class Absentees:
         return absentee
 
     def _give_up(self, key: Key, *, has_room: bool = True) -> None:
-        """It did not come back in time, or is the longest absent of too many."""
+        """Drop the accounts of one that did not come back in time, or is the longest absent of too many."""
         if (absentee := self._take(key)) is None:
             return
         if not has_room:
@@ -356,7 +356,7 @@ def _key(subscription: Subscription) -> Key:
 
 
 def _count_missed(subscription: Subscription, gid: bytes, account: _Account, missed: Missed) -> None:
-    """Up to the publisher's last sample it has had all, or hears now that it has missed it."""
+    """Up to the publisher's last sample it has had all, or learns now what it has missed."""
     owed, source = account.owed, account.source
     received_seq = max(subscription.last_seqs.pop(gid, 0), owed.first_seq - 1)
     if owed.first_seq or source.last_seq > received_seq:

@@ -1,11 +1,11 @@
-"""Who may do what on which topics.
+"""Which users may do what on which topics.
 
-Owns the rules, their order and what holds where none of them speaks. Must not know names of users and groups
-(busd.config.access finds their numbers), nor what is done to those who are denied.
+Owns the rules, their order, and what holds where no rule applies. Must not know names of users and groups
+(busd.config.access finds their numbers), nor what follows from a denial.
 
-Users are numbers, as the kernel tells them of the process at the other end of a connection. The daemon's own
-user and root may do everything: they could change the daemon itself. So may whoever the system tells nothing
-of (uid -1): there, only the socket's mode decides.
+Users are numbers, as the kernel gives them for the process at the other end of a connection. The daemon's own
+user and root may do everything: they could change the daemon itself. So may a user that the system does not
+name (uid -1): there, only the socket's mode decides.
 """
 
 from typing import Literal, NamedTuple, TypeAlias
@@ -25,14 +25,14 @@ _MOST_REMEMBERED = 16_384
 
 
 class Subject(NamedTuple):
-    """A process, as far as rules look at it. `gids` are all of its groups; None: they can't be told."""
+    """A process, as rules see it. `gids` are all of its groups, or None where they are not known."""
 
     uid: int
     gids: frozenset[int] | None = frozenset()
 
 
 class Verdict(NamedTuple):
-    """`rule` is the deciding one's place in the file, from 1; 0: none speaks of it, or none was asked."""
+    """`rule` is the place in the file, from 1, of the rule that decided; 0: none did."""
 
     is_allowed: bool
     rule: int = 0
@@ -57,14 +57,14 @@ class AccessRule(msgspec.Struct, frozen=True, kw_only=True):
     names: dict[int, str] = {}
     """Of the users, as far as the file has them."""
     ignored: tuple[str, ...] = ()
-    """What the file says in it that means nothing any more."""
+    """Keys in it that mean nothing any more."""
 
     def __post_init__(self) -> None:
         for pattern in self.topics:
             compiled(pattern, "access.topics")
 
     def is_for(self, who: Subject) -> bool:
-        """Whether this rule speaks of `who`. Groups that can't be told are those that are denied."""
+        """Whether this rule applies to `who`. Unknown groups are taken for those that are denied."""
         if self.is_for_all or who.uid in self.uids:
             return True
         if who.gids is None:
@@ -80,7 +80,7 @@ class AccessRule(msgspec.Struct, frozen=True, kw_only=True):
 class Access:
     """The rules in the order of the file, for a daemon of the user `own_uid`: the first that matches decides.
 
-    What no rule speaks of is denied.
+    Where no rule applies, it is denied.
     """
 
     def __init__(self, own_uid: int = _ROOT, rules: tuple[AccessRule, ...] = ()) -> None:
@@ -104,7 +104,7 @@ class Access:
         return f"user {uid}" if name is None else f"user {name} (uid {uid})"
 
     def why_turned_away(self, who: Subject) -> str:
-        """The text for one who may not connect."""
+        """The text for a user that may not connect."""
         groups = "" if who.gids is None else f", groups {', '.join(map(str, sorted(who.gids)))}"
         return (
             f"user {who.uid}{groups} may not use the busd of user {self._own_uid}: no rule of [[access]] "

@@ -1,7 +1,7 @@
-"""Holds the rules of access against what peers ask for, and tells of what is denied.
+"""Holds what peers ask for against the rules of access, and reports what is denied.
 
-Owns who was told of a denial already. Must not know how the rules are matched (busd.core.access), nor what an
-observer sees (busd.core.graph_view).
+Owns which denials were reported already. Must not know how the rules are matched (busd.core.access), nor what
+an observer sees (busd.core.graph_view).
 """
 
 import logging
@@ -16,7 +16,7 @@ from busd.core.entities import Node, Peer, Publisher, Subscription
 from busd.core.graph import Graph
 
 _MOST_REPORTED = 1024
-"""Denials of one user that are reported: nobody shall silence the log for others."""
+"""Denials of one user that are reported; with more it could crowd other users out of the log."""
 
 
 class AccessGuard:
@@ -35,7 +35,8 @@ class AccessGuard:
     def admit(self, node: Node, action: Action, topic: str, out: list[Effect]) -> None:
         """Raises AccessDenied where the user of `node` may not do that.
 
-        The log and the other end, who may be waiting for that user, learn of it the first time.
+        The first time, the log reports it, and so does busd to the other ends on the topic, which may wait
+        for it.
         """
         if not node.peer.is_guest:
             return
@@ -54,10 +55,10 @@ class AccessGuard:
             raise AccessDenied(text)
 
     def gid(self, peer: Peer, gid: bytes) -> bytes:
-        """What the endpoint that calls itself `gid` is called for others.
+        """The gid that others see of an endpoint that calls itself `gid`.
 
-        By gids everybody knows his publishers again. A guest can read them, so what he claims is made his
-        own: it can't be another user's, and is the same at each busd.
+        Subscriptions know their publishers again by gid, and a guest can read the gids of others. So what a
+        guest claims is mixed with its uid: it can't be another user's, and is the same at each busd.
         """
         if not peer.is_guest:
             return gid
@@ -67,7 +68,7 @@ class AccessGuard:
         return self.access.decide(peer.subject, "observe", topic).is_allowed
 
     def find_fault(self, peer: Peer) -> str:
-        """What of the things that `peer` has its user may not have any more; "" where all is right."""
+        """What `peer` has and its user may not have any more; "" where all is right."""
         who = peer.subject
         if not self.access.may_connect(who):
             return f"{self.access.name(who.uid)} may not use this busd: its access rules have changed"
@@ -95,5 +96,5 @@ class AccessGuard:
 
 
 def action_of(endpoint: Publisher | Subscription) -> Action:
-    """What having that endpoint means."""
+    """The action that such an endpoint is for."""
     return "publish" if isinstance(endpoint, Publisher) else "subscribe"

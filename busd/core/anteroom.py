@@ -1,9 +1,9 @@
-"""The places of connections that have not been let in: who keeps one, and who is next.
+"""The places of connections that are not let in yet: which keep theirs, and which is let in next.
 
-A connection has a place from its accept until it is let in, first silent, then with its Hello said. There
-are places for a bounded number, and no connection that is let in has one of them. Where all are taken, the
-user with most of them loses one: of the process with most of them, the one that has been silent longest. So
-a storm displaces itself, and a program that comes meanwhile stays.
+A connection has a place from its accept until it is let in: first silent, then with its Hello said. The
+number of places is fixed. Where more come, the user with most places loses one: in its process with most of
+them, that of the connection that has been silent longest. So a storm displaces itself, and a program that
+comes meanwhile stays.
 """
 
 from dataclasses import dataclass, field
@@ -34,7 +34,7 @@ class _User(Generic[K]):
     places: int = 0
     processes: dict[int, _Process[K]] = field(default_factory=dict)
     heard: dict[K, int] = field(default_factory=dict)
-    """Those whose Hello was heard, in the order of that, and when it was, in ns."""
+    """Connections that have said Hello, in that order, and when, in ns."""
 
 
 class Anteroom(Generic[K]):
@@ -89,7 +89,7 @@ class Anteroom(Generic[K]):
             del self._users[user.uid]
 
     def first_to_lose(self) -> K:
-        """Whose place is the first to be taken away, of those who are here. There must be one."""
+        """The connection that is the first to lose its place. There must be one."""
         user = max(self._users.values(), key=lambda one: one.places)
         process = max(user.processes.values(), key=lambda one: (len(one), bool(one.silent)))
         return next(iter(process.silent or process.heard))

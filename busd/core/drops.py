@@ -1,6 +1,6 @@
-"""Samples that subscriptions lose in the daemon: counted by reason, and told to their processes.
+"""Samples that subscriptions lose in the daemon: counted by reason, and reported to their processes.
 
-Also takes them out of the queues, where they are too old or too many. Must not know who decides that.
+Also takes them out of the queues, where they are too old or too many. Must not know what decides that.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from busd.core.matching import release
 from busd.core.timers import Timers
 
 DROP_REPORT_NS = 100_000_000
-"""Drops are told to a subscription this long after the first one, all at once."""
+"""Drops are reported to a subscription this long after the first one, all at once."""
 
 
 class Drops:
@@ -26,7 +26,7 @@ class Drops:
         self._emit = emit
 
     def drop(self, now_ns: int, subscription: Subscription, reason: str, count: int) -> None:
-        """Count `count` samples that `subscription` lost, and see to it that its process learns of it."""
+        """Count `count` samples that `subscription` lost, and have them reported to its process."""
         subscription.dropped[reason] = min(subscription.dropped.get(reason, 0) + count, MAX_COUNT)
         if not subscription.is_drop_report_due:
             subscription.is_drop_report_due = True
@@ -55,7 +55,7 @@ class Drops:
         self.shed(now_ns, subscription, "expired", lambda gone: subscription.queue.drop_expired(now_ns, gone))
 
     def report(self, subscription: Subscription) -> None:
-        """Tell the subscription's process all that was dropped for it."""
+        """Report to the subscription's process all that was dropped for it."""
         subscription.is_drop_report_due = False
         peer = subscription.node.peer
         if subscription.id in peer.endpoints:

@@ -20,9 +20,9 @@ class Send(msgspec.Struct, frozen=True):
 class Flush(msgspec.Struct, frozen=True):
     """A subscription's queue, which was empty, has samples for its peer.
 
-    The one effect that is no value: `queue` is the core's own, and the shell takes from it what the socket
-    takes. So nothing is copied, what has waited too long or too deep can still be dropped up to the last
-    moment, and what the shell took no longer counts against the peer's quota.
+    The one effect that is not a value: `queue` is the core's own, and the shell takes out of it what the
+    socket takes. So nothing is copied, the core can drop what is too old or too much up to the last moment,
+    and what the shell took no longer counts against the peer's quota.
     """
 
     peer: PeerId
@@ -30,7 +30,8 @@ class Flush(msgspec.Struct, frozen=True):
 
 
 class Later(msgspec.Struct, frozen=True):
-    """More is to be done for a peer, or for one that has gone: `go_on` in its turns, before what it sends."""
+    """There is more to do for a peer, present or gone: call `go_on` in its turns, before handling what it
+    sends."""
 
     peer: PeerId
 
@@ -43,7 +44,7 @@ class Disconnect(msgspec.Struct, frozen=True):
 
 
 class Pause(msgspec.Struct, frozen=True):
-    """Don't listen to a peer for so long: it asks for more than it may."""
+    """Don't read a peer for so long: it asks for more than it may."""
 
     peer: PeerId
     pause_ns: int

@@ -1,7 +1,7 @@
-"""The part of the graph that an observer sees who may not see all of it.
+"""The part of the graph that one observer sees, which may not see all.
 
 It sees the endpoints on the topics that it may observe and those of its own process, the nodes of these, its
-own nodes, and the matches of which it sees both ends. Owns what an observer was told, so that its copy
+own nodes, and the matches of which it sees both ends. Owns what an observer was sent, so that its copy
 stays exact. Must not know why a topic is hidden.
 """
 
@@ -16,7 +16,7 @@ from busd.core.work import TELL, Work
 
 
 class GraphView:
-    """The part of `graph` that `peer` sees, once it was told to `fill`; `renew` looks at all again."""
+    """The part of `graph` that `peer` sees, after `fill`; `renew` looks at all of it again."""
 
     def __init__(self, graph: Graph, peer: Peer, may_observe: Callable[[str], bool]) -> None:
         self._graph = graph
@@ -25,10 +25,11 @@ class GraphView:
         self._endpoints: dict[int, int] = {}
         """Those that are shown, with their nodes."""
         self._nodes: Counter[int] = Counter()
-        """Those that are shown, with the number of their endpoints that are, and one more for own ones."""
+        """Nodes that are shown, with how many of their endpoints are; one more for the observer's own
+        nodes."""
 
     def fill(self) -> Work:
-        """Look at all that there is; what comes and goes meanwhile is heard of by `changed`."""
+        """Look at all that there is; `changed` takes up what comes and goes meanwhile."""
         self._endpoints.clear()
         self._nodes.clear()
         self._nodes.update([*self._peer.nodes])

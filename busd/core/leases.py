@@ -17,13 +17,13 @@ from busd.core.timers import Timers
 from busd.core.work import TELL, Meter, Rounds
 
 _FEW = 64
-"""Publishers that come back, or subscriptions that are told of one, between two looks at other work."""
+"""Publishers that come back, or subscriptions that learn of one, between two looks at other work."""
 
 
 class Leases:
     """Watches leases by timers that re-arm themselves, so that a sign of life costs one assignment.
 
-    `lease_ns` is that of processes that come; each keeps the one that it was told.
+    `lease_ns` is for processes that come from now on; each keeps the lease it came with.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Leases:
             self._revive(now_ns, publisher)
 
     def _look_at(self, now_ns: int, due_ns: int, publisher: Publisher) -> None:
-        # A timer keeps its publisher in memory: not for the rest of a long lease after it has gone.
+        # A timer keeps its publisher in memory: a long lease must not keep one that has gone.
         due_ns = min(due_ns, now_ns + self.lease_ns)
         self._timers.add(due_ns, lambda now: self._check_publisher(now, publisher))
 

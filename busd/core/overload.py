@@ -1,8 +1,8 @@
-"""Who loses what when a process, or all processes of a user, hold more bytes of samples than they may.
+"""What is dropped when a process, or all processes of a user, hold more bytes of samples than they may.
 
-Of a user's processes the one with most loses. Its longest queues lose their oldest runs first, each but its
-newest; the newest go last, and never the one that has just come, so that a single message of any size gets
-through.
+Of a user's processes the one with most loses. Its longest queues lose their runs first, the oldest of each,
+up to the newest; then the newest, too, except the one that has just come: so a single message of any size
+gets through.
 """
 
 from collections.abc import Callable, Iterable
@@ -21,7 +21,7 @@ _T = TypeVar("_T")
 
 
 class Overload:
-    """Holds queues and histories against the accounts that they are charged to."""
+    """Keeps queues and histories within the accounts that they are charged to."""
 
     def __init__(self, quotas: Quotas, drops: Drops, emit: Callable[[Effect], None]) -> None:
         self._quotas = quotas
@@ -43,7 +43,8 @@ class Overload:
             _relieve(peer, lambda one: one.queued, partial(self._drop_queued, now_ns, subscription))
 
     def bound_history(self, now_ns: int, publisher: Publisher) -> None:
-        """The same for the histories of the publisher's process. Nobody loses a sample for now by that."""
+        """The same for the histories of the publisher's process. That costs no present subscription a
+        sample."""
         peer = publisher.node.peer
         if peer.history.is_over or peer.user.history.is_over:
             _relieve(peer, lambda one: one.history, partial(self._drop_history, now_ns, publisher))
@@ -71,7 +72,7 @@ class Overload:
 def _relieve(
     peer: Peer, account_of: Callable[[Holder], Account], relieve: Callable[[Peer, Account], None]
 ) -> None:
-    """`relieve` the process, and then its user, by the processes with most, while they are over."""
+    """`relieve` the process while it is over its account; then its user, the processes with most first."""
     if (own := account_of(peer)).is_over:
         relieve(peer, own)
     whole = account_of(peer.user)
@@ -85,7 +86,8 @@ def _relieve(
 def _drop_longest(
     account: Account, longest_first: list[_T], spared: _T | None, drop: Callable[[_T, int, int], None]
 ) -> None:
-    """`drop` of each all but its newest run, then the newest too, but of `spared`; while it is too much."""
+    """`drop` from each, longest first, all but its newest run; then the newest, too, except that of
+    `spared`."""
     # To look for the longest costs: with many queues some more goes at once.
     slack = account.limit // 16 if len(longest_first) > _MANY_QUEUES else 0
     for spare in (1, 0):

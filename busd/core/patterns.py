@@ -23,7 +23,7 @@ _TOKEN = re.compile(
 
 @lru_cache(maxsize=1024)
 def compiled(pattern: str, key: str) -> re.Pattern[str]:
-    """What `fullmatch`es the full names of the topics that `pattern` is for.
+    """The regular expression whose `fullmatch` finds the full names that `pattern` is for.
 
     Raises ConfigurationError, which names the `key` that the pattern stands at, where no name can match.
     """

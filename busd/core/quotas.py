@@ -1,6 +1,6 @@
-"""How much each process and each user may have: every comparison with a limit, and what is said there.
+"""How much each process and each user may have: every comparison with a limit, and the text of each refusal.
 
-Owns the users and what all of a user's processes hold together. Must not know what is made where there is
+Owns the users, and what all processes of a user hold together. Must not know what is made where there is
 room. Reaching a limit raises QuotaExceeded; samples that are too many are dropped by `busd.core.overload`.
 """
 
@@ -19,29 +19,29 @@ from busd.core.rate_limit import TokenBucket
 __all__ = ["LOG_AGAIN_NS", "Quotas"]
 
 LOG_AGAIN_NS = 10_000_000_000
-"""A limit that a process runs into again and again is told to the log when it has not for so long."""
+"""A process that hits a limit again and again is logged again once it has not hit it for so long."""
 
 _LONGEST_PAUSE_NS = 1_000_000_000
 _LEASE_PART = 4
 _HANDSHAKE_PART = 4
 _MISHAPS = 10
-"""Lines at once about connections of a user that came to nothing; for long, one in a second."""
+"""Lines in a burst about connections of a user that came to nothing; else one in a second."""
 _QUESTIONS_PART = 2
-"""Of what it may ask in a second, a process may ask that part at once."""
+"""The part of what a process may ask in a second that it may ask at once."""
 _DECLARATIONS_PER_ENDPOINT = 4
 _SIGNALS_PER_DECLARATION = 10
 _FEW = 32
 """Records of a graph, or matches, that cost as much as one declaration."""
 
 _WITHOUT_REFUSAL = frozenset({m.DeclareType, m.DestroyNode, m.DestroyEndpoint, m.Ping})
-"""What nobody could be told that it was not done: it is done, and counted."""
+"""Messages that have no answer, so that they can't be refused: they are carried out, and counted."""
 _FOR_THE_GRAPH = frozenset({m.GetGraph, m.GetPeers, m.Observe})
 _COUNTED = frozenset(
     {m.CreateNode, m.CreatePublisher, m.CreateSubscription, m.GetType} | _FOR_THE_GRAPH | _WITHOUT_REFUSAL
 )
 
 _Asked: TypeAlias = tuple[str, Holder | None, int, int, int]
-"""The resource, its holder (None: all together), how much that has, how much more is asked for, the limit."""
+"""Resource, holder (None: all together), how much that has, how much more it asks for, the limit."""
 
 
 class Quotas:
@@ -59,7 +59,7 @@ class Quotas:
             for peer in user.peers.values():
                 self._resize(peer, "peer")
 
-    # --- who comes and goes
+    # --- peers come and go
 
     def user(self, now_ns: int, uid: int) -> User:
         """The user with that number, for a process that comes."""
@@ -92,9 +92,9 @@ class Quotas:
     # --- what they may
 
     def turn_away(self, now_ns: int, uid: int, *, connections: int, of_user: int) -> tuple[str, bool]:
-        """Why one more process of a user can't be let in, "" where it can; and whether the log knows that.
+        """Why one more process of a user can't be let in ("": it can), and whether the log has said so.
 
-        `connections` are all, `of_user` that user's, with the one that knocks.
+        `connections` are all, `of_user` that user's, each with the one that asks.
         """
         most, most_of_user = self.limits.connections, self.limits.connections_per_user
         if connections > most:
@@ -110,9 +110,9 @@ class Quotas:
     def arrive(self, now_ns: int, uid: int, said_ns: int) -> int:
         """One more process of a user wants to come in, which said Hello at `said_ns`.
 
-        Returns 0 where it may, and it is counted; else for how long it is to wait before it is asked for
-        again. So who comes without end, and wants to be heard, takes little time from busd and from those
-        beside it; but nobody waits longer than a second, or a part of the time for the handshake.
+        Returns 0 where it may, and counts it; else how long to wait before asking again. So a user whose
+        processes come without end takes little time from busd and from others; but none waits longer than a
+        second, or than a part of the time for the handshake.
         """
         arrivals = self.user(now_ns, uid).arrivals
         longest_ns = min(_LONGEST_PAUSE_NS, int(self.limits.handshake_s * 1e9) // _HANDSHAKE_PART)
@@ -125,8 +125,7 @@ class Quotas:
     def come_to_nothing(self, now_ns: int, uid: int, *, for_want_of_room: bool) -> tuple[bool, int]:
         """A connection of a user has ended before it was let in: it brought garbage, or lost its place.
 
-        Returns whether the log is to be told, because there were not many lately, and how many there were of
-        which it was not.
+        Returns whether to log it, because there were not many lately, and how many before it were not logged.
         """
         user = self.user(now_ns, uid)
         user.refused += for_want_of_room
@@ -138,17 +137,19 @@ class Quotas:
         return True, unlogged
 
     def spend(self, now_ns: int, peer: Peer, message: object, records: Sized, out: list[Effect]) -> None:
-        """Count a control frame; who asks about the graph has it looked through, which counts as well.
+        """Count a control frame; a question about the graph counts for the records that busd goes through,
+        too.
 
-        `records` are those of the graph. Of a type a guest may know only if he sees an endpoint that has it.
+        `records` are those of the graph. So does a guest's GetType: busd looks for an endpoint of that type
+        that the guest may see.
 
         Raises QuotaExceeded where there were too many for now, if that can be answered. A process that is
-        over its own rate is not listened to for a while, so that refusing it costs no more than serving it.
-        Who only asks is made to wait long before that: a burst is for who declares all that it has.
+        over its own rate is not read for a while, so that refusing costs no more than serving. One that only
+        asks waits long before that: the burst is for a process that declares all that it has.
         """
         kind = type(message)
         if kind not in _COUNTED:
-            if kind is not m.AssertLiveliness:  # which the library says with each sample that busd can't see
+            if kind is not m.AssertLiveliness:  # the library sends it with each sample that busd does not see
                 self._count_signal(now_ns, peer, out)
             return
         tokens, can_refuse = 1, kind not in _WITHOUT_REFUSAL
@@ -164,7 +165,7 @@ class Quotas:
             if wait_ns := peer.questions.owed_ns(now_ns):
                 self._pause(now_ns, peer, min(wait_ns, self._longest_pause_ns), out)
         if kind is m.Ping:
-            return  # a sign of life is nothing that a user's other processes could be in the way of
+            return  # a sign of life counts for its process alone: others of the user can't prevent it
         if not peer.user.declarations.take_if_there(now_ns, tokens):
             if can_refuse:
                 raise _too_often(peer.user, self.limits.declarations_per_s_per_user)
@@ -200,7 +201,7 @@ class Quotas:
     ) -> None:
         """Raise QuotaExceeded where there is no room for another endpoint on `topic`, of as many `matches`.
 
-        `topics` are all that exist. A match of a guest with somebody who is none counts for the guest alone.
+        `topics` are all that exist. A match of a guest and a peer that is none counts for the guest alone.
         """
         limits, user = self.limits, peer.user
         asked: list[_Asked] = [
@@ -235,10 +236,10 @@ class Quotas:
         for holder in (peer, peer.user):
             holder.descriptors.update(descriptors)
 
-    # --- what is said
+    # --- what is logged and answered
 
     def refused(self, now_ns: int, peer: Peer, error: QuotaExceeded, out: list[Effect]) -> None:
-        """A limit was in the way of what `peer` asked for."""
+        """A limit has refused `peer` something."""
         for holder in (peer, peer.user):
             holder.refused += 1
         if _is_news(now_ns, peer, error.resource):
@@ -249,7 +250,7 @@ class Quotas:
     ) -> None:
         """`account`, the process's own or its user's, is over its limit, so `peer` loses some of `what`."""
         is_own = account.parent is not None
-        if _is_news(now_ns, peer, what if is_own else what + " all"):  # while all is full, with each run
+        if _is_news(now_ns, peer, what if is_own else what + " all"):  # a full one is so with each run
             whose = _name(peer if is_own else peer.user)
             self._tell(peer, f"{what} {whose}", account.used, account.limit, emit)
 
@@ -275,7 +276,7 @@ class Quotas:
         holder.queued.limit = limit("queued_bytes")
         holder.history.limit = limit("history_bytes")
         holder.control.limit = limit("control_bytes")
-        # A new busd is told everything at once, and a program may make all that it may have at once.
+        # To a new busd a process declares everything at once, and a program may make all it may have at once.
         rate = limit("declarations_per_s")
         burst = rate + limit("nodes") + limit("matches") // _FEW
         holder.declarations.resize(rate, burst + _DECLARATIONS_PER_ENDPOINT * limit("endpoints"))
@@ -300,7 +301,7 @@ class Quotas:
 
 
 def _is_news(now_ns: int, holder: Holder, resource: str) -> bool:
-    """Whether the log is to be told of that limit: it was not, or `holder` was not at it since."""
+    """Whether to log that `holder` is at that limit: the first time, and after it was not for a while."""
     last_ns = holder.hit_ns.get(resource)
     holder.hit_ns[resource] = now_ns
     return last_ns is None or now_ns - last_ns >= LOG_AGAIN_NS
@@ -323,7 +324,7 @@ def _name(holder: Holder) -> str:
 
 
 def _descriptors(holder: Holder) -> int:
-    """Those of connections are the kernel's and the shell's, but count as well."""
+    """How many busd holds of it; those of connections are the kernel's and the shell's, but count as well."""
     return len(holder.descriptors) + (len(holder.peers) if isinstance(holder, User) else 1)
 
 

@@ -18,7 +18,7 @@ class TokenBucket:
         self.resize(rate, burst)
 
     def resize(self, rate: int, burst: int) -> None:
-        """Go by these from now on; what is owed stays owed."""
+        """Take these from now on; what is owed stays owed."""
         self._step_ns = _SECOND_NS // rate
         self._burst_ns = burst * self._step_ns
 
@@ -40,14 +40,14 @@ class TokenBucket:
         return max(self._full_ns + self._step_ns - self._burst_ns - now_ns, 0)
 
     def owed_ns(self, now_ns: int) -> int:
-        """How long it takes until what was taken too much is back."""
+        """How long until the tokens taken in advance are back."""
         return max(self._full_ns - now_ns - self._burst_ns, 0)
 
     def take(self, now_ns: int, tokens: int) -> None:
-        """Take as many, whether they are there or not; no more than what one second brings is owed."""
+        """Take as many, whether they are there or not; the debt is at most what one second brings."""
         full_ns = max(self._full_ns, now_ns) + tokens * self._step_ns
         self._full_ns = min(full_ns, now_ns + self._burst_ns + _SECOND_NS)
 
     def is_full(self, now_ns: int) -> bool:
-        """Nothing was taken that has not come back."""
+        """Whether the bucket is full."""
         return self._full_ns <= now_ns

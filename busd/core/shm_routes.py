@@ -1,4 +1,4 @@
-"""The route through shared memory: what processes share, who reads whose ring, and the way back.
+"""The route through shared memory: what processes share, which ring each reads, and the way back.
 
 Handlers of the broker's control messages, as in `busd.core.registry`. Descriptors are opaque here: the shell
 has looked at them. Where some did not arrive (a process was out of descriptors), samples go by socket.
@@ -23,7 +23,7 @@ from busd.core.work import MATCH, TELL, Work
 class Routes:
     """Carries out Share, Attach, RefuseRoute, LeaveRing, CaughtUp and ReplaceRing.
 
-    What is said about a match that is gone, or that the other end has refused, is too late and no mistake.
+    A message about a match that is gone, or that the other end has refused, is only late, and no mistake.
     """
 
     def __init__(self, graph: Graph, quotas: Quotas, registry: Registry, overload: Overload) -> None:

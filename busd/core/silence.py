@@ -1,9 +1,9 @@
 """Silence: processes that were not heard for their lease, and what must not wait for them.
 
-Such a process is there as long as its connection is: it may be busy, or stopped, and wake up. So it keeps its
-nodes, endpoints and matches. Only what waits for it goes on without it: a lossless publisher no longer counts
-on its lossless subscriptions, until it is heard again. What they miss by that is counted where it is lost, as
-for anybody who is too slow. (The leases of publishers are in `busd.core.leases`.)
+A silent process is there as long as its connection is: it may be busy, or stopped, and wake up. So it keeps
+its nodes, endpoints and matches. Only what waits for it goes on without it: a lossless publisher stops
+waiting for its lossless subscriptions until it is heard again. What they miss by that is counted where it is
+lost, as with any subscription that is too slow. (The leases of publishers are in `busd.core.leases`.)
 """
 
 import logging
@@ -21,7 +21,7 @@ _FEW = 16
 
 
 class Silences:
-    """Watches `peers`, those that are there. `lives` says whether a pid is still one; `evict` cuts off."""
+    """Watches `peers`. `lives` says whether a pid still has a process; `evict` cuts a peer off."""
 
     def __init__(
         self,
@@ -59,7 +59,7 @@ class Silences:
         self._rounds.begin(now_ns, (peer, silent_ns), _lossless_matches(peer))
 
     def _look_at(self, due_ns: int) -> None:
-        # A timer for all: one each would keep every peer that has gone until the end of its lease.
+        # One timer for all: one each would keep a peer that has gone in memory to the end of its lease.
         if not self._looks or due_ns < self._looks[-1]:
             self._looks.append(due_ns)
             self._timers.add(due_ns, self._look)
@@ -72,7 +72,7 @@ class Silences:
             silent_ns = now_ns - peer.last_heard_ns
             left_ns = peer.lease_ns - silent_ns % peer.lease_ns
             if silent_ns >= peer.lease_ns and not self._lives(peer.pid):
-                # Somebody else holds its connection, as a child may to which it gave all it had.
+                # Another process holds its connection, a child that inherited it, say.
                 self._evict(now_ns, peer, f"no sign of life for {silent_ns / 1e9:.1f} s, and it has ended")
                 continue
             if silent_ns >= peer.lease_ns and not peer.is_silent:

@@ -1,4 +1,4 @@
-"""What is to be done later: a heap of (due, number, action). Knows no clock; the shell asks what is due."""
+"""Actions for later: a heap of (due, number, action). Knows no clock; the shell asks what is due."""
 
 import heapq
 from collections.abc import Callable, Iterator
@@ -10,7 +10,7 @@ NEVER_NS = 1 << 63
 class Timers:
     """`earliest_ns` says when to call `due` (NEVER_NS: nothing waits).
 
-    There is no cancelling: an action looks whether it still matters.
+    Nothing is cancelled: an action looks whether it still matters.
     """
 
     def __init__(self) -> None:

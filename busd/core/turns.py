@@ -1,8 +1,7 @@
-"""Who is served when: processes take turns, and no turn does more work than the budget.
+"""When each process is served: they take turns, and no turn does more work than the budget.
 
-A *party* is one process, whatever number of connections it has: by more of them it gets no more. Work is
-counted in units of about a microsecond (`busd.core.work`), so all of this is the same on any machine, and no
-clock is read here.
+A *party* is one process; more connections give it no more. Work is counted in units of about a microsecond
+(`busd.core.work`), so all of this is the same on any machine, and no clock is read here.
 
 A party that asks for little is served at once, out of an allowance that fills up again with time. One that
 has used it up, or that leaves work behind, stands in the line. The shell serves one turn of the line between
@@ -18,9 +17,10 @@ from weakref import WeakValueDictionary
 __all__ = ["BUDGET", "Party", "Turns"]
 
 BUDGET = 250
-"""Work of one turn: so long others wait for it, and so little does it cost to change from one to the next."""
+"""Work of one turn: short enough for others to wait for, long enough to make changing turns cheap."""
 _REFILL_NS = 10_000
-"""In this time one unit comes back, so a party may use a tenth of busd's time without standing in line."""
+"""The time in which one unit comes back: so a party may use a tenth of busd's time without standing in
+line."""
 
 Job = TypeVar("Job", bound=Hashable)
 
@@ -100,7 +100,7 @@ class Turns(Generic[Job]):
         return job
 
     def end(self, party: Party[Job]) -> None:
-        """The turn is over; who has more to do goes to the end of the line."""
+        """The turn is over; a party with more to do goes to the end of the line."""
         party.is_in_line = bool(party.jobs)
         if party.is_in_line:
             self._line.append(party)

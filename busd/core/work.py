@@ -1,7 +1,7 @@
-"""What the broker's work costs, and long work that can be left and taken up again.
+"""What the broker's work costs, and long work in pieces.
 
-A unit is about a microsecond on a present-day machine. The prices were measured once and are rounded; that
-they are in proportion is what matters. Knows no clock.
+A unit is about a microsecond on a present-day machine. The prices were measured once and rounded; only their
+proportions matter. Knows no clock.
 """
 
 from collections import deque
@@ -20,7 +20,7 @@ MATCH = 24
 """A match is made, or found incompatible, and both are told."""
 UNMATCH = 16
 TELL = 2
-"""One more peer is told something."""
+"""One more peer gets a message."""
 RECORD = 2
 """A node, an endpoint or a match in an answer about the graph."""
 ENDPOINT = 20

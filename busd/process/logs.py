@@ -1,7 +1,7 @@
 """The daemon's log on stderr: as text or JSON lines, bounded whatever peers put into it.
 
 Owns how a record looks, how many there may be, and the thread that writes them. So a pipe that nobody reads,
-a stopped terminal or a slow disk holds up that thread, and never the daemon. Must not know what is logged,
+a stopped terminal or a slow disk holds up that thread and never the daemon. Must not know what is logged,
 nor when.
 """
 
@@ -34,14 +34,14 @@ _LONGEST_LINE = 1000
 _LONGEST_TRACE = 16_000
 _MOST_LINES = 100
 _MOST_WAITING = 1000
-"""Lines that wait for the thread; beyond it they are left out, whatever their severity."""
+"""Lines that may wait for the thread; more are left out, whatever their severity."""
 _TELL_S = 1.0
-"""How long after the last line it is told how many were left out; a further line tells it at once."""
+"""How long after the last line the log says how many were left out; with another line it says so at once."""
 _FLUSH_S = 2.0
 """How long busd waits at its end for what is not written yet."""
 _TEXT = "[%(levelname)s] [%(created).9f] [%(name)s]: %(message)s"
 _FIELDS = ("peer", "left_out")
-"""What a record may say beside its message: of which process (pid) it is, and how many are not there."""
+"""What a record may have beside its message: the process (pid) it is about, and how many were left out."""
 
 
 def set_up(level: str, form: str, path: Path | None = None) -> None:
@@ -64,9 +64,9 @@ def set_up(level: str, form: str, path: Path | None = None) -> None:
 class _Lines(logging.Handler):
     """Gives lines to a thread, which calls `write` for each; and bounds them.
 
-    What peers can make of the log are short printable lines, and not too many in a second. Errors always come
-    through, and debug lines are for somebody who wants all of them; but of no line more wait than there is
-    room for. What is left out is counted, and so is what `write` raises OSError for.
+    Peers can cause short printable lines only, and not too many in a second. Errors always come through, and
+    so do debug lines, which somebody has asked for; but no more lines wait than there is room for. What is
+    left out is counted, and so is what `write` raises OSError for.
     """
 
     def __init__(self, write: Callable[[bytes], None]) -> None:
@@ -87,13 +87,13 @@ class _Lines(logging.Handler):
             if not self._has_room(record):
                 self._left_out += 1
                 if self._left_out == 1:
-                    self._changed.notify_all()  # the time begins after which it is told
+                    self._changed.notify_all()  # from now on the time runs after which the log says so
                 return
             self._tell()
             self._put(record, 1)
 
     def flush(self) -> None:
-        """Wait until all is written; not for long, for it may never be."""
+        """Wait until all is written, but not for long: perhaps it never is."""
         with self._changed:
             self._tell()
             self._changed.wait_for(lambda: not self._waiting and not self._is_writing, _FLUSH_S)
@@ -116,7 +116,7 @@ class _Lines(logging.Handler):
         return self._lines <= _MOST_LINES
 
     def _tell(self) -> None:
-        """Say how many lines were left out, in one of its own."""
+        """Write a line that says how many were left out."""
         if self._left_out:
             text = f"({self._left_out} lines were left out)"
             record = logging.LogRecord("busd", logging.WARNING, __file__, 0, text, (), None)
@@ -125,7 +125,7 @@ class _Lines(logging.Handler):
             self._left_out = 0
 
     def _put(self, record: logging.LogRecord, number: int) -> None:
-        """Let `record` be written, which stands for a `number` of lines."""
+        """Queue `record`, which stands for `number` lines."""
         try:
             line = self.format(record)
         except Exception:
@@ -154,7 +154,7 @@ class _Lines(logging.Handler):
             while not self._waiting:
                 if self._is_closed:
                     return None
-                # Where nothing can be written, it is told with the next line: trying costs something.
+                # Where nothing can be written now, the next line is soon enough: each try costs something.
                 has_to_report = self._left_out and not self._is_failing
                 if not self._changed.wait(_TELL_S if has_to_report else None):
                     self._tell()
@@ -163,7 +163,8 @@ class _Lines(logging.Handler):
 
 
 class _Stderr:
-    """Writes to stderr, whatever that is, and waits as long as it takes. Turns over a log file that is full.
+    """Writes to stderr, whatever that is, and waits as long as that takes. Turns over a log file that is
+    full.
 
     `path`: of the log file, if stderr is one. `write` raises OSError where nothing can be written.
     """
@@ -195,7 +196,7 @@ class _Stderr:
             try:
                 rest = rest[os.write(self._fd, rest) :]
                 self._is_broken_off = bool(rest)
-            except BlockingIOError:  # somebody else who has it, too, made it non-blocking
+            except BlockingIOError:  # another process that has it made it non-blocking
                 ready = select.poll()
                 ready.register(self._fd, select.POLLOUT)
                 ready.poll()

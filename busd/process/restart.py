@@ -1,7 +1,7 @@
 """A busd that begins anew: the same process runs the program again, and keeps what it listens on.
 
-Owns the command line of the next one, the look whether that can start, and the exec. Must not know what the
-daemon serves, nor how it ends. So a restart takes what is installed now, nobody's connect fails meanwhile,
+Owns the command line of the next busd, the check whether that can start, and the exec. Must not know what the
+daemon serves, nor how it ends. So a restart runs what is installed now, no client's connect fails meanwhile,
 and no other busd gets in between.
 """
 
@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 __all__ = ["CHECK", "command_line", "find_fault", "hand_over"]
 
 CHECK = "--check"
-"""The option with which busd only looks whether it could start."""
+"""The option with which busd only checks whether it could start."""
 
 _CHECK_S = 20.0
 

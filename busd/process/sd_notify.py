@@ -14,7 +14,7 @@ READY = "READY=1"
 STOPPING = "STOPPING=1"
 ALIVE = "WATCHDOG=1"
 
-# READY must get through a queue that is full for a moment; the daemon must not hang on one that stays full.
+# READY must get through a queue that is full for a moment; one that stays full must not hang the daemon.
 _SEND_TIMEOUT_S = 1.0
 
 
@@ -38,7 +38,7 @@ def notify(state: str, environ: Mapping[str, str] = os.environ) -> bool:
 
 
 def reloading(now_ns: int) -> str:
-    """The state of one that reads its configuration again, or restarts, since `now_ns`. READY ends it.
+    """The state of a daemon that reloads or restarts, since `now_ns`. READY ends it.
 
     `now_ns` is of CLOCK_MONOTONIC.
     """
@@ -46,7 +46,7 @@ def reloading(now_ns: int) -> str:
 
 
 def watchdog_s(environ: Mapping[str, str] = os.environ) -> float | None:
-    """Within how many seconds the manager wants ALIVE from this process; None: it does not watch."""
+    """Within how many seconds the manager wants ALIVE from this process, or None if it does not watch."""
     microseconds, pid = environ.get("WATCHDOG_USEC", ""), environ.get("WATCHDOG_PID", "")
     if not (microseconds.isascii() and microseconds.isdigit()) or pid not in ("", str(os.getpid())):
         return None

@@ -1,10 +1,11 @@
-"""The way in: connections from their accept to their Hello, and then, when it is their user's turn, inside.
+"""The way in: connections from their accept to their Hello, until their user's turn comes and they are let
+in.
 
-Owns the listening socket's readiness and the connections that have not been let in. Of such a one busd holds
-its descriptor, and bytes only while a part of its Hello is missing; it has one of a fixed number of places
-(`busd.core.anteroom`), never one of those who are inside. All of them together may take a part of the
-processor's time, above which new ones wait in the backlog; so a storm of them leaves the rest to the others.
-Must not know what is said after Hello, nor what anybody may do.
+Owns the readiness of the listening socket, and the connections that are not let in yet. Of such a one busd
+holds the descriptor, and bytes only while a part of its Hello is missing. It has one of a fixed number of
+places (`busd.core.anteroom`), never one of a peer. All of them together may take a part of the processor's
+time; above that, new ones wait in the backlog. So a storm of them leaves the rest of the time to peers. Must
+not know what is said after Hello, nor what a user may do.
 """
 
 import asyncio
@@ -28,9 +29,9 @@ __all__ = ["Admission", "AdmissionHost"]
 _log = logging.getLogger("busd")
 
 _AT_ONCE = 16
-"""Connections that are accepted, or heard, before the loop looks after the others again."""
+"""Connections that are accepted, or read, before the loop serves the others again."""
 _SHARE_US_PER_S = 250_000
-"""Time that newcomers may take of each second, and how much of it at once."""
+"""How much of each second newcomers may take, and how much of that at once."""
 _BURST_US = 10_000
 _RETRY_S = 0.5
 _LOG_AGAIN_NS = 1_000_000_000
@@ -38,13 +39,13 @@ _NO_PLACE = "busd has no place left for another connection that waits to be let 
 _HELD = select.EPOLLRDHUP | select.EPOLLHUP | select.EPOLLERR
 _SCRAP_READS = 16
 _MOST_TURNED_AWAY = 1024
-"""Users of whom the log tells once that they were turned away."""
+"""Users that were turned away and that the log has named."""
 
 _scrap = bytearray(64 << 10)
 
 
 class AdmissionHost(Protocol):
-    """What is asked about who comes."""
+    """What admission asks the server."""
 
     @property
     def handshake_s(self) -> float: ...
@@ -53,16 +54,17 @@ class AdmissionHost(Protocol):
         """The frame of busd's own Hello."""
 
     def why_turned_away(self, who: Credentials) -> str:
-        """Why that user may not connect at all; "" where he may."""
+        """Why that user may not connect at all; "" where it may."""
 
     def arrive(self, who: Credentials, said_ns: int) -> int:
-        """For how many ns one that said Hello at `said_ns` is to wait; 0: it may come in, and is counted."""
+        """How many ns a connection that said Hello at `said_ns` must wait; 0: it may come in, and is
+        counted."""
 
     def why_no_room(self, who: Credentials) -> tuple[str, bool]:
-        """Why there is no room inside, "" where there is; and whether the log has heard of it."""
+        """Why there is no room for another peer ("": there is), and whether the log has said so."""
 
     def come_to_nothing(self, who: Credentials, *, for_want_of_room: bool) -> tuple[bool, int]:
-        """Whether the log is to be told of it, and how many there were of which it was not."""
+        """Whether to log it, and how many before it were not logged."""
 
     def let_in(self, sock: socket.socket, who: Credentials, hello: Hello) -> None:
         """Take over a connection: non-blocking, and read up to the end of its Hello."""
@@ -81,7 +83,7 @@ class _Newcomer:
         self.hello: Hello | None = None
 
     def listen(self) -> bool:
-        """Read what has come of its Hello; False where it has hung up. Raises RemoteProtocolError."""
+        """Read what has come of its Hello; False where it has closed. Raises RemoteProtocolError."""
         try:
             while self.hello is None:
                 more = self.sock.recv(self.greeting.wanted, socket.MSG_DONTWAIT)
@@ -104,7 +106,7 @@ class Admission:
         self._loop = asyncio.get_running_loop()
         self._anteroom: Anteroom[_Newcomer] = Anteroom()
         self._by_number: dict[int, _Newcomer] = {}
-        # One of its own: cheaper for connections that come and go, and it tells of an end without reading.
+        # An epoll of its own: cheaper for connections that come and go, and it reports an end without a read.
         self._epoll = select.epoll()
         self._cost = TokenBucket(_SHARE_US_PER_S, _BURST_US)
         self._rest: asyncio.TimerHandle | None = None
@@ -117,7 +119,7 @@ class Admission:
 
     @property
     def is_empty(self) -> bool:
-        """Nobody waits to be let in, but perhaps in the backlog."""
+        """Whether no connection waits to be let in, except perhaps in the backlog."""
         return not self._anteroom
 
     def accept_some(self, most: int) -> int:
@@ -138,7 +140,7 @@ class Admission:
     def close(self) -> None:
         """Accept no more, and close those that were not let in, without a word: another busd may serve them.
 
-        The clients of a busd that ends know this from the backlog, and try again.
+        Their clients try again, as those do that a busd leaves in its backlog.
         """
         if self._is_closed:
             return
@@ -180,14 +182,14 @@ class Admission:
         self._charge(began_ns)
 
     def _charge(self, began_ns: int) -> None:
-        """Count what newcomers have cost since, and let them wait where it was too much."""
+        """Charge the time that newcomers have cost, and make them wait where it was too much."""
         now_ns = monotonic_ns()
         self._cost.take(now_ns, (thread_time_ns() - began_ns) // 1000)
         if owed_ns := self._cost.owed_ns(now_ns):
             self._pause(owed_ns / 1e9)
 
     def _fail_to_accept(self, error: OSError) -> None:
-        """Out of descriptors or memory. Who is inside goes on; newcomers make room for newcomers."""
+        """Out of descriptors or memory. Peers go on; newcomers make room for newcomers."""
         now_ns = monotonic_ns()
         if now_ns - self._failed_ns >= _LOG_AGAIN_NS:
             self._failed_ns = now_ns
@@ -211,7 +213,7 @@ class Admission:
             self._listen_to(newcomer)
 
     def _listen_to(self, newcomer: _Newcomer) -> None:
-        """Hear what has come of it, and do what follows from that."""
+        """Read what has come of it, and act on that."""
         try:
             is_there = newcomer.listen()
         except RemoteProtocolError as error:
@@ -235,7 +237,7 @@ class Admission:
             self._epoll.modify(newcomer.number, _HELD)
 
     def _give_place(self, newcomer: _Newcomer, now_ns: int) -> bool:
-        """Returns whether it still has it then: where too many have one, some lose theirs."""
+        """Give it a place; returns whether it still has that: where too many come, some lose theirs."""
         newcomer.number = newcomer.sock.fileno()
         self._by_number[newcomer.number] = newcomer
         self._epoll.register(newcomer.number, select.EPOLLIN | _HELD)
@@ -245,13 +247,14 @@ class Admission:
         return newcomer.number >= 0
 
     def _displace(self) -> None:
-        """Turn away who is the first to lose its place, unless it says Hello just now."""
+        """Turn away the connection that is the first to lose its place, unless it says Hello just now."""
         newcomer = self._anteroom.first_to_lose()
         if newcomer.hello is not None or self._stays_silent(newcomer):
             self._give_up(newcomer, _NO_PLACE, for_want_of_room=True)
 
     def _stays_silent(self, newcomer: _Newcomer) -> bool:
-        """Hear it once more, which may let it in or end it. Whether it still waits and has not said Hello."""
+        """Read it once more, which may let it in or end it. Returns whether it still waits without a
+        Hello."""
         self._listen_to(newcomer)
         return newcomer.number >= 0 and newcomer.hello is None
 
@@ -272,14 +275,14 @@ class Admission:
             self._host.let_in(newcomer.sock, newcomer.who, newcomer.hello)
 
     def _look(self) -> None:
-        """Hear those of whom the kernel has news."""
+        """Read the connections that the kernel reports."""
         for number, _ in self._epoll.poll(0, _AT_ONCE):
             newcomer = self._by_number.get(number)
             if newcomer is None:
                 continue  # let in a moment ago
             if newcomer.hello is None:
                 self._listen_to(newcomer)
-            else:  # all that is looked for is its end
+            else:  # its end is the only news now
                 self._take_out(newcomer)
                 newcomer.sock.close()
 
@@ -294,7 +297,7 @@ class Admission:
     # --- those who are turned away
 
     def _give_up(self, newcomer: _Newcomer, reason: str, *, for_want_of_room: bool = False) -> None:
-        """It has brought something else than a Hello, or none in time, or there is no place for it."""
+        """It has sent something else than a Hello, or none in time, or there is no place for it."""
         self._take_out(newcomer)
         who = newcomer.who
         is_news, unlogged = self._host.come_to_nothing(who, for_want_of_room=for_want_of_room)
@@ -332,10 +335,10 @@ class Admission:
         self._timer = self._loop.call_later(max(0, due_ns - monotonic_ns()) / 1e9, self._tick)
 
     def _tick(self) -> None:
-        """Turn away who has been silent for too long, and let in those whose turn it is."""
+        """Turn away what has been silent for too long, and let in those whose turn it is."""
         began_ns = thread_time_ns()
         self._timer = None
-        self._look()  # who has hung up is not let in, and who has said Hello is not too late
+        self._look()  # one that has closed is not let in, and one that has said Hello by now is not too late
         now_ns = monotonic_ns()
         while (first := self._anteroom.silent()) is not None:
             newcomer, since_ns = first

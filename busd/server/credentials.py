@@ -1,7 +1,7 @@
-"""Who is at the other end of a UNIX socket, as the kernel says.
+"""The process at the other end of a UNIX socket, as the kernel says.
 
 Owns SO_PEERCRED, SO_PEERGROUPS, whether a process lives, and the name that a log gives it. Must not know what
-anybody is allowed to do.
+a user may do.
 """
 
 import array
@@ -54,7 +54,7 @@ def peer_credentials(peer: _Socket) -> Credentials:
 
 
 def lives(pid: int) -> bool:
-    """Whether the process runs, or is stopped; also where that can't be found out. A zombie does not."""
+    """Whether the process runs, or is stopped; True also where that can't be found out. A zombie does not."""
     try:
         process = os.pidfd_open(pid) if pid > 0 else -1
     except OSError as error:
@@ -87,7 +87,7 @@ def process_name(pid: int) -> str:
 
 
 def program_name(command_line: bytes) -> str:
-    """What runs: a Python program's script or module, else the program. Printable, at most 64 characters.
+    """A name for it: a Python program's script or module, else the program. Printable, at most 64 characters.
 
     `command_line` has a NUL after each argument, as in proc(5). A process writes what it likes there, so
     the name proves nothing.

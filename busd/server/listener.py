@@ -4,11 +4,12 @@ Owns the socket file, its folder and the lock that settles which daemon serves a
 said on the connections.
 
 Invariants:
-- Whoever binds, replaces or removes a socket file holds an exclusive flock on "<path>.lock". The kernel ends
-  it with the process, however that dies, so what lies at the path while we hold it was left by a dead daemon.
-- A lock file counts only while it is the one at its path: its holder removes it when leaving, and whoever
-  gets the flock afterwards looks whether the file is still there and begins again if not.
-- A folder in which anybody but this user and root could replace our files is refused.
+- A process holds an exclusive flock on "<path>.lock" while it binds, replaces or removes the socket file. The
+  kernel ends the lock with the process, however that dies: so what we find at the path, once we hold the
+  lock, is a dead daemon's.
+- A lock file counts only while it is the one at its path: its holder removes it at the end. A process that
+  gets the flock afterwards looks whether the file is still there, and begins again if not.
+- A folder in which other users than this one and root could replace our files is refused.
 """
 
 import errno
@@ -35,11 +36,11 @@ _LOCK_ATTEMPTS = 100
 _ACTIVATED_FD = 3  # SD_LISTEN_FDS_START, sd_listen_fds(3)
 _ACTIVATION = ("LISTEN_PID", "LISTEN_FDS", "LISTEN_FDNAMES", "LISTEN_PIDFDID")
 _HANDOVER = "BUSD_HANDOVER"
-"""To the program that this process runs next: its pid, the socket and the lock, "4711 5 6"."""
+"""Environment variable for the program that this process runs next: pid, socket and lock, as "4711 5 6"."""
 
 
 class AlreadyRunning(ConfigurationError):
-    """Another process serves this path; `pid` is None where it can't be told."""
+    """Another process serves this path; `pid` is None where it can't be found out."""
 
     def __init__(self, path: Path, pid: int | None, *, program: str = "busd") -> None:
         suffix = f" (pid {pid})" if pid else ""
@@ -71,7 +72,7 @@ class Listener:
         self.socket = listening
         self.path = path
         self.activated = lock is None
-        """Whether a service manager opened the socket, so that file and lock are not ours to remove."""
+        """Whether a service manager opened the socket: then its file is not ours to remove."""
         self._lock = lock
         self._file = None if lock is None else _identity(path.lstat())
 
@@ -82,7 +83,7 @@ class Listener:
                 if _identity(self.path.lstat()) == self._file:
                     self.path.unlink()
             except OSError:
-                pass  # somebody removed it or its folder: nothing is left behind
+                pass  # it or its folder was removed already: nothing is left behind
         self.socket.close()
         if self._lock is not None:
             self._lock.release()
@@ -100,7 +101,7 @@ class Listener:
                 raise ConfigurationError(f"can't set the mode of '{self.path}': {error.strerror}") from None
 
     def bequeath(self) -> dict[str, str]:
-        """Let the program that this process runs next have the socket and the lock.
+        """Leave the socket and the lock to the program that this process runs next.
 
         Returns what its environment must say, so that its `open_listener` finds them.
         """
@@ -128,10 +129,10 @@ def open_listener(
 ) -> Listener:
     """Listen on the socket that a service manager passed, else at `path`, else where `socket_path` says.
 
-    Before all of these goes what the program left that this process ran before (`Listener.bequeath`). The
-    variables that say so are removed from `environ`, so that no child takes them for its own.
-    A missing folder is made where it is the default one; any other must exist. `rights`: of others, by
-    default none; a socket that a service manager passed stays as it is.
+    First of all counts the socket that the program before this one, in the same process, has left
+    (`Listener.bequeath`). The variables that say so are removed from `environ`, so that no child takes them
+    for its own. A missing folder is made where it is the default one; any other must exist. `rights`: of
+    others, by default none; a socket that a service manager passed stays as it is.
 
     Raises AlreadyRunning if another process serves the path, and ConfigurationError, which says why, if the
     socket or its folder can't be used or can't be trusted.
@@ -193,7 +194,7 @@ def _inherited(path: Path, environ: MutableMapping[str, str]) -> Listener | None
 
 
 def _may_enter(rights: SocketRights | None) -> int:
-    """What the default folder's mode may have beyond 0700: who is let in must get there."""
+    """What the default folder's mode may have beyond 0700: users that are let in must get there."""
     mode = 0 if rights is None else rights.mode
     return (0o050 if mode & stat.S_IWGRP else 0) | (0o055 if mode & stat.S_IWOTH else 0)
 
@@ -291,7 +292,7 @@ class _Lock:
         return self._is_in_place(self._fd)
 
     def release(self) -> None:
-        """Remove the file, then let go: who waits on the removed one will notice."""
+        """Remove the file, then let go: a process that waits for its lock will notice."""
         try:
             if self._is_in_place(self._fd):
                 self._path.unlink()
@@ -323,7 +324,7 @@ class _Lock:
         return None
 
     def _check(self, file: os.stat_result) -> None:
-        # In a shared folder anybody may have made it, also as a hard link to a file of ours.
+        # In a shared folder another user may have made it, even as a hard link to a file of ours.
         if not stat.S_ISREG(file.st_mode) or file.st_uid != os.geteuid() or file.st_nlink > 1:
             raise ConfigurationError(
                 f"can't lock '{self._path}': it is no plain file of ours (owner uid {file.st_uid}, "

@@ -1,9 +1,9 @@
 """One connection of the daemon, from its Hello to the end. Makes no routing decision.
 
-Descriptors that a peer sends are looked at here, before the core sees them: nobody shall map what could
-shrink under him. Of each peer busd holds one for each publisher, which are limited, its doorbell and its
-readers' segment. Those of publishers that are gone may wait for a while to be sent to a peer that does not
-read, so there is a bound for all of them together, and new connections always find room.
+Descriptors that a peer sends are checked here, before the core sees them: no process must map memory that
+could shrink under it. Of each peer busd holds one for each publisher (their number is limited), its doorbell
+and its readers' segment. Those of publishers that have gone may still wait to be sent to a peer that does not
+read: so all of them together have a bound, and new connections always find room.
 """
 
 import asyncio
@@ -44,7 +44,7 @@ _FAULTS: dict[type[Message], tuple[Callable[[int], str], ...]] = {
     CreatePublisher: (ring_fault,),
     ReplaceRing: (ring_fault,),
 }
-"""What a message may bring, and how to tell what is wrong with it."""
+"""The descriptors that a message may bring, and the check of each."""
 
 
 _SPARE = 32
@@ -52,11 +52,11 @@ _SPARE = 32
 
 
 _CHOKED_PART = 8
-"""Above this part of the control frames that may wait for a peer, busd does not read what it sends; below
-half of that it does again."""
+"""Where more than this part of the control frames that may wait for a peer do wait, busd stops reading it;
+below half of that it reads on."""
 _LOOK_S = 1.0
-"""So often busd looks whether a peer that it does not hear takes anything. If not, one for which more waits
-than may is cut off; any other one when that has gone on for `_STALL_PART` of the lease."""
+"""How often busd looks whether a peer that it does not read takes anything. One that does not is cut off: at
+once where more waits for it than may, else after `_STALL_PART` of the lease."""
 _STALL_PART = 0.75
 
 
@@ -98,11 +98,11 @@ def greeting(host: PeerHost) -> bytes:
 class PeerConnection:
     """Takes over `sock`, on which `hello` was read. `id` is the peer's in the core.
 
-    `party` is its process, among those that take turns; to `control` is charged what waits for it of control
-    frames, to `unfinished` what has not come whole.
+    `party` is its process, among those that take turns. `control` is charged with the control frames that
+    wait for it, `unfinished` with messages that have not come whole.
 
-    While it `is_held`, nothing of it is read and nothing that was read is handled: it has asked too often
-    (`pause`), or it does not take what is sent to it (`put`).
+    While it `is_held`, busd neither reads it nor handles what was read: it has asked too often (`pause`), or
+    it does not take what is sent to it (`put`).
     """
 
     def __init__(
@@ -124,9 +124,9 @@ class PeerConnection:
         self.is_parked = False
         """Its socket is not read, because it waits for its turn."""
         self.is_early = True  # until the server has looked
-        """What its process had over an earlier connection is still there; it is not read before that goes."""
+        """What its process had over an earlier connection is not removed yet; until then it is not read."""
         self.is_choked = False
-        """It is not heard because it does not take what is sent to it."""
+        """It is not read because it does not take what is sent to it."""
         self._host = host
         self._loop = asyncio.get_running_loop()
         self._pause_end: asyncio.TimerHandle | None = None
@@ -156,7 +156,7 @@ class PeerConnection:
         self.put(encode_frame(message))
 
     def put(self, frame: bytes, descriptors: tuple[Descriptor, ...] = ()) -> None:
-        """Queue a control frame. Where many wait, the peer is not heard until it has taken most of them."""
+        """Queue a control frame. Where many wait, the peer is not read until it has taken most of them."""
         if self.stream.is_unheard:
             return
         self.stream.outbox.put(frame, descriptors)
@@ -180,7 +180,7 @@ class PeerConnection:
         for find_fault, descriptor in zip(faults, carried.descriptors, strict=False):
             if fault := find_fault(descriptor.fileno()):
                 raise RemoteProtocolError(f"{kind.__name__} with a bad descriptor: {fault}")
-        # Numbers are given lowest first, so a high one says that there are as many.
+        # The kernel gives the lowest free number, so a high one shows how many there are.
         room = resource.getrlimit(resource.RLIMIT_NOFILE)[0] - self._host.limits.connections - PLACES - _SPARE
         return carried.descriptors if all(one.fileno() < room for one in carried.descriptors) else ()
 
@@ -196,7 +196,7 @@ class PeerConnection:
         return whole is not None and whole.used > whole.limit
 
     def wrote(self) -> None:
-        """The socket has taken bytes; look whether the peer can be heard again."""
+        """The socket has taken bytes: perhaps the peer can be read again."""
         if self._choke is None:
             return
         is_drained = self.account.used <= self.account.limit // (2 * _CHOKED_PART)
@@ -207,7 +207,7 @@ class PeerConnection:
             self._host.resume(self)
 
     def pause(self, seconds: float) -> None:
-        """Don't listen to the peer for so long from now."""
+        """Don't read the peer for so long from now."""
         if self.stream.is_closed:
             return
         if self._pause_end is None:
@@ -217,7 +217,7 @@ class PeerConnection:
         self._pause_end = self._loop.call_later(seconds, self.end_pause)
 
     def end_pause(self) -> None:
-        """Listen to the peer again."""
+        """Read the peer again."""
         if self._pause_end is not None:
             self._pause_end.cancel()
             self._pause_end = None
@@ -235,7 +235,7 @@ class PeerConnection:
             self._end(reason)
 
     def leave(self, text: str) -> None:
-        """busd ends: have the peer end what it sends, and see to it that all that it has sent is heard."""
+        """busd ends: have the peer stop sending, and read all that it has sent."""
         hello = self.stream.session.peer
         self.stream.linger()
         if hello is not None and LEAVING in hello.capabilities:

@@ -1,8 +1,8 @@
 """The orderly end of the connections: what peers have sent is routed, what waits for them is sent.
 
 Owns the order and the bounds of time. Must not know what is sent. A peer that understands Leaving ends what
-it sends between two frames; from any other is taken what its socket holds. As long as one may still be heard
-all are served, because what it says may be for them.
+it sends between two frames; of any other, busd takes what its socket holds. As long as one may still send,
+all are served: what it sends may be for them.
 """
 
 import asyncio
@@ -24,8 +24,8 @@ _log = logging.getLogger("busd")
 class Drain:
     """Begins at once. `connections` are looked at until all are closed; then `on_end` is called, once.
 
-    `on_heard` is called when all that peers have sent was heard, at least once. `longest_s`: what has not
-    been taken by then is left, and the log says how much. Half of that time a peer may take to heed Leaving.
+    `on_heard` is called, at least once, when all that peers have sent was read. `longest_s`: what peers have
+    not taken by then is left, and the log says how much. A peer has half of that time to heed Leaving.
     """
 
     def __init__(
