@@ -59,9 +59,11 @@ def run(main: Coroutine[Any, Any, T]) -> T:
     # Python gives signals to the main thread alone.
     is_main = threading.current_thread() is threading.main_thread()
     is_ours = is_main and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    is_frozen = gc.get_freeze_count() > 0  # by the program, and that is to stay so
     try:
         with asyncio.Runner(loop_factory=loop_factory()) as runner:
-            gc.freeze()  # what was imported stays: no collection need look at it
+            if not is_frozen:
+                gc.freeze()  # what was imported stays: no collection need look at it
             return runner.run(until_sigterm() if is_ours else main)
     except KeyboardInterrupt:
         say_nothing_of_signals()
@@ -74,7 +76,8 @@ def run(main: Coroutine[Any, Any, T]) -> T:
     except (BrokerUnavailable, CommandLineError) as error:
         sys.exit(f"{type(error).__name__}: {error}")
     finally:
-        gc.unfreeze()  # else Python would not find files that were left open, to write what they hold
+        if not is_frozen:
+            gc.unfreeze()  # else Python would not find files that were left open, to write what they hold
 
 
 def _check(main: Any) -> None:
