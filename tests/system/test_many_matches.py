@@ -11,7 +11,7 @@ from bus.wire import messages as m
 from bus.wire.session import Carried
 from conftest import Daemon
 from semantics import until
-from stepcount import StepCounter
+from stepcount import StepCounter, counts_bytecodes
 
 MANY, FEW = 240, 40
 
@@ -36,6 +36,7 @@ def costs(monkeypatch: pytest.MonkeyPatch) -> Costs:
     return costs
 
 
+@counts_bytecodes
 @pytest.mark.parametrize("many", ["subscriptions", "publishers"])
 async def test_the_last_is_as_cheap_as_the_first(daemon: Daemon, costs: Costs, many: str, route: str) -> None:
     async with bus.Node("hub", rosout=False, arguments=[]) as node:

@@ -24,7 +24,7 @@ from busd.server.peer import PeerConnection
 from busd.server.server import Server
 from conftest import WAIT_S
 from feeding import feed, frame_record
-from stepcount import StepCounter
+from stepcount import StepCounter, counts_bytecodes
 
 KIND: dict[str, Any] = {"type_name": "test/msg/Text", "type_hash": "hash"}
 UID = os.getuid()
@@ -218,6 +218,7 @@ async def test_one_that_the_core_has_yet_to_forget(server: Server) -> None:
     listener.sock.close()
 
 
+@counts_bytecodes
 async def test_a_lone_message_costs_few_steps(server: Server) -> None:
     talker, listener = Peer(server), Peer(server)
     pair = await Pair(talker, listener).declare("/topic")
