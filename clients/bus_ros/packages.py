@@ -31,6 +31,11 @@ __all__ = [
 INDEX = Path("share", "ament_index", "resource_index", "packages")
 """Below a prefix: a file for each package."""
 
+_BUILT_IN = {
+    "tf2_ros": {"static_transform_publisher": "bus_tf2.programs.static_transform_publisher:main"},
+}
+"""Programs that come with busd, where no installed package has them: entry points, by package and name."""
+
 _NAME = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9_.-]*[A-Za-z0-9])?")
 _COLCON = (".colcon_install_layout", "local_setup.sh", "setup.sh")
 
@@ -92,17 +97,30 @@ def executables(package: str) -> list[Executable] | None:
     """The programs of a package, sorted by name; None where there is no such package.
 
     Those in `lib/PACKAGE` of the first prefix that has the package, and the console scripts of the
-    distribution with its name. Of two with one name in different folders both are given.
+    distribution with its name. Of two with one name in different folders both are given. Where there is no
+    such package, those that come with busd under its name.
     """
     prefix = find_prefix(package)
     if prefix is None:
-        return None
+        return _built_in(package)
     found = [] if prefix.is_ours and not _has_package(prefix, package) else list(_files(package, prefix))
     present = {one.name for one in found}
     metadata = _metadata_of(package)
     if metadata is not None:
         found += [one for one in _console_scripts(package, metadata) if one.name not in present]
     return sorted(found, key=lambda one: (one.name, one.path))
+
+
+def _built_in(package: str) -> list[Executable] | None:
+    targets = _BUILT_IN.get(package)
+    if targets is None:
+        return None
+    ours = Prefix(Path(sys.prefix), is_ours=True)
+    folder = ours.path / "lib" / package
+    return [
+        Executable(package, name, str(folder / name), ours, target)
+        for name, target in sorted(targets.items())
+    ]
 
 
 def manifest(package: str) -> Path | None:
@@ -138,7 +156,7 @@ def nearest(name: str) -> str | None:
     """The package or distribution whose name is most like `name`."""
     from bus.base import suggest
 
-    return suggest.nearest(name, [*names(), *(stem for stem, _ in _distributions())])
+    return suggest.nearest(name, [*names(), *_BUILT_IN, *(stem for stem, _ in _distributions())])
 
 
 def source_folder(package: str) -> Path | None:
