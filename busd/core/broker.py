@@ -7,8 +7,8 @@
     effects = broker.tick(now_ns)                      when `next_deadline_ns()` has come (the hot
                                                        path reads it as `broker.timers.earliest_ns`)
 
-Each takes what it does off `broker.meter`. Where nothing is left, it stops within a step or two: what a peer
-asked for, or what it leaves behind, goes on with `go_on`, before anything else of that peer is handled; what
+Each takes the work it does off `broker.meter`. Where nothing is left, it stops within a step or two: what a
+peer asked for, or left behind, goes on with `go_on`, before any other message of that peer is handled; what
 is due stays due. With an unlimited meter all is done at once.
 
 A peer's mistake becomes a Refused (the request is not carried out) or a Fault and a Disconnect (the peer
@@ -50,13 +50,13 @@ from busd.core.timers import NEVER_NS, Timers
 from busd.core.work import FRAME, LOOKS_PER_UNIT, QUEUES_PER_UNIT, Meter, Work
 
 _LONGEST_NAME = 64
-"""Characters that are kept of what a process calls itself, for the log and for who asks."""
+"""Characters kept of what a process calls itself, for the log and for GetPeers."""
 
 
 class Broker:
-    """`uid` is the daemon's user, who may stop it; `pid` is told to those who ask for the graph.
+    """`uid` is the daemon's user, who may stop it; `pid` goes with each answer about the graph.
 
-    `lives` says of a pid whether there is still a process.
+    `lives` says whether a pid still has a process.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class Broker:
         self.routing_times = RoutingTimes()
         self.meter = Meter()
         self.unfinished: dict[PeerId, _Task] = {}
-        """What is to be gone on with for a peer, or for one that has gone. Opaque to the shell."""
+        """Work to go on with, by peer, present or gone. Opaque to the shell."""
         self._withheld: dict[PeerId, list[Effect]] = {}
         self.is_overfull = False
         self._uid = uid
@@ -145,10 +145,10 @@ class Broker:
     def reconfigure(
         self, now_ns: int, limits: Limits, rules: tuple[TopicRule, ...], access: Access
     ) -> list[Effect]:
-        """Go by these from now on.
+        """Apply these from now on.
 
-        What is over a limit stays, but for the samples and the history that are too many bytes. Topic rules
-        and limits of single messages hold for endpoints that come, a lease for processes that come.
+        What is over a limit stays, except samples and history that are too many bytes. Topic rules and limits
+        of single messages hold for endpoints made from now on, a lease for processes that come from now on.
         """
         self.limits = limits
         self._quotas.reconfigure(limits)
@@ -198,7 +198,8 @@ class Broker:
         return "" if access.may_connect(who) else access.why_turned_away(who)
 
     def turn_away(self, now_ns: int, uid: int, *, connections: int, of_user: int) -> tuple[str, bool]:
-        """Why there is no room for one more process of a user, and whether it was told before."""
+        """Why there is no room for one more process of a user ("": there is), and whether the log has said
+        so."""
         return self._quotas.turn_away(now_ns, uid, connections=connections, of_user=of_user)
 
     def arrive(self, now_ns: int, uid: int, said_ns: int) -> int:
@@ -210,12 +211,13 @@ class Broker:
         return self._quotas.come_to_nothing(now_ns, uid, for_want_of_room=for_want_of_room)
 
     def accounts(self, peer_id: PeerId) -> tuple[Account, Account]:
-        """What is to be charged for a peer: control frames that wait for it, messages that are not whole."""
+        """The accounts that the shell charges for a peer: control frames that wait, messages that are not
+        whole."""
         peer = self._peers[peer_id]
         return peer.control, peer.user.unfinished
 
     def detach(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
-        """The connection is gone: so is all that the peer had."""
+        """The connection is gone: remove all that the peer had."""
         peer = self._peers.get(peer_id)
         if peer is not None:
             self._forget(now_ns, peer)
@@ -285,7 +287,7 @@ class Broker:
         return out
 
     def passage(self, now_ns: int, peer_id: PeerId, endpoint: int) -> tuple[Publisher, Subscription] | None:
-        """A publisher of the peer's, and the one that its next run is for, with nothing else to be done.
+        """A publisher of the peer's and the only taker of its next run, where that is all there is to do.
 
         None: the run must be given to `route`.
         """
@@ -316,13 +318,13 @@ class Broker:
         return self._take_effects()
 
     def hear(self, now_ns: int, peer_id: PeerId) -> list[Effect]:
-        """The peer lives: it takes what it is sent, though the shell reads nothing from it now."""
+        """The peer lives: it takes what it is sent, although the shell does not read it now."""
         if peer := self._peers.get(peer_id):
             self._leases.hear_peer(now_ns, peer)
         return self._take_effects()
 
     def farewell(self, now_ns: int) -> list[Effect]:
-        """The daemon ends: tell each subscription what was dropped for it and not said yet."""
+        """The daemon ends: report to each subscription the drops that are not reported yet."""
         self._absentees.farewell(now_ns)
         for peer in self._peers.values():
             for subscription in peer.subscriptions():
@@ -358,7 +360,7 @@ class Broker:
         return out
 
     def _do(self, now_ns: int, task: "_Task") -> None:
-        """Do as much of it as the meter lets us; the rest is for `go_on`."""
+        """Do as much of the work as the meter allows; the rest is for `go_on`."""
         peer, work, meter = task.peer, task.work, self.meter
         try:
             while True:
@@ -379,7 +381,7 @@ class Broker:
         peer.withheld = 0
 
     def _withhold(self) -> None:
-        """Keep back what is not to be told yet: of an endpoint, before all others know of it."""
+        """Keep back what a peer must not get yet: news of an endpoint before all others know of it."""
         self._out[:] = [effect for effect in self._out if not self._is_withheld(effect)]
 
     def _is_withheld(self, effect: Effect) -> bool:
@@ -392,7 +394,7 @@ class Broker:
         return True
 
     def _turn_down(self, now_ns: int, peer: Peer, message: Any, error: BusError) -> None:
-        """It was not done; a peer that broke the protocol is cut off."""
+        """The message failed with `error`; a peer that broke the protocol is cut off."""
         match error:
             case QuotaExceeded():
                 self._quotas.refused(now_ns, peer, error, self._out)
@@ -408,7 +410,7 @@ class Broker:
                 raise error
 
     def _refuse(self, peer: Peer, message: Any, text: str, **reason: Any) -> None:
-        """Answer that it was not done. Of a message that asks nothing (DeclareType) the log has heard."""
+        """Answer that it was not done. For a message without an answer (DeclareType) the log has said so."""
         request = getattr(message, "request", None)
         if request is not None:
             self._emit(Send(peer.id, m.Refused(request=request, text=text, **reason)))
@@ -428,7 +430,8 @@ class Broker:
         self._do(now_ns, _Task(peer, self._depart(peer, task)))
 
     def _depart(self, peer: Peer, task: "_Task | None") -> Work:
-        """Take all that `peer` had out of the graph. A run that it sent is finished first, no request is."""
+        """Take all that `peer` had out of the graph. A run of its is routed to the end first; requests are
+        dropped."""
         if task is not None and task.message is None:
             yield from task.work
         for node in tuple(peer.nodes.values()):
@@ -468,7 +471,7 @@ class Broker:
         self._registry.own_endpoint(peer, message.endpoint).report = message
 
     def _renew_access(self, now_ns: int, access: Access) -> None:
-        """New access rules: a peer that has what they deny is cut off, and refused it if it comes back."""
+        """New access rules: cut off each peer that has what they deny; back again, it is refused that."""
         self._access_guard.renew(access)
         for peer in tuple(self._peers.values()):
             if access.is_free(peer.uid):
@@ -505,7 +508,7 @@ class _Task(msgspec.Struct):
 
 
 def _concerns(effect: Send | Flush, number: int) -> bool:
-    """Whether it tells a peer of its endpoint `number`, or of changes of the graph (GRAPH)."""
+    """Whether `effect` brings a peer news of its endpoint `number`, or of the graph (GRAPH)."""
     if isinstance(effect, Flush):
         return effect.queue.endpoint == number
     message = effect.message
@@ -517,5 +520,5 @@ def _concerns(effect: Send | Flush, number: int) -> bool:
 
 
 def _printable(name: str) -> str:
-    """What a process says of itself, as it may stand on somebody else's terminal."""
+    """What a process calls itself, made safe for other users' terminals."""
     return "".join(c if c.isprintable() else "?" for c in name[:_LONGEST_NAME])

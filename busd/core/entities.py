@@ -1,7 +1,7 @@
 """What the broker knows of: peers, nodes, publishers, subscriptions, topics, matches.
 
-Plain state. The only rule is that a match goes by its table (`busd.core.match`), and takes with it what else
-hangs on its state.
+Plain state. The only rule: a match changes by its table (`busd.core.match`), and with it the tables of its
+ends that follow from its state.
 """
 
 from dataclasses import dataclass, field
@@ -28,7 +28,7 @@ _MOST_GONE = 128
 all its matches are made."""
 
 GRAPH = -1
-"""Stands where an endpoint's number may, for the graph."""
+"""In place of an endpoint's number: the graph."""
 
 SOCKET, SHM = "socket", "shm"
 """The routes of a match."""
@@ -53,11 +53,11 @@ class Holder:
     matches: int = 0
     schema_bytes: int = 0
     descriptors: "WeakSet[Any]" = field(default_factory=WeakSet)
-    """Those that it sent and that are held still, by whatever; opaque here."""
+    """Descriptors that it sent and that anything still holds; opaque here."""
     refused: int = 0
-    """How often a limit stood in its way."""
+    """How often a limit has refused it something."""
     hit_ns: dict[str, int] = field(default_factory=dict)
-    """When a limit last stood in its way, by resource."""
+    """When a limit last refused it something, by resource."""
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -70,9 +70,9 @@ class User(Holder):
     unfinished: Account
     """Bytes of messages that have not come whole; the shell charges them."""
     arrivals: TokenBucket
-    """Processes that may come now, before they have to wait to be let in."""
+    """Processes that may come in now; more must wait."""
     mishaps: TokenBucket
-    """Connections that came to nothing of which the log may still tell now."""
+    """Connections that came to nothing and may be logged now; more are only counted."""
     unlogged: int = 0
     """Connections that came to nothing and were not logged."""
     absent: int = 0
@@ -89,19 +89,19 @@ class Peer(Holder):
     program: str
     last_heard_ns: int
     lease_ns: int = 0
-    """After so long without a sign of life it counts as hung; told to it when it connected."""
+    """After so long without a sign of life it counts as hung; Hello said so."""
     version: str = ""
     """The release of busd that the process has."""
     questions: TokenBucket
-    """Those for the graph that are answered now, before it has to wait."""
+    """Questions about the graph that are answered now; more must wait."""
     paused_ns: int = 0
-    """Until when it is not listened to."""
+    """Until when the shell does not read it."""
     gids: frozenset[int] | None = frozenset()
-    """All groups of the process; None where they can't be told."""
+    """All groups of the process, or None where they are not known."""
     is_guest: bool = False
-    """Of another user than the daemon's own and root."""
+    """Whether its user is another than the daemon's own and root."""
     hears_of_namesakes: bool = False
-    """It understands the message Namesake."""
+    """Whether it understands the message Namesake."""
     nodes: dict[NodeId, "Node"] = field(default_factory=dict)
     endpoints: "dict[EndpointId, Publisher | Subscription]" = field(default_factory=dict)
     types: dict[MessageType, int] = field(default_factory=dict)
@@ -109,20 +109,20 @@ class Peer(Holder):
     lapsed: "set[Publisher]" = field(default_factory=set)
     """Publishers with automatic liveliness whose lease ended."""
     is_silent: bool = False
-    """It was not heard for its lease: nobody waits for it (busd.core.silence)."""
+    """Whether it was not heard for its lease: then nothing waits for it (busd.core.silence)."""
     hears_of_silence: bool = False
-    """It understands Silence."""
+    """Whether it understands the message Silence."""
     perishable: "set[Subscription]" = field(default_factory=set)
-    """Subscriptions that samples with a lifespan may wait for."""
+    """Its subscriptions whose queues may hold samples with a lifespan."""
     doorbell: object | None = None
     readers: object | None = None
     """What the process shares, for the route shm: descriptors, opaque here. Both, or none."""
     has_sent_share: bool = False
-    """It has sent Share; a second one is a fault."""
+    """Whether it has sent Share; a second one is a fault."""
     withheld: int = 0
-    """The endpoint that is being made for it, or GRAPH: news of it wait until that is done. 0: nothing."""
+    """The endpoint that is being made for it, or GRAPH: news of that wait until it is done. 0: nothing."""
     subject: Subject = field(init=False)
-    """The process, as rules of access look at it."""
+    """The process as rules of access see it."""
 
     def __post_init__(self) -> None:
         self.subject = Subject(self.uid, self.gids)
@@ -146,7 +146,7 @@ class Node:
     endpoints: "dict[EndpointId, Publisher | Subscription]" = field(default_factory=dict)
     full_name: str = field(init=False)
     knows_namesake: bool = False
-    """Its process was told that another node has the same name."""
+    """Whether its process knows that another node has the same name."""
 
     def __post_init__(self) -> None:
         self.full_name = f"{self.namespace.rstrip('/')}/{self.name}"
@@ -166,7 +166,7 @@ class Topic:
 
 @dataclass(slots=True, eq=False)
 class Endpoint:
-    """What publishers and subscriptions have in common. `report` is the process's own last word."""
+    """What publishers and subscriptions have in common. `report` is the process's last Report."""
 
     id: EndpointId
     node: Node
@@ -204,8 +204,8 @@ class Endpoint:
 class Publisher(Endpoint):
     """`routed`, `ahead` and `awaited` follow from the states of `matches`; only Match changes them.
 
-    `routed` are the subscriptions of those that are ROUTED, as the hot path needs them; `ahead` are those
-    that are AHEAD; for the acknowledgements of those in `awaited` a lossless publisher waits.
+    `routed` are the subscriptions of matches that are ROUTED, as the hot path needs them; `ahead` the matches
+    that are AHEAD; a lossless publisher waits for the acknowledgements of those in `awaited`.
     """
 
     next_seq: int
@@ -218,7 +218,7 @@ class Publisher(Endpoint):
     bytes: int = 0
     is_alive: bool = True
     has_left: bool = False
-    """It took its leave, and will not come back."""
+    """Whether it was closed in order, and will not come back."""
     matches: "dict[EndpointId, Match]" = field(default_factory=dict)
     routed: "dict[EndpointId, Subscription]" = field(default_factory=dict)
     ahead: "dict[EndpointId, Match]" = field(default_factory=dict)
@@ -226,17 +226,18 @@ class Publisher(Endpoint):
     ring: object | None = None
     """A descriptor, opaque here; None where all goes by socket."""
     has_shared: bool = False
-    """A match is, or was, on the route shm: subscriptions may have taken what did not come through here."""
+    """Whether a match is, or was, on the route shm: subscriptions may have samples that did not come through
+    here."""
     credited: int = 0
     is_credit_ahead: bool = False
-    """All have taken more than came through here: credit for it is given when it comes."""
+    """Whether all have taken more than came through here: credit for it is given when it comes."""
     uncredited_bytes: int = 0
 
     kind = "publisher"
 
     @property
     def does_more(self) -> bool:
-        """With a run there is more to do than to queue it for those that it is `routed` to."""
+        """Whether a run takes more than queueing it for `routed`."""
         return bool(
             self.history is not None
             or self.lease_ns
@@ -246,7 +247,7 @@ class Publisher(Endpoint):
         )
 
     def conclude(self) -> int:
-        """It takes its leave. Returns how many samples went only into its ring since its last run."""
+        """It is closed in order. Returns how many samples went only into its ring since its last run."""
         gap = self.report.samples + 1 - self.next_seq if self.ring is not None and self.report else 0
         self.next_seq += max(0, gap)
         return max(0, gap)
@@ -265,25 +266,25 @@ class Publisher(Endpoint):
         )
 
 
-class Owed(msgspec.Struct, gc=False):  # there is one for each match: the collector need not look at them
+class Owed(msgspec.Struct, gc=False):  # one for each match: the garbage collector ignores them
     """From which number on a publisher's samples are for a subscription.
 
-    0: it reads the publisher's ring, and knows that itself.
+    0: it reads the publisher's ring, which tells.
     """
 
     first_seq: int
     is_kept: bool
-    """Samples that it misses may come again, out of the publisher's history."""
+    """Whether samples that it misses may come again, out of the publisher's history."""
     has_left: bool = False
-    """The publisher took its leave."""
+    """Whether the publisher was closed in order."""
 
 
 @dataclass(slots=True, eq=False)
 class Subscription(Endpoint):
     """`queue` holds what waits for the process; `dropped` counts what the broker dropped, by reason.
 
-    By gid, because publishers may come back, are `last_seqs`, up to which number it has had all, and `owed`:
-    for publishers that have gone, and for those of which something was for it before its match began.
+    Both by gid, because publishers may come back: `last_seqs`, the number up to which it has had all; `owed`,
+    for publishers that have gone, and for those that had samples for it before its match began.
     """
 
     queue: RunQueue
@@ -292,12 +293,12 @@ class Subscription(Endpoint):
     dropped: dict[str, int] = field(default_factory=dict)
     owed: dict[bytes, Owed] = field(default_factory=dict)
     dropped_before: dict[str, int] = field(default_factory=dict)
-    """The same as `dropped`, before its process was lost and came back."""
+    """As `dropped`, from before its process was lost and came back."""
     expected_besides: int = 0
-    """Samples of matches that have ended, and those that were sent to this subscription alone."""
+    """Samples expected of matches that have ended, and of those sent to this subscription alone."""
     is_drop_report_due: bool = False
     flush: Flush = field(init=False)
-    """The effect that says that the queue is no longer empty; made once, because each run needs it."""
+    """The effect for a queue that is no longer empty; made once, because each run needs it."""
 
     kind = "subscription"
 
@@ -306,7 +307,7 @@ class Subscription(Endpoint):
         self.flush = Flush(self.node.peer.id, self.queue)
 
     def owe(self, publisher: Publisher, first_seq: int) -> None:
-        """All from `first_seq` on is for it."""
+        """All samples from `first_seq` on are for it."""
         owed = self.owed.get(publisher.gid)
         if owed is None:
             is_wanted = keeps_history(self.qos) or (self.is_lossless and publisher.is_lossless)
@@ -316,26 +317,26 @@ class Subscription(Endpoint):
             owed.first_seq = min(owed.first_seq or first_seq, first_seq)
 
     def remember(self, publisher: Publisher, last_seq: int) -> None:
-        """All up to `last_seq` was had or routed; should the publisher send it again, it is known."""
+        """All up to `last_seq` was had or routed: if the publisher sends it again, it is not routed again."""
         self.last_seqs[publisher.gid] = max(last_seq, self.last_seqs.pop(publisher.gid, 0))
         self.forget_oldest()
 
     def forget_oldest(self) -> None:
-        """Of publishers that may come back, so many are remembered."""
+        """How many publishers are remembered that may come back."""
         while len(self.last_seqs) > _MOST_GONE:
             oldest = next(iter(self.last_seqs))
             del self.last_seqs[oldest]
             self.owed.pop(oldest, None)
 
     def dropped_in_all(self) -> dict[str, int]:
-        """What the broker dropped for it, also before it came back."""
+        """What the broker dropped for it, from before it came back, too."""
         both = self.dropped_before, self.dropped
         total = {reason: sum(one.get(reason, 0) for one in both) for reason in both[0] | both[1]}
-        return {reason: min(count, MAX_COUNT) for reason, count in total.items()}  # a publisher may lie
+        return {reason: min(count, MAX_COUNT) for reason, count in total.items()}  # numbers may lie
 
     @property
     def expected(self) -> int:
-        """Samples that were to be routed to it, by the publishers' numbers; whatever became of them."""
+        """How many samples were for it, by the publishers' numbers, whatever became of them."""
         routed = sum(match.routed_count for match in self.matches.values())
         return min(self.expected_besides + routed, MAX_COUNT)
 
@@ -366,9 +367,10 @@ class Match:
     began_seq: int = 0
     """ROUTED, AHEAD: the number of the first sample that counts as routed for it."""
     is_return: bool = False
-    """ROUTED: the subscription was there before, so that it has lost what went to others meanwhile."""
+    """ROUTED: whether the subscription was there before, so that what went to others meanwhile is lost for
+    it."""
     acked_seq: int | None = None
-    """Of a lossless match: the last number that was taken. None: the publisher does not wait for it."""
+    """Of a lossless match: the last number taken, or None where the publisher does not wait for it."""
 
     @property
     def is_shared(self) -> bool:
@@ -403,13 +405,13 @@ class Match:
             self.excuse()
 
     def share(self) -> None:
-        """What the subscription gets, it finds in the ring."""
+        """From now on the subscription gets its samples from the ring."""
         self.on(MatchEvent.SHARE)
         self.publisher.has_shared = True
         self.subscription.owed.pop(self.publisher.gid, None)
 
     def begin_routing(self) -> None:
-        """From now on the subscription gets what all get, but for what was routed for it before."""
+        """From now on the subscription gets what all get, except what it has had already."""
         publisher = self.publisher
         received_seq = self.subscription.last_seqs.get(publisher.gid)
         is_ahead = received_seq is not None and received_seq >= publisher.next_seq
@@ -418,7 +420,7 @@ class Match:
         self.on(MatchEvent.ROUTE_AHEAD if is_ahead else MatchEvent.ROUTE)
 
     def end(self) -> int:
-        """End it. Returns the number up to which the subscription has had all, or all was routed to it."""
+        """End it. Returns the last number that the subscription has had or that was routed to it."""
         publisher, subscription = self.publisher, self.subscription
         before = self.state
         self.on(MatchEvent.END)
@@ -428,19 +430,19 @@ class Match:
             subscription.owe(publisher, self.began_seq)
             subscription.owed[publisher.gid].has_left = publisher.has_left
         last_seq = subscription.last_seqs.get(publisher.gid, 0)
-        if before in SHARED and publisher.has_left:  # with what it has said is in its ring
+        if before in SHARED and publisher.has_left:  # its last report has counted its ring
             subscription.remember(publisher, publisher.next_seq - 1)
             subscription.owed[publisher.gid] = Owed(0, is_kept=False, has_left=True)
         return last_seq
 
     @property
     def routed_count(self) -> int:
-        """Samples that were routed for it, as one of all."""
+        """How many samples were routed to it as to all."""
         return self.publisher.next_seq - self.began_seq if self.state is MatchState.ROUTED else 0
 
     @property
     def owed(self) -> Owed | None:
-        """What of the publisher is for the subscription, if anything."""
+        """Which samples of the publisher are for the subscription, or None."""
         if self.is_shared:
             return Owed(0, is_kept=False)
         if self.state not in (MatchState.ROUTED, MatchState.AHEAD):
@@ -449,15 +451,16 @@ class Match:
         return self.subscription.owed[self.publisher.gid]
 
     def await_acks(self) -> None:
-        """From now on the publisher waits for what the subscription has taken by socket."""
+        """From now on the publisher waits until the subscription has taken what went by socket."""
         publisher = self.publisher
         self.acked_seq = max(self.began_seq, publisher.next_seq) - 1
         publisher.awaited[self.subscription.id] = self
-        # Of what it has taken already, and the publisher is yet to send here, nothing will be acknowledged.
+        # It has taken samples already that the publisher is yet to send here: no acknowledgement will come
+        # for them.
         publisher.is_credit_ahead |= self.began_seq > publisher.next_seq
 
     def excuse(self) -> bool:
-        """The publisher waits for it no more; returns whether it did."""
+        """Have the publisher wait for it no more; returns whether it did."""
         self.acked_seq = None
         return self.publisher.awaited.pop(self.subscription.id, None) is not None
 

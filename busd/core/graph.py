@@ -23,7 +23,7 @@ class Graph:
         self.subscriptions: dict[EndpointId, Subscription] = {}
         self.topics: dict[str, Topic] = {}
         self.types: dict[MessageType, bytes] = {}
-        self.guest_types: dict[MessageType, bytes] = {}  # of users who might be lying
+        self.guest_types: dict[MessageType, bytes] = {}  # by guests, who might lie
         self.revision = 0
         self._matches = 0
         self._left_samples = self._left_bytes = 0  # of publishers that are gone
@@ -77,7 +77,7 @@ class Graph:
         self._endpoints_added.append(endpoint.record())
 
     def withdraw(self, endpoint: Publisher | Subscription) -> None:
-        """Nothing new matches the endpoint any more; what has been done already is not done again."""
+        """From now on nothing new matches the endpoint. May be called again."""
         topic = endpoint.topic
         if isinstance(endpoint, Publisher):
             topic.publishers.pop(endpoint.id, None)
@@ -124,7 +124,7 @@ class Graph:
         self._matches_added.append(_match_record(match))
 
     def remove_match(self, match: Match) -> int:
-        """Returns up to which number the subscription has had all, or that was routed for it."""
+        """Returns the last number that the subscription has had or that was routed to it."""
         record = _match_record(match)
         last_seq = match.end()
         self._matches_removed.append(record)
@@ -134,7 +134,7 @@ class Graph:
         return last_seq
 
     def add_type(self, peer: Peer, kind: MessageType, schema: bytes, *, is_free: bool) -> None:
-        """`peer` has declared a type. What the first of them said stays, as long as anybody has the type."""
+        """`peer` has declared a type. The first description stays as long as any peer has the type."""
         held = (self.types if is_free else self.guest_types).setdefault(kind, schema)
         peer.types[kind] = len(held)
         self._declarers[kind] += 1
@@ -155,7 +155,7 @@ class Graph:
             yield TELL
 
     def schema(self, kind: MessageType) -> bytes | None:
-        """How a type was described: the word of a guest counts where there is no other."""
+        """The description of a type: a guest's counts only where there is no other."""
         return self.types.get(kind) or self.guest_types.get(kind)
 
     def routed(self) -> tuple[int, int]:
@@ -199,7 +199,7 @@ class Graph:
         return change
 
     def skip_revision(self) -> int:
-        """A revision in which nothing changes but what somebody may see; returns it."""
+        """Begin a revision in which only what observers may see changes; returns it."""
         self.revision += 1
         return self.revision
 

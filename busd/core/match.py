@@ -1,7 +1,7 @@
 """What a match goes through: its states, what may happen in each of them, and which state follows.
 
-Owns the table and nothing else. The matches themselves, and the tables of their ends that go with the states,
-are in `busd.core.entities`.
+Owns the table and nothing else. The matches themselves, and the tables of their ends that follow from their
+states, are in `busd.core.entities`.
 """
 
 from collections.abc import Mapping
@@ -18,15 +18,15 @@ class MatchState(Enum):
     NEW = "new"
     """Its route is not chosen yet."""
     OFFERED = "offered"
-    """On the route shm: the subscription was told of the ring."""
+    """On the route shm: busd has sent the subscription the ring (Matched)."""
     ATTACHED = "attached"
     """On the route shm: the subscription reads the ring."""
     LEAVING = "leaving"
-    """On the route socket: the subscription is yet to say how far it has read the ring."""
+    """On the route socket: the subscription has yet to say how far it has read the ring (LeaveRing)."""
     CATCHING_UP = "catching up"
-    """The publisher sends to the subscription alone what it has missed; what goes to all is not for it."""
+    """The publisher sends to it alone what it has missed; samples for all are not for it yet."""
     AHEAD = "ahead"
-    """The subscription has had samples that the publisher is yet to send again: it gets the later ones."""
+    """The subscription has had samples that the publisher is yet to send again: it gets only later ones."""
     ROUTED = "routed"
     """The subscription gets what all get."""
     ENDED = "ended"

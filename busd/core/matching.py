@@ -1,4 +1,4 @@
-"""Which publisher and subscription form a match, by which route, and what both are told.
+"""Which publisher and subscription form a match, by which route, and the messages to both.
 
 A match on the route socket starts with the replay of a transient local publisher's history, before anything
 new. One on the route shm finds it in the ring.
@@ -83,7 +83,7 @@ def make_match(
 def can_share(publisher: Publisher, subscription: Subscription) -> bool:
     """Whether the match goes by shared memory: both processes can, and belong to one user.
 
-    An older program is not to wait for ever for a process that is silent; by socket busd sees to that.
+    An older program would wait for a silent process for ever; by socket busd prevents that.
     """
     talker, listener = publisher.node.peer, subscription.node.peer
     return (
@@ -98,9 +98,10 @@ def can_share(publisher: Publisher, subscription: Subscription) -> bool:
 def reroute(now_ns: int, graph: Graph, match: Match, out: list[Effect]) -> None:
     """Put a match on the route socket that was on the route shm, and tell the subscription.
 
-    When that has left the ring (LeaveRing), the publisher is told. It sends to the subscription alone what
-    that has not had, of its history and of what was published since the match began; when that is said to be
-    done (CaughtUp), the subscription gets what all get. So each sample goes one way, and is counted once.
+    When the subscription has left the ring (LeaveRing), busd tells the publisher, which sends to it alone
+    what it has not had: of the history, and of what was published since the match began. When the publisher
+    says that this is done (CaughtUp), the subscription gets what all get. So each sample goes one way, and is
+    counted once.
     """
     publisher, subscription = match.publisher, match.subscription
     graph.reroute(match)
@@ -110,9 +111,9 @@ def reroute(now_ns: int, graph: Graph, match: Match, out: list[Effect]) -> None:
 
 
 def end_match(graph: Graph, match: Match, out: list[Effect], *, is_lost: bool = False) -> None:
-    """Unmake the match and tell both; samples in the queue stay to be delivered.
+    """End the match and tell both; samples in the queue are still delivered.
 
-    `is_lost`: the subscription's process did not take its leave.
+    `is_lost`: the subscription's process ended without a goodbye.
     """
     publisher, subscription = match.publisher, match.subscription
     was_awaited = match.acked_seq is not None
@@ -126,7 +127,7 @@ def end_match(graph: Graph, match: Match, out: list[Effect], *, is_lost: bool = 
 
 
 def give_credit(publisher: Publisher, emit: Callable[[Effect], None]) -> None:
-    """Tell a keep-all publisher what all that must take have taken, where that has grown."""
+    """Tell a keep-all publisher up to where all that must acknowledge have, where that has grown."""
     last_seq = publisher.next_seq - 1
     seq: int = min(map(_ACKED_SEQ, publisher.awaited.values()), default=last_seq)
     publisher.is_credit_ahead = seq > last_seq
@@ -151,7 +152,7 @@ def tell_of_silence(match: Match, silent_ns: int, emit: Callable[[Effect], None]
 
 
 def release(match: Match, seq: int, emit: Callable[[Effect], None]) -> None:
-    """Nobody waits for an acknowledgement of what is up to `seq`."""
+    """Count all up to `seq` as acknowledged."""
     if match.acked_seq is not None and seq > match.acked_seq:
         match.acked_seq = seq
         give_credit(match.publisher, emit)
@@ -176,7 +177,7 @@ def _refuse(
 
 
 def _begin_routing(now_ns: int, match: Match, last_seq: int | None, out: list[Effect]) -> None:
-    """From now on runs are queued for the match; first comes the history after `last_seq` (None: nothing)."""
+    """From now on queue runs for the match; first the history after `last_seq` (None: none of it)."""
     publisher, subscription = match.publisher, match.subscription
     if match.is_lossless and not subscription.node.peer.is_silent:
         match.await_acks()
@@ -188,7 +189,7 @@ def _begin_routing(now_ns: int, match: Match, last_seq: int | None, out: list[Ef
 
 
 def _replayed_from(match: Match) -> int | None:
-    """The number after which a new match gets the publisher's history; None: it gets nothing of it."""
+    """The number after which a new match gets the publisher's history, or None if it gets none."""
     subscription = match.subscription
     received_seq = subscription.last_seqs.get(match.publisher.gid)
     if keeps_history(subscription.qos):

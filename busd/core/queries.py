@@ -1,7 +1,8 @@
-"""Questions and their answers: the graph, types, what busd holds for whom; and who watches the graph change.
+"""Questions and their answers: the graph, types, what each process makes busd hold; and the observers of the
+graph.
 
 Handlers of the broker's control messages, as in `busd.core.registry`. Owns the observers. Changes nothing
-that anybody could see.
+that a peer could see.
 """
 
 from functools import partial
@@ -26,7 +27,7 @@ from busd.core.work import LOOKS_PER_UNIT, RECORD, TELL, Meter, Work
 class Queries:
     """Carries out GetGraph, GetType, GetPeers and Observe.
 
-    `pid` goes with a graph. What all users hold is for those whom no rule of access is asked for.
+    `pid` goes with a graph. Only peers that no access rule applies to see what other users hold.
     """
 
     def __init__(
@@ -48,9 +49,9 @@ class Queries:
         self._absentees = absentees
         self._pid = pid
         self._observers: dict[PeerId, GraphView | None] = {}
-        """What each sees; None: everything."""
+        """What each observer sees; None: everything."""
         self._filling: dict[PeerId, GraphView] = {}
-        """Views of those that will observe when all that there is was looked at."""
+        """Views that are being filled; then their peers observe."""
 
     def get_graph(self, now_ns: int, peer: Peer, message: m.GetGraph, out: list[Effect]) -> Work:
         view = self._view(peer)
@@ -112,12 +113,12 @@ class Queries:
         out.append(Send(peer.id, answer))
 
     def forget(self, peer: Peer) -> None:
-        """Tell `peer` no more of what changes."""
+        """Send `peer` no more changes."""
         self._observers.pop(peer.id, None)
         self._filling.pop(peer.id, None)
 
     def tell(self, change: m.GraphChanged, out: list[Effect]) -> int:
-        """Tell all observers what has changed, as far as they see it; returns the work that this was."""
+        """Send each observer what it sees of the change; returns the work that this was."""
         for partial_view in self._filling.values():
             partial_view.changed(change)
         for peer, view in self._observers.items():
@@ -125,7 +126,7 @@ class Queries:
         return TELL * (len(self._observers) + len(self._filling))
 
     def renew(self, out: list[Effect]) -> None:
-        """Other rules of access hold: tell those who see more or less by them what that is."""
+        """Other rules of access hold: send each observer what it sees more or less by them."""
         if any(view is not None for view in self._observers.values()):
             revision = self._graph.skip_revision()
             for peer, view in self._observers.items():

@@ -1,9 +1,9 @@
-"""Nodes, endpoints and types come and go: who may make what, under which limits and rules.
+"""Nodes, endpoints and types come and go: what a peer may make, under which limits and rules.
 
 Handlers of the broker's control messages. A request that can't be carried out raises ConfigurationError,
 QuotaExceeded or AccessDenied (the broker answers Refused); an id that is not the peer's own raises
-RemoteProtocolError. What may take long is Work, to be done in pieces; while an endpoint is being made, its
-process is told nothing of it (`Peer.withheld`): others first.
+RemoteProtocolError. What may take long is Work, done in pieces. While an endpoint is being made, its process
+gets no news of it (`Peer.withheld`): others know of it first.
 """
 
 import logging
@@ -46,7 +46,8 @@ _GID_BYTES = 16
 _MAX_TYPE_NAME = 255
 _DROPPED_AT_ONCE = 256
 _OF_EVERY_NODE = frozenset({"/rosout", "/parameter_events"})
-"""Like parameter services, their depth is no program's choice: a lower limit caps it, and doesn't refuse."""
+"""No program chooses their depth, as that of parameter services: a lower limit caps it instead of
+refusing."""
 
 
 class Registry:
@@ -81,7 +82,7 @@ class Registry:
                 raise RemoteProtocolError(
                     f"type name or hash of {len(text)} characters, the limit is {_MAX_TYPE_NAME}"
                 )
-            if not text.isprintable():  # it is shown on terminals, and stands in logs
+            if not text.isprintable():  # it is shown on terminals and in logs
                 raise RemoteProtocolError(f"type name or hash {text!r}, which can't be printed")
         kind = (message.type_name, message.type_hash)
         if kind in peer.types:
@@ -108,7 +109,7 @@ class Registry:
         return self.remove_node(self._own_node(peer, message.node), out)
 
     def remove_node(self, node: Node, out: list[Effect], *, is_lost: bool = False) -> Work:
-        """Take `node` with its endpoints out of the graph. `is_lost`: its process did not say so."""
+        """Take `node` with its endpoints out of the graph. `is_lost`: its process ended without a goodbye."""
         endpoints = deque(node.endpoints.values())
         while endpoints:  # one by one: to free thousands at once takes milliseconds
             yield from self._remove_endpoint(endpoints.popleft(), out, is_lost=is_lost)
@@ -299,7 +300,7 @@ class Registry:
 
 
 def _introduce(node: Node, other: Node, out: list[Effect]) -> None:
-    """Tell the process of `node`, once, that `other` has the same name; as far as it may see that."""
+    """Tell the process of `node`, once and if it may see that, that `other` has the same name."""
     mine, its = node.peer, other.peer
     # The same process by another connection may be one that comes back, before the old one was seen to end.
     is_back = mine is not its and mine.pid == its.pid
@@ -310,7 +311,7 @@ def _introduce(node: Node, other: Node, out: list[Effect]) -> None:
 
 
 def _within(most: int, topic: str, qos: QoSProfile) -> QoSProfile:
-    """`qos` within depth `most`. ConfigurationError where it is deeper, and a program chose that."""
+    """`qos` within depth `most`. ConfigurationError where a program chose a larger depth."""
     if qos.history is not History.KEEP_LAST or qos.depth <= most:
         return qos
     if topic in _OF_EVERY_NODE or names.service_of_topic(topic) is not None:
@@ -323,6 +324,6 @@ def _depth(qos: QoSProfile) -> int:
 
 
 def _empty(queue: RunQueue) -> Work:
-    """Of an endpoint that is no more. There may be a million runs of one sample."""
+    """Drop the queue of an endpoint that is gone. It may have a million runs of one sample."""
     while queue.drop(_DROPPED_AT_ONCE):
         yield _DROPPED_AT_ONCE // RUNS_PER_UNIT

@@ -45,17 +45,17 @@ class Router:
 
     @property
     def is_overfull(self) -> bool:
-        """`trim` is to be called."""
+        """Whether `trim` is to be called."""
         return bool(self._overfull)
 
     def reconfigure(self, *, window_bytes: int, window_samples: int) -> None:
-        """Give credit by other windows."""
-        # Publishers that are there keep their window, so that they must not hear less often than it needs.
+        """Give credit by other windows from now on."""
+        # Publishers that are there keep their window: credit must come as often as that needs.
         self._credit_bytes = min(self._credit_bytes, window_bytes // 8)
         self._credit_samples = min(self._credit_samples, window_samples // 8)
 
     def route(self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect]) -> Work | None:
-        """Queue `run` for every matched subscription. Where these are many, returns the work that this is.
+        """Queue `run` for every matched subscription; where they are many, returns Work that does it.
 
         Raises RemoteProtocolError where the publisher's numbers go back, or a run claims too many samples.
         """
@@ -118,9 +118,9 @@ class Router:
         return work
 
     def passed_on(self, publisher: Publisher, first_seq: int, count: int, size: int) -> bool:
-        """Count a run of `size` bytes, which the shell passes on to its only taker, as `route` does.
+        """Count a run of `size` bytes, which the shell passes on to its only taker.
 
-        False, and nothing is done, where there is more to it.
+        False where only `route` can do it; then nothing is done.
         """
         payload_bytes = size - count * RECORD_HEAD_BYTES
         if (
@@ -156,7 +156,7 @@ class Router:
             yield len(few) // QUEUES_PER_UNIT
 
     def _refuse_all(self, now_ns: int, publisher: Publisher, count: int, gap: int, *, is_loss: bool) -> Work:
-        """Of a run of `count` samples one is too large: nobody gets them."""
+        """One of the `count` samples of a run is too large: no subscription gets any."""
         for few in _pieces(publisher, tuple(publisher.routed.values())):
             if gap:
                 self.miss(now_ns, publisher, gap, few, is_loss=is_loss)
@@ -183,10 +183,10 @@ class Router:
         self._meter.left -= FRAME + run.count // SAMPLES_PER_UNIT
         match = publisher.matches.get(EndpointId(run.only_for))
         if match is None or match.is_shared or match.state is MatchState.LEAVING:
-            return  # it has left, or was never rerouted
+            return  # the match has ended, or was never rerouted
         subscription = match.subscription
         if run.first_seq + run.count > publisher.next_seq and not publisher.has_shared:
-            # Who takes it would acknowledge what was never published, and be cut off for that.
+            # A subscription would acknowledge what was never published, and be cut off for that.
             raise RemoteProtocolError(
                 f"publisher {publisher.id} sent sample {run.first_seq + run.count - 1} once more, "
                 f"the last one is {publisher.next_seq - 1}"
@@ -209,7 +209,7 @@ class Router:
     def _admit(
         self, now_ns: int, publisher: Publisher, run: Run, out: list[Effect], *, is_loss: bool
     ) -> None:
-        """Begin to route to those for whom something in `run` is new, as for all others from now on."""
+        """Route `run` to the AHEAD matches for which something in it is new; from now on they are ROUTED."""
         for match in tuple(publisher.ahead.values()):
             if publisher.next_seq <= match.began_seq:
                 continue
@@ -254,5 +254,5 @@ def _pieces(publisher: Publisher, subscriptions: tuple[Subscription, ...]) -> It
 
 
 def _sources(subscription: Subscription) -> set[int]:
-    """The publishers that a lossless subscription has samples of in its queue."""
+    """Publishers with samples in the queue of a lossless subscription."""
     return {run.source for run in subscription.queue.runs} if subscription.is_lossless else set()

@@ -1,7 +1,7 @@
 """The graph as one answer: taken at one moment, put together in pieces.
 
 Only the tables are copied at once, which is quick. Making the records and encoding them is what takes long;
-that is done a few at a time. What a record says never changes, but for the statistics, which are of the
+that is done a few at a time. A record never changes, except its statistics, which are of the
 moment when it is made.
 """
 

@@ -42,23 +42,23 @@ from busd.server.shutdown import Drain
 _log = logging.getLogger("busd")
 
 _LATE_NS = 250_000_000
-"""A timer that comes so late says that this process was stopped or starved."""
+"""A timer that is so late shows that this process was stopped or starved."""
 _GRACE_NS = 50_000_000
 
 _READ, _WRITE = 5, 4
-"""What it costs to read from a socket, or to look what is to be sent, in the units of busd.core.work."""
+"""The cost of reading a socket, or of looking what to send, in the units of busd.core.work."""
 _QUESTIONS = frozenset({GetGraph, GetType, GetPeers, Observe})
-"""What need not be done for a process that has gone; what it has published is still routed."""
+"""Messages that need not be handled once their process has gone; what it has published is still routed."""
 _Job: TypeAlias = PeerConnection | PeerId
 
 
 class Server:
     """Serves `listener` until `stop`, which closes it.
 
-    `idle_s`: stop by itself after so many seconds without a connection (None: never). One that does so was
-    started in the background by a client. The rest is for who asks over the wire: `find_fault` says what
-    speaks against a restart, "" for nothing; `reload` what has changed, or raises ConfigurationError.
-    `is_restarting`: the end is a restart; to be looked at when `stopped` is done.
+    `idle_s`: stop by itself after so many seconds without a connection (None: never). Such a busd
+    was started in the background by a client. The rest answers requests over the wire: `find_fault` gives the
+    reason against a restart, or ""; `reload` what has changed, or raises ConfigurationError. `is_restarting`:
+    the end is a restart; valid once `stopped` is done.
     """
 
     def __init__(
@@ -103,8 +103,8 @@ class Server:
     def stop(self, reason: str, *, restart: bool = False) -> None:
         """Stop listening, and close the connections when what was sent has come; see busd.server.shutdown.
 
-        On a `restart` who connects meanwhile waits for the next busd, which gets the listening socket. One
-        that has begun can still be made an end.
+        On a `restart` clients that connect meanwhile wait for the next busd, which gets the listening socket.
+        A restart that has begun can still be turned into an end.
         """
         if self._is_ending:
             if self.is_restarting and not restart:
@@ -116,7 +116,7 @@ class Server:
         for connection in tuple(self._connections):
             connection.end_pause()
         if not restart:
-            self._listener.close()  # first of all: who connects from now on finds no busd, and starts one
+            self._listener.close()  # first of all: clients find no busd from now on, and start one
         for timer in (self._timer, self._idle_timer):
             if timer is not None:
                 timer.cancel()
@@ -129,7 +129,7 @@ class Server:
         )
 
     def stop_now(self, reason: str) -> None:
-        """As `stop`, and the second time without waiting for anybody."""
+        """As `stop`; the second time without waiting for peers."""
         if self._drain is not None and not self.is_restarting:
             self._drain.end()
         self.stop(reason)
@@ -180,12 +180,12 @@ class Server:
             self._payer = None
 
     def resume(self, connection: PeerConnection) -> None:
-        """The connection is held up no more: go on with what was read before."""
+        """The connection is no longer held: go on with what was read before."""
         if connection.items is not None and not connection.is_held:
             self._wait(connection)
 
     def hear(self, connection: PeerConnection) -> None:
-        """The peer, which is not heard now, takes what is sent to it."""
+        """A peer that is not read now takes what is sent to it: that is a sign of life."""
         self._carry_out(self._broker.hear(monotonic_ns(), connection.id))
         self._flush()
 
@@ -216,7 +216,7 @@ class Server:
         self._line_up(connection.party, connection)
 
     def _is_early(self, connection: PeerConnection) -> bool:
-        """What its process had over an earlier connection is still there, and has to go first."""
+        """What its process had over an earlier connection has to be removed first."""
         if connection.is_early:
             party = connection.party
             connection.is_early = party in self._gone.values() or any(
@@ -250,12 +250,13 @@ class Server:
             if turns:
                 self._loop.call_soon(self._serve)
         if turns:
-            os.sched_yield()  # whoever was just sent something need not wait until this process sleeps
+            os.sched_yield()  # a peer that was just sent something may run now, before this process sleeps
         if self._broker.timers.earliest_ns < self._timer_ns:
             self._arm_timer()
 
     def _serve_connection(self, connection: PeerConnection) -> None:
-        """First what waits for it and what was begun, then what was read; only then its socket is read."""
+        """First send what waits for it and go on with what was begun, then handle what was read, then
+        read."""
         party = connection.party
         connection.stream.write_on()
         connection.wrote()
@@ -298,7 +299,7 @@ class Server:
         return True
 
     def _handle(self, connection: PeerConnection, items: Iterable[Any]) -> None:
-        """Hand the broker what came, one after the other; what there is no time for now waits."""
+        """Hand the broker what came, one by one; what there is no time for waits."""
         broker, peer, meter = self._broker, connection.id, self._broker.meter
         now_ns, runs, is_swamped = monotonic_ns(), 0, False
         left = iter(items)
@@ -332,7 +333,7 @@ class Server:
             if broker.timers.earliest_ns < self._timer_ns:
                 self._arm_timer()
             if is_swamped:
-                os.sched_yield()  # more comes than is taken: who wakes up beside us shall not wait
+                os.sched_yield()  # more comes than is taken: let processes that wake up beside us run
 
     @contextmanager
     def _metered(self, party: Party[_Job]) -> Iterator[None]:
@@ -352,9 +353,9 @@ class Server:
 
     def _carry_out(self, effects: list[Effect]) -> None:
         overfull: list[PeerConnection] = []
-        encoded, frame = None, b""  # what changes in the graph is the same for all that observe it
+        encoded, frame = None, b""  # a change of the graph is the same message for all observers
         for effect in effects:
-            if effect.__class__ is Flush:  # the hot one: cheaper to ask for than to match
+            if effect.__class__ is Flush:  # the hot one: this is cheaper than `match`
                 if connection := self._peers.get(effect.peer):
                     connection.stream.outbox.make_ready(effect.queue)
                     self._dirty.add(connection)
@@ -400,7 +401,7 @@ class Server:
             self._relieve(connection)
 
     def _relieve(self, connection: PeerConnection) -> None:
-        """More control frames wait for a user's peers than may: cut off the one for which most wait."""
+        """Too many control frames wait for a user's peers: cut off the one for which most wait."""
         connection.stream.flush()
         if connection.is_user_over:
             whole = connection.account.parent
@@ -408,9 +409,9 @@ class Server:
             max(same_user, key=lambda one: one.account.used, default=connection).relieve()
 
     def _flush(self, last: PeerConnection | None = None) -> None:
-        """Send to all that something waits for; to `last`, whose message this is about, after the others.
+        """Send to every peer that something waits for; last to `last`, whose message was handled.
 
-        A subscription that learns that it exists may count on every publisher having been told of it.
+        A subscription that learns that it exists may count on every publisher knowing it by then.
         """
         dirty, meter = self._dirty, self._broker.meter
         is_last_dirty = last in dirty
@@ -443,7 +444,8 @@ class Server:
     def _tick(self) -> None:
         now_ns = monotonic_ns()
         if now_ns - self._wake_ns > _LATE_NS and not self._is_grace_over:
-            # We did not run, rather than those whose leases have ended: hear first what they said meanwhile.
+            # It was this process that did not run, not the peers whose leases ended: read first what they
+            # sent meanwhile.
             self._is_grace_over = True
             self._wake_at(now_ns + _GRACE_NS)
             return
@@ -541,7 +543,7 @@ class Server:
             self._idle_timer = self._loop.call_later(self._idle_s, self._end_idleness, self._idle_s)
 
     def _end_idleness(self, idle_s: float) -> None:
-        # Who came while this process was held up: libuv looks at timers first.
+        # Connections that came while this process was held up: libuv looks at timers first.
         if self._admission.accept_some(1) or not self._admission.is_empty:
             self._watch_idle()
         elif not self._connections:

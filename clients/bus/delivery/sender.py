@@ -41,7 +41,7 @@ _LOOK_S = 1.0
 class Sender:
     """`owner` is the publisher that the port knows; without a `ring` all goes by socket.
 
-    `sends`, if any, is told of the quick way.
+    `sends`, if any, learns which quick way there is.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Sender:
         self._has_deadline = qos.deadline is not None
         self._depth = 0 if qos.history is History.KEEP_ALL else qos.depth
         self.last_ns = port.now_ns()
-        """When the last sample was taken; the quick ways, which a deadline rules out, don't set it."""
+        """When the last sample was taken. The quick ways don't set it: with a deadline they are off."""
         self._room = port.waiters()
         self._from_threads = ThreadQueue(QUEUE_BYTES)
         self._socket = SocketSender(port, owner, self._from_threads)
@@ -73,11 +73,12 @@ class Sender:
         self._refusal: BusError | None = None
         self._lent: memoryview | None = None  # what is not yet filled, where there is no ring
         self.refused = 0
-        """Loans for which no room was left in the end: other threads have published meanwhile."""
+        """Loans that found no room at their end, because other threads have published meanwhile."""
         self._bursts = BurstWatch(port.soon, owner.topic_name, logger, is_awaitable=not port.is_shared)
         self._socket.on_replaced = lambda count: self._bursts.note_replaced(count, self._depth)
         self.publish: Callable[[Any], bool | int | bytes] = _no_quick_way
-        """The quick way for a message: True or REPORT_DUE; False: nothing was done; bytes: to be `put`."""
+        """The quick way for a message. True or REPORT_DUE: done; False: nothing was done; bytes: `put`
+        them."""
         self._sends = sends
         self.write: Callable[[Any], bool] = _no_quick_way
         """The quick way for an encoded sample, by socket; False: ask `put`."""
@@ -87,7 +88,7 @@ class Sender:
 
     @property
     def shared(self) -> tuple[Descriptor, ...]:
-        """What goes with the declaration."""
+        """Descriptors that go with the declaration."""
         return () if self._ring is None else (self._ring.announce(),)
 
     @property
@@ -122,7 +123,7 @@ class Sender:
 
     def expect_short(self) -> None:
         """The message at hand has no long field: the quick way may be tried again."""
-        if (ring := self._ring) is not None:  # once: the loop's thread may end it meanwhile
+        if (ring := self._ring) is not None:  # read once: the loop's thread may end it meanwhile
             ring.writer.is_long = False
 
     def put(self, *parts: Buffer | str) -> bool:
@@ -162,12 +163,12 @@ class Sender:
                 self._lent = place
                 self._set_quick()  # the ring's own one takes nothing meanwhile
             return Loan(place[start:stop], self.end_loan)
-        except BaseException:  # that of a signal handler, say: nobody has the loan, so nobody would end it
+        except BaseException:  # in a signal handler, say: nothing would end a loan that nobody holds
             self.end_loan(False)
             raise
 
     def end_loan(self, is_wanted: bool) -> bool:
-        """What was lent is filled; where it is wanted, publish it. Returns whether it was taken."""
+        """End the loan: publish what it holds, or, unless wanted, drop it. Returns whether it was taken."""
         if not self._port.owns_thread():
             self._port.soon_threadsafe(self.end_loan, False)
             if is_wanted:
@@ -206,7 +207,7 @@ class Sender:
 
     async def wait_for_room(self) -> None:
         """After `put` gave False: wait until it is worth trying again."""
-        # There is none because something is on its way: hand it over, and it will be taken.
+        # Room is taken by what is still on its way here: hand that over, so that it can be taken.
         self.hand_over()
         if self._is_lent:
             await self._room.wait()
@@ -253,7 +254,7 @@ class Sender:
 
     def first_seq_to_send(self) -> int:
         """The number of the first sample that a broker will get."""
-        # What waits goes there, even where no match that is known needs it any more.
+        # What waits goes there, even where no known match needs it any more.
         if self._ring is None or self._socket.is_active or self._socket.queue.runs:
             return self._socket.first_seq_to_send()
         return self._ring.writer.latest + 1
@@ -268,7 +269,7 @@ class Sender:
         self.release_waiters()
 
     def disconnected(self) -> None:
-        """Rings are read on; what went by socket waits."""
+        """The broker is gone. Subscriptions read the ring on; what goes by socket waits."""
         if self._return is not None:
             self._return.cancel()
         self._is_returning |= bool(self._by_socket)
@@ -288,7 +289,7 @@ class Sender:
             self._ring.writer.is_report_due = False
 
     def credit(self, seq: int) -> None:
-        """Everything up to `seq` that went by socket was taken by all that must take."""
+        """All that must acknowledge have taken everything up to `seq` that went by socket."""
         self._socket.credit(seq)
         self.release_waiters()
 
@@ -299,7 +300,7 @@ class Sender:
         if matched.route == "shm":
             self._ring.expect(matched)
         else:
-            # What the broker had not got by then goes to the new match, too: no gap must be behind it.
+            # What the broker has not got yet goes to the new match, too: else it would see a gap.
             is_ahead = matched.next_seq < self._socket.next_seq
             since_ns = min(matched.at_ns, self._last_by_socket_ns) if is_ahead else matched.at_ns
             self._go_by_socket(matched.other, self._ring.writer.since(since_ns))
@@ -341,7 +342,8 @@ class Sender:
     # --- inside
 
     def _choose_routes(self) -> None:
-        """What nobody reads by socket does not go there, but for the history, which the broker keeps."""
+        """Let go by socket only what some subscription reads there, and the history, which the broker
+        keeps."""
         ring, socket = self._ring, self._socket
         is_needed = ring is None or socket.keeps_history or bool(self._by_socket) or self._is_returning
         if socket.is_active and not is_needed:
@@ -383,7 +385,7 @@ class Sender:
         self._choose_routes()
 
     def _go_by_socket(self, other: int, missed: list[Sample]) -> None:
-        """A match by socket: from now on samples go there too, and first those that were not sent."""
+        """A match by socket: send it the samples it has not had, then all samples go by socket, too."""
         ring, socket = self._ring, self._socket
         self._by_socket.add(other)
         if ring is not None and not socket.is_active:
@@ -398,7 +400,7 @@ class Sender:
         socket = self._socket
         if socket.is_active and not has_room and not socket.can_take(sum(map(len, parts))):
             return False
-        payload = joined(parts) if socket.is_active else b""  # first: it may be that there is no memory
+        payload = joined(parts) if socket.is_active else b""  # first, because it may fail for want of memory
         if self._ring is not None and not self._ring.put(parts, stamp_ns):
             return False
         if socket.is_active:
@@ -409,7 +411,7 @@ class Sender:
     def _put_lent(self, place: memoryview | None) -> bool:
         """Publish what was filled, where there is no ring."""
         assert place is not None, "a loan ends once"
-        if len(place) > (most := self._socket.max_bytes):  # of a broker that has come meanwhile
+        if len(place) > (most := self._socket.max_bytes):  # the limit of a broker that has come meanwhile
             raise PayloadTooLarge(self._owner.topic_name, size_bytes=len(place), limit_bytes=most)
         is_taken = self._put_now((bytes(place),), self._port.now_ns())
         self.refused += not is_taken
@@ -442,7 +444,7 @@ class Sender:
     def _put_from_thread(self, payload: bytes, stamp_ns: int) -> bool:
         if not self._socket.can_take(len(payload)):
             return False
-        # The ring itself keeps the newest: there, what waits for the loop need not be bounded by number.
+        # With a ring, what waits for the loop needs no bound by number: the ring itself keeps the newest.
         depth = self._depth if self._ring is None and self._depth else 1 << 30
         if self._from_threads.put(payload, stamp_ns, depth):
             try:
@@ -481,5 +483,5 @@ class Sender:
 
 
 def _no_quick_way(*_: object) -> Literal[False]:
-    """A quick way, switched off."""
+    """Stands for a quick way that is switched off."""
     return False

@@ -1,6 +1,6 @@
 """The way of a publisher's samples through shared memory: its ring, how that grows, and who reads it.
 
-Decides what the ring itself leaves open: when to grow, when to give up depth, whom to wait for. A sample is
+Decides what the ring leaves open: when to grow, when to give up depth, which readers to wait for. A sample is
 written once, however many read it. On the event loop's thread only.
 """
 
@@ -68,12 +68,12 @@ class ShmSender:
             self.writer.longest = LONG_TEXT
         # Long fields of bytes must not be encoded with the rest.
         self.can_publish = not support.bytes_fields
-        # With thousands of matches, each that comes or goes must not mean a look at all of them.
+        # So that a match that comes or goes costs no look at all of thousands.
         self._gates: dict[bytes, Gate] = {}
         self._depths: Counter[int] = Counter()  # of the gates, each with how many have it
         self._unattached: dict[int, Gate] = {}  # by key
-        self._holds: list[tuple[int, int]] = []  # of the held ones of these, a heap: what it holds, its key
-        # Matches that are gone, whose readers may still hold messages; by their slots.
+        self._holds: list[tuple[int, int]] = []  # of the lossless ones of these, a heap: (hold, key)
+        # Gates of ended matches whose readers may still pin records, by slot.
         self._left: dict[tuple[ReaderProcess, int], Gate] = {}
         self._here: set[bytes] = set()  # the matches with subscriptions of this event loop
         self._forget: Timer | None = None
@@ -86,7 +86,7 @@ class ShmSender:
 
     @classmethod
     def make(cls, port: Port, owner: Owner, logger: Logger) -> "ShmSender | None":
-        """None where nothing is shared, or no memory or descriptor is left; the log says so."""
+        """The sender, or None where memory is not shared, or there is none left; then the log says so."""
         if port.shm_context is None:
             return None
         try:
@@ -108,7 +108,7 @@ class ShmSender:
     # --- samples
 
     def put(self, parts: Sequence[Buffer | str], stamp_ns: int) -> bool:
-        """Write a sample, given in parts, whatever that takes; False where lossless readers come first.
+        """Write a sample, given in parts, with all that takes; False where lossless readers must read first.
 
         Raises SharedMemoryError where the ring can't be made large enough.
         """
@@ -154,7 +154,7 @@ class ShmSender:
         if size > self.writer.most:  # of a broker that has come meanwhile
             raise self._too_large(size)
         if status == shm.native.SHORT and self._watches_laps:
-            # All the depth is there still: a larger ring is only to give up records less often.
+            # The depth is kept as it is: a larger ring would only reuse records later.
             if laps_slowly(self.writer, self._port.now_ns()) or not self._grow(size, must=False):
                 self._rest = self._port.later(LAP_S, self._watch_laps)
                 self._set_hold()
@@ -171,14 +171,15 @@ class ShmSender:
         return PayloadTooLarge(self._owner.topic_name, size_bytes=size, limit_bytes=self.writer.most)
 
     def _make_way(self) -> bool:
-        """Something is held by those who have not read it. Returns whether to try again now."""
+        """Readers hold records that they have not read. Returns whether to try again now."""
         writer = self.writer
         if self._move_known():
             return True
         if self._is_lossless:
-            # Not without a broker: readers would not hear of it, and the ring that they have would stay full.
+            # Not without a broker: readers would not learn of the new ring, and the one they have would stay
+            # full.
             return bool(self._owner._id) and is_filled_by_few(writer) and self._grow(0, must=False)
-        # Keep last, for subscriptions that keep all: memory instead of time, and where that ends, loss.
+        # Keep last, and a subscription that keeps all: take more memory, and where that ends, lose samples.
         if self._grow(0, must=False):
             return True
         for gate in self._gates.values():
@@ -199,8 +200,8 @@ class ShmSender:
         return True
 
     def wait_for_room(self, on_room: Callable[[], None]) -> bool:
-        """After `put` gave False: call `on_room` when that may have changed. False: try again after a turn of
-        the loop, in which what the broker said is read."""
+        """After `put` gave False: call `on_room` when there may be room. Returns False where the caller
+        should try again after a turn of the loop, which reads what the broker has sent."""
         if not (self._port.is_quiet() and self.writer.wait_for_room()):
             return False
 
@@ -221,19 +222,19 @@ class ShmSender:
 
     @property
     def is_read_here(self) -> bool:
-        """Whether a subscription of this event loop reads it."""
+        """Whether a subscription of this event loop reads the ring."""
         return bool(self._here)
 
     def expect(self, matched: m.Matched) -> None:
-        """A match by this route: hold what its reader is to find, until it names its slot."""
+        """A match by this route: hold what its reader must find, until it names its slot."""
         is_small = self._watches_laps and not self.writer.is_lent
         if is_small and ShmSender._early < EARLY and self._grow(0, must=True):
-            # Now it holds nothing up yet. Later, busd may be slow or gone, and readers wait for its word.
+            # Growing now holds nothing up. Later, busd may be slow or gone, and readers would wait for it.
             self._is_early = True
             ShmSender._early += 1
         gate = self._gates.get(matched.gid)
         if gate is not None and gate.state not in STALE:
-            # Two endpoints claim one gid, which brokers don't look at: the newer match counts.
+            # Two endpoints claim one gid, which brokers don't check: the newer match counts.
             self.unmatched(matched.gid, is_lost=True)
             gate = None
         if gate is None:
@@ -269,7 +270,7 @@ class ShmSender:
             before = self._left.pop(place, None)
             if before is not None:
                 before.on(GateEvent.FORGET)
-                gate.key = before.key  # it comes back, and may have pins: the same gate goes on
+                gate.key = before.key  # the reader is back, and may have pins: its old gate goes on
             self.writer.add_gate(gate.key, process.bell, attached.slot, is_lossless=gate.is_lossless)
             gate.place = place
         self._unattached.pop(first_key, None)
@@ -280,7 +281,7 @@ class ShmSender:
     def unmatched(self, gid: bytes, other: int = 0, *, is_lost: bool = False) -> None:
         """The match is gone, where it is the one with `other` (0: any).
 
-        `is_lost`: but its reader perhaps is not, and may read and pin until its process ends.
+        `is_lost`: its reader may live, and read and pin until its process ends.
         """
         gate = self._gates.get(gid)
         if gate is None or other not in (0, gate.matched.other):
@@ -293,7 +294,7 @@ class ShmSender:
         if gate.place is not None:
             self._left[gate.place] = gate
             self.writer.make_lossy(gate.key)
-            self._forget_later(0)  # a look at all that go at once
+            self._forget_later(0)  # one look for all that go at once
         self._set_hold()
 
     def set_waiting(self, gid: bytes, *, is_on: bool) -> None:
@@ -312,7 +313,7 @@ class ShmSender:
         self._set_hold()
 
     def missed(self, qos: QoSProfile, since_ns: int) -> list[tuple[int, int, bytes]]:
-        """Number, stamp and payload of all that a match since then is to get, history included."""
+        """Number, stamp and payload of all samples for a match made at `since_ns`, history included."""
         own, since = self._owner.qos, self.writer.since
         if Durability.VOLATILE in (own.durability, qos.durability):
             return since(since_ns)
@@ -322,7 +323,7 @@ class ShmSender:
         return samples[max(0, first_new - depth) :]
 
     def disconnected(self) -> None:
-        """The broker is gone. Who reads goes on reading, and is matched again by the next one."""
+        """The broker is gone. Readers read on, and the next broker matches them again."""
         if self._return is not None:
             self._return.cancel()
         for gate in self._gates.values():
@@ -341,7 +342,8 @@ class ShmSender:
             self._return = self._port.later(RETURN_S, self._drop_stale)
 
     def let_the_dead_go(self) -> bool:
-        """Wait no more for processes that have ended, where no broker says so; whether there were any."""
+        """Stop waiting for processes that have ended and no broker reports; returns whether there were
+        any."""
         gone = [
             gid
             for gid, gate in self._gates.items()
@@ -352,7 +354,7 @@ class ShmSender:
         return bool(gone)
 
     def close(self) -> None:
-        """Let go of the ring; those who read it read it to its end."""
+        """Let go of the ring; readers read it to its end."""
         self._gates.clear()
         self._unattached.clear()
         self._left.clear()
@@ -367,7 +369,7 @@ class ShmSender:
     def _written(self, status: bool | int) -> None:
         if status is not True:  # for the first time since the counters were reported
             self._port.report(self._owner)
-        if self._is_manual:  # the broker does not see it
+        if self._is_manual:  # the broker does not see what goes by ring
             self._port.send_about(self._owner, m.AssertLiveliness(publisher=self._owner._id))
 
     def _drop_stale(self) -> None:
@@ -419,9 +421,9 @@ class ShmSender:
 
     @property
     def _watches_laps(self) -> bool:
-        """Whether this ring is the first one, and is to be exchanged when its records go round.
+        """Whether this is the first ring, to be exchanged when its records go round.
 
-        Without a broker readers could not be told of another.
+        Not without a broker: readers would not learn of another ring.
         """
         return self.writer.capacity == FIRST_CAPACITY and self._rest is None and bool(self._owner._id)
 

@@ -4,10 +4,10 @@ A sample leaves at once, but where the one before left a moment ago: then it is 
 follow into a run, which leaves when it is full or when the turn of the event loop ends. So a paced publisher
 has the latency of one system call, and a flood its throughput. Does not know messages, only their encoding.
 
-What a lossless subscription may not have taken yet is kept, for the case that the broker dies with it. Then
-each that comes back gets what is kept, alone, and nothing new is sent before all are back, or time is up.
-A publisher that keeps the newest waits for its reliable ones too, a shorter time, and as long as its depth
-has room: so that nothing is lost when busd restarts and the publisher is back first.
+What a lossless subscription may not have taken yet is kept, in case the broker dies with it. Then each
+subscription that comes back gets what is kept, sent to it alone, and nothing new is sent before all are back
+or time is up. A keep-last publisher waits for its reliable subscriptions, too, for a shorter time and while
+its depth has room: so nothing is lost when busd restarts and the publisher is back first.
 """
 
 from collections import deque
@@ -34,10 +34,10 @@ from bus.wire.runs import UNBOUNDED, Account, Buffer, Run, RunQueue, data_head
 QUEUE_BYTES = 64 << 20
 
 _SHORT_RETURN_S = 1.0
-"""As RETURN_S, where no subscription counts on everything."""
+"""As RETURN_S, where no subscription is lossless."""
 
 _GATHER_NS = 100_000
-"""A message that follows so soon on the one before is gathered with others."""
+"""A message that follows the last one so soon is gathered with others."""
 
 Sample: TypeAlias = tuple[int, int, bytes]
 """Number, stamp in ns, payload."""
@@ -46,7 +46,7 @@ _pack_record = RECORD_HEAD.pack
 
 
 class SocketSender:
-    """The numbers of samples are given here, unless `resume` sets them.
+    """Numbers the samples, unless `resume` sets the number.
 
     `owner` is the publisher that the port knows. `is_active`: samples are to go this way.
     """
@@ -77,7 +77,7 @@ class SocketSender:
         self.run.most = depth or UNBOUNDED
         self.add = self.run.add
         support = owner._support
-        if not support.bytes_fields:  # a long one shall not be encoded with the rest
+        if not support.bytes_fields:  # a long one must not be encoded with the rest
             self.run.prepare(*support.steps)
         self.run.begin_by(self._begun, self.can_take if is_lossless else None)
         self.run.begins_below = RUN_BYTES
@@ -89,7 +89,7 @@ class SocketSender:
         self._credited = 0
         self._flying_bytes = 0
         self._flying: deque[tuple[int, int]] = deque()
-        # What was handed over and perhaps not taken; with a history, that tells a new broker everything.
+        # Handed over and perhaps not taken yet. With a history that alone serves a new broker.
         self._kept = RunQueue(0, Account(QUEUE_BYTES)) if is_lossless and not self.keeps_history else None
         self._is_awaiting = qos.reliability is Reliability.RELIABLE and not self.keeps_history
         self._keeps_some = is_lossless or self.keeps_history
@@ -98,9 +98,10 @@ class SocketSender:
         self._return: Timer | None = None
 
     def can_take(self, size: int) -> bool:
-        """Whether a sample of `size` bytes may be taken now, before a keep-all subscription takes something.
+        """Whether the window has room for a sample of `size` bytes, before a keep-all subscription takes
+        more.
 
-        One alone always may, whatever its size. May be asked from any thread.
+        For a single one it always has, whatever its size. May be asked from any thread.
         """
         run = self.run
         if not self._is_windowed or (run.budget >= size + RECORD_HEAD_BYTES and run.samples < run.most):
@@ -116,7 +117,7 @@ class SocketSender:
         self._begun(stamp_ns)
 
     def _begun(self, stamp_ns: int) -> None:
-        """A run has its first sample, of this stamp: it leaves now, or is gathered with those that follow."""
+        """A run has its first sample, with this stamp: send it now, or gather it with those that follow."""
         port = self._port
         if stamp_ns - port.last_sent_ns < _GATHER_NS:
             run, room = self.run, RUN_BYTES
@@ -132,10 +133,10 @@ class SocketSender:
             except MemoryError:
                 if not self.run.samples:
                     raise
-                port.gather(self._owner)  # it was taken: it leaves with what follows, or when the turn ends
+                port.gather(self._owner)  # taken: it leaves with those that follow, or when the turn ends
 
     def skip(self, count: int) -> None:
-        """Samples that were replaced before they came here; the gap in the numbers tells of them."""
+        """Samples were replaced before they came here: leave a gap in the numbers for them."""
         if not count:
             return
         self.hand_over()
@@ -155,8 +156,8 @@ class SocketSender:
     def catch_up(self, subscription: int, samples: list[Sample], *, since_ns: int) -> None:
         """Send samples to one subscription alone, which then gets what is sent to all.
 
-        Those stamped before `since_ns` are history. What is on its way to all, and among these, it knows by
-        the number.
+        Those stamped before `since_ns` are history. Some may be on their way to all as well: the subscription
+        recognizes them by their numbers.
         """
         owner, parts, size = self._owner, list[bytes](), 0
         for at, (seq, stamp_ns, payload) in enumerate(samples):
@@ -201,7 +202,7 @@ class SocketSender:
             self._port.report(owner)
 
     def _keep(self, run: Run) -> None:
-        """Of what is handed over, remember what may be needed again."""
+        """Keep of what is handed over what may be needed again."""
         if self._is_windowed:
             self._flying.append((self.next_seq - 1, len(run.body)))
             self._flying_bytes += len(run.body)
@@ -214,20 +215,20 @@ class SocketSender:
             self._kept.drop_over_quota(spare=1)
 
     def credit(self, seq: int) -> None:
-        """Everything up to `seq` was taken by all that must take."""
+        """All that must acknowledge have taken everything up to `seq`."""
         kept = self._kept
         while kept is not None and kept.runs and kept.runs[0].first_seq + kept.runs[0].count - 1 <= seq:
             kept.forget_head()
         self._forget_flying(seq)
 
     def _forget_flying(self, seq: int) -> None:
-        """Up to `seq` nothing counts for the window any more."""
+        """Take everything up to `seq` out of the window."""
         self._credited = max(self._credited, seq)
         while self._flying and self._flying[0][0] <= seq:
             self._flying_bytes -= self._flying.popleft()[1]
 
     def declared(self, answer: m.Created) -> None:
-        """A broker knows the publisher now: what waits goes there."""
+        """A broker knows the publisher now: send what waits."""
         self.max_bytes = answer.max_message_bytes
         self._most_queued = max(QUEUE_BYTES, answer.max_message_bytes + RUN_BYTES)
         self._window_samples = answer.window_samples
@@ -237,7 +238,7 @@ class SocketSender:
         self.queue.set_depth(answer.depth)
         self.queue.endpoint = answer.id
         if self._history is not None:
-            # What waits is the end of the history, so the history alone tells a new broker everything.
+            # What waits is the end of the history, so the history is all that a new broker needs.
             self.queue.clear()
             for run in self._history.newest(0, 0):
                 run.is_replay = False
@@ -273,7 +274,7 @@ class SocketSender:
         return waiting.runs[0].first_seq + waiting.skipped if waiting.runs else self.next_seq
 
     def disconnected(self) -> None:
-        self.queue.is_ready = False  # the outbox that knew it is gone
+        self.queue.is_ready = False  # the outbox that it stood in is gone
         self._awaited.update(self._takers.values())
         self._takers.clear()
         self._stop_waiting()
@@ -300,12 +301,12 @@ class SocketSender:
         return self.run.size - self.run.samples * RECORD_HEAD_BYTES
 
     def forget_open(self) -> None:
-        """The run that is open will not be sent, and no other is begun here."""
+        """Drop the open run, and begin no other here."""
         self.run.forget()
         self.run.begins_below = 0
 
     def _repeat(self, subscription: int) -> None:
-        """Send it what the broker that died had got, and perhaps not passed on; what it has, it knows."""
+        """Send it what the last broker had and perhaps did not pass on; it recognizes what it has had."""
         assert self._kept is not None
         first_seq = self.first_seq_to_send()
         for run in self._kept.runs:
@@ -315,7 +316,7 @@ class SocketSender:
             self._port.send_about(self._owner, head + run.body)
 
     def _go_on(self) -> None:
-        """All are back, or were long enough away."""
+        """All are back, or were away too long: go on."""
         self._stop_waiting()
         self._awaited.clear()
         if self._owner._id and self.queue.runs:
@@ -328,7 +329,7 @@ class SocketSender:
             self._return.cancel()
 
     def _room(self) -> int:
-        """Bytes that may still be taken before somebody takes something."""
+        """Bytes that the window still has room for."""
         if self._samples_left() <= 0:
             return 0
         return self._window_bytes - self._flying_bytes - self.open_bytes - self._from_threads.held_bytes
@@ -340,7 +341,7 @@ class SocketSender:
 
     def _queue_run(self, run: Run) -> None:
         if self._awaited and self._owner._id and 0 < self.queue.depth < self.queue.count + run.count:
-            self._go_on()  # to wait longer would cost what it is to save
+            self._go_on()  # a longer wait would cost more than it saves
         runs = self.queue.runs
         is_resumed = bool(runs) and runs[0].is_resumed
         if not runs:
