@@ -15,7 +15,7 @@ import msgspec
 from bus import shm
 from bus.base.awaited import done_anyway
 from bus.base.descriptor import Descriptor
-from bus.delivery.sender import Sender
+from bus.delivery.sender import Sender, find_loan_class
 from bus.delivery.shm_sender import ShmSender
 from bus.diagnostics.provoked import warn
 from bus.endpoint import Endpoint, NodeContext
@@ -177,10 +177,9 @@ class Publisher(Endpoint[M]):
         if index is None:
             raise no_such_field(self.type, field)
         sender = self._sender
-        from bus.loan import Loan
-
-        made = sender.lend_field(message, index, size, Loan, sender.end_loan)
-        if made.__class__ is Loan:
+        loan_class = find_loan_class()
+        made = sender.lend_field(message, index, size, loan_class, sender.end_loan)
+        if isinstance(made, loan_class):
             return made
         if (size := to_index(size)) < 0:
             raise ValueError(f"a loan of {size} bytes on '{self.topic_name}'")

@@ -5,6 +5,7 @@ broker keeps the history. What other threads publish joins here. Does not know m
 """
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from bus import shm
@@ -36,6 +37,14 @@ LendField: TypeAlias = "Callable[[Any, int, int, type[Loan], EndLoan], Loan | bo
 
 _LOOK_S = 1.0
 """How often a waiting publisher looks whether the processes that it waits for still live."""
+
+
+@cache
+def find_loan_class() -> "type[Loan]":
+    """Loaded with the first loan, and then at hand: an import in each takes a quarter of its time."""
+    from bus.loan import Loan
+
+    return Loan
 
 
 class Sender:
@@ -152,8 +161,7 @@ class Sender:
         if self._socket.is_active and not self._socket.can_take(whole):
             return None
         ring = self._ring
-        from bus.loan import Loan
-
+        loan_class = find_loan_class()
         try:
             place = memoryview(bytearray(whole)) if ring is None else ring.lend(whole)
             if place is None:
@@ -162,7 +170,7 @@ class Sender:
             if ring is None:
                 self._lent = place
                 self._set_quick()  # the ring's own one takes nothing meanwhile
-            return Loan(place[start:stop], self.end_loan)
+            return loan_class(place[start:stop], self.end_loan)
         except BaseException:  # in a signal handler, say: nothing would end a loan that nobody holds
             self.end_loan(False)
             raise
