@@ -3,8 +3,8 @@
 Owns the policies, their defaults and presets (rmw/qos_profiles.h), and the rule of compatibility with its
 texts (rmw_dds_common/qos.cpp). Must not know how a policy is carried out.
 
-A profile is frozen and always valid: whoever holds one need not check it again. It travels on the wire as it
-is, where a field that has its default is left out.
+A profile is frozen and always valid: no code need check it again. It travels on the wire as it is, without
+the fields that have their defaults.
 """
 
 import operator

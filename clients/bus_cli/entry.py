@@ -1,7 +1,7 @@
 """Where the program `bus` begins: `bus run` goes its own, short way; everything else is bus_cli.main's.
 
 A program that `bus run` runs in this process must end as Python ends one, with its exit handlers; the other
-verbs end at once. And it shall not wait for a parser that it has no use for.
+verbs end at once. And it must not wait for a parser that it does not use.
 """
 
 import sys

@@ -2,7 +2,7 @@
 
 Imports only the module of the chosen verb, so that what needs no event loop starts without one. A verb's
 module has `add_arguments(parser)` and `main(args)`, which returns the exit code and raises CommandError (or a
-BusError) with the text that the user shall read.
+BusError) with the text for the user.
 """
 
 import io
@@ -165,13 +165,13 @@ def _open_closed_streams() -> None:
 
 
 def run(words: Sequence[str]) -> int:
-    """Run one command line; returns its exit code, or minus the number of the signal that shall end us."""
+    """Run one command line; returns its exit code, or minus the number of the signal to die by."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True, errors="backslashreplace")
     try:
         return _run(words)
     except BrokenPipeError:
-        return 0  # whoever read us has seen enough
+        return 0  # the reader of our output has seen enough
     except KeyboardInterrupt as interrupt:
         return -(signal.SIGTERM if isinstance(interrupt, Terminated) else signal.SIGINT)
     except (CommandError, BusError, OSError) as error:

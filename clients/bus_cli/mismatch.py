@@ -8,7 +8,8 @@ from bus.qos import check_compatible, describe_incompatibilities
 __all__ = ["Describe", "mismatch"]
 
 Describe = Callable[[str, str], bytes | None]
-"""The description of the type with that name and hash, as it travels; None where nobody has it any more."""
+"""The description of the type with that name and hash, as it travels; None where no endpoint has it any
+more."""
 
 
 def mismatch(publisher: GraphEndpoint, subscription: GraphEndpoint, describe: Describe) -> str | None:

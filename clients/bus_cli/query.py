@@ -79,7 +79,8 @@ class Query:
         )
 
     def description(self, type_name: str, type_hash: str) -> bytes | None:
-        """How a type that is on the bus was described, as it travels; None where nobody has it any more."""
+        """How a type that is on the bus was described, as it travels; None where no endpoint has it any
+        more."""
         try:
             return self.request(
                 lambda number: m.GetType(request=number, type_name=type_name, type_hash=type_hash),

@@ -48,7 +48,7 @@ class Call(NamedTuple):
 
 
 def read(words: Sequence[str]) -> Call | None:
-    """The call that a command line stands for; None where it is no `bus run`, or argparse shall judge it."""
+    """The call that a command line stands for; None where it is no `bus run`, or is left to argparse."""
     options: dict[str, str] = {}
     if "_ARGCOMPLETE" in os.environ:
         return None
@@ -139,7 +139,7 @@ def _call(options: dict[str, str], words: Sequence[str], module: str | None) -> 
 
 
 def _export(call: Call) -> None:
-    """Which bus: for the program, and for those that it starts."""
+    """Choose the bus for the program, and for those that it starts."""
     if call.socket is None and call.domain is None:
         return
     from bus.process.address import domain_id, socket_path

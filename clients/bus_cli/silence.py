@@ -1,7 +1,7 @@
 """Says on stderr why `echo` prints nothing.
 
-A mismatch of QoS or type is told by the library's own warnings, which name the node; here it is about the
-rest: nobody publishes, those who do send nothing, or the filter lets nothing through.
+The library itself warns of a mismatch of QoS or type, and names the node. This is about the rest: no node
+publishes, those that do send nothing, or the filter lets nothing through.
 """
 
 import asyncio

@@ -79,8 +79,8 @@ async def find_class(
 ) -> type[msgspec.Struct] | None:
     """The class for `topic`'s messages, made from the schema on the bus where there is no ready-made one.
 
-    Without `type_name` the topic's type; None where nobody has the topic. Raises CommandError where the topic
-    has several types, or where nothing knows the type that was named.
+    Without `type_name` the topic's type; None where no endpoint has the topic. Raises CommandError where the
+    topic has several types, or where nothing knows the type that was named.
     """
     endpoints = (*graph.publishers, *graph.subscriptions)
     everywhere = [(one.topic, (one.type_name, one.type_hash)) for one in endpoints]
@@ -128,7 +128,7 @@ def not_published(topic: str, graph: Graph) -> None:
 
 
 async def warn_if_unknown(node: Node, topic: str) -> None:
-    """Say so where nobody has the topic yet, for which a subscription without a class waits."""
+    """Say so where no endpoint has the topic yet: a subscription without a class waits for it."""
     graph = await node.graph()
     if topic not in graph.topics():
         not_published(topic, graph)

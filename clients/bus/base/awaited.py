@@ -1,7 +1,8 @@
-"""Coroutine functions that warn where somebody forgets the `await`, and name the line that called them.
+"""Coroutine functions that warn where the program forgets the `await`, and name the line that called them.
 
-For making things and closing them, where programmers who come from rclpy forget it. Python's own warning
-names the line where the coroutine was thrown away, and what was to be closed would stay open for ever.
+For calls that make things and close them: programmers who come from rclpy forget it there. Python's own
+warning names the line where the coroutine was thrown away, and what was to be closed would stay open for
+ever.
 """
 
 import asyncio
@@ -22,12 +23,12 @@ _tasks: set[asyncio.Task[Any]] = set()
 
 
 def to_be_awaited(function: Callable[P, Coroutine[Any, Any, T]]) -> Callable[P, Coroutine[Any, Any, T]]:
-    """Decorator: a call that nobody awaits does nothing, and is warned of."""
+    """Decorator: a call that is not awaited does nothing, and warns."""
     return _decorated(function, is_done_anyway=False)
 
 
 def done_anyway(function: Callable[P, Coroutine[Any, Any, T]]) -> Callable[P, Coroutine[Any, Any, T]]:
-    """Decorator: a call that nobody awaits is done by the event loop all the same, and is warned of."""
+    """Decorator: a call that is not awaited is done by the event loop all the same, and warns."""
     return _decorated(function, is_done_anyway=True)
 
 
@@ -49,7 +50,7 @@ def _decorated(
 
 
 class _Call(Coroutine[Any, Any, T]):
-    """A coroutine, and which line made it; `loop` is to run it where nobody else does."""
+    """A coroutine, and the line that made it; `loop` runs it where it is never awaited."""
 
     def __init__(
         self,

@@ -29,7 +29,7 @@ def is_async(callback: Callable[..., object]) -> bool:
 
 
 def takes_info(callback: Callable[..., object]) -> bool:
-    """Whether it must be given a second argument; one that has a default is the user's own."""
+    """Whether it needs a second argument; one with a default is the user's own."""
     if (function := _plain_function(callback)) is not None:
         given = len(function.__defaults__ or ()) + (function is not callback)
         return function.__code__.co_argcount - given >= 2
@@ -42,9 +42,10 @@ def takes_info(callback: Callable[..., object]) -> bool:
 
 
 def _plain_function(callback: Callable[..., object]) -> FunctionType | None:
-    """The function that it is, or that the method is of, where nothing is wrapped around it or marked on it.
+    """The plain function, or the function of a plain method; None where something is wrapped around it or
+    marked on it.
 
-    What `inspect` would find out about such a one stands in its code.
+    All that `inspect` would find out about such a function is in its code object.
     """
     function = callback.__func__ if isinstance(callback, MethodType) else callback
     return function if isinstance(function, FunctionType) and not function.__dict__ else None

@@ -1,7 +1,7 @@
-"""Texts of others, as they may be shown on a terminal and written into a log.
+"""Texts of other processes, made safe for a terminal and a log.
 
-A terminal obeys escape sequences, whoever wrote them; other characters turn the order of a line around, or
-begin one that looks like somebody else's. Owns which characters these are and what stands in their place.
+A terminal obeys escape sequences, whoever wrote them; other characters reverse the order of a line, or begin
+one that looks like another process's. Owns which characters these are, and what replaces them.
 """
 
 import re

@@ -1,7 +1,8 @@
 """Bursts: warns that messages were lost because a program published them without a pause.
 
 A loop of `publish` that awaits nothing is the commonest way to lose messages under keep last: it fills a
-short queue faster than anybody empties it. Reads counters that exist anyway; a message costs nothing more.
+short queue faster than any subscription empties it. Reads counters that exist anyway; a message costs nothing
+more.
 """
 
 from collections.abc import Callable
@@ -45,7 +46,7 @@ class BurstWatch:
     def watch_turn(self, published: Callable[[], int], least_depth: Callable[[], int]) -> None:
         """One was published: when this turn of the event loop ends, look at how many were published in it.
 
-        `least_depth`: the least that a subscription keeps; 0 where none may lose any.
+        `least_depth`: the smallest depth of the subscriptions; 0 where none may lose any.
         """
         self._soon(self._end_watch, published() - 1, published, least_depth)
 

@@ -1,7 +1,8 @@
 """Warnings about what other processes do: at most so many in a second, and how many more there were.
 
-Others can make thousands of endpoints that don't match ours, and each is worth a line, and maybe a question
-to busd. Owns the bounds, which are of all nodes of an event loop together. Must not know what is warned of.
+Another process can make thousands of endpoints that don't match ours, each of which is worth a line, and
+maybe a question to busd. Owns the bounds, one for all nodes of an event loop. Must not know what the warnings
+say.
 """
 
 import asyncio
@@ -24,7 +25,7 @@ _questions: _Counts = WeakKeyDictionary()
 
 
 def warn(logger: Logger, text: str) -> None:
-    """Log a warning with words of others in it as one line, unless there were too many.
+    """Log a warning that contains another process's text, as one line, unless there were too many.
 
     To be called on the event loop.
     """
@@ -41,7 +42,7 @@ def is_worth_asking() -> bool:
 
 
 def _is_within_bounds(counts: _Counts, at_end: Callable[[int], None]) -> bool:
-    """Count one more; the first begins a period, at whose end `at_end` is told how many there were."""
+    """Count one more; the first begins a period, at whose end `at_end` gets how many there were."""
     loop = asyncio.get_running_loop()
     number = counts[loop] = counts.get(loop, 0) + 1
     if number == 1:
@@ -50,7 +51,7 @@ def _is_within_bounds(counts: _Counts, at_end: Callable[[int], None]) -> bool:
 
 
 def _ignore(number: int) -> None:
-    """Of questions that were left out nobody is told."""
+    """Questions that were left out are not reported."""
 
 
 def _tell_left_out(number: int) -> None:

@@ -1,7 +1,7 @@
 """In asyncio's debug mode: says which callback has held the event loop up, and for how long.
 
-asyncio has such a line too, with a loop's handle in it; here stands the name that the user knows. Without the
-debug mode nothing is measured.
+asyncio has such a line too, with a loop's handle in it; this one has the name that the user knows. Without
+the debug mode nothing is measured.
 """
 
 import asyncio

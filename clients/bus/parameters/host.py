@@ -144,7 +144,7 @@ class ParameterHost:
         return self._parameters.store.below(prefix)
 
     def set_parameter(self, name: str, value: Any) -> None:
-        """Set one parameter, as other programs can: the callbacks are asked, the change is told.
+        """Set one parameter, as other programs can: the callbacks are asked, the change is published.
 
         Raises ParameterError where it is not declared, or the value is refused; then nothing has changed.
         """
@@ -155,20 +155,20 @@ class ParameterHost:
         self._parameters.store.set(values)
 
     def pre_set_parameters(self, callback: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
-        """Call `callback(values)` before parameters are set; it returns what is to be set instead, as a dict.
+        """Call `callback(values)` before parameters are set; it returns what to set instead, as a dict.
 
         `values` are those of one change, by name. All callbacks for parameters are plain functions; what
         they raise comes out of the call that sets, or out of the node where another program sets. The one
-        that was added last is called first. Of declarations only on-set and post-set callbacks hear.
+        that was added last is called first. Declarations call only on-set and post-set callbacks.
         """
         self._parameters.store.add_pre_set(callback)
 
     def on_set_parameters(self, callback: Callable[[dict[str, Any]], str | None]) -> None:
         """Call `callback(values)` to ask whether parameters may be set so.
 
-        It returns None, or why not: `return "too fast" if values.get("speed", 0) > 5 else None`. Whoever
-        wants to set gets that text. Nothing is set yet, and others may still refuse, so it must change
-        nothing. It is asked of declarations, too. A value of None is a parameter to be removed.
+        It returns None, or why not: `return "too fast" if values.get("speed", 0) > 5 else None`. The caller
+        gets that text. Nothing is set yet, and other callbacks may still refuse, so it must change nothing.
+        Declarations ask it, too. A value of None is a parameter to be removed.
         """
         self._parameters.store.add_on_set(callback)
 
@@ -177,7 +177,7 @@ class ParameterHost:
         self._parameters.store.add_post_set(callback)
 
     def remove_parameters_callback(self, callback: Callable[..., object]) -> None:
-        """Call it no more. Raises ConfigurationError where it was not added."""
+        """Stop calling it. Raises ConfigurationError where it was not added."""
         self._parameters.store.remove(callback)
 
     # --- time

@@ -1,6 +1,6 @@
-"""What of a parameter stands in which field of ROS 2's messages, in rcl_interfaces.
+"""Parameters as ROS 2's messages in rcl_interfaces, and back.
 
-The messages are native ones or rclpy's: whoever calls brings the classes. Must not know: rules, services.
+The messages are native ones or rclpy's: the caller brings the classes. Must not know: rules, services.
 """
 
 from typing import Any, Protocol

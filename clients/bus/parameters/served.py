@@ -121,14 +121,14 @@ class ServedParameters:
         if self._starting is starting:
             self._starting = None
         if not starting.cancelled():
-            starting.exception()  # mark it as seen: nobody may be left who waits
+            starting.exception()  # mark the error as seen: perhaps nobody waits any more
 
     async def _start(self) -> None:
         from bus.parameters.server import EVENTS_TOPIC, ParameterServer, event_class
 
         events: Publisher[Any] | None = None
         try:
-            # Each node has one and few say much: no ring is worth its memory.
+            # Each node has one and most change little: a ring is not worth its memory.
             events = await self._node._create_publisher(
                 event_class(), EVENTS_TOPIC, parameter_events, by_socket=True
             )

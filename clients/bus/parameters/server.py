@@ -1,7 +1,7 @@
 """What other programs see of a native node's parameters: six services, and the topic /parameter_events.
 
 Owns: requests to calls of a ParameterSet, results to responses, changes to events. Must not know: how
-services are carried. What a remote side asks for wrongly is an answer to it, never an error here.
+services are carried. A remote side's mistake is answered to it, and never an error here.
 """
 
 from collections.abc import Callable, Iterable
@@ -35,7 +35,7 @@ def event_class() -> Any:
 
 
 class ParameterServer:
-    """Serves `parameters`, those of `node`, and tells their changes by `events`, where that is not None."""
+    """Serves `parameters`, those of `node`, and publishes their changes by `events`, unless that is None."""
 
     def __init__(
         self, node: ParameterOwner, parameters: ParameterSet, clock: Clock, events: Publisher[Any] | None
@@ -46,7 +46,8 @@ class ParameterServer:
         self._events = events
 
     async def open(self) -> None:
-        """Create the services. A user who may not serve them is told so, and the node goes on without."""
+        """Create the services. Where access rules forbid them the log says so, and the node goes on
+        without."""
         callbacks: dict[str, Callable[[Any], Any]] = {
             "DescribeParameters": self._describe,
             "GetParameterTypes": self._get_types,
@@ -74,7 +75,7 @@ class ParameterServer:
         try:
             self._events.publish(event)
         except ConnectionClosed:
-            pass  # set after the node was closed: nobody can hear of it
+            pass  # set after the node was closed: the event can't be published
         except PayloadTooLarge as error:  # it is set all the same, and another program may have done so
             self._node.get_logger().warning(f"a change of parameters is told to nobody: {error}")
 

@@ -65,8 +65,8 @@ class ParameterSet:
     """The parameters of the node with the full name `node`.
 
     `overrides` are the values of the command line by name; `provided` the defaults of what each node has by
-    itself, which a program may still declare, with another one. `on_change` is told each change. Raises
-    CommandLineError for a value that something provided can't have.
+    itself, which a program may still declare, with another one. `on_change` is called with each change.
+    Raises CommandLineError for a value that something provided can't have.
     """
 
     def __init__(
@@ -183,7 +183,7 @@ class ParameterSet:
             raise self._refused(wanted, outcome.reason)
 
     def change(self, wanted: list[Parameter]) -> Outcome:
-        """Set all or none, as another program asks for it: what is wrong is an answer."""
+        """Set all or none for another program: a mistake is an answer, not an error."""
         wanted = self._store.prepare(wanted)
         if unknown := self._store.unknown(wanted):
             return Outcome(False, f"{UNDECLARED}: {unknown}")
@@ -238,7 +238,7 @@ class ParameterSet:
         callbacks.insert(0, _Callback(original, call))
 
     def _made_of(self, name: str, value: Any) -> Parameter:
-        """What a pre-set callback returned; an unknown name is an answer to whoever wanted to set."""
+        """What a pre-set callback returned; an unknown name is an answer to the caller."""
         return self._parameter(name, value, _static_type(self._store.declared.get(name)))
 
     def _type(self, name: str, type_: Any, default: Any, *, is_dynamic: bool) -> ParameterType:
@@ -356,7 +356,7 @@ def _values(some: Iterable[Parameter]) -> Values:
 
 
 def _copy(value: Any) -> Any:
-    """What a program does to a list that it was given stays its own."""
+    """A copy: what a program does to the list must not change the parameter."""
     return value.copy() if isinstance(value, list) else value
 
 

@@ -1,8 +1,8 @@
 """The parameters of a node: types, rules, callbacks; for both APIs, `bus.Node` and the facade of rclpy.
 
 Owns: which values a node's parameters have, and ROS 2's rules for changing them, with its texts. Must not
-know: messages, nodes, the bus, files and command lines, or how a program writes a parameter: `Setting` is all
-that is asked of one.
+know: messages, nodes, the bus, files and command lines, or how a program writes a parameter: all it
+asks of one is `Setting`.
 
 Callbacks and hooks run in the thread that makes the change; there is no lock, a step is one dict operation.
 """
@@ -135,7 +135,7 @@ class Range(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """What values are held against. The ranges are `Range` or the messages of them."""
+    """The rules that values must obey. The ranges are `Range` or the messages of them."""
 
     type_: ParameterType = ParameterType.NOT_SET
     is_dynamic: bool = False
@@ -196,7 +196,7 @@ class Change(NamedTuple, Generic[P]):
 
 
 class Outcome(NamedTuple):
-    """Whether something was set, and else why not; rclpy's SetParametersResult has the same fields."""
+    """Whether it was set, and if not, why; rclpy's SetParametersResult has the same fields."""
 
     successful: bool
     reason: str = ""
@@ -209,8 +209,8 @@ class ParameterStore(Generic[P]):
     """The parameters of one node.
 
     `pre_set`, `on_set` and `post_set` are the callbacks around a change, in the order of their calls. A
-    pre-set one gets what is to be set and returns what is to be set instead; an on-set one returns an Outcome
-    (or what has its fields); a post-set one hears what was set. `on_change` is told before those.
+    pre-set one gets what is to be set and returns what to set instead; an on-set one returns an Outcome (or
+    what has its fields); a post-set one gets what was set. `on_change` is called before the post-set ones.
     """
 
     def __init__(self, on_change: Callable[[Change[P]], object] | None = None) -> None:

@@ -1,7 +1,7 @@
 """Where busd's socket is: one answer for daemon, library and tools.
 
-Pure: computes a path from what it is given and must not touch the file system. Who listens also makes the
-folder and checks its owner.
+Pure: computes a path from what it is given and must not touch the file system. The process that
+listens makes the folder, and checks its owner.
 """
 
 import os
@@ -65,7 +65,7 @@ def socket_name(
 def is_default_folder(
     folder: "Path", environ: Mapping[str, str] = os.environ, uid: int | None = None
 ) -> bool:
-    """Whether sockets are in `folder` by themselves, and not because the user named it."""
+    """Whether `folder` is the default one, and not one that the user named."""
     rest = {name: value for name, value in environ.items() if name != "BUSD_SOCKET"}
     try:
         return folder == socket_path(domain=0, environ=rest, uid=uid).parent

@@ -1,8 +1,8 @@
 """An event loop that runs only while its thread waits: what moves the blocking API.
 
-No thread stands behind it. Between two calls nothing runs: what comes waits in the rings and in the socket,
-and the next call handles it. A call holds the guard (`bus.process.shared_loop`) while it works and not
-while it waits: so Ctrl-C comes at the end of what is being done, and other threads may publish. Knows loops,
+There is no thread behind it. Between two calls nothing runs: what comes waits in the rings and in the socket,
+and the next call handles it. A call holds the guard (`bus.process.shared_loop`) while it works and not while
+it waits: so Ctrl-C comes at the end of what is being done, and other threads may publish. Knows loops,
 threads and signals; must not know nodes.
 """
 
@@ -35,7 +35,7 @@ _MOST_TURNS = 20
 
 
 class Signal:
-    """What a run of the loop is for; `set` may be a callback."""
+    """Ends a run of the loop once it is set; `set` may be a callback."""
 
     __slots__ = ("is_set",)
 
@@ -47,7 +47,7 @@ class Signal:
 
 
 class Condition:
-    """As `Signal`, where what is waited for has no callback: it is looked at in each turn of the loop."""
+    """As `Signal`, for a change without a callback: each turn of the loop looks at it."""
 
     __slots__ = ("_look",)
 
@@ -142,7 +142,7 @@ class Foreground:
     def run_or_tell(
         self, function: Callable[[], Coroutine[Any, Any, T]], timeout_s: float | None, tell: Callable[[], str]
     ) -> T:
-        """As `run`; what TimeoutError says begins with what `tell` says."""
+        """As `run`; the text of TimeoutError begins with what `tell` returns."""
         try:
             return self.run(function, timeout_s)
         except TimeoutError as error:
@@ -205,7 +205,7 @@ class Foreground:
         self._heard.clear()
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        if not self._is_silent and not hasattr(sys, "ps1"):  # at the prompt people want to see it
+        if not self._is_silent and not hasattr(sys, "ps1"):  # at an interactive prompt users want to see it
             self._is_silent = True
             say_nothing_of_signals()
         loop = self.loop

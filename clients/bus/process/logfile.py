@@ -1,4 +1,5 @@
-"""The file into which a busd in the background logs: opened by who starts it, turned over by busd as well.
+"""The file into which a busd in the background logs. The process that starts busd opens it; both turn it
+over.
 
 Owns its name, its mark, and how it is opened: at once, whatever lies there, and without harm to anything that
 is not a log of busd's. Must not know what is logged.
@@ -7,7 +8,7 @@ Invariants:
 - A file that is written to, renamed or emptied begins with the mark, is a regular file of this user, and
   nobody else may write to it.
 - A process that turns the file over holds an flock on it and has seen that it is still the one at its path.
-  So of many that find it full at the same time one does it, and none loses what another one has begun.
+  So of many that find it full at the same time one does it, and none loses a file that another has begun.
 """
 
 import errno
@@ -22,10 +23,10 @@ from bus.errors import ConfigurationError
 __all__ = ["MARK", "MOST_BYTES", "empty", "find_fault", "is_log", "log_path", "open_in_memory", "open_log"]
 
 MARK = b"# busd's own log: "
-"""What the first line begins with, whatever the format of those that follow."""
+"""The beginning of the first line, whatever the format of the others."""
 
 MOST_BYTES = 1 << 20
-"""A file that has so much becomes the old one, in place of an earlier old one."""
+"""A file of this size becomes the old one, in place of an earlier old one."""
 
 _FIRST_LINE = MARK + b"at 1 MiB it goes on in a new file, and this one is kept beside it as *.log.1\n"
 _FLAGS = os.O_RDWR | os.O_APPEND | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC
@@ -48,7 +49,7 @@ def open_log(path: Path, most_bytes: int = MOST_BYTES) -> int:
     try:
         for attempt in range(_ATTEMPTS):
             if attempt:
-                time.sleep(_RETRY_S)  # somebody is about to write its mark, or to turn it over
+                time.sleep(_RETRY_S)  # another process is about to write its mark, or to turn it over
             fd = _make(path) if not os.path.lexists(path) else _open(path)
             if fd is None:
                 continue
@@ -66,7 +67,7 @@ def open_log(path: Path, most_bytes: int = MOST_BYTES) -> int:
 
 
 def open_in_memory() -> int:
-    """A descriptor for a log that has no file; where there is no memory either, of what forgets all."""
+    """A descriptor for a log without a file: in memory, or /dev/null where there is none."""
     try:
         fd = os.memfd_create("busd.log")
     except (AttributeError, OSError):
@@ -94,7 +95,7 @@ def empty(fd: int) -> None:
 
 
 def find_fault(path: Path) -> str:
-    """What keeps a busd from having its log at `path`; "" where nothing does, or nothing is there."""
+    """Why a busd could not have its log at `path`; "" where it could."""
     try:
         if (fd := _open(path)) is not None:
             os.close(fd)
@@ -106,7 +107,7 @@ def find_fault(path: Path) -> str:
 
 
 def _make(path: Path) -> int | None:
-    """None: somebody else was first."""
+    """None where another process was first."""
     try:
         fd = os.open(path, _FLAGS | os.O_CREAT | os.O_EXCL, 0o600)
     except FileExistsError:
@@ -121,9 +122,9 @@ def _make(path: Path) -> int | None:
 
 
 def _open(path: Path) -> int | None:
-    """None: it is empty, or gone by now. Raises ConfigurationError where it is something else."""
+    """None where it is empty, or gone by now. Raises ConfigurationError where it is something else."""
     try:
-        _check(path, path.lstat())  # before it is opened: to some things that does something
+        _check(path, path.lstat())  # before it is opened: opening alone acts on some kinds of files
         fd = os.open(path, _FLAGS)
     except FileNotFoundError:
         return None
@@ -160,9 +161,9 @@ def _begin(fd: int) -> None:
 
 
 def _turn_over(fd: int, path: Path) -> bool:
-    """Let `path` be free for a new file, or empty where something else has the old one's name.
+    """Make `path` free for a new file, or empty the file where something else has the old one's name.
 
-    Returns whether it is to be opened again; False: somebody else is at it, and the file is good for now.
+    Returns whether to open it again; False: another process is at it, and the file will do for now.
     """
     try:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)  # until it is closed

@@ -1,6 +1,6 @@
-"""What to say to those who have taken one thing for another: one line that has the right way in it.
+"""Texts for common mistakes: one line each, which shows the right way.
 
-Owns the texts of mistakes that many make who come from rclpy, from plain asyncio or from NumPy. Needed for
+Owns the texts for mistakes of programmers who come from rclpy, from plain asyncio or from NumPy. Needed for
 mistakes only: import it late.
 """
 

@@ -124,7 +124,7 @@ class Arguments(msgspec.Struct, frozen=True):
             elif argument == "--log-level":
                 log_levels.append(_parse_log_level(argument, _value(rest, argument, "log level")))
             elif argument in ("-e", "--enclave", "--log-config-file", "--log-file-name"):
-                _value(rest, argument, "value")  # ROS 2 has them; nothing here could obey them
+                _value(rest, argument, "value")  # ROS 2 has them; here they have no meaning
             elif (switch := _parse_switch(argument)) is not None and switch[0] in switches:
                 switches[switch[0]] = switch[1]
             else:

@@ -1,9 +1,9 @@
 """An event loop that threads share: one runs it, and while it waits, others may use what lives on it.
 
-asyncio's own loop belongs to one thread; other threads can only send it word, which costs a change of threads
-each way. Here a lock, the guard, goes around the loop and all that lives on it. Whoever runs the loop holds
-the guard except while it waits; so another thread that holds it may call what the loop's own callbacks may
-call, but for coroutines. Knows nothing of the bus.
+asyncio's own loop belongs to one thread; other threads can only send it calls, which costs a change of
+threads each way. Here a lock, the guard, goes around the loop and all that lives on it. The thread that runs
+the loop holds the guard except while it waits; so another thread that holds it may call what the loop's own
+callbacks may call, except coroutines. Knows nothing of the bus.
 """
 
 import asyncio
@@ -32,11 +32,11 @@ _MANY_CANCELLED = 100
 
 
 class Until(Protocol):
-    """What a run of the loop is for."""
+    """Ends a run of the loop once it is set."""
 
     @property
     def is_set(self) -> bool:
-        """It is there: the run ends after the turn that brought it."""
+        """Set: the run ends after this turn."""
 
 
 class _ForEver:
@@ -49,10 +49,10 @@ _FOR_EVER = _ForEver()
 class GuardedLoop(asyncio.SelectorEventLoop):
     """Use it as `with loop:` to hold the guard; or `with loop.guard:`, which is quicker, and then `check`.
 
-    The loop may be run (`run`) by any thread, by one at a time, which must hold the guard, once.
+    Any thread may run the loop (`run`), one at a time; it must hold the guard, once.
 
-    A handler of signals that must not raise KeyboardInterrupt in the midst of what the guard guards (see
-    `is_busy`) sets `is_interrupted`: the main thread raises it when it has given the guard away.
+    A signal handler that must not raise KeyboardInterrupt amid what the guard protects (see `is_busy`) sets
+    `is_interrupted`: the main thread raises it once it has given the guard away.
     """
 
     def __init__(self) -> None:
@@ -67,9 +67,9 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         self.interruption: type[KeyboardInterrupt] = KeyboardInterrupt
         """What `check` raises."""
         self.deferred: deque[tuple[Callable[..., object], tuple[Any, ...]]] = deque()
-        """Calls, with their arguments, to be made when it is run next: what need not be done at once."""
+        """Calls, with their arguments, that can wait for the next run."""
         self.rests = False
-        """It runs only while a call waits (`foreground`). That it rests in between is no standstill."""
+        """Whether it runs only while a call waits (`foreground`): then a rest in between is no standstill."""
         self._main_thread = main_thread().ident
         self.guard: Any = RLock()
         self.is_mine: Callable[[], bool] = self.guard._is_owned  # type: ignore[attr-defined]
@@ -79,7 +79,7 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         self._csock: socket.socket
         self._contenders: deque[None] = deque()  # its methods are atomic
         self.is_waiting = False
-        """Whoever runs it waits for events."""
+        """Whether the thread that runs it waits for events."""
         selector: Any = selectors.EpollSelector()
         self._epoll: select.epoll = selector._selector
         self._epoll_number = self._epoll.fileno()
@@ -114,7 +114,7 @@ class GuardedLoop(asyncio.SelectorEventLoop):
     def is_busy(self, frame: FrameType | None) -> bool:
         """In a signal's handler, which interrupted `frame`: whether the main thread must not leave it now."""
         while frame is not None and frame.f_code not in _ABOUT_TO_TAKE:
-            frame = frame.f_back  # impatience may interrupt the handler itself
+            frame = frame.f_back  # a second Ctrl-C may interrupt the handler itself
         return frame is not None or self.is_mine()
 
     def wake(self) -> None:
@@ -129,8 +129,8 @@ class GuardedLoop(asyncio.SelectorEventLoop):
     def hear_signals(self) -> None:
         """In the main thread: let signals end the wait for events, and tell `on_signal`.
 
-        Python hears one that comes just before it waits only when the wait is over. Nothing is done where
-        somebody else hears them. `close` undoes it.
+        Without this, Python handles a signal that comes just before the wait only when the wait is over. Does
+        nothing where other code has done the same. `close` undoes it.
         """
         self._signals = self._csock.fileno()
         _hear(self._signals, instead_of=_NOBODY)
@@ -168,9 +168,9 @@ class GuardedLoop(asyncio.SelectorEventLoop):
     ) -> Any:
         """As `run_forever`, until `stop`, until `until.is_set`, or `deadline_ns` on the monotonic clock.
 
-        With less around each turn, because somebody waits for what it brings: who can be read from is called
-        first, and in nobody's context. Before that, where there are events, `look` may find what is waited
-        for: then that is returned at once, and the next run handles the events.
+        With less around each turn, because somebody waits for what it brings: readers of descriptors are
+        called first, and without a context. Before that, where there are events, `look` may find what is
+        waited for: then this returns it at once, and the next run handles the events.
         """
         ready, deferred, guard, keys = self._ready, self.deferred, self.guard, self._keys
         self._thread_id = get_ident()
@@ -185,7 +185,7 @@ class GuardedLoop(asyncio.SelectorEventLoop):
                 guard.release()
                 try:
                     if self._contenders:
-                        time.sleep(_YIELD_S)  # a lock is not fair: who waits for it must get it
+                        time.sleep(_YIELD_S)  # a lock is not fair: a thread that waits for it must get it
                     events = self._epoll.poll() if timeout_s < 0 else self._poll(timeout_s)
                 finally:
                     guard.acquire()
@@ -219,10 +219,10 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         """Without the guard, in the thread that runs it: what `sleep` brings, in place of a run.
 
         Where there is nothing to do, `sleep(epoll, deadline_ns, due_s)` sleeps until there is, by the
-        descriptor that has all events, until one of these times at the latest (0: none). None: then `run`
-        does it. An interrupt needs not wait: nothing is guarded here.
+        descriptor that has all events, until one of these times at the latest (0: none). None: `run` has to
+        do it. An interrupt need not wait: nothing is guarded here.
         """
-        self.is_waiting = True  # first: who asks for something from now on wakes it
+        self.is_waiting = True  # first: a thread that adds a call from now on wakes it
         try:
             if self._ready or self.deferred or self._stopping:
                 return None
@@ -232,7 +232,7 @@ class GuardedLoop(asyncio.SelectorEventLoop):
             self.is_waiting = False
 
     def forget_stop(self) -> None:
-        """A `stop` that came while nobody ran it shall not end the next run."""
+        """A `stop` that came while it did not run must not end the next run."""
         self._stopping = False
 
     # --- what asyncio calls
@@ -314,5 +314,5 @@ def _hear(descriptor: int, *, instead_of: int) -> None:
 
 
 _ABOUT_TO_TAKE = {GuardedLoop.acquire.__code__, GuardedLoop.run.__code__, GuardedLoop._poll.__code__}
-"""Where the guard is about to be taken, and `check` comes when it is given away. In any other place without
-it an interrupt must not wait: perhaps nobody checks."""
+"""Code in which the guard is about to be taken, and `check` follows when it is given away. Anywhere else
+outside the guard an interrupt must not wait: perhaps nothing checks."""

@@ -1,8 +1,8 @@
 """How a program ends by a signal: without a traceback, and so that its parent sees which signal it was.
 
-Whether a shell goes on with its loop, and a supervisor sees a failure, hangs on what `waitpid` says. So a
-program that was told to end cleans up and then dies by that very signal. For SIGINT Python does this itself,
-where nobody catches the KeyboardInterrupt. Owns the same for SIGTERM, and the silence of both.
+Whether a shell goes on with its loop, and a supervisor sees a failure, depends on what `waitpid` reports. So
+a program that a signal ends cleans up and then dies by that very signal. For SIGINT Python does this itself,
+unless the program catches the KeyboardInterrupt. Owns the same for SIGTERM, and the silence of both.
 """
 
 import sys
@@ -53,7 +53,7 @@ def die_at_exit(number: int) -> None:
 
     Exit handlers run before that, and files that were left open are written.
     """
-    # Python destroys what `sys` has last of all.
+    # Python destroys what `sys` holds last of all.
     setattr(sys, _Death.__name__, _Death(number))
 
 

@@ -4,7 +4,7 @@ import asyncio
 
 
 class Waiters:
-    """True while somebody waits."""
+    """True while a task waits."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
@@ -38,13 +38,13 @@ class Waiters:
                 self._waiting.remove(waiter)
 
     def release(self) -> None:
-        """All who wait look again."""
+        """Have all that wait look again."""
         if self._waiting:
             for waiter in self._pop():
                 waiter.set_result(None)
 
     def fail(self, reason: BaseException) -> None:
-        """All who wait get `reason`."""
+        """Have all that wait raise `reason`."""
         for waiter in self._pop():
             waiter.set_exception(reason)
 

@@ -46,12 +46,12 @@ def make_readers(slot_count: int) -> "tuple[Descriptor, shm.native.Mapping]":
 
 
 def map_ring(descriptor: Descriptor) -> "shm.native.Mapping":
-    """Map a foreign ring, read-only. Raises ValueError, saying what is wrong with it, or OSError."""
+    """Map another process's ring, read-only. Raises ValueError, saying what is wrong with it, or OSError."""
     return _map(descriptor, ring_fault)
 
 
 def map_readers(descriptor: Descriptor) -> "shm.native.Mapping":
-    """Map a foreign readers' segment, read-only. Raises as `map_ring`."""
+    """Map another process's readers' segment, read-only. Raises as `map_ring`."""
     return _map(descriptor, readers_fault)
 
 

@@ -2,7 +2,7 @@
 
 Owns: the source text of one function per class, compiled as dataclasses does it; and the plan by which the
 native core checks and encodes a message of plain things in one pass. Both are made only from a
-class that the program itself has, never from a foreign schema. Must not know: errors, schemas, topics.
+class of the program's own, never from another process's schema. Must not know: errors, schemas, topics.
 
 A check that says True is sure; False only means "look closer": a scalar of numpy, a tuple for a list, or a
 type that no code is made for. Text with lone surrogates passes here and fails in the encoder.
@@ -87,7 +87,8 @@ class _Planner:
         return made
 
     def _value(self, info: inspect.Type) -> tuple[int, int, int, Any] | None:
-        """How a value is encoded, the least and the most that it or its length may be, of what it is."""
+        """How a value is encoded, the least and the most that it or its length may be, and of what it
+        consists."""
         while isinstance(info, inspect.Metadata):
             info = info.type
         match info:

@@ -48,7 +48,7 @@ _NO_WORKSPACES: Final = frozenset(("/", "/usr", "/usr/local"))
 _MAX_FIXED: Final = 2**24
 _MAX_DEPTH: Final = 5
 _MAX_FOLDERS: Final = 5000
-"""How far `src` is searched: it may be something else than that of a workspace."""
+"""How far `src` is searched: it may not be a workspace's at all."""
 
 
 def find_definition(name: str) -> idl.Message | idl.Service | idl.Action:

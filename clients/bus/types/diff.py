@@ -1,7 +1,7 @@
-"""Where two descriptions of one type differ, in words for the people who wrote them.
+"""Where two descriptions of one type differ, in words for its authors.
 
-Owns: the comparison and its text. Must not know: classes, topics, who asked. Both descriptions may come from
-other processes, so nothing in them is trusted.
+Owns: the comparison and its text. Must not know: classes, topics, what it is for. Both descriptions may come
+from other processes, so nothing in them is trusted.
 """
 
 from itertools import zip_longest
@@ -18,7 +18,7 @@ _LONGEST: Final = 200
 """Characters of a field's path or type that are shown."""
 
 _LONGEST_TEXT: Final = 1000
-"""And of all that is said."""
+"""Characters of the whole text."""
 
 _DIGEST: Final = 17
 """Characters behind the name of a service's message, see `bus.types.service`."""
@@ -104,7 +104,7 @@ def _start(form: Form) -> str:
 
 
 def _ends(publisher: Form) -> tuple[str, str]:
-    """Who publishes and who subscribes."""
+    """What the two ends are called in the text."""
     if _start(publisher) == publisher.root:
         return "the publisher", "the subscription"
     return (

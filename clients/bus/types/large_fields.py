@@ -19,10 +19,10 @@ from bus.wire.runs import Buffer
 M = TypeVar("M", bound=msgspec.Struct)
 
 LONG_BYTES = 64 << 10
-"""From this length on, a field of bytes is worth being left where it is."""
+"""From this length on, it pays to leave a field of bytes where it is."""
 
 LONG_TEXT = 256 << 10
-"""From this length on, one of text is, where it is ASCII: then its UTF-8 is what Python holds."""
+"""From this length on, it pays for ASCII text, too: its UTF-8 is what Python holds."""
 
 _BIN_32, _STR_32, _ARRAY_16 = 0xC6, 0xDB, 0xDC  # of MessagePack
 _pack_head = struct.Struct(">BI").pack
@@ -88,7 +88,8 @@ def long_field(message: msgspec.Struct, names: tuple[str, ...]) -> tuple[str, me
 
 
 def with_field(message: M, name: str, value: Any) -> M:
-    """A copy of `message` with `value` as field `name`. Its class has no say: it has seen the message."""
+    """A copy of `message` with `value` as field `name`, made without the class's own checks: it has had the
+    message."""
     changed: M = cast(Any, message).__copy__()
     msgspec.structs.force_setattr(changed, name, value)
     return changed

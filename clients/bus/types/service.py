@@ -1,8 +1,8 @@
 """What travels between a client and a service: a request or a reply in an envelope that says whose it is.
 
-Owns: the two envelopes, and what the bus is told of their types. On the wire an envelope is an array with the
-message's own encoding as its last element, so that any class with a TypeSupport will do. Must not know:
-topics, endpoints.
+Owns: the two envelopes, and how their types are described on the bus. On the wire an envelope is an array
+with the message's own encoding as its last element, so that any class with a TypeSupport will do. Must not
+know: topics, endpoints.
 
 The type of a service's topic `_request` is `<pkg>/srv/<Name>_Request`, that of `_reply`
 `<pkg>/srv/<Name>_Response`. In both, the name of the message within ends in a digest of both definitions:

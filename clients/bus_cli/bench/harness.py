@@ -1,6 +1,6 @@
 """The processes of one measurement: started, listened to, and in every case ended and reaped.
 
-A child tells what it has to tell as JSON objects with an `event`, one a line on its stdout, and obeys words
+A child reports as JSON objects with an `event`, one a line on its stdout, and obeys words
 that come as lines on its stdin; when its stdin ends, so does it. It ends for no other reason, unless it is
 started as one that `ends`: a child that is gone earlier, or ends with a status other than 0, or is silent for
 longer than it may be, is a `Failure` of the measurement.
@@ -70,7 +70,8 @@ class Child:
         self.has_closed_stdout = False
         self._rest = bytearray()
         with self._log.open("wb") as log:
-            # A session of its own: Ctrl-C in the terminal reaches only us, who end the others in order.
+            # A session of its own: Ctrl-C in the terminal reaches only this process, which ends the others in
+            # order.
             self._process = subprocess.Popen(
                 command,
                 bufsize=0,
@@ -88,7 +89,7 @@ class Child:
         self.exit_fd = os.pidfd_open(self.pid)
 
     def tell(self, word: str) -> None:
-        """Send `word`; who is gone is noticed by whoever waits for the answer."""
+        """Send `word`. Whether the child is gone, the wait for its answer finds out."""
         try:
             os.write(self._stdin, word.encode() + b"\n")
         except BrokenPipeError:
@@ -275,14 +276,14 @@ class Group:
             while self._children:
                 child = self._children.pop()
                 try:
-                    # Servers go last, when nobody needs them any more, and get a time of their own.
+                    # Servers go last, when no child needs them any more, and get a time of their own.
                     if child.is_server:
                         child.ask_to_end()
                         deadline = monotonic() + grace_s
                 finally:
                     child.end(deadline)
         except BaseException:
-            # Interrupted once more: no time is left for anybody.
+            # Interrupted once more: end all at once.
             self._reap(0.0)
             raise
         finally:

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM that come when an exception would get lost, or leave a child that nobody knows."""
+"""Ctrl-C and SIGTERM that come when an exception would get lost, or leave a child that no Group knows."""
 
 import signal
 import threading

@@ -1,4 +1,5 @@
-"""The publishers and subscribers of one measurement: processes of a `Group`, and what they are told and say.
+"""The publishers and subscribers of one measurement: processes of a `Group`, the words sent to them, and
+their events.
 
 Knows `bus_cli.bench.task`'s words, and not what the figures mean.
 """

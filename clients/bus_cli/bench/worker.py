@@ -33,11 +33,11 @@ _TURN_BYTES = 1 << 20
 """In a flood, the event loop gets a turn after so much, and the clock is looked at."""
 _LOOK_S = 0.01
 _QUIET_S = 3.0
-"""Who has heard nothing for so long hears nothing more."""
+"""A subscriber that has received nothing for so long receives nothing more."""
 
 
 class Verb:
-    """The process that started us: tells it events, and has its words."""
+    """The process that started this one: takes events, and sends words."""
 
     def __init__(self) -> None:
         self.stopped = asyncio.Event()
@@ -150,7 +150,7 @@ class Talker:
 
 
 class Listener:
-    """What a subscription takes: counted, and the ages of what is stamped."""
+    """Counts what a subscription takes, and has the ages of what is stamped."""
 
     def __init__(self, verb: Verb, task: Task) -> None:
         payload = Payload(task.type_name, task.size)
@@ -267,7 +267,7 @@ async def _until_the_end(task: Task) -> None:
     try:
         await asyncio.wait({working, listening}, return_when=asyncio.FIRST_COMPLETED)
         if working.done():
-            working.result()  # an exception that is nobody's fault but ours
+            working.result()  # a bug of this worker
             await listening
     finally:
         await _cancel(working, listening)
@@ -282,7 +282,7 @@ async def _cancel(*tasks: "asyncio.Task[None]") -> None:
 def main() -> None:
     """The program."""
     work: Coroutine[Any, Any, None] = _until_the_end(json.decode(sys.argv[1], type=Task))
-    with contextlib.suppress(BrokenPipeError):  # who started us is gone
+    with contextlib.suppress(BrokenPipeError):  # the process that started this one is gone
         run(work)
 
 

@@ -23,7 +23,8 @@ _NOTIFY_RELOAD = 253
 
 
 class Units(msgspec.Struct, frozen=True):
-    """Those of one domain. `user` and `group` are for the machine's; without them they are the caller's own.
+    """The units of one domain. `user` and `group` are for the machine's; without them they are the caller's
+    own.
 
     `config` is the absolute path of busd.toml, None: none.
     """

@@ -26,7 +26,7 @@ _ANSWER_S = 3.0
 
 
 class Seen(NamedTuple):
-    """What a busd said; `charges` is None where it does not tell them."""
+    """The answers of a busd; `charges` is None where it gave none."""
 
     hello: m.Hello
     graph: Graph
@@ -79,7 +79,7 @@ def others(path: Path) -> Iterator[Finding]:
 
 
 def _silent(path: Path, error: BusError) -> Finding:
-    """It is there, but not for us."""
+    """busd is there, but refuses us."""
     pid = procfs.number_in(str(lock_of(path)))
     if pid is not None and procfs.state(pid) in ("T", "t"):
         return fail("daemon", f"pid {pid} is stopped (SIGSTOP, Ctrl-Z or a debugger)", f"kill -CONT {pid}")

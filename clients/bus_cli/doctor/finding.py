@@ -5,7 +5,7 @@ from typing import NamedTuple
 __all__ = ["FULL", "Finding", "fail", "ok", "warn"]
 
 FULL = 0.8
-"""From which part of a limit on it is said how near it is."""
+"""The part of a limit from which on a finding warns of it."""
 
 
 class Finding(NamedTuple):

@@ -21,7 +21,7 @@ _JUMP_S = 0.05
 
 
 def limits() -> Iterator[Finding]:
-    """Of this process, which are mostly those of all that the user starts, and of the machine."""
+    """Limits of this process, mostly those of all that the user starts, and of the machine."""
     files, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     if files < _MIN_FILES:
         may_raise = f"ulimit -n {most if most > 0 else _MIN_FILES}"

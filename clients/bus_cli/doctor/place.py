@@ -16,12 +16,12 @@ __all__ = ["folder", "is_default", "leftovers", "lock_of", "log_file", "origin",
 
 
 def is_default(args: Namespace) -> bool:
-    """Whether nobody chose a path."""
+    """Whether the path is the default."""
     return args.socket is None and not os.environ.get("BUSD_SOCKET")
 
 
 def origin(args: Namespace) -> str:
-    """Who chose the path."""
+    """What chose the path: an option, a variable, or the default."""
     if args.socket is not None:
         return "--socket"
     if os.environ.get("BUSD_SOCKET"):
@@ -57,7 +57,7 @@ def folder(folder: Path, *, is_default: bool, is_served: bool) -> Finding:
 
 
 def socket_file(path: Path) -> Iterator[Finding]:
-    """Who may connect."""
+    """Which users may connect."""
     try:
         found = path.stat()
     except OSError:
@@ -86,7 +86,7 @@ def log_file(path: Path) -> Iterator[Finding]:
 
 
 def leftovers(path: Path, *, is_default: bool) -> Iterator[Finding]:
-    """Sockets and locks of daemons that did not end in order. `path` is one that nobody serves."""
+    """Sockets and locks of daemons that did not end in order. No busd serves `path`."""
     advice = "nothing: the next one replaces it"
     if path.is_socket():
         yield warn("stale file", f"{path} was left by a dead daemon", advice)

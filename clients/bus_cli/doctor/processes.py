@@ -11,7 +11,7 @@ from bus_cli.doctor.finding import FULL, Finding, ok, warn
 __all__ = ["examine"]
 
 _SILENT_PART = 0.6
-"""Of the lease: a process that is well is heard three times in one."""
+"""Part of the lease: a healthy process sends three times in one."""
 
 _UNITS = {"connections": "processes"}
 
@@ -61,7 +61,7 @@ def _releases(seen: Seen) -> Iterator[Finding]:
 
 
 def _near(charges: Peers, topics: int) -> Iterator[Finding]:
-    """Who has more than four fifths of what one may have."""
+    """Processes and users that have more than four fifths of a limit."""
     limits = charges.limits
     for peer in charges.peers:
         yield from _full(_who(peer.program, peer.pid), peer, "_per_peer", limits)

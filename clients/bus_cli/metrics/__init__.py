@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _DEFAULT = "127.0.0.1:9464"
 _MOST_ROWS = 2000
 _LOOK_S = 3600.0
-"""How often the server looks whether it is to end. Nobody asks it to: a signal ends it at once."""
+"""How often the server looks whether to end. It never has to: a signal ends it at once."""
 
 _EPILOG = """\
 PLACE is on loopback, which every user of this machine can read. The metrics are listed in docs/operation.md.

@@ -1,6 +1,6 @@
 """What a look at the bus comes to as metrics, in the words of Prometheus. Needs prometheus-client.
 
-Owns names, help texts, labels, and how many rows a metric may have. Must not know who asks for them.
+Owns names, help texts, labels, and how many rows a metric may have. Must not know what they are served by.
 """
 
 import os

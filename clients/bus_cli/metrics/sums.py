@@ -1,7 +1,7 @@
 """Sums that only grow: what endpoints count, added up by topic and node, also of those that are gone.
 
 Pure. Must not know how the sums are asked for or written. Everything here is bounded: a bus on which names
-come and go for months must not fill the memory of who watches it.
+come and go for months must not fill the memory of the process that watches.
 """
 
 from collections.abc import Iterable, Mapping

@@ -16,11 +16,11 @@ from bus_cli.query import NotRunning, Query
 __all__ = ["View", "look"]
 
 _ANSWER_S = 2.0
-"""Who scrapes gives up after some ten seconds; a busd that is well answers in milliseconds."""
+"""A scraper gives up after some ten seconds; a healthy busd answers in milliseconds."""
 
 
 class View(msgspec.Struct, frozen=True):
-    """What was seen, and how long the look took; `charges` is None where busd does not tell them."""
+    """What was seen, and how long the look took; `charges` is None where busd gave none."""
 
     hello: m.Hello
     graph: Graph

@@ -73,7 +73,7 @@ class _Meter:
     async def open(
         self, passes: Callable[[Any], bool] | None, *, on_message: "Callable[[_Meter], None]"
     ) -> None:
-        """Subscribe as soon as somebody has the topic. Without a filter nothing is decoded."""
+        """Subscribe as soon as an endpoint has the topic. Without a filter nothing is decoded."""
         clock = time_ns if self._args.wall_time else monotonic_ns
 
         def hear(message: Any, info: MessageInfo) -> None:
