@@ -115,6 +115,7 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
     ),
     "metrics": ("Serve what happens on the bus to Prometheus", {}),
     "run": ("Run a script, a module or a program of a package", {}),
+    "launch": ("Run a launch file", {}),
     "pkg": (
         "Various package related sub-commands",
         {

@@ -35,7 +35,6 @@ _NOT_YET = {
     "control": "",
     "extension_points": "",
     "extensions": "",
-    "launch": "start each program with bus run",
     "lifecycle": "",
     "multicast": "the bus does not leave its machine",
     "plugin": "",

@@ -6,7 +6,7 @@ know: what is behind these modules, which are imported only when a program asks 
 Only what can't be imported is filled in, so that a machine with ROS 2 goes on as it is; `install(force=True)`
 (or BUS_RCLPY_FORCE=1 in the environment) puts ours before what is there.
 
-    rclpy, rclpy.*; tf2_ros, ...             the same modules as bus_ros.rclpy, bus_ros.rclpy.*; see _SAME
+    rclpy, rclpy.*; launch, tf2_ros, ...     the same modules as bus_ros.rclpy, bus_ros.rclpy.*; see _SAME
     <pkg>.msg, .srv, .action                 classes made of the definitions that bus.types.definitions finds
     <pkg>                                    an empty package, where there is no real one
     rosidl_runtime_py, rosidl_parser, ament_index_python
@@ -28,13 +28,32 @@ __all__ = ["install"]
 _KINDS: Final = ("msg", "srv", "action")
 
 _SAME: Final = {
+    "launch": "bus_launch.launch",
+    "launch_ros": "bus_launch.launch_ros",
+    "launch_xml": "bus_launch.launch_xml",
+    "launch_yaml": "bus_launch.launch_yaml",
     "rclpy": "bus_ros.rclpy",
     "tf2_py": "bus_tf2.tf2_py",
     "tf2_ros": "bus_tf2.tf2_ros",
 }
 """Packages whose modules, all of them, are those of one of ours."""
 
+_PARTS_OF: Final = {"launch_ros": "launch", "launch_xml": "launch", "launch_yaml": "launch"}
+"""Packages that are of use only with ours of another name: a genuine one does not know them."""
+
 _ALIASES: Final = {
+    **dict.fromkeys(
+        (
+            *("launch.condition", "launch.event", "launch.event_handler", "launch.launch_context"),
+            *("launch.launch_description_entity", "launch.some_actions_type"),
+            *("launch.some_entities_type", "launch.some_substitutions_type", "launch.substitution"),
+        ),
+        "bus_launch.launch.core",
+    ),
+    "launch.invalid_launch_file_error": "bus_launch.launch.errors",
+    "launch.launch_description": "bus_launch.launch.description",
+    "launch.launch_description_source": "bus_launch.launch.launch_description_sources",
+    "launch_ros.parameter_descriptions": "bus_launch.launch_ros.descriptions",
     "rosidl_parser.definition": "bus_ros.rosidl.definition",
     "rosidl_runtime_py.convert": "bus_ros.rosidl.runtime",
     "rosidl_runtime_py.set_message": "bus_ros.rosidl.runtime",
@@ -50,8 +69,8 @@ _PACKAGES: Final = {
 
 _MISSING: Final = frozenset(
     (
-        *("ament_package", "cv_bridge", "domain_coordinator", "image_geometry", "laser_geometry", "launch"),
-        *("launch_pytest", "launch_ros", "launch_testing", "launch_xml", "launch_yaml", "message_filters"),
+        *("ament_package", "cv_bridge", "domain_coordinator", "image_geometry", "laser_geometry"),
+        *("launch_pytest", "launch_testing", "message_filters"),
         *("nav2_simple_commander", "ros2bag", "ros2cli", "ros2launch", "ros2node", "ros2param", "ros2pkg"),
         *("ros2run", "ros2service", "ros2topic", "rosbag2_py", "rosidl_adapter", "rosidl_generator_py"),
         *("rpyutils", "rqt_gui", "rqt_gui_py", "sensor_msgs_py", "sros2", "tf2_geometry_msgs", "tf2_kdl"),
@@ -122,7 +141,9 @@ def _spec(name: str) -> ModuleSpec | None:
     if root in _SAME:
         if rest and not _is_same(root):
             return None  # a part that the real one hasn't
-        return _alias(name, _SAME[root] + name.removeprefix(root))
+        if root in _PARTS_OF and not _leads_to_ours(_PARTS_OF[root]):
+            return None
+        return _alias(name, _ALIASES.get(name) or _SAME[root] + name.removeprefix(root))
     if name in _ALIASES:
         return _alias(name, _ALIASES[name]) if _is_ours(root) else None
     if name in _PACKAGES:
@@ -153,6 +174,13 @@ def _spec(name: str) -> ModuleSpec | None:
 def _is_same(root: str) -> bool:
     """Whether the package of that name is ours, and imported."""
     return root in _SAME and root in sys.modules and sys.modules[root] is sys.modules.get(_SAME[root])
+
+
+def _leads_to_ours(root: str) -> bool:
+    """Whether importing a package gives ours."""
+    if root in sys.modules:
+        return _is_same(root)
+    return _first.is_forced or PathFinder.find_spec(root) is None
 
 
 def _is_ours(name: str) -> bool:

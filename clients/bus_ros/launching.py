@@ -67,8 +67,8 @@ def run_module(name: str, arguments: Sequence[str]) -> NoReturn:
     _run(lambda: _run_as_main(name, alter_argv=True))
 
 
-def run_entry_point(target: str, path: str, arguments: Sequence[str]) -> NoReturn:
-    """Call `module:function` as the console script at `path` would."""
+def run_entry_point(target: str, path: str, arguments: Sequence[str], *, of_package: bool = True) -> NoReturn:
+    """Call `module:function` as the console script at `path` would; `of_package` as for `run_script`."""
     module, _, function = target.partition(":")
     _set_first_path(os.path.dirname(path))
     sys.argv = [path, *arguments]
@@ -82,7 +82,7 @@ def run_entry_point(target: str, path: str, arguments: Sequence[str]) -> NoRetur
             found = getattr(found, name)
         return found()
 
-    _run(call, of_package=True)
+    _run(call, of_package=of_package)
 
 
 def run_child(command: Sequence[str], *, of_package: bool = False) -> int:

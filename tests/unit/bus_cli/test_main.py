@@ -113,7 +113,7 @@ def test_wrong_usage_is_two(words: tuple[str, ...], capsys: pytest.CaptureFixtur
         ("xyz", "bus: there is no command 'xyz'; bus --help lists what there is"),
         ("topic lsit", "bus topic: there is no verb 'lsit'; did you mean 'bus topic list'?"),
         ("node xyz", "bus node: there is no verb 'xyz'; there are info, list"),
-        ("launch demo all.launch.py", "bus launch: not there yet; start each program with bus run"),
+        ("trace", "bus trace: not there yet"),
         ("lifecycle nodes", "bus lifecycle: not there yet"),
     ],
 )

@@ -1,0 +1,121 @@
+"""`bus launch`: run a launch file, list its arguments, or print what it holds.
+
+Runs with the `launch` that can be imported: the genuine one of ROS 2 where it is installed, else busd's.
+"""
+
+from argparse import ArgumentParser, Namespace
+from importlib import import_module
+from typing import Any
+
+from bus_cli.completion import completed_by
+from bus_cli.exitcodes import EXIT_ERROR
+from bus_cli.launch.arguments import given_arguments
+from bus_cli.launch.files import complete_files, find_launch_file
+from bus_cli.output import CommandError, say
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    parser.usage = "bus launch [options] FILE | PKG FILE [name:=value ...]"
+    parser.description = (
+        "Run a launch file: in Python, XML or YAML, by its path, or by the name of its package and its own."
+    )
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument(
+        "-s", "--show-args", "--show-arguments", action="store_true", help="list the file's arguments"
+    )
+    what.add_argument(
+        "-p", "--print", "--print-description", action="store_true", help="print what the file holds"
+    )
+    parser.add_argument("-d", "--debug", action="store_true", help="print more, also tracebacks")
+    parser.add_argument(
+        "-n", "--noninteractive", action="store_true", help="say of each signal that it is sent"
+    )
+    parser.add_argument(
+        "-a",
+        "--show-all-subprocesses-output",
+        action="store_true",
+        help="print what all processes write, whatever their output says",
+    )
+    parser.add_argument(
+        "--launch-prefix", metavar="COMMAND", help="what goes before each program, as one word: 'gdb --args'"
+    )
+    parser.add_argument(
+        "--launch-prefix-filter", metavar="REGEX", help="only before programs whose name this matches"
+    )
+    completed_by(
+        parser.add_argument("package_or_file", metavar="FILE | PKG FILE", help="a path, or a package"),
+        complete_files,
+    )
+    parser.add_argument("words", nargs="*", metavar="name:=value", help="arguments of the launch file")
+
+
+def main(args: Namespace) -> int:
+    path, words = find_launch_file(args.package_or_file, args.words)
+    arguments = given_arguments(words)
+    _export(args)
+    import_module("bus_ros.import_hook")
+    from bus_launch import inheritance
+
+    inheritance.prepare()
+    launch: Any = import_module("launch")
+    if args.print or args.show_args:
+        return _show(launch, path, args)
+    return _run(launch, path, arguments, args)
+
+
+def _export(args: Namespace) -> None:
+    """Which bus, and what else the processes inherit."""
+    import os
+
+    from bus.process.address import domain_id, socket_path
+
+    if args.domain is not None:
+        os.environ["BUSD_DOMAIN"] = str(domain_id(args.domain))
+        os.environ.pop("BUSD_SOCKET", None)  # it would hide the domain
+    if args.socket is not None:
+        os.environ["BUSD_SOCKET"] = str(socket_path(args.socket))
+    if args.show_all_subprocesses_output:
+        os.environ["OVERRIDE_LAUNCH_PROCESS_OUTPUT"] = "both"
+
+
+def _show(launch: Any, path: str, args: Namespace) -> int:
+    from bus_cli.launch.arguments import listed
+
+    sources: Any = import_module("launch.launch_description_sources")
+    try:
+        description = sources.get_launch_description_from_any_launch_file(path)
+        if args.print:
+            say(launch.LaunchIntrospector().format_launch_description(description))
+        else:
+            say("\n".join(listed(description.get_launch_arguments())))
+    except Exception as error:
+        if args.debug:
+            raise
+        raise CommandError(str(error)) from None
+    return 0
+
+
+def _run(launch: Any, path: str, arguments: dict[str, str], args: Namespace) -> int:
+    actions: Any = import_module("launch.actions")
+    sources: Any = import_module("launch.launch_description_sources")
+    logging: Any = import_module("launch.logging")
+    service = launch.LaunchService(
+        argv=[f"{name}:={value}" for name, value in arguments.items()],
+        noninteractive=args.noninteractive,
+        debug=args.debug,
+    )
+    logging.log_launch_config(logger=logging.get_logger("launch"))
+    given = dict(arguments)
+    if args.launch_prefix is not None:
+        given["launch-prefix"] = args.launch_prefix
+    if args.launch_prefix_filter is not None:
+        given["launch-prefix-filter"] = args.launch_prefix_filter
+    include = actions.IncludeLaunchDescription(
+        sources.AnyLaunchDescriptionSource(path), launch_arguments=list(given.items())
+    )
+    service.include_launch_description(launch.LaunchDescription([include]))
+    code = service.run()
+    ended_by = getattr(service, "ended_by", None)
+    if ended_by is not None:
+        return -int(ended_by)
+    return EXIT_ERROR if code else 0

@@ -1,0 +1,38 @@
+"""Arguments of launch files, as the command line gives and lists them."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+from bus_cli.output import CommandError
+
+__all__ = ["given_arguments", "listed"]
+
+
+def given_arguments(words: Sequence[str]) -> dict[str, str]:
+    """Of `name:=value` words; of several for one name the last holds."""
+    found: dict[str, str] = {}
+    for word in words:
+        name, equals, value = word.partition(":=")
+        if not name or not equals or (not value and word.count(":=") == 1):
+            raise CommandError(f"malformed launch argument '{word}', expected format '<name>:=<value>'")
+        found[name] = value
+    return found
+
+
+def listed(arguments: Iterable[Any]) -> Iterator[str]:
+    """The lines of --show-args."""
+    yield "Arguments (pass arguments as '<name>:=<value>'):"
+    is_any = has_conditional = False
+    for one in arguments:
+        is_any = True
+        star = ""
+        if one._conditionally_included:
+            star, has_conditional = "*", True
+        yield f"\n    '{one.name}':{star}"
+        yield f"        {one.description}"
+        if one.default_value is not None:
+            yield f"        (default: {' + '.join(part.describe() for part in one.default_value)})"
+    if not is_any:
+        yield "\n  No arguments."
+    elif has_conditional:
+        yield "\n* argument(s) which are only used if specific conditions occur"

@@ -1,0 +1,202 @@
+"""Handlers of the events of a launch; programs import them as `launch.event_handlers`."""
+
+from collections.abc import Callable, Iterable
+from typing import Any, TypeAlias
+
+from bus_launch.launch.core import (
+    BaseEventHandler,
+    Event,
+    LaunchContext,
+    LaunchDescriptionEntity,
+    SomeEntitiesType,
+    normalize_to_list_of_entities,
+)
+from bus_launch.launch.events import ExecutionComplete, IncludeLaunchDescription, Shutdown
+from bus_launch.launch.events.process import (
+    ProcessExited,
+    ProcessIO,
+    ProcessStarted,
+    ProcessStderr,
+    ProcessStdin,
+    ProcessStdout,
+)
+
+__all__ = [
+    "OnActionEventBase",
+    "OnExecutionComplete",
+    "OnIncludeLaunchDescription",
+    "OnProcessExit",
+    "OnProcessIO",
+    "OnProcessStart",
+    "OnShutdown",
+]
+
+_Target: TypeAlias = LaunchDescriptionEntity | Callable[[Any], bool] | None
+_Answer: TypeAlias = SomeEntitiesType | Callable[..., SomeEntitiesType | None] | None
+
+
+class OnActionEventBase(BaseEventHandler):
+    """For events of one action, of those that a function takes, or of any.
+
+    `on_event` is what to visit then, or a function of the event and the context that returns it.
+    """
+
+    def __init__(
+        self,
+        *,
+        action_matcher: _Target,
+        on_event: _Answer,
+        target_event_cls: type[Event],
+        target_action_cls: type[LaunchDescriptionEntity] = LaunchDescriptionEntity,
+        handle_once: bool = False,
+    ) -> None:
+        is_function = callable(action_matcher) and not isinstance(action_matcher, LaunchDescriptionEntity)
+        if (
+            action_matcher is not None
+            and not is_function
+            and not isinstance(action_matcher, target_action_cls)
+        ):
+            raise ValueError(
+                f"{type(self).__name__} requires a '{target_action_cls.__name__}' instance or a callable "
+                f"as target_action, got {action_matcher!r}"
+            )
+        super().__init__(matcher=self.__takes, handle_once=handle_once)
+        self.__target = action_matcher
+        self.__event_class = target_event_cls
+        self.__call, self.__entities = _split(on_event)
+
+    def __takes(self, event: Event) -> bool:
+        if not isinstance(event, self.__event_class):
+            return False
+        action = event.action  # type: ignore[attr-defined]
+        if self.__target is None:
+            return True
+        if isinstance(self.__target, LaunchDescriptionEntity):
+            return action is self.__target
+        return self.__target(action)
+
+    def handle(self, event: Event, context: LaunchContext) -> SomeEntitiesType | None:
+        super().handle(event, context)
+        return self.__entities if self.__call is None else self.__call(event, context)
+
+    @property
+    def handler_description(self) -> str:
+        return "<actions>" if self.__call is None else str(self.__call)
+
+    @property
+    def matcher_description(self) -> str:
+        return f"event == {self.__event_class.__name__}"
+
+    def describe(self) -> tuple[str, list[LaunchDescriptionEntity]]:
+        return super().describe()[0], list(self.__entities)
+
+
+class OnExecutionComplete(OnActionEventBase):
+    """An action has done its work."""
+
+    def __init__(
+        self,
+        *,
+        target_action: _Target = None,
+        on_completion: _Answer,
+        handle_once: bool = False,
+    ) -> None:
+        super().__init__(
+            action_matcher=target_action,
+            on_event=on_completion,
+            target_event_cls=ExecutionComplete,
+            handle_once=handle_once,
+        )
+
+
+class OnProcessStart(OnActionEventBase):
+    """A process has been started."""
+
+    def __init__(
+        self, *, target_action: _Target = None, on_start: _Answer, handle_once: bool = False
+    ) -> None:
+        super().__init__(
+            action_matcher=target_action,
+            on_event=on_start,
+            target_event_cls=ProcessStarted,
+            handle_once=handle_once,
+        )
+
+
+class OnProcessExit(OnActionEventBase):
+    """A process has ended."""
+
+    def __init__(
+        self, *, target_action: _Target = None, on_exit: _Answer = None, handle_once: bool = False
+    ) -> None:
+        super().__init__(
+            action_matcher=target_action,
+            on_event=on_exit,
+            target_event_cls=ProcessExited,
+            handle_once=handle_once,
+        )
+
+
+class OnProcessIO(OnActionEventBase):
+    """A process has written something, or is given something to read."""
+
+    def __init__(
+        self,
+        *,
+        target_action: _Target = None,
+        on_stdin: Callable[[ProcessIO], SomeEntitiesType | None] | None = None,
+        on_stdout: Callable[[ProcessIO], SomeEntitiesType | None] | None = None,
+        on_stderr: Callable[[ProcessIO], SomeEntitiesType | None] | None = None,
+        handle_once: bool = False,
+    ) -> None:
+        calls = {ProcessStdin: on_stdin, ProcessStdout: on_stdout, ProcessStderr: on_stderr}
+
+        def on_event(event: ProcessIO, context: LaunchContext) -> SomeEntitiesType | None:
+            call = calls.get(type(event))
+            return None if call is None else call(event)
+
+        super().__init__(
+            action_matcher=target_action,
+            on_event=on_event,
+            target_event_cls=ProcessIO,
+            handle_once=handle_once,
+        )
+
+
+class OnShutdown(BaseEventHandler):
+    """The launch ends."""
+
+    def __init__(self, *, on_shutdown: _Answer, handle_once: bool = False) -> None:
+        super().__init__(matcher=lambda event: isinstance(event, Shutdown), handle_once=handle_once)
+        self.__call, self.__entities = _split(on_shutdown)
+
+    @property
+    def matcher_description(self) -> str:
+        return "event is Shutdown"
+
+    def describe(self) -> tuple[str, list[LaunchDescriptionEntity]]:
+        return super().describe()[0], list(self.__entities)
+
+    def handle(self, event: Event, context: LaunchContext) -> SomeEntitiesType | None:
+        super().handle(event, context)
+        return self.__entities if self.__call is None else self.__call(event, context)
+
+
+class OnIncludeLaunchDescription(BaseEventHandler):
+    """Visits what an IncludeLaunchDescription event brings."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(matcher=lambda event: isinstance(event, IncludeLaunchDescription), **kwargs)
+
+    def handle(self, event: Event, context: LaunchContext) -> SomeEntitiesType | None:
+        super().handle(event, context)
+        assert isinstance(event, IncludeLaunchDescription)
+        return event.launch_description
+
+
+def _split(answer: _Answer) -> tuple[Callable[..., Any] | None, list[LaunchDescriptionEntity]]:
+    if callable(answer) and not isinstance(answer, LaunchDescriptionEntity):
+        return answer, []
+    if answer is not None and not isinstance(answer, LaunchDescriptionEntity | Iterable):
+        raise TypeError(f"expected actions or a function of event and context, got {answer!r}")
+    return None, normalize_to_list_of_entities(answer)

@@ -1,0 +1,21 @@
+"""Functions for those who write actions and substitutions; programs import it as `launch.utilities`."""
+
+from bus_launch.launch.core import (
+    ensure_argument_type,
+    is_a,
+    is_a_subclass,
+    normalize_to_list_of_entities,
+    normalize_to_list_of_substitutions,
+    perform_substitutions,
+    visit_all_entities_and_collect_futures,
+)
+
+__all__ = [
+    "ensure_argument_type",
+    "is_a",
+    "is_a_subclass",
+    "normalize_to_list_of_entities",
+    "normalize_to_list_of_substitutions",
+    "perform_substitutions",
+    "visit_all_entities_and_collect_futures",
+]

@@ -1,0 +1,86 @@
+"""Parts of actions; programs import it as `launch_ros.descriptions`, and `.parameter_descriptions`."""
+
+from pathlib import Path
+from typing import Any, NoReturn
+
+from bus_launch.launch.core import (
+    LaunchContext,
+    SomeSubstitutionsType,
+    Substitution,
+    normalize_to_list_of_substitutions,
+    perform_substitutions,
+)
+from bus_launch.launch_ros.parameter_values import ParameterValue
+
+__all__ = ["ComposableNode", "Parameter", "ParameterFile", "ParameterValue"]
+
+
+class ParameterFile:
+    """A YAML file of parameters; with `allow_substs` its text may hold `$(...)`."""
+
+    def __init__(
+        self,
+        param_file: SomeSubstitutionsType,
+        *,
+        allow_substs: bool | SomeSubstitutionsType = False,
+    ) -> None:
+        self.__file = normalize_to_list_of_substitutions(param_file)
+        self.__allow = allow_substs
+
+    @property
+    def param_file(self) -> list[Substitution]:
+        return self.__file
+
+    def may_have_substitutions(self, context: LaunchContext) -> bool:
+        if isinstance(self.__allow, bool):
+            return self.__allow
+        text = perform_substitutions(context, normalize_to_list_of_substitutions(self.__allow))
+        return text.strip().lower() in ("true", "1")
+
+    def evaluate(self, context: LaunchContext) -> Path:
+        """The path of the file as it lies there."""
+        return Path(perform_substitutions(context, self.__file))
+
+
+class Parameter:
+    """A parameter with its value."""
+
+    def __init__(
+        self,
+        name: SomeSubstitutionsType,
+        value: Any,
+        *,
+        value_type: Any = None,
+        description: SomeSubstitutionsType = "",
+    ) -> None:
+        self.__name = normalize_to_list_of_substitutions(name)
+        self.__value = (
+            value if isinstance(value, ParameterValue) else ParameterValue(value, value_type=value_type)
+        )
+
+    @property
+    def name(self) -> list[Substitution]:
+        return self.__name
+
+    @property
+    def value(self) -> Any:
+        return self.__value.value
+
+    def evaluate(self, context: LaunchContext) -> tuple[str, Any]:
+        return perform_substitutions(context, self.__name), self.__value.evaluate(context)
+
+
+class ComposableNode:
+    """A component: a part of a C++ library, which busd can't load. Descriptions may be made of it."""
+
+    def __init__(self, *, package: Any, plugin: Any, name: Any = None, **kwargs: Any) -> None:
+        self.package = package
+        self.node_plugin = plugin
+        self.node_name = name
+
+
+def refuse_components(what: str) -> NoReturn:
+    raise NotImplementedError(
+        f"{what}: components are C++ libraries, which busd can't load; start a Node of a Python program for "
+        "each, they share memory as components do"
+    )

@@ -1,0 +1,62 @@
+"""Talks to a lifecycle node that a launch has started: asks for transitions, hears of those it made.
+
+On the bus, by the names that ROS 2 has: the service NODE/change_state and the topic NODE/transition_event.
+"""
+
+import asyncio
+import os
+from typing import Any
+
+from bus_launch.launch import logging
+from bus_launch.launch.core import LaunchContext
+from bus_launch.launch_ros.events.lifecycle import StateTransition
+
+__all__ = ["Transitions"]
+
+
+class Transitions:
+    """Of one node, an action with a `node_name`; it begins with `run`, and ends with the node's process."""
+
+    def __init__(self, node: Any, context: LaunchContext) -> None:
+        self._node = node
+        self._context = context
+        self._asked: asyncio.Queue[int] = asyncio.Queue()
+
+    def ask(self, transition_id: int) -> None:
+        """Ask for a transition once those that were asked for before are answered."""
+        self._asked.put_nowait(transition_id)
+
+    async def run(self, done: "asyncio.Future[None]") -> None:
+        """Until the node's process has ended."""
+        talk = asyncio.create_task(self._talk())
+        await asyncio.wait([talk, done], return_when=asyncio.FIRST_COMPLETED)
+        if not talk.done():
+            talk.cancel()
+        try:
+            await talk
+        except asyncio.CancelledError:
+            pass
+
+    async def _talk(self) -> None:
+        from bus.node import Node as BusNode  # late: few launch files have such nodes
+        from bus.types.classes import message_class, service_class
+
+        name = self._node.node_name
+        event = message_class("lifecycle_msgs/msg/TransitionEvent")
+        change = service_class("lifecycle_msgs/srv/ChangeState")
+        async with BusNode(f"launch_ros_{os.getpid()}_{id(self._node)}", arguments=()) as own:
+            await own.create_subscription(event, f"{name}/transition_event", 100, self._hear)
+            client = await own.create_client(change, f"{name}/change_state")
+            while True:
+                number = await self._asked.get()
+                await client.wait_for_service()
+                request = change.Request()
+                request.transition.id = number
+                answer = await client.call(request)
+                if not answer.success:
+                    logging.get_logger("launch_ros").error(
+                        f"Failed to make transition '{number}' for LifecycleNode '{name}'"
+                    )
+
+    def _hear(self, message: Any) -> None:
+        self._context.emit_event_sync(StateTransition(action=self._node, msg=message))

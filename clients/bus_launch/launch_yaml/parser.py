@@ -1,0 +1,24 @@
+"""From a file in YAML to its root entity."""
+
+from typing import Any, TextIO
+
+from bus_launch.launch.frontend import Parser as BaseParser
+from bus_launch.launch_yaml.entity import Entity
+
+__all__ = ["Parser"]
+
+
+class Parser(BaseParser):
+    """Reads YAML."""
+
+    @classmethod
+    def load(cls, file: Any) -> tuple[Entity, "Parser"]:
+        """Raises yaml.YAMLError, whose text has line and column, and RuntimeError where there is no root."""
+        import yaml  # late: most launch files are in Python
+
+        stream: TextIO = file
+        return Entity(yaml.safe_load(stream.read())), cls()
+
+    @classmethod
+    def get_file_extensions(cls) -> list[str]:
+        return ["yaml", "yml"]

@@ -1,0 +1,216 @@
+"""`bus launch` as a process: what it prints, how it ends, and that nothing is left behind."""
+
+import asyncio
+import os
+import signal
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from programs import Program, on_one_loop, running
+from semantics import until
+
+LAUNCH = ("-m", "bus_cli", "launch")
+TALKER = """#!/usr/bin/env python3
+import rclpy
+from rclpy.node import Node
+from std_msgs.msg import String
+
+class Talker(Node):
+    def __init__(self):
+        super().__init__("talker")
+        self.publisher = self.create_publisher(String, "chatter", 10)
+        self.declare_parameter("text", "hello")
+        self.create_timer(0.05, self.say)
+
+    def say(self):
+        self.publisher.publish(String(data=self.get_parameter("text").value))
+
+def main():
+    rclpy.init()
+    try:
+        rclpy.spin(Talker())
+    except KeyboardInterrupt:
+        pass
+
+main()
+"""
+LISTENER = """#!/usr/bin/env python3
+import rclpy
+from std_msgs.msg import String
+
+def main():
+    rclpy.init()
+    node = rclpy.create_node("listener")
+    heard = lambda message: node.get_logger().info("I heard: " + message.data, once=True)
+    node.create_subscription(String, "chatter", heard, 10)
+    print("listening")
+    try:
+        rclpy.spin(node)
+    except KeyboardInterrupt:
+        print("farewell")
+
+main()
+"""
+TWO = """
+import os
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+HERE = os.path.dirname(__file__)
+
+def generate_launch_description():
+    return LaunchDescription([
+        DeclareLaunchArgument("text", default_value="hi there"),
+        Node(
+            executable=os.path.join(HERE, "talker"),
+            name="teller",
+            namespace="robot",
+            parameters=[{"text": LaunchConfiguration("text")}],
+            remappings=[("chatter", "/talk")],
+        ),
+        Node(executable=os.path.join(HERE, "listener"), output="screen", remappings=[("chatter", "/talk")]),
+    ])
+"""
+STUBBORN = """
+import signal, time
+for number in (signal.SIGINT, signal.SIGTERM):
+    signal.signal(number, lambda number, frame: print("ignored", number, flush=True))
+print("ready", flush=True)
+while True:
+    time.sleep(60)
+"""
+
+
+def write(folder: Path, **files: str) -> Path:
+    """Programs and launch files; returns the folder."""
+    for name, text in files.items():
+        path = folder / name.replace("__", ".")
+        path.write_text(text)
+        path.chmod(0o755)
+    return folder
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "log"))
+    (tmp_path / "temporary").mkdir()
+    folder = tmp_path / "here"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    return folder
+
+
+@asynccontextmanager
+async def launched(here: Path, *words: str) -> AsyncIterator[Program]:
+    async with running(here.parent / "temporary", *LAUNCH, *words) as program:
+        yield program
+
+
+@pytest.mark.usefixtures("daemon")
+@on_one_loop
+async def test_two_nodes_talk_and_ctrl_c_ends_all(here: Path) -> None:
+    write(here, talker=TALKER, listener=LISTENER, two__launch__py=TWO)
+    async with launched(here, "two.launch.py", "text:=5 apples") as launch:
+        await launch.line(r"^\[listener-2\] \[INFO\] \[.*\] \[listener\]: I heard: 5 apples$")
+        talker, listener = launch.family("talker"), launch.family("listener")
+        assert len(talker) == len(listener) == 1
+        launch.process.send_signal(signal.SIGINT)
+        assert await launch.end() == -signal.SIGINT
+        assert launch.family() == []
+    assert launch.lines[0].startswith(f"[INFO] [launch]: All log files can be found below {here.parent}/log/")
+    assert launch.lines[1] == "[INFO] [launch]: Default logging verbosity is set to INFO"
+    assert f"[INFO] [talker-1]: process started with pid [{talker[0]}]" in launch.lines
+    ended = launch.lines[
+        launch.lines.index("[WARNING] [launch]: user interrupted with ctrl-c (SIGINT)") + 1 :
+    ]
+    assert sorted(ended) == [
+        f"[INFO] [listener-2]: process has finished cleanly [pid {listener[0]}]",
+        f"[INFO] [talker-1]: process has finished cleanly [pid {talker[0]}]",
+        "[listener-2] farewell",
+    ]
+    assert list((here.parent / "temporary").iterdir()) == []  # no parameter file
+    (log,) = (here.parent / "log").glob("*-*/launch.log")
+    assert "process started with pid" in log.read_text()
+
+
+@on_one_loop
+async def test_signals_escalate(here: Path) -> None:
+    """Also for what a shell has started."""
+    write(
+        here,
+        stubborn__py=STUBBORN,
+        hard__launch__xml="""
+            <launch>
+              <let name="sigterm_timeout" value="0.1"/><let name="sigkill_timeout" value="0.1"/>
+              <executable cmd="python3 $(dirname)/stubborn.py" name="one" output="screen"/>
+              <executable cmd="python3 $(dirname)/stubborn.py; true" shell="true" name="sh" output="screen"/>
+            </launch>""",
+    )
+    async with launched(here, "hard.launch.xml") as launch:
+        for name in ("one-1", "sh-2"):
+            await launch.line(rf"^\[{name}\] ready$")
+        launch.process.send_signal(signal.SIGTERM)
+        assert await launch.end() == -signal.SIGTERM
+        assert launch.family() == []
+    said = [line for line in launch.lines if "one-1" in line]
+    pid = said[0].partition("pid [")[2].rstrip("]")
+    command = f"python3 {here}/stubborn.py"
+    assert said[2:] == [
+        "[INFO] [one-1]: sending signal 'SIGINT' to process[one-1]",
+        "[one-1] ignored 2",
+        "[ERROR] [one-1]: process[one-1] failed to terminate '0.1' seconds after receiving 'SIGINT', "
+        "escalating to 'SIGTERM'",
+        "[INFO] [one-1]: sending signal 'SIGTERM' to process[one-1]",
+        "[one-1] ignored 15",
+        "[ERROR] [one-1]: process[one-1] failed to terminate '0.2' seconds after receiving 'SIGTERM', "
+        "escalating to 'SIGKILL'",
+        "[INFO] [one-1]: sending signal 'SIGKILL' to process[one-1]",
+        f"[ERROR] [one-1]: process has died [pid {pid}, exit code -9, cmd '{command}'].",
+    ]
+
+
+@on_one_loop
+async def test_a_killed_launch_leaves_nothing(here: Path) -> None:
+    """Not even what a shell has started in the background."""
+    write(
+        here,
+        two__launch__yaml="""
+            launch:
+            - executable: {cmd: sleep 1000}
+            - executable: {cmd: "sleep 1001 & sleep 1002", shell: true}""",
+    )
+    async with launched(here, "two.launch.yaml") as launch:
+        await until(lambda: len(launch.family("sleep 100")) >= 3)
+        os.kill(launch.process.pid, signal.SIGKILL)
+        await until(lambda: launch.family() == [])
+
+
+@on_one_loop
+async def test_what_a_shell_has_left_ends_with_the_launch(here: Path) -> None:
+    write(
+        here,
+        left__launch__yaml="launch: [{executable: {cmd: 'sleep 1000 >/dev/null 2>&1 &', shell: true}}]",
+    )
+    async with launched(here, "left.launch.yaml") as launch:
+        assert await launch.end() == 0
+        assert launch.family() == []
+
+
+@on_one_loop
+async def test_whoever_reads_it_is_gone(here: Path) -> None:
+    """As in `bus launch ... | head -1`."""
+    write(
+        here,
+        loud__launch__yaml="launch: [{executable: {cmd: 'yes', output: screen}}]",
+    )
+    done = await asyncio.create_subprocess_shell(
+        f"{sys.executable} -m bus_cli launch loud.launch.yaml | head -5", stdout=asyncio.subprocess.PIPE
+    )
+    out, _ = await done.communicate()
+    assert len(out.splitlines()) == 5
