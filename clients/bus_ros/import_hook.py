@@ -33,8 +33,11 @@ _SAME: Final = {
     "launch_xml": "bus_launch.launch_xml",
     "launch_yaml": "bus_launch.launch_yaml",
     "rclpy": "bus_ros.rclpy",
+    "tf2_geometry_msgs": "bus_tf2.tf2_geometry_msgs",
     "tf2_py": "bus_tf2.tf2_py",
     "tf2_ros": "bus_tf2.tf2_ros",
+    "tf2_sensor_msgs": "bus_tf2.tf2_sensor_msgs",
+    "tf_transformations": "bus_tf2.tf_transformations",
 }
 """Packages whose modules, all of them, are those of one of ours."""
 
@@ -73,8 +76,7 @@ _MISSING: Final = frozenset(
         *("launch_pytest", "launch_testing", "message_filters"),
         *("nav2_simple_commander", "ros2bag", "ros2cli", "ros2launch", "ros2node", "ros2param", "ros2pkg"),
         *("ros2run", "ros2service", "ros2topic", "rosbag2_py", "rosidl_adapter", "rosidl_generator_py"),
-        *("rpyutils", "rqt_gui", "rqt_gui_py", "sensor_msgs_py", "sros2", "tf2_geometry_msgs", "tf2_kdl"),
-        *("tf2_sensor_msgs", "tf_transformations", "turtle_tf2_py"),
+        *("rpyutils", "rqt_gui", "rqt_gui_py", "sensor_msgs_py", "sros2", "tf2_kdl", "turtle_tf2_py"),
     )
 )
 """Of ROS 2, and not here."""

@@ -14,6 +14,6 @@ def message_type(name: str) -> Any:
     return message_class(name)
 
 
-def message(name: str, **fields: Any) -> Any:
+def message(name: str, /, **fields: Any) -> Any:
     """A new message of that type."""
     return message_type(name)(**fields)

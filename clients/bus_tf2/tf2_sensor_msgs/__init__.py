@@ -1,0 +1,10 @@
+"""`tf2_sensor_msgs` on the bus: importing it lets buffers transform point clouds."""
+
+from bus_tf2.tf2_sensor_msgs.tf2_sensor_msgs import (
+    do_transform_cloud,
+    from_msg_msg,
+    to_msg_msg,
+    transform_points,
+)
+
+__all__ = ["do_transform_cloud", "from_msg_msg", "to_msg_msg", "transform_points"]

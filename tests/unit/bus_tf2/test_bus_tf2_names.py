@@ -1,0 +1,27 @@
+"""docs/tf2.md: the names that it lists are there, and all that are there it lists."""
+
+import re
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+TEXT = (Path(__file__).parents[3] / "docs" / "tf2.md").read_text()
+MODULES = re.findall(
+    r"^\| `(tf\w+(?:\.\w+)*)` \| (.*) \|$", TEXT.partition("## Modules")[2].partition("## Rules")[0], re.M
+)
+
+
+@pytest.mark.parametrize(("name", "cell"), MODULES, ids=lambda value: value if "`" not in value else "")
+def test_a_module(name: str, cell: str) -> None:
+    module = import_module(f"bus_tf2.{name}")
+    listed = set(re.findall(r"`(\w+)`", cell))
+    assert not [one for one in listed if not hasattr(module, one)]
+    public = set(module.__all__)
+    if name == "tf_transformations":
+        public |= set(import_module("bus_tf2.tf_transformations.matrices").__all__)
+    assert public - {"__getattr__", "as_list"} == listed
+
+
+def test_every_module() -> None:
+    assert len(MODULES) == 11
