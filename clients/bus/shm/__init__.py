@@ -1,7 +1,7 @@
 """The shared-memory route's own part: rings, readers' segments, doorbells. See docs/ring.md.
 
 Owns the segments and the native core, which is imported when `shm.native` is first used: ImportError where
-it was not built. Must not know the wire, the loop, or who matches with whom.
+it was not built. Must not know the wire, the loop, or which endpoints match.
 """
 
 import os
@@ -56,7 +56,7 @@ def why_not() -> str:
 
 
 def turned_off_by() -> str:
-    """The environment variable by which somebody has turned shared memory off, or ""."""
+    """The environment variable that turns shared memory off, or ""."""
     return next((name for name, value in _OFF.items() if os.environ.get(name) == value), "")
 
 

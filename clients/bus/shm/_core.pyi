@@ -49,7 +49,7 @@ class Mapping:
     def format_readers(self, slot_count: int) -> None: ...
 
 class Bell:
-    """Another process's readers' segment and doorbell, as those who wake it know them.
+    """Another process's readers' segment and doorbell, as the writers that wake it know them.
 
     Raises ValueError, saying what is wrong, where `memory` is no readers' segment. The caller keeps
     `doorbell` open.
@@ -79,7 +79,7 @@ class Sends:
 
     `go_on(message, status)` takes over where `publish` gave neither True nor False, and says whether the
     message is taken. Where it is not, `slow(message)` gives the coroutine that does all.
-    `forgotten(message)` is called where nobody awaits what `send` gave.
+    `forgotten(message)` is called where what `send` gave is never awaited.
     """
 
     publish: Callable[[Any], Any]
@@ -123,7 +123,7 @@ class Writer:
 
     def __init__(self, memory: Mapping, keep: int) -> None: ...
     def write(self, payload: Buffer, /) -> Literal[True] | int:
-        """Stamp `payload`, publish it and ring who sleeps. True, or one of the numbers above."""
+        """Stamp `payload`, publish it and wake readers that sleep. True, or one of the numbers above."""
     def prepare(
         self,
         kind: type,
@@ -165,7 +165,7 @@ class Writer:
         """The number of the first record that `since` gives; latest + 1 where it gives none."""
 
     def add_gate(self, key: int, bell: Bell, slot: int, *, is_lossless: bool) -> None:
-        """A match: its reader tells of itself in `slot`. Rings it where it sleeps.
+        """A match: its reader shows its position in `slot`. Wakes it where it sleeps.
 
         From now on the reader may pin records. An existing key is replaced. Raises ValueError for a slot
         beyond the segment.
@@ -182,10 +182,10 @@ class Writer:
         """The seq from which on the newest `count` records are carried to a next ring, its first_seq."""
     def move(self, memory: Mapping) -> None:
         """Go on in another ring, formatted with `carry_from()`: carries the records from there on, closes the
-        old one and rings everyone. Gates stay; a wait for room ends. Raises ValueError, changing nothing,
+        old one and wakes all readers. Gates stay; a wait for room ends. Raises ValueError, changing nothing,
         where it does not fit."""
     def close(self) -> None:
-        """Nothing more will be written: readers are told by the ring itself, and rung."""
+        """Nothing more will be written: the ring itself says so, and readers are woken."""
     def _debug(self) -> dict[str, int]:
         """For tests. `lossless`: gates; `rung`: doorbells so far; `taken`: everything before this seq was
         taken by all lossless readers, `hold` apart; latest + 1 without any, and at most."""
@@ -219,7 +219,7 @@ class Readers:
     def is_free(self, slot: int) -> bool:
         """No pin of this slot is in use."""
     def close(self) -> None:
-        """The doorbell is somebody else's from now on: `deliver` leaves it alone and ends, wherever it is."""
+        """The doorbell is not ours from now on: `deliver` leaves it alone and ends, wherever it is."""
 
 class Reader(Generic[S]):
     """What one subscription reads: the rings of its publishers, merged by their stamps.
@@ -238,7 +238,8 @@ class Reader(Generic[S]):
     is_busy: bool
     """A call is under way or about to go on, so that it must not call back by itself. May be set."""
     is_report_due: bool
-    """May be set to False: the counters were reported, and change once more. Who notes that, sets it."""
+    """May be set to False: the counters were reported, and change once more. Code that reports the change
+    sets it."""
     expected: int
     """By the numbers: samples + replaced + overrun + expired + undecodable + those that wait."""
 
@@ -321,7 +322,8 @@ class Reader(Generic[S]):
     def pop_rejected(self) -> list[tuple[int, Exception]]:
         """Size and error of the samples that `decode` refused since the last call."""
     def pop_left(self) -> list[tuple[S, str, int]]:
-        """Sources whose ring was left by itself, the reason ("": it was finished), and the next number."""
+        """Sources whose ring the reader has left by itself, the reason ("": it was finished), and the next
+        number."""
 
 class OpenRun:
     """`bus.delivery.open_run.OpenRun`, which says what it does."""

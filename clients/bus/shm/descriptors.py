@@ -1,7 +1,7 @@
 """What is wrong with a descriptor that another process sent. Needs no native core: the daemon asks too.
 
-Owns the rules that keep a foreign segment from hurting who maps it: its size can't change, no byte of it is
-missing, nobody else can map it writable. What stands in it is the core's business.
+Owns the rules that keep another process's segment from hurting the process that maps it: its size can't
+change, no byte of it is missing, no other process can map it writable. The contents are the core's to check.
 """
 
 import errno

@@ -70,7 +70,7 @@ def claim(size: int, *, of: int = 0) -> None:
     """Raise OSError (ENOMEM), saying where and what is left, if `size` bytes more would be of the reserve.
 
     `of`: the whole segment, of which `size` is the rest. The reserve is at least half of that: large rings
-    hold long messages, and those who work on them need memory, too.
+    hold long messages, and programs that work on them need memory, too.
     """
     now_ns = monotonic_ns()
     least = max(size, of) // 2

@@ -70,16 +70,16 @@ struct bell_pull {
     uint64_t knock; /* for the slot of its gate, where it has one */
 };
 
-/* Where there are no more rings than this, to look at all of them costs less than to say and to find out which. */
+/* Up to so many rings, looking at all of them costs less than passing on which one has news. */
 #define FEW_RINGS 16u
 
-/* To whom a gate of the ring belongs. */
+/* The reader that a gate of the ring is for. */
 struct gate_owner {
     uint64_t key;
     Bell *bell;
 };
 
-/* Who may use a publisher's end. */
+/* The thread and process that may use a publisher's end. */
 struct home {
     unsigned long thread;
     PyObject *is_mine; /* where threads share it: says whether it is the caller's now; NULL or None: `thread`'s */
@@ -102,7 +102,7 @@ typedef struct {
     bool is_closed;
     char is_report_due;
     char is_long;
-    char is_lent; /* the place at head is filled by who has the loan: nothing else may be published */
+    char is_lent; /* the holder of the loan fills the place at head: nothing else may be published */
     struct gate_owner *owners; /* beside ring.gates */
     struct bell_pull *bells;   /* each bell of the gates once */
     size_t room;               /* allocated, of all three arrays */
@@ -117,8 +117,8 @@ typedef struct {
 
 typedef struct Reader Reader;
 
-/* What a look at one feed needs where nothing has come. Together in an array, and not in the feeds: whoever has a
- * thousand looks at all of them for each message. */
+/* What a look at one feed needs where nothing has come. Together in an array, and not in the feeds: a process
+ * with a thousand feeds looks at all of them for each message. */
 struct watch {
     const _Atomic uint64_t *latest; /* of the newest ring */
     uint64_t known;                 /* where `latest` is still that, nothing has come; LOOK: look at the feed */
@@ -140,13 +140,13 @@ typedef struct {
     struct feed **feeds;   /* the same by slot; NULL where there is none */
     size_t count, room;
     uint64_t round; /* looks so far */
-    PyObject *told; /* a list: owners that deliver() has yet to give out; NULL: none */
+    PyObject *pending; /* a list: owners that deliver() has yet to give out; NULL: none */
     bool had_news;  /* at the last attempt to fall asleep */
     bool is_anew;   /* since the last look at all, more than what a knock is for may be news */
     const Reader *turn; /* which deliver() calls back for after a knock */
     uint64_t turned_ns; /* when Reader.wait saw last that the loop has nothing to do, or left it to it */
     bool is_turn_due;   /* the next Reader.wait leaves it to the loop */
-    bool is_rung;       /* Reader.wait has seen the doorbell rung, and perhaps nobody has read it since */
+    bool is_rung;       /* Reader.wait has seen the doorbell rung, and perhaps it was not read since */
     char has_writers;   /* that wait for room, by the same doorbell */
 } Readers;
 
@@ -170,8 +170,8 @@ struct feed {
     size_t watch;            /* its place among those of Readers */
     uint64_t first;          /* number that it began with */
     uint64_t waiting;        /* samples that were there at the last poll and are not taken */
-    uint64_t seen;           /* newest number that the owner was told of */
-    uint64_t told;           /* the cursor that the slot shows */
+    uint64_t seen;           /* newest number that the owner knows of */
+    uint64_t shown;          /* the cursor that the slot shows */
     uint64_t end;            /* newest number that may be taken; MAX_SEQ + 1 while the publisher is there */
     uint64_t finishing;      /* order in which publishers went; 0: there */
     uint64_t lifespan_ns;
@@ -182,7 +182,7 @@ struct feed {
 /* With what a Reader calls back by itself. */
 struct prepared {
     PyObject *callback, *decode, *on_error;
-    PyObject *queues;  /* a tuple: what waits in these comes before what is in the rings */
+    PyObject *queues;        /* a tuple: what waits in these comes before what is in the rings */
     PyObject *on_report_due; /* called where `is_report_due` is not set, and then it is */
 };
 
@@ -190,7 +190,7 @@ struct Reader {
     PyObject_HEAD
     Readers *readers;
     PyObject *owner;
-    uint64_t round; /* the look that told the owner of news last */
+    uint64_t round; /* the last look that had news for the owner */
     struct feed **feeds;
     size_t count, room;
     uint64_t depth, finishings;
@@ -198,11 +198,11 @@ struct Reader {
     bool tells_cursor;
     uint64_t samples, bytes, expired, undecodable;
     uint64_t replaced, overrun, passed; /* of feeds that were left; passed: all that they have stepped over */
-    uint64_t lost_reported;        /* of all that was lost, what the owner has looked after */
+    uint64_t lost_reported;    /* of all that was lost, what the owner knows */
     PyObject *rejected, *left; /* lists */
     struct prepared prepared;  /* callback NULL: the owner calls back */
     char is_busy;              /* a call is under way or about to go on: calls never overlap */
-    char is_report_due;             /* the owner knows that its counters have changed */
+    char is_report_due;        /* the owner knows that its counters have changed */
 };
 
 /* py_module.c */

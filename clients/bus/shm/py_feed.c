@@ -131,7 +131,7 @@ void feed_poll(struct feed *self, uint64_t depth)
     /* relaxed: an older value is found out by ring_look() */
     const uint64_t oldest = atomic_load_explicit(&self->ring.header->oldest, memory_order_relaxed);
     if (oldest > self->ring.next && oldest <= newest + 1) {
-        self->ring.overrun += oldest - self->ring.next; /* to be counted also where nobody takes */
+        self->ring.overrun += oldest - self->ring.next; /* counted even if nothing is ever taken */
         self->ring.next = oldest;
         self->has_head = false;
     }
@@ -174,7 +174,7 @@ bool feed_may_pin(struct feed *self)
     return self->ticket == 0;
 }
 
-/* Whether something waits that the owner was not told of. */
+/* Whether something waits that the owner does not know of. */
 bool feed_has_news(struct feed *self)
 {
     const uint64_t newest = feed_newest(self);
@@ -197,9 +197,9 @@ void feed_room(struct feed *self)
 /* Shows the cursor, where it has moved. */
 void feed_tell(struct feed *self)
 {
-    if (self->told == self->ring.next)
+    if (self->shown == self->ring.next)
         return;
-    self->told = self->ring.next;
+    self->shown = self->ring.next;
     ring_tell_cursor(&self->ring);
     feed_room(self);
 }

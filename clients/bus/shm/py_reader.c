@@ -204,7 +204,7 @@ static PyObject *reader_attach(PyObject *object, PyObject *args, PyObject *kwarg
         return PyErr_NoMemory();
     }
     feed->lifespan_ns = lifespan_ns;
-    feed->first = feed->told = feed->ring.next;
+    feed->first = feed->shown = feed->ring.next;
     feed->seen = feed->ring.next - 1;
     ring_tell_cursor(&feed->ring);
     self->feeds[self->count++] = feed;
@@ -243,7 +243,7 @@ static PyObject *reader_extend(PyObject *object, PyObject *args, PyObject *kwarg
     feed_extend(feed, next);
     readers_watch_anew(self->readers, feed);
     if (self->tells_cursor)
-        feed_room(feed); /* what was told since it grew, it was not rung for */
+        feed_room(feed); /* the cursor has moved since the ring grew, and no doorbell was rung for that */
     Py_RETURN_NONE;
 }
 

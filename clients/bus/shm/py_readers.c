@@ -1,8 +1,8 @@
 /* Readers and Bell: sleeping and waking. Readers are this process's readers' segment and doorbell, and wake and fall
  * asleep for all its Reader objects at once; a Bell is those of another process, as all writers of this one know them.
  *
- * A doorbell is an eventfd, and all who have it share one open file: each of them can take O_NONBLOCK away, and fill
- * the counter, or empty it. Only processes of one user have it, which could do worse.
+ * A doorbell is an eventfd, and all processes that have it share one open file: each can clear O_NONBLOCK, and fill or
+ * empty the counter. Only processes of one user have it, which could do worse.
  */
 #include "py.h"
 
@@ -10,15 +10,15 @@
 
 #define SLICE_NS 50000u /* of a spin, between looks at signals and other threads */
 
-/* `knock`: see doorbell.h. Nothing to do where it fails: full means that it is rung, and a descriptor that is none is
- * its owner's loss. */
+/* `knock`: see doorbell.h. A failure needs no handling: a full counter is rung already, and a broken descriptor harms
+ * its owner only. */
 void doorbell_ring(int number, uint64_t knock)
 {
     const ssize_t written = write(number, &knock, sizeof knock);
     (void)written;
 }
 
-/* One's own was rung, or not. Returns its count, 0 where it was not rung. */
+/* Empties this process's own doorbell. Returns its count, 0 where it was not rung. */
 uint64_t doorbell_clear(int number)
 {
     uint64_t count = 0;
@@ -112,7 +112,7 @@ static void readers_dealloc(PyObject *object)
 {
     PyMem_Free(((Readers *)object)->watches);
     PyMem_Free(((Readers *)object)->feeds);
-    Py_XDECREF(((Readers *)object)->told);
+    Py_XDECREF(((Readers *)object)->pending);
     DROP(((Readers *)object)->memory);
     core_free(object);
 }
@@ -181,7 +181,7 @@ bool readers_have_news_besides(Readers *self, const Reader *reader)
     return false;
 }
 
-/* Adds the owners of readers with news. Each is told once, so what can't be added is an error for all. */
+/* Adds the owners of readers with news. Each learns of it once, so one that can't be added is an error for all. */
 static int collect(Readers *self, PyObject *owners)
 {
     self->round++;
@@ -202,9 +202,9 @@ static int collect(Readers *self, PyObject *owners)
 /* The owner of `reader` is to look. */
 static int tell(Readers *self, const Reader *reader)
 {
-    if (self->told == NULL && (self->told = PyList_New(0)) == NULL)
+    if (self->pending == NULL && (self->pending = PyList_New(0)) == NULL)
         return -1;
-    return PyList_Append(self->told, reader->owner);
+    return PyList_Append(self->pending, reader->owner);
 }
 
 /* An exception goes through: to be called again for the rest, if the event loop goes on. */
@@ -247,8 +247,8 @@ static inline bool is_asleep(const Readers *self)
     return atomic_load_explicit(&self->header->arrival.generation, memory_order_relaxed) & 1; /* own word */
 }
 
-/* The doorbell has this count, and all rings were looked at before the sleep. The feed that alone was rung for since, if
- * it has news; then this process sleeps on meanwhile: who publishes from now on, rings again. */
+/* The doorbell has this count, and all rings were looked at before the sleep. Returns the feed that alone was rung for
+ * since, if it has news. This process counts as asleep meanwhile: a writer that publishes from now on rings again. */
 static struct feed *feed_rung_for(Readers *self, uint64_t count)
 {
     const uint64_t slot = knock_slot(count);
@@ -260,7 +260,7 @@ static struct feed *feed_rung_for(Readers *self, uint64_t count)
 }
 
 /* Its reader, which alone has news, has its turn. 1: nothing is left to do, and this process sleeps; 0: it is awake, and
- * owners may have been told; -1: an error. */
+ * owners may be pending; -1: an error. */
 static int give_turn(Readers *self, const struct feed *feed)
 {
     Reader *reader = self->watches[feed->watch].reader;
@@ -274,7 +274,7 @@ static int give_turn(Readers *self, const struct feed *feed)
     self->turn = before;
     if (status == 0 && tell(self, reader) < 0)
         status = -1;
-    bool is_over = status == 1 && self->told == NULL && self->doorbell >= 0 && !self->is_anew && is_asleep(self);
+    bool is_over = status == 1 && self->pending == NULL && self->doorbell >= 0 && !self->is_anew && is_asleep(self);
     for (size_t i = 0; is_over && i < reader->count; i++)
         is_over = !has_news(&self->watches[reader->feeds[i]->watch]);
     DROP(reader);
@@ -285,11 +285,11 @@ static int give_turn(Readers *self, const struct feed *feed)
     return status < 0 ? interrupted(self) : is_over;
 }
 
-/* Whom give_turns() has left to be told, perhaps nobody. */
+/* The owners that give_turns() has left pending, perhaps none. */
 static PyObject *give_out(Readers *self)
 {
-    PyObject *owners = self->told;
-    self->told = NULL;
+    PyObject *owners = self->pending;
+    self->pending = NULL;
     return owners == NULL ? PyList_New(0) : owners;
 }
 
@@ -310,8 +310,8 @@ static PyObject *readers_deliver(PyObject *object, PyObject *may_sleep)
         Py_RETURN_NONE;
     if (self->doorbell < 0)
         Py_RETURN_NONE; /* now it may be another file's number, or, in the child of a fork, the parent's doorbell */
-    doorbell_clear(self->doorbell); /* whoever rang before, published before: the look finds it */
-    if (self->told == NULL && may_sleep == Py_True) {
+    doorbell_clear(self->doorbell); /* a writer that rang before had published before: the look finds it */
+    if (self->pending == NULL && may_sleep == Py_True) {
         bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring_bells(). */
         self->had_news = any_news(self);
         if (!self->had_news) {
@@ -327,7 +327,7 @@ static PyObject *readers_close(PyObject *object, PyObject *Py_UNUSED(none))
 {
     Readers *self = (Readers *)object;
     self->doorbell = -1;
-    Py_CLEAR(self->told);
+    Py_CLEAR(self->pending);
     Py_RETURN_NONE;
 }
 
@@ -399,7 +399,7 @@ static PyObject *readers_look(PyObject *object, PyObject *argument)
     if (!core_as_u64(argument, &spin_ns))
         return NULL;
     const int found = any_news(self) ? 1 : spin(self, spin_ns);
-    if (found == 0 && self->told == NULL)
+    if (found == 0 && self->pending == NULL)
         Py_RETURN_NONE;
     return found < 0 || give_turns(self) < 0 ? NULL : give_out(self);
 }

@@ -107,7 +107,7 @@ static bool append(OpenRun *self, const void *payload, uint64_t size, uint64_t s
     memcpy(place + RECORD_HEAD, payload, size);
     const uint64_t record = RECORD_HEAD + size;
     self->size += record;
-    self->budget -= self->samples != 0 ? record : self->budget; /* who begins a run sets the budget then */
+    self->budget -= self->samples != 0 ? record : self->budget; /* begin() sets the budget after this */
     self->samples++;
     return true;
 }
@@ -328,7 +328,7 @@ static PyObject *payload_at(PyObject *object, const Py_buffer *body, PyObject **
     return PySequence_GetSlice(*view, (Py_ssize_t)start, (Py_ssize_t)(start + size));
 }
 
-/* Whom and what the samples of a run have in common; NULL: only messages are wanted. */
+/* What the samples of a run have in common: their publisher and times; NULL: only messages are wanted. */
 struct origin {
     uint64_t first_seq;
     PyObject *source, *received_ns;

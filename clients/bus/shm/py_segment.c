@@ -1,11 +1,11 @@
-/* Mapping: bytes of a descriptor, mapped as long as anybody uses them; View and Loan, who do. */
+/* Mapping: bytes of a descriptor, mapped as long as a View or a Loan uses them. */
 #include "py.h"
 
 #include <errno.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 
-/* Pages are brought in at once, so that nobody meets a page fault on a hot path. */
+/* Pages are brought in at once, so that no hot path meets a page fault. */
 static PyObject *mapping_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
 {
     static char *names[] = {"descriptor", "size", "writable", NULL};

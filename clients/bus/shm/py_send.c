@@ -5,8 +5,8 @@
  * the coroutine of the publisher's own `send`, behind a Sending. */
 #include "py.h"
 
-/* Who sends without ever waiting gives the event loop a turn, with so many messages; where `spares_turns`, only when it
- * has had none for so long. */
+/* A program that sends without ever waiting gives the event loop a turn after so many messages; where `spares_turns`,
+ * only when the loop has had none for so long. */
 enum { PER_TURN = 100 };
 #define TURN_NS UINT64_C(200000)
 

@@ -315,12 +315,13 @@ static int note(Reader *self, PyObject *on_report_due, PyObject *on_error)
 int reader_deliver(Reader *self)
 {
     PyObject *callback = Py_NewRef(self->prepared.callback), *decode = Py_NewRef(self->prepared.decode);
-    PyObject *on_error = Py_NewRef(self->prepared.on_error), *on_report_due = Py_NewRef(self->prepared.on_report_due), *message;
+    PyObject *on_error = Py_NewRef(self->prepared.on_error);
+    PyObject *on_report_due = Py_NewRef(self->prepared.on_report_due), *message;
     self->is_busy = 1;
     int status = take_oldest(self, decode, false, &message);
     if (status == 1) {
         const bool is_due = has_lost(self);
-        /* Before the callback: that may close the subscription, and then what it has had is told. */
+        /* Before the callback: that may close the subscription, whose counters must be reported then. */
         status = note(self, on_report_due, on_error);
         PyObject *answer = status < 0 ? NULL : PyObject_CallFunctionObjArgs(callback, message, NULL);
         if (status == 0 && answer == NULL)
@@ -340,16 +341,16 @@ int reader_deliver(Reader *self)
 
 /* --- Reader.wait: a thread that has nothing else to do sleeps here until a message comes, and leaves with it.
  *
- * It stands in for a loop that is not run meanwhile: whatever is that loop's to do ends the wait. The doorbell that has
- * woken it is read when it is about to sleep again, or by the loop. So where nobody is asleep by the bell, the doorbell
- * is rung, and the loop's next look at its descriptors goes on from there.
+ * It stands in for a loop that does not run meanwhile: whatever that loop would have to do ends the wait. The doorbell
+ * that has woken it is read when it is about to sleep again, or by the loop. So while the bell is not armed, the
+ * doorbell stays rung, and the loop's next look at its descriptors goes on from there.
  */
 
 enum {
     NS = 1000000000,
     MS_NS = 1000000,
     FINE_NS = 20 * MS_NS, /* shorter waits are exact; epoll_wait() knows milliseconds only */
-    REST_NS = 5 * MS_NS,  /* who finds all messages without a sleep still lets the loop have its turn this often */
+    REST_NS = 5 * MS_NS,  /* a wait that finds all messages without a sleep still gives the loop a turn this often */
     MOST_EVENTS = 8,
     TRIES = 4
 };
@@ -415,7 +416,7 @@ static bool fall_asleep(Reader *reader)
         if (readers_have_news_besides(self, reader))
             return false; /* the doorbell stays rung for it */
         self->is_rung = false;
-        doorbell_clear(self->doorbell); /* whoever rang before, published before: the look finds it */
+        doorbell_clear(self->doorbell); /* a writer that rang before had published before: the look finds it */
     }
     bell_arm(&self->header->arrival, 0); /* PAIR(sleep): before the look. Counterpart: writer_ring_bells(). */
     if (!readers_have_news_besides(self, reader))

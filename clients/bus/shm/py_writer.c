@@ -83,7 +83,7 @@ static PyObject *refused(enum ring_status status)
     }
 }
 
-/* A quick way is refused: the slow way, which comes next, must be told HELD again. */
+/* A quick way is refused: the slow way, which comes next, must get HELD again. */
 static PyObject *refused_for_now(Writer *self, enum ring_status status)
 {
     if (status == RING_HELD)
@@ -274,7 +274,8 @@ static PyObject *writer_lend(PyObject *object, PyObject *const *args, Py_ssize_t
 }
 
 /* The quick way of a loan: encodes around the field, lends its place, and makes what the caller gets of it, in one
- * step: a signal handler that raises finds nothing lent that nobody would give back. False: as in writer_publish(). */
+ * step: so a signal handler that raises leaves no loan behind that nothing would give back. False: as in
+ * writer_publish(). */
 static PyObject *writer_lend_field(PyObject *object, PyObject *const *args, Py_ssize_t count)
 {
     Writer *self = (Writer *)object;
