@@ -84,6 +84,8 @@ class Server:
         self._payer: Party[_Job] | None = None
         self._gone: dict[PeerId, Party[_Job]] = {}
         """Peers that have gone, and that the broker has yet to forget."""
+        self._early: set[PeerConnection] = set()
+        """Parked, without a place in the line: looked at again when something has gone or is read again."""
         self._dirty: set[PeerConnection] = set()
         self._timer: asyncio.TimerHandle | None = None
         self._timer_ns = NEVER_NS
@@ -197,6 +199,7 @@ class Server:
         pid = connection.credentials.pid
         _log.log(level, "%s pid %d: %s", what, pid, reason, extra={"peer": pid})
         if self._is_ending:
+            self._look_at_early()
             return  # what it has sent still goes to the others, as if it were there
         del self._peers[connection.id]
         self._gone[connection.id] = connection.party
@@ -220,11 +223,17 @@ class Server:
         if connection.is_early:
             party = connection.party
             connection.is_early = party in self._gone.values() or any(
-                one.party is party and one.is_parked and one.stream.has_hung_up
+                one.party is party and (one.is_parked or one.is_held) and one.stream.has_hung_up
                 for one in self._connections
                 if one.id < connection.id  # or two would wait for each other
             )
         return connection.is_early
+
+    def _look_at_early(self) -> None:
+        """Line up the early ones: what they wait for may have gone."""
+        early, self._early = self._early, set()
+        for connection in early:
+            self._line_up(connection.party, connection)
 
     def _line_up(self, party: Party[_Job], job: _Job) -> None:
         if not self._is_serving:
@@ -266,8 +275,9 @@ class Server:
         may_be_more = False
         if self._is_early(connection):
             party.left -= 1 + len(self._connections) // LOOKS_PER_UNIT
-            self._line_up(party, connection)
-        elif party.left > 0 and not connection.is_held and not self._turns.is_waiting(connection):
+            self._early.add(connection)
+            return
+        if party.left > 0 and not connection.is_held and not self._turns.is_waiting(connection):
             items, connection.items = connection.items, None
             if items is None:
                 may_be_more = connection.stream.read_on()
@@ -282,6 +292,7 @@ class Server:
         elif not self._turns.is_waiting(connection):
             connection.is_parked = False
             connection.stream.release()
+            self._look_at_early()
 
     def _go_on(self, peer: PeerId) -> None:
         """Go on with what the broker has begun for a peer, or for one that has gone."""
@@ -394,9 +405,12 @@ class Server:
                 case Reload(peer, request):
                     self._loop.call_soon(self._try_reload, peer, request)  # it has effects of its own
         if self._gone:
+            before = len(self._gone)
             self._gone = {
                 peer: party for peer, party in self._gone.items() if peer in self._broker.unfinished
             }
+            if len(self._gone) < before:
+                self._look_at_early()
         for connection in overfull:  # only now: its end has effects, which come after these
             self._relieve(connection)
 

@@ -19,6 +19,7 @@ from busd.server.peer import PeerConnection
 from busd.server.server import Server
 from callcount import CallCounter
 from raw_peer import RawPeer
+from semantics import until
 
 SECOND = 1_000_000_000
 
@@ -160,3 +161,37 @@ async def test_calls_of_a_subscription_from_socket_to_socket(listener: Listener)
     server.stop("a test")
     await server.stopped
     assert 40 <= min(counts) <= 94
+
+
+async def test_one_that_is_back_waits_without_turns_for_what_is_held_of_it(
+    listener: Listener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its earlier connection is paused, and what that had is in the graph until busd reads its end."""
+    server = Server(listener, Broker(uid=os.getuid()))
+    serve, turns = server._serve, 0
+
+    def counted() -> None:
+        nonlocal turns
+        turns += 1
+        serve()
+
+    monkeypatch.setattr(server, "_serve", counted)
+    with RawPeer(listener.path) as old, RawPeer(listener.path) as new:
+        await asyncio.to_thread(old.hello)
+        await asyncio.to_thread(old.node, "back")
+        (connection,) = server._connections
+        connection.pause(60)
+        old.close()
+        await asyncio.to_thread(new.hello)
+        asked = asyncio.create_task(asyncio.to_thread(new.node, "back"))
+        (other,) = server._connections - {connection}
+        await until(lambda: other in server._early)
+        before = turns
+        for _ in range(100):
+            await asyncio.sleep(0)
+        assert (turns, asked.done()) == (before, False)
+        connection.end_pause()
+        await asked
+        assert server._connections == {other}
+    server.stop("a test")
+    await server.stopped
