@@ -84,7 +84,7 @@ def _step(schema: dict[str, Any], node: Any, step: str | int) -> Any:
 
 def _python_name(node: Any) -> str:
     if isinstance(node, list):
-        return str(node[0])
+        return "str" if "string" in node[0] else str(node[0])
     if node.endswith("[]") or node == "byte":
         return "bytes"
     return _PYTHON_NAMES.get(node, "int") if "/" not in node else node.rpartition("/")[2]

@@ -110,10 +110,12 @@ def _make(message: Message) -> type[Struct]:
 
 def _annotation_and_default(owner: str, field: Field) -> tuple[Any, Any]:
     type_ = field.type
-    base = "string" if type_.base == "wstring" else type_.base
-    inner = _types.PRIMITIVES.get(base) or message_class(base)
-    if type_.string_bound is not None:
-        inner = Annotated[str, Meta(max_length=type_.string_bound, extra={"ros": "string"})]
+    base = type_.base
+    if base == "wstring" or type_.string_bound is not None:
+        inner: Any = Annotated[str, Meta(max_length=type_.string_bound, extra={"ros": base})]
+        base = "string"
+    else:
+        inner = _types.PRIMITIVES.get(base) or message_class(base)
     if not type_.array:
         if "/" in base:
             return inner, msgspec.field(default_factory=inner)
@@ -123,7 +125,7 @@ def _annotation_and_default(owner: str, field: Field) -> tuple[Any, Any]:
     if base in ("uint8", "byte"):
         value = bytes(least) if field.default is None else _joined(field.default)
         return _limited(bytes, _types.PRIMITIVES[f"{base}[]"], type_, {"ros": f"{base}[]"}), value
-    annotation = _limited(list[inner], list[inner], type_, None)  # type: ignore[valid-type]
+    annotation = _limited(list[inner], list[inner], type_, None)
     if field.default is not None:
         return annotation, msgspec.field(default_factory=partial(list, field.default))
     if not least:

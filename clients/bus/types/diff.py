@@ -144,8 +144,12 @@ def _text(node: Any) -> str:
             text = f"{_text(item)}[]"
         case ["list", item, least, most]:
             text = f"{_text(item)}[{_bounds(least, most)}]"
-        case ["bytes", least, most]:
+        case ["bytes", least, most, *_]:
             text = f"bytes[{_bounds(least, most)}]"
+        case ["string" | "wstring" as kind, most]:
+            text = f"{kind}<={most}"
+        case ["wstring"]:
+            text = "wstring"
         case ["union", *members]:
             text = " | ".join(map(_text, members))
         case [kind, *parts]:

@@ -30,9 +30,11 @@ _PRIMITIVES: Final = {
     "bool": 15,
     "byte": 16,
     "string": 17,
+    "wstring": 18,
 }
 """Constants of type_description_interfaces/msg/FieldType; rosidl makes a char of a .msg file a uint8."""
 
+_BOUNDED_STRINGS: Final = {"string": 21, "wstring": 22}
 _ARRAY: Final = 48
 _BOUNDED_SEQUENCE: Final = 96
 _UNBOUNDED_SEQUENCE: Final = 144
@@ -98,9 +100,14 @@ def _ros_field_type(node: Node) -> dict[str, Any]:
     match node:
         case "uint8[]" | "byte[]":
             element = node[:-2]
+        case ["string" | "wstring", *_]:
+            kind = 0
         case ["bytes" | "list" as list_kind, *_]:
-            element = node[1] if list_kind == "list" else "uint8"
-            least, most = node[-2:] if len(node) > 2 else (0, None)
+            if list_kind == "list":
+                element, *bounds = node[1:]
+            else:
+                bounds, element = node[1:3], node[3] if len(node) > 3 else "uint8"
+            least, most = bounds or (0, None)
             if least == most:
                 kind, capacity = _ARRAY, least
             elif least == 0:
@@ -109,11 +116,15 @@ def _ros_field_type(node: Node) -> dict[str, Any]:
                 raise _NotROS
         case _:
             kind = 0
+    length = 0
+    if isinstance(element, list) and element[0] in _BOUNDED_STRINGS:
+        element, *bound = element
+        length = bound[0] if bound else 0
     if not isinstance(element, str) or ("/" not in element and element not in _PRIMITIVES):
         raise _NotROS
     return {
-        "type_id": kind + _PRIMITIVES.get(element, _NESTED),
+        "type_id": kind + (_BOUNDED_STRINGS[element] if length else _PRIMITIVES.get(element, _NESTED)),
         "capacity": capacity,
-        "string_capacity": 0,
+        "string_capacity": length,
         "nested_type_name": element if "/" in element else "",
     }

@@ -19,6 +19,8 @@ its type. A type is a name with two slashes (a reference), a primitive, or a lis
     int any none unset                                       64 bits; anything; null; left out of the map
     ["list", T]  ["list", T, least, most]  ["tuple", T, ...]  ["dict", K, V]  ["bytes", least, most]
     ["union", T, ...]  ["literal", value, ...]               enums are literals of their values
+    ["bytes", least, most, "byte"]                           where it is `byte` in ROS 2, and not uint8
+    ["string", most]  ["wstring"]  ["wstring", most]         a bounded string of ROS 2; its wide strings
 
 It says what is on the wire and no more: a set is a list, a dataclass a dict; a datetime, a class that msgspec
 doesn't know and a type inside itself are `any`. Constraints other than lengths stay with their class.
@@ -175,6 +177,8 @@ class _Describer:
                 return ros if ros in _INTEGERS else "int"
             case inspect.FloatType():
                 return "float32" if ros == "float32" else "float64"
+            case inspect.StrType() if ros == "wstring" or (ros and info.max_length):
+                return [ros, *([info.max_length] if info.max_length else ())]
             case inspect.StrType():
                 return "string"
             case inspect.NoneType():
@@ -182,7 +186,12 @@ class _Describer:
             case inspect.BytesType() | inspect.ByteArrayType() | inspect.MemoryViewType():
                 if ros == "byte" or not (info.min_length or info.max_length):
                     return ros if ros in ("byte", "byte[]") else "uint8[]"
-                return ["bytes", info.min_length or 0, info.max_length]
+                return [
+                    "bytes",
+                    info.min_length or 0,
+                    info.max_length,
+                    *(["byte"] if ros == "byte[]" else ()),
+                ]
             case inspect.StructType():
                 return self.struct(info)
             case inspect.CollectionType():
@@ -313,9 +322,13 @@ class _Builder:
                 length = _length(least, most)
                 inner, size = self._node(item, depth + 1)
                 return Annotated[_of(list, inner), length], 1 + (length.min_length or 0) * size
-            case ["bytes", least, most]:
-                length = _length(least, most)
+            case ["bytes", least, most] | ["bytes", least, most, "byte"]:
+                length = _length(least, most, {"ros": "byte[]"} if len(node) > 3 else None)
                 return Annotated[bytes, length], 1 + (length.min_length or 0) // 256
+            case ["string" | "wstring" as kind, int(most)]:
+                return Annotated[str, _length(0, most, {"ros": kind})], 1
+            case ["wstring"]:
+                return Annotated[str, Meta(extra={"ros": "wstring"})], 1
             case ["tuple", *items]:
                 inners, sizes = self._nodes_of(items, depth)
                 return _of(tuple, inners), 1 + sum(sizes)
@@ -359,10 +372,10 @@ def _check_field_name(type_: str, name: str) -> None:
         raise ConfigurationError(f"schema: {type_} has a field {name!r:.80}, which is no name of a field")
 
 
-def _length(least: object, most: object) -> Meta:
+def _length(least: object, most: object, extra: dict[str, str] | None = None) -> Meta:
     if type(least) is not int or least < 0 or not (most is None or (type(most) is int and most >= least)):
         raise ConfigurationError(f"schema: no such length: {least!r:.40} to {most!r:.40}")
-    return Meta(min_length=least or None, max_length=most)
+    return Meta(min_length=least or None, max_length=most, extra=extra)
 
 
 def _limited(what: str, value: int, limit: int) -> int:

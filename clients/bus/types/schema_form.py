@@ -103,6 +103,8 @@ def zero(node: Node, classes: Mapping[str, type[Struct]]) -> Any:
             return UNSET if "unset" in rest else None if "none" in rest else zero(rest[0], classes)
         case "literal":
             return rest[0]
+        case "string" | "wstring":
+            return ""
     return {}
 
 

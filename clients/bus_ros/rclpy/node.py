@@ -51,6 +51,7 @@ from bus_ros.rclpy.service import Service
 from bus_ros.rclpy.subscription import Subscription
 from bus_ros.rclpy.time_source import TimeSource
 from bus_ros.rclpy.timer import Rate, Timer
+from bus_ros.rclpy.type_description_service import TypeDescriptionService
 from bus_ros.rclpy.type_support import check_is_valid_msg_type, check_is_valid_srv_type
 from bus_ros.rclpy.validate_topic_name import (
     full_name,
@@ -145,6 +146,7 @@ class Node(NodeGraph, NodeParameters):
         self._time_source.attach_clock(self._clock)
         if start_parameter_services:
             self.__start_parameter_services()
+        self._type_description_service = TypeDescriptionService(self)
 
     if not TYPE_CHECKING:  # which would take any attribute for one of a node
 

@@ -1,0 +1,101 @@
+"""A definition as a message type_description_interfaces/msg/TypeDescription, which other nodes may ask for.
+
+Owns what stands in that message. Must not know nodes or services.
+"""
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+from bus.types.definitions import definition_path, find_message
+from bus.types.idl import PARTS, Field, Message, Type
+from bus_ros.rosidl.classes import message_class
+
+__all__ = ["describe", "sources_of"]
+
+_PACKAGE: Final = "type_description_interfaces/msg"
+_NAMES: Final = {"bool": "BOOLEAN", "float32": "FLOAT", "float64": "DOUBLE", "char": "UINT8"}
+"""Of FIELD_TYPE_..., where that is not its upper case; rosidl makes a char of a .msg file a uint8."""
+_SUFFIXES: Final = {
+    "": "",
+    "fixed": "_ARRAY",
+    "bounded": "_BOUNDED_SEQUENCE",
+    "unbounded": "_UNBOUNDED_SEQUENCE",
+}
+
+_UINT8: Final = Type("uint8")
+
+
+def describe(name: str) -> Any:
+    """The TypeDescription of a message. Raises ConfigurationError where it has no definition."""
+    first, *others = _with_nested(name)
+    return _made(
+        "TypeDescription",
+        type_description=_described(first),
+        referenced_type_descriptions=[
+            _described(one) for one in sorted(others, key=lambda message: message.name)
+        ],
+    )
+
+
+def sources_of(name: str) -> list[Any]:
+    """A TypeSource for the file of each definition that the message needs."""
+    first, *others = (message.name for message in _with_nested(name))
+    found = []
+    for one in (first, *sorted(others)):
+        kind = one.split("/")[1]
+        whole, _, part = one.rpartition("_")
+        path = definition_path(whole if part in PARTS.get(kind, ()) else one)
+        text = path.read_text("utf-8")
+        found.append(_made("TypeSource", type_name=one, encoding=kind, raw_file_contents=text))
+    return found
+
+
+def _with_nested(name: str) -> list[Message]:
+    """The message itself first."""
+    found: dict[str, Message] = {}
+
+    def add(name: str) -> None:
+        if name not in found:
+            found[name] = find_message(name)
+            for field in found[name].fields:
+                if "/" in field.type.base:
+                    add(field.type.base)
+
+    add(name)
+    return list(found.values())
+
+
+def _described(message: Message) -> Any:
+    return _made("IndividualTypeDescription", type_name=message.name, fields=list(_fields(message)))
+
+
+def _fields(message: Message) -> Iterator[Any]:
+    for field in message.fields:
+        default = "" if field.default is None else str(_as_rosidl(field, field.default))
+        yield _made("Field", name=field.name, type=_field_type(field), default_value=default)
+    if not message.fields:  # IDL has no empty struct
+        yield _made("Field", name="structure_needs_at_least_one_member", type=_field_type(Field("", _UINT8)))
+
+
+def _field_type(field: Field) -> Any:
+    made = _made("FieldType")
+    base, bound, array, size = field.type
+    word = "NESTED_TYPE" if "/" in base else _NAMES.get(base, base.upper())
+    word = word if bound is None else f"BOUNDED_{word}"
+    made.type_id = getattr(made, f"FIELD_TYPE_{word}{_SUFFIXES[array]}")
+    made.capacity = size
+    made.string_capacity = bound or 0
+    made.nested_type_name = base if "/" in base else ""
+    return made
+
+
+def _as_rosidl(field: Field, value: Any) -> Any:
+    """A byte is a number there."""
+    if isinstance(value, tuple):
+        return tuple(_as_rosidl(field, one) for one in value)
+    return value[0] if isinstance(value, bytes) else value
+
+
+def _made(name: str, /, **fields: Any) -> Any:
+    cls: Any = message_class(f"{_PACKAGE}/{name}")
+    return cls(**fields)
