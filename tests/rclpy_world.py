@@ -24,7 +24,9 @@ from bus_ros.rclpy.callback_groups import CallbackGroup
 from bus_ros.rclpy.context import Context
 from bus_ros.rclpy.executors import EventsExecutor, Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from bus_ros.rclpy.node import Node
+from bus_ros.rclpy.parameter import Parameter
 from bus_ros.rclpy.signals import SignalHandlerOptions
+from bus_ros.rclpy.type_description_service import START_TYPE_DESCRIPTION_SERVICE_PARAM
 from bus_ros.rosidl import message_class, service_class
 from conftest import WAIT_S, Daemon
 from neighbours import wait_until
@@ -71,8 +73,10 @@ class World:
         self._executors: list[Executor] = []
 
     def node(self, name: str = "tester", **options: Any) -> Node:
-        """A node; without the services of parameters, which few tests need."""
+        """A node; without the services of parameters and types, which few tests need."""
         options.setdefault("start_parameter_services", False)
+        off = Parameter(START_TYPE_DESCRIPTION_SERVICE_PARAM, value=False)
+        options["parameter_overrides"] = [*(options.get("parameter_overrides") or ()), off]
         return self.keep(Node(name, **options))
 
     def keep(self, node: Node) -> Node:

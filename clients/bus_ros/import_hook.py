@@ -285,7 +285,8 @@ def _type(module: ModuleType, package: str, kind: str, known: list[str], name: s
 def _parts(kind: str) -> tuple[str, ...]:
     from bus.types.idl import CARRIERS, PARTS
 
-    return (*PARTS.get(kind, ()), *(CARRIERS if kind == "action" else ()))
+    others: dict[str, tuple[str, ...]] = {"srv": ("Event",), "action": tuple(CARRIERS)}
+    return (*PARTS.get(kind, ()), *others.get(kind, ()))
 
 
 def _no_type(module: ModuleType, known: list[str], name: str) -> NoReturn:

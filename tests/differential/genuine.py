@@ -1,5 +1,6 @@
 """ROS 2's own rclpy: runs a program alone, so that it sees nothing else of the machine's ROS."""
 
+import json
 import os
 import subprocess
 from functools import cache
@@ -37,6 +38,15 @@ def run(program: Path, folder: Path) -> Result:
         check=False,
     )
     return Result(done.stdout, done.stderr, done.returncode)
+
+
+def hashes() -> dict[str, str]:
+    """The hash of each type that is installed there, by its name."""
+    found = {}
+    for path in (ros.PYTHON.parents[1] / "share").glob("*/*/*.json"):
+        for one in json.loads(path.read_text()).get("type_hashes", ()):
+            found[one["type_name"]] = one["hash_string"]
+    return found
 
 
 @cache

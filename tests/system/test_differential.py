@@ -4,6 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from bus.types.classes import message_class
+from bus.types.definitions import find_path
+from bus.types.support import type_hash
 from differential import genuine, page
 from differential.compare import PROGRAMS, SHARE, asks, difference, normalized, recorded, recording
 from packaged import run_bus
@@ -28,6 +31,19 @@ def test_rclpy_is_as_recorded(name: str, tmp_path: Path) -> None:
     done = genuine.run(PROGRAMS[name], tmp_path)
     assert done.code == 0, done.err
     assert normalized(done.out) == recorded(name)
+
+
+@pytest.mark.nightly
+def test_hashes_are_those_of_rclpy(monkeypatch: pytest.MonkeyPatch) -> None:
+    if reason := genuine.missing():
+        pytest.skip(reason)
+    monkeypatch.setenv("BUS_INTERFACE_PATH", str(SHARE))
+    theirs = genuine.hashes()
+    names_here = [name for name in theirs if name.split("/")[1] == "msg" and find_path(name)]
+    assert len(names_here) > 100
+    assert {name: type_hash(message_class(name)) for name in names_here} == {
+        name: theirs[name] for name in names_here
+    }
 
 
 def test_the_page_lists_the_programs() -> None:

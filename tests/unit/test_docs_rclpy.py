@@ -47,7 +47,7 @@ INSIDE = {
 
 INSIDE_OF_CLASSES = {
     "rclpy.callback_groups.CallbackGroup": {"is_exclusive", "is_shared"},
-    "rclpy.client.Client": {"native", "on_response"},
+    "rclpy.client.Client": {"events", "forget_events", "native", "on_response"},
     "rclpy.clock.ClockEvent": {"look_again"},
     "rclpy.clock.Clock": {"destroy", "is_destroyed"},
     "rclpy.clock.ROSClock": {"destroy", "is_destroyed"},
@@ -73,7 +73,7 @@ INSIDE_OF_CLASSES = {
     "rclpy.node.Node": {"own_entities", "own_executor", "receive_one"},
     "rclpy.publisher.Publisher": {"is_destroyed", "native", "node"},
     "rclpy.subscription.Subscription": {"native"},
-    "rclpy.service.Service": {"begin", "native", "on_request"},
+    "rclpy.service.Service": {"begin", "events", "forget_events", "native", "on_request"},
     "rclpy.task.Future": {"call_when_done", "forget_waiter"},
     "rclpy.task.Task": {"call_when_done", "forget_waiter", "reschedule"},
     "rclpy.time.Time": {"of_clock"},
@@ -93,7 +93,7 @@ ROWLESS = {
     *("rclpy.impl.rcutils_logger.LoggingFilter", "rclpy.impl.rcutils_logger.Once"),
     *("rclpy.impl.rcutils_logger.SkipFirst", "rclpy.impl.rcutils_logger.Throttle"),
     *("rclpy.lifecycle.node.LifecycleNode", "rclpy.lifecycle.node.LifecyclePublisher"),
-    "rclpy.parameter_service.ParameterService",
+    *("rclpy.logging_service.LoggingService", "rclpy.parameter_service.ParameterService"),
 }
 """Classes whose members are those of their base, or nobody's business."""
 

@@ -63,16 +63,20 @@ def find_definition(name: str) -> idl.Message | idl.Service | idl.Action:
 def find_message(name: str) -> idl.Message:
     """The definition of a message, or of a part of a service or an action: `std_srvs/srv/SetBool_Request`.
 
-    So are those that carry an action's parts: `example_interfaces/action/Fibonacci_FeedbackMessage`. Raises
-    ConfigurationError as `find_definition` does.
+    So are those that carry an action's parts, `example_interfaces/action/Fibonacci_FeedbackMessage`, and the
+    one that tells of a service, `std_srvs/srv/SetBool_Event`. Raises ConfigurationError as `find_definition`.
     """
-    from bus.types.idl import CARRIERS, PARTS, Action, Message, carriers
+    from bus.types.idl import CARRIERS, PARTS, Action, Message, Service, carriers, event_of
 
     package, kind, short = name.split("/") if name.count("/") == 2 else ("", "", name)
     whole, _, part = short.partition("_")
     if part in PARTS.get(kind, ()):
         found: idl.Message = getattr(find_definition(f"{package}/{kind}/{whole}"), part.lower())
         return found
+    if kind == "srv" and part == "Event":
+        service = find_definition(f"{package}/{kind}/{whole}")
+        assert isinstance(service, Service)
+        return event_of(service)
     if kind == "action" and part in CARRIERS:
         action = find_definition(f"{package}/{kind}/{whole}")
         assert isinstance(action, Action)

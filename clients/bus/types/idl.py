@@ -31,6 +31,7 @@ __all__ = [
     "Type",
     "carriers",
     "code_of",
+    "event_of",
     "parse_action",
     "parse_message",
     "parse_service",
@@ -57,6 +58,8 @@ CARRIERS: Final = {
     "FeedbackMessage": (("goal_id", "unique_identifier_msgs/msg/UUID"), ("feedback", "Feedback")),
 }
 """The messages that carry an action's parts: what ROS 2 adds to each action, with their fields."""
+
+_EVENT: Final = ("info", "request", "response")
 
 _SHORT_NAMES: Final = {
     "Header": "std_msgs/msg/Header",
@@ -152,6 +155,15 @@ def parse_action(text: str, name: str) -> Action:
     """The text of an .action file; errors as those of `parse_message`."""
     goal, result, feedback = _parse(text, name, "action", PARTS["action"])
     return Action(name, goal, result, feedback)
+
+
+def event_of(service: Service) -> Message:
+    """The message that tells of a request or an answer, where somebody asks for that."""
+    parts = (
+        (field, Type(f"{service.name}_{field.capitalize()}", None, "bounded", 1)) for field in _EVENT[1:]
+    )
+    info = Field(_EVENT[0], Type("service_msgs/msg/ServiceEventInfo"))
+    return Message(f"{service.name}_Event", (info, *(Field(field, type_) for field, type_ in parts)))
 
 
 def carriers(action: Action) -> dict[str, Message]:

@@ -9,6 +9,7 @@ from bus_ros.engine import Engine, Waiter, deadline_after
 from bus_ros.entity import Entity, Group, Owner, Work
 from bus_ros.rclpy.destroyable import Destroyable
 from bus_ros.rclpy.exceptions import InvalidHandle
+from bus_ros.rclpy.impl.introspected import Introspected
 from bus_ros.rclpy.qos import QoSProfile
 from bus_ros.rclpy.task import Future
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:  # most programs have no clients
 __all__ = ["Client"]
 
 
-class Client(Entity, Destroyable):
+class Client(Entity, Introspected, Destroyable):
     """Made by `Node.create_client`."""
 
     native: "ServiceClient"
@@ -38,7 +39,7 @@ class Client(Entity, Destroyable):
         self.qos_profile = qos_profile
         self._engine = engine
         self._futures: dict[int, Future[Any]] = {}
-        self._answers: deque[tuple[Future[Any], object]] = deque()
+        self._answers: deque[tuple[Future[Any], object, int]] = deque()
         self._callers: list[Waiter] = []  # threads in `call`
         super().__init__(node, callback_group)
         self.held_group = None  # an answer calls no callback, and one of the group may await it
@@ -96,6 +97,8 @@ class Client(Entity, Destroyable):
             number = self.native.send_request(request)
             if number:
                 self._futures[number] = future
+        if number and self.events is not None:
+            self.events.tell("REQUEST_SENT", self.native._gid, number, request=request)
         if not number:
             raise RuntimeError(f"no room to call service '{self.service_name}'")
         return future
@@ -133,7 +136,7 @@ class Client(Entity, Destroyable):
         future = self._futures.pop(number, None)
         if future is None or isinstance(outcome, ServiceUnavailable):
             return  # as in ROS, a call whose service has gone waits on
-        self._answers.append((future, outcome))
+        self._answers.append((future, outcome, number))
         self.notify()
         for waiter in self._callers:
             waiter.set()
@@ -141,7 +144,16 @@ class Client(Entity, Destroyable):
     def take(self, most: int) -> Work | None:
         if not self._answers:
             return None
-        future, outcome = self._answers.popleft()
+        future, outcome, number = self._answers.popleft()
         # At the call there may have been no executor, and a callback's exception must come out of `spin`.
         future._set_executor(self.node.own_executor)
-        return (future.set_exception if isinstance(outcome, BusError) else future.set_result), (outcome,)
+        if isinstance(outcome, BusError):
+            return future.set_exception, (outcome,)
+        if self.events is not None:
+            return self._tell_and_set, (future, outcome, number)
+        return future.set_result, (outcome,)
+
+    def _tell_and_set(self, future: Future[Any], response: object, number: int) -> None:
+        if self.events is not None:
+            self.events.tell("RESPONSE_RECEIVED", self.native._gid, number, response=response)
+        future.set_result(response)

@@ -147,6 +147,10 @@ class Node(NodeGraph, NodeParameters):
         if start_parameter_services:
             self.__start_parameter_services()
         self._type_description_service = TypeDescriptionService(self)
+        if enable_logger_service:
+            from bus_ros.rclpy.logging_service import LoggingService  # late: few nodes have it
+
+            LoggingService(self)
 
     if not TYPE_CHECKING:  # which would take any attribute for one of a node
 
@@ -366,9 +370,11 @@ class Node(NodeGraph, NodeParameters):
         return self.__remove(subscription, subscription.native)
 
     def destroy_client(self, client: Client) -> bool:
+        client.forget_events()
         return self.__remove(client, client.native)
 
     def destroy_service(self, service: Service) -> bool:
+        service.forget_events()
         return self.__remove(service, service.native)
 
     def destroy_guard_condition(self, guard: GuardCondition) -> bool:

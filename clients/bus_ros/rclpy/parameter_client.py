@@ -10,14 +10,17 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
-from bus_ros.rclpy.parameter import Parameter, parameter_dict_from_yaml_file
-from bus_ros.rclpy.qos import QoSProfile, qos_profile_services_default
+from bus_ros.rclpy.parameter import Parameter, parameter_dict_from_yaml_file, parameter_message
+from bus_ros.rclpy.qos import QoSProfile, qos_profile_parameter_events, qos_profile_services_default
 from bus_ros.rclpy.task import Future
 
 if TYPE_CHECKING:
     from bus_ros.rclpy.callback_groups import CallbackGroup
     from bus_ros.rclpy.client import Client
+    from bus_ros.rclpy.event_handler import SubscriptionEventCallbacks
     from bus_ros.rclpy.node import Node
+    from bus_ros.rclpy.qos_overriding_options import QoSOverridingOptions
+    from bus_ros.rclpy.subscription import Subscription
 
 __all__ = ["AsyncParameterClient"]
 
@@ -40,6 +43,7 @@ class AsyncParameterClient:
         from bus_ros.rosidl import service_class
 
         self.remote_node_name = remote_node_name
+        self._node = node
 
         def create(service: str, topic: str) -> "Client":
             return node.create_client(
@@ -120,6 +124,37 @@ class AsyncParameterClient:
             parameter_file, use_wildcard, target_nodes=[self.remote_node_name]
         )
         return self.set_parameters(list(found.values()), callback)
+
+    def load_parameter_file_atomically(
+        self, parameter_file: str | Path, use_wildcard: bool = False, callback: _Callback | None = None
+    ) -> Future[Any]:
+        """As `load_parameter_file`, but all or none."""
+        found = parameter_dict_from_yaml_file(
+            parameter_file, use_wildcard, target_nodes=[self.remote_node_name]
+        )
+        return self.set_parameters_atomically(list(found.values()), callback)
+
+    def on_parameter_event(
+        self,
+        callback: Callable[[Any], object],
+        qos_profile: QoSProfile = qos_profile_parameter_events,
+        *,
+        callback_group: "CallbackGroup | None" = None,
+        event_callbacks: "SubscriptionEventCallbacks | None" = None,
+        qos_overriding_options: "QoSOverridingOptions | None" = None,
+        raw: bool = False,
+    ) -> "Subscription[Any]":
+        """Call `callback(event)` for each rcl_interfaces/msg/ParameterEvent, of any node."""
+        return self._node.create_subscription(
+            parameter_message("ParameterEvent"),
+            "/parameter_events",
+            callback,
+            qos_profile,
+            callback_group=callback_group,
+            event_callbacks=event_callbacks,
+            qos_overriding_options=qos_overriding_options,
+            raw=raw,
+        )
 
 
 def _messages(parameters: Sequence[Any]) -> list[Any]:

@@ -10,6 +10,7 @@ from bus.service.server import RequestId, ServiceServer
 from bus_ros.engine import Engine
 from bus_ros.entity import Entity, Group, Owner, Work
 from bus_ros.rclpy.destroyable import Destroyable
+from bus_ros.rclpy.impl.introspected import Introspected
 from bus_ros.rclpy.qos import QoSProfile
 
 __all__ = ["Service"]
@@ -18,7 +19,7 @@ MOST_WAITING = 1000
 """Requests that wait for an executor; beyond, the oldest are refused."""
 
 
-class Service(Entity, Destroyable):
+class Service(Entity, Introspected, Destroyable):
     """Made by `Node.create_service`."""
 
     native: ServiceServer
@@ -66,6 +67,8 @@ class Service(Entity, Destroyable):
                 f" a {self.srv_type.Response.__name__}, not {type(response).__name__}"
             )
         self._respond(header, response)
+        if self.events is not None:
+            self.events.tell("RESPONSE_SENT", header.client, header.number, response=response)
 
     def destroy(self) -> None:
         """Take no more requests."""
@@ -83,7 +86,15 @@ class Service(Entity, Destroyable):
     def take(self, most: int) -> Work | None:
         if not self._waiting:
             return None
-        return (self._answer_async if self.is_async else self._answer), self._waiting.popleft()
+        answer = self._answer_async if self.is_async else self._answer
+        if self.events is not None:
+            return self._tell_and_answer, (answer, *self._waiting.popleft())
+        return answer, self._waiting.popleft()
+
+    def _tell_and_answer(self, answer: Callable[..., Any], request: object, request_id: RequestId) -> Any:
+        if self.events is not None:
+            self.events.tell("REQUEST_RECEIVED", *request_id, request=request)
+        return answer(request, request_id)
 
     def _answer(self, request: object, request_id: RequestId) -> None:
         try:

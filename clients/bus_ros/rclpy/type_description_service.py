@@ -3,7 +3,7 @@
 Owns the parameter that switches it on, and its answers. Must not know how services are carried.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bus.errors import ConfigurationError
 from bus.types.support import TypeSupport, type_support
@@ -12,10 +12,6 @@ from bus_ros.rclpy.parameter import Parameter, parameter_message
 from bus_ros.rclpy.qos import qos_profile_services_default
 from bus_ros.rclpy.type_hash import TypeHash
 from bus_ros.rclpy.validate_topic_name import TOPIC_SEPARATOR_STRING
-
-if TYPE_CHECKING:
-    from bus_ros.rclpy.node import Node
-    from bus_ros.rclpy.service import Service
 
 __all__ = ["START_TYPE_DESCRIPTION_SERVICE_PARAM", "TOPIC_SEPARATOR_STRING", "TypeDescriptionService"]
 
@@ -28,9 +24,9 @@ class TypeDescriptionService:
     Raises InvalidParameterTypeException where an override of that is no bool.
     """
 
-    def __init__(self, node: "Node") -> None:
+    def __init__(self, node: Any) -> None:
         self._node = node
-        self._service: Service | None = None
+        self._service: Any = None
         if not node.has_parameter(START_TYPE_DESCRIPTION_SERVICE_PARAM):
             descriptor = parameter_message("ParameterDescriptor")(
                 name=START_TYPE_DESCRIPTION_SERVICE_PARAM,

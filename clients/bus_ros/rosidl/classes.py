@@ -49,7 +49,7 @@ def message_class(name: str) -> type[RosMessage]:
 
 def service_class(name: str) -> type:
     """The class of `std_srvs/srv/SetBool`, which holds its `Request` and `Response`; errors as above."""
-    return _whole(name, "srv", "Service", type)
+    return _whole(name, "srv", "Service", _ServiceType)
 
 
 def action_class(name: str) -> type:
@@ -57,6 +57,17 @@ def action_class(name: str) -> type:
     the services and messages that carry them; errors as above.
     """
     return _whole(name, "action", "Action", _ActionType)
+
+
+class _ServiceType(type):
+    """The type of service classes."""
+
+    __type_name__: str
+
+    @property
+    def Event(cls) -> type[RosMessage]:
+        """What is told of its requests and answers; made when it is first asked for."""
+        return message_class(f"{cls.__type_name__}_Event")
 
 
 class _ActionType(type):

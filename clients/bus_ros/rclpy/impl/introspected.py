@@ -1,0 +1,71 @@
+"""Base of clients and services that tell of their requests and answers on `<service>/_service_event`.
+
+Owns the publisher of that topic. Must not know how requests are carried.
+"""
+
+from typing import Any
+
+from bus_ros.rclpy.clock import Clock
+from bus_ros.rclpy.qos import QoSProfile
+from bus_ros.rclpy.service_introspection import ServiceIntrospectionState
+
+__all__ = ["Introspected", "ServiceEvents"]
+
+
+class ServiceEvents:
+    """The events of one client or one service."""
+
+    def __init__(self, publisher: Any, clock: Clock, has_contents: bool) -> None:
+        self.publisher = publisher
+        self._clock = clock
+        self._has_contents = has_contents
+
+    def tell(self, kind: str, client: bytes, number: int, **contents: Any) -> None:
+        """Publish an event: REQUEST_SENT with `request`, RESPONSE_RECEIVED with `response`, and so on."""
+        event = self.publisher.msg_type()
+        info = event.info
+        info.event_type = getattr(info, kind)
+        info.stamp = self._clock.now().to_msg()
+        info.client_gid = list(client)
+        info.sequence_number = number
+        if self._has_contents:
+            for name, message in contents.items():
+                setattr(event, name, [message])
+        self.publisher.publish(event)
+
+
+class Introspected:
+    """Has `node`, `srv_type` and `service_name`."""
+
+    node: Any
+    srv_type: Any
+    service_name: Any
+    events: ServiceEvents | None = None
+
+    def configure_introspection(
+        self,
+        clock: Clock,
+        service_event_qos_profile: QoSProfile,
+        introspection_state: ServiceIntrospectionState,
+    ) -> None:
+        """Tell of each request and each answer from now on, with the time of `clock`, or no more.
+
+        Raises TypeError for what is no state, InvalidHandle where it is destroyed.
+        """
+        if not isinstance(introspection_state, ServiceIntrospectionState):
+            raise TypeError(
+                f"introspection_state must be a ServiceIntrospectionState, not {introspection_state!r}"
+            )
+        self.forget_events()
+        if introspection_state is not ServiceIntrospectionState.OFF:
+            publisher = self.node.create_publisher(
+                self.srv_type.Event, f"{self.service_name}/_service_event", service_event_qos_profile
+            )
+            has_contents = introspection_state is ServiceIntrospectionState.CONTENTS
+            self.events = ServiceEvents(publisher, clock, has_contents)
+
+    def forget_events(self) -> None:
+        """Tell nothing more."""
+        events, self.events = self.events, None
+        if events is not None:
+            events.publisher.destroy()

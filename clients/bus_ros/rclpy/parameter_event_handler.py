@@ -1,0 +1,131 @@
+"""`rclpy.parameter_event_handler`: callbacks for changes of parameters, of any node, by `/parameter_events`.
+
+Owns which callback is for which event. Must not know how parameters are kept.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
+from bus_ros.rclpy.parameter import parameter_message
+from bus_ros.rclpy.qos import QoSProfile, qos_profile_parameter_events
+
+if TYPE_CHECKING:
+    from bus_ros.rclpy.callback_groups import CallbackGroup
+    from bus_ros.rclpy.event_handler import SubscriptionEventCallbacks
+    from bus_ros.rclpy.node import Node
+    from bus_ros.rclpy.qos_overriding_options import QoSOverridingOptions
+
+__all__ = ["ParameterCallbackHandle", "ParameterEventCallbackHandle", "ParameterEventHandler"]
+
+_GONE = "Callback doesn't exist"
+
+
+class ParameterCallbackHandle:
+    """A callback for one parameter of one node, to be removed by."""
+
+    def __init__(self, parameter_name: str, node_name: str, callback: Callable[[Any], object]) -> None:
+        self.parameter_name = parameter_name
+        self.node_name = node_name
+        self.callback = callback
+
+
+class ParameterEventCallbackHandle:
+    """A callback for each event, to be removed by."""
+
+    def __init__(self, callback: Callable[[Any], object]) -> None:
+        self.callback = callback
+
+
+class ParameterEventHandler:
+    """Hears what changes of parameters, and calls back by the executor of `node`.
+
+    Of several callbacks the newest is called first, those for one parameter before those for events. Values
+    are messages: rcl_interfaces/msg/Parameter and ParameterEvent.
+    """
+
+    def __init__(
+        self,
+        node: "Node",
+        qos_profile: QoSProfile = qos_profile_parameter_events,
+        callback_group: "CallbackGroup | None" = None,
+        event_callbacks: "SubscriptionEventCallbacks | None" = None,
+        qos_overriding_options: "QoSOverridingOptions | None" = None,
+        raw: bool = False,
+    ) -> None:
+        self.node = node
+        self.qos_profile = qos_profile
+        self._parameter_callbacks: list[ParameterCallbackHandle] = []  # the newest first
+        self._event_callbacks: list[ParameterEventCallbackHandle] = []
+        self.parameter_event_subscription = node.create_subscription(
+            parameter_message("ParameterEvent"),
+            "/parameter_events",
+            self._hear,
+            qos_profile,
+            callback_group=callback_group,
+            event_callbacks=event_callbacks,
+            qos_overriding_options=qos_overriding_options,
+            raw=raw,
+        )
+
+    def destroy(self) -> None:
+        """Hear nothing more."""
+        self.node.destroy_subscription(self.parameter_event_subscription)
+
+    @staticmethod
+    def get_parameter_from_event(event: Any, parameter_name: str, node_name: str) -> Any:
+        """The new or changed parameter of that name and node; None where it is not in the event."""
+        if event.node == node_name:
+            for parameter in (*event.new_parameters, *event.changed_parameters):
+                if parameter.name == parameter_name:
+                    return parameter
+        return None
+
+    @staticmethod
+    def get_parameters_from_event(event: Any) -> Iterable[Any]:
+        """The new and the changed ones."""
+        yield from event.new_parameters
+        yield from event.changed_parameters
+
+    def add_parameter_callback(
+        self, parameter_name: str, node_name: str, callback: Callable[[Any], object]
+    ) -> ParameterCallbackHandle:
+        """Call `callback(parameter)` when this parameter of that node is new or changed.
+
+        A node's name without a slash before it is one in the namespace of this node.
+        """
+        handle = ParameterCallbackHandle(parameter_name, self._full_name(node_name), callback)
+        self._parameter_callbacks.insert(0, handle)
+        return handle
+
+    def remove_parameter_callback(self, handle: ParameterCallbackHandle) -> None:
+        """Raises RuntimeError where it is removed already."""
+        if handle not in self._parameter_callbacks:
+            raise RuntimeError(_GONE)
+        self._parameter_callbacks.remove(handle)
+
+    def add_parameter_event_callback(self, callback: Callable[[Any], object]) -> ParameterEventCallbackHandle:
+        """Call `callback(event)` for each event."""
+        handle = ParameterEventCallbackHandle(callback)
+        self._event_callbacks.insert(0, handle)
+        return handle
+
+    def remove_parameter_event_callback(self, handle: ParameterEventCallbackHandle) -> None:
+        """Raises RuntimeError where it is removed already."""
+        if handle not in self._event_callbacks:
+            raise RuntimeError(_GONE)
+        self._event_callbacks.remove(handle)
+
+    def _hear(self, event: Any) -> None:
+        for one in tuple(self._parameter_callbacks):
+            parameter = self.get_parameter_from_event(event, one.parameter_name, one.node_name)
+            if parameter is not None:
+                one.callback(parameter)
+        for every in tuple(self._event_callbacks):
+            every.callback(event)
+
+    def _full_name(self, node_name: str) -> str:
+        if not node_name:
+            return self.node.get_fully_qualified_name()
+        if node_name.startswith("/"):
+            return node_name
+        return f"{self.node.get_namespace().rstrip('/')}/{node_name}"
