@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from bus.graph import Graph, GraphEndpoint
 
-__all__ = ["action_clients_of", "action_of_topic", "action_servers_of", "actions_of"]
+__all__ = ["action_clients_of", "action_of_topic", "action_servers_of", "actions_of", "actions_of_topics"]
 
 _FEEDBACK = "/_action/feedback"
 _SEND_GOAL = "/_action/send_goal"
@@ -20,11 +20,16 @@ def action_of_topic(topic: str) -> str | None:
 
 def actions_of(endpoints: Iterable[GraphEndpoint]) -> dict[str, list[str]]:
     """The actions whose feedback `endpoints` carry, with the names of their types; all sorted."""
+    return actions_of_topics((one.topic, one.type_name) for one in endpoints)
+
+
+def actions_of_topics(topics: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
+    """The same, of topics each with a type."""
     found: dict[str, set[str]] = {}
-    for endpoint in endpoints:
-        action = action_of_topic(endpoint.topic)
+    for topic, type_name in topics:
+        action = action_of_topic(topic)
         if action is not None:
-            found.setdefault(action, set()).add(endpoint.type_name.removesuffix(_MESSAGE))
+            found.setdefault(action, set()).add(type_name.removesuffix(_MESSAGE))
     return {action: sorted(found[action]) for action in sorted(found)}
 
 

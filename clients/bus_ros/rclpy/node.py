@@ -5,9 +5,9 @@ Owns the lists of a node's entities, and its beginning and end. Its names in the
 that rclpy has too: a program's own nodes may have any other.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Iterator, Sequence
 from copy import copy
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from bus.errors import AccessDenied, BusError, ConfigurationError
 from bus.events import PublisherEvents, SubscriptionEvents
@@ -61,9 +61,6 @@ from bus_ros.rclpy.validate_topic_name import (
 )
 
 if TYPE_CHECKING:  # most programs need none
-    from bus.service.client import ServiceClient
-    from bus.service.server import ServiceServer
-    from bus.subscription import Subscription as NativeSubscription
     from bus_ros.rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
     from bus_ros.rclpy.executors import Executor
     from bus_ros.rclpy.qos_overriding_options import QoSOverridingOptions
@@ -75,6 +72,12 @@ E = TypeVar("E", bound=Entity)
 
 CLOSE_S = 6.0
 """The longest that `destroy_node` waits for publications to leave the process."""
+
+
+class Closable(Protocol):
+    """What of the library stands behind an entity."""
+
+    async def close(self) -> None: ...
 
 
 class Node(NodeGraph, NodeParameters):
@@ -291,7 +294,7 @@ class Node(NodeGraph, NodeParameters):
         client = Client(self.__engine, srv_type, srv_name, profile, group, self)
         client.native = self.__engine.run(
             lambda: self.__native.create_client(
-                srv_type, srv_name, _service_qos(profile), on_response=client.on_response
+                srv_type, srv_name, service_qos(profile), on_response=client.on_response
             )
         )
         return self.__add(client)
@@ -314,7 +317,7 @@ class Node(NodeGraph, NodeParameters):
         service = Service(self.__engine, srv_type, srv_name, callback, group, profile, self)
         native = self.__engine.run(
             lambda: self.__native.create_service(
-                srv_type, srv_name, qos=_service_qos(profile), on_request=service.on_request
+                srv_type, srv_name, qos=service_qos(profile), on_request=service.on_request
             )
         )
         service.begin(native)
@@ -355,6 +358,13 @@ class Node(NodeGraph, NodeParameters):
         timer = self.create_timer(1 / frequency, None, self._rate_group, clock)
         return Rate(timer, context=self._context)
 
+    def _host_entity(self, entity: E, open_natives: Callable[[NativeNode], Coroutine[Any, Any, None]]) -> E:
+        """For what is made of several endpoints: open them, and let executors work for `entity`."""
+        self.handle.check()
+        self.__engine.run(lambda: open_natives(self.__native))
+        entity.is_queued = False
+        return self.__add(entity)
+
     # --- destroying
 
     def destroy_publisher(self, publisher: Publisher[Any]) -> bool:
@@ -392,6 +402,10 @@ class Node(NodeGraph, NodeParameters):
         is_ours = self.destroy_timer(rate._timer)
         rate.destroy()
         return is_ours
+
+    def _evict_entity(self, entity: Entity, natives: "Closable") -> bool:
+        """Undo `_host_entity`; returns whether it was this node's."""
+        return self.__remove(entity, natives)
 
     # --- waiting
 
@@ -499,9 +513,7 @@ class Node(NodeGraph, NodeParameters):
             entity.notify()
         return entity
 
-    def __remove(
-        self, entity: Entity, native: "NativeSubscription[Any] | ServiceClient | ServiceServer | None"
-    ) -> bool:
+    def __remove(self, entity: Entity, native: "Closable | None") -> bool:
         with self.__engine.loop:
             is_ours = entity in self.__entities
             entity.is_destroyed = True
@@ -540,6 +552,6 @@ def _make_native(
         raise
 
 
-def _service_qos(profile: QoSProfile) -> NativeProfile:
+def service_qos(profile: QoSProfile) -> NativeProfile:
     """With ROS's default depth of 10, a burst of calls would lose some without a word."""
     return SERVICE_QOS if profile == qos_profile_services_default else to_native(profile)

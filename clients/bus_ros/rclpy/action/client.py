@@ -1,27 +1,382 @@
-"""The names of rclpy.action.client; making any of them says that actions are missing."""
+"""Action clients: goals out; answers, feedback and states in, as an executor takes them.
 
-from typing import Any
+Owns: the futures of goals, results and cancellations, and the program's callbacks for feedback.
+"""
+
+import uuid
+import weakref
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, Final
+
+from bus.errors import BusError, ServiceUnavailable
+from bus_actions.action_type import ActionSupport, action_support
+from bus_actions.endpoints import ClientEndpoints
+from bus_actions.errors import ActionUnavailable
+from bus_actions.goal_state import GoalStatus as State
+from bus_ros.engine import Waiter, deadline_after
+from bus_ros.entity import Work
+from bus_ros.rclpy.action.entity import (
+    FEEDBACK_QOS,
+    ActionEntity,
+    action_qos,
+    check_action_name,
+    check_action_type,
+)
+from bus_ros.rclpy.callback_groups import CallbackGroup
+from bus_ros.rclpy.exceptions import InvalidHandle
+from bus_ros.rclpy.executors import await_or_execute
+from bus_ros.rclpy.node import Node
+from bus_ros.rclpy.qos import QoSProfile, qos_profile_action_status_default, qos_profile_services_default
+from bus_ros.rclpy.task import Future
 
 __all__ = ["ActionClient", "ClientGoalHandle", "GoalStatus"]  # noqa: F822 - made by __getattr__
 
-
-class ActionClient:
-    """Would send goals to an action server."""
-
-    def __init__(
-        self, node: object = None, action_type: object = None, action_name: str = "", **_: object
-    ) -> None:
-        raise NotImplementedError(
-            f"busd has no actions yet, so there is no ActionClient for '{action_name}': "
-            "use a service (create_client) for the goal and a topic (create_subscription) for the feedback"
-        )
+_LEFT: Final = "its server has left before it answered"
+_UNKNOWN: Final = int(State.UNKNOWN)
 
 
 class ClientGoalHandle:
-    """Would stand for a goal that was sent."""
+    """A goal that a server has answered; the result of the future of `send_goal_async`."""
 
-    def __init__(self, *_: object, **__: object) -> None:
-        raise NotImplementedError("busd has no actions yet, so there are no goals")
+    def __init__(self, action_client: "ActionClient", goal_id: Any, goal_response: Any) -> None:
+        self._action_client = action_client
+        self._goal_id = goal_id
+        self._goal_response = goal_response
+        self._status = _UNKNOWN
+
+    def __eq__(self, other: object) -> bool:
+        # As in rclpy, comparing it with something else is an AttributeError.
+        return bool(self._goal_id == other.goal_id)  # type: ignore[attr-defined]
+
+    def __hash__(self) -> int:
+        return hash(bytes(self._goal_id.uuid))
+
+    def __repr__(self) -> str:
+        return f"ClientGoalHandle <id={self.goal_id.uuid}, accepted={self.accepted}, status={self.status}>"
+
+    @property
+    def goal_id(self) -> Any:
+        """A UUID message."""
+        return self._goal_id
+
+    @property
+    def stamp(self) -> Any:
+        """When it was accepted."""
+        return self._goal_response.stamp
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the server takes it."""
+        return bool(self._goal_response.accepted)
+
+    @property
+    def status(self) -> int:
+        """A number of action_msgs/msg/GoalStatus; it changes while an executor works for the client."""
+        return self._status
+
+    def cancel_goal(self) -> Any:
+        """Ask the server to cancel it, and wait for the answer."""
+        return self._action_client._cancel_goal(self)
+
+    def cancel_goal_async(self) -> Future[Any]:
+        """Ask the server to cancel it; returns a future of the answer."""
+        return self._action_client._cancel_goal_async(self)
+
+    def get_result(self) -> Any:
+        """Wait for the result, with the status."""
+        return self._action_client._get_result(self)
+
+    def get_result_async(self) -> Future[Any]:
+        """Returns a future of the result, with the status.
+
+        Its exception is ActionUnavailable where the server leaves before the goal's end.
+        """
+        return self._action_client._get_result_async(self)
+
+
+class ActionClient(ActionEntity):
+    """Sends goals to an action's server."""
+
+    def __init__(  # noqa: PLR0913
+        self,
+        node: Node,
+        action_type: Any,
+        action_name: str,
+        *,
+        callback_group: CallbackGroup | None = None,
+        goal_service_qos_profile: QoSProfile = qos_profile_services_default,
+        result_service_qos_profile: QoSProfile = qos_profile_services_default,
+        cancel_service_qos_profile: QoSProfile = qos_profile_services_default,
+        feedback_sub_qos_profile: QoSProfile = FEEDBACK_QOS,
+        status_sub_qos_profile: QoSProfile = qos_profile_action_status_default,
+    ) -> None:
+        check_action_type(action_type)
+        check_action_name(action_name, is_server=False)
+        super().__init__(node, callback_group)
+        self._logger = self._logger.get_child("action_client")
+        self._action_type = action_type
+        self._action_name = action_name
+        self._support: ActionSupport = action_support(action_type)
+        self._goal_handles: dict[bytes, weakref.ref[ClientGoalHandle]] = {}
+        self._feedback_callbacks: dict[bytes, Callable[[Any], Any]] = {}
+        self._pending_goal_requests: dict[int, tuple[Future[Any], Any]] = {}
+        self._pending_cancel_requests: dict[int, Future[Any]] = {}
+        self._pending_result_requests: dict[int, tuple[Future[Any], bytes]] = {}
+        self._waiters: list[Waiter] = []  # threads in calls that wait
+        self._ends = ClientEndpoints()
+        qos = action_qos(
+            goal_service_qos_profile,
+            result_service_qos_profile,
+            cancel_service_qos_profile,
+            feedback_sub_qos_profile,
+            status_sub_qos_profile,
+            is_server=False,
+        )
+        node._host_entity(
+            self,
+            lambda native: self._ends.open(
+                native,
+                self._support,
+                action_name,
+                qos,
+                on_goal=self._on_goal,
+                on_cancel=self._on_cancel,
+                on_result=self._on_result,
+                on_feedback=None,
+                on_status=None,
+            ),
+        )
+        with self._engine.loop:
+            self._ends.feedback._on_arrival = self._ends.status._on_arrival = self.notify
+            self.notify()  # for what has come before
+
+    # --- calls
+
+    def send_goal(self, goal: Any, **kwargs: Any) -> Any:
+        """Send a goal and wait for its result; arguments as those of `send_goal_async`.
+
+        An executor must work for the node, in another thread, where feedback is to be heard. Raises TypeError
+        for what is no goal, ActionUnavailable where the server leaves before the end.
+        """
+        goal_handle = self._wait(self.send_goal_async(goal, **kwargs))
+        return self._get_result(goal_handle)
+
+    def send_goal_async(
+        self,
+        goal: Any,
+        feedback_callback: Callable[[Any], Any] | None = None,
+        goal_uuid: Any = None,
+    ) -> Future[Any]:
+        """Send a goal; returns a future of a ClientGoalHandle, which says whether it is accepted.
+
+        Raises TypeError for what is no goal, InvalidHandle after the client, or its node, was destroyed.
+        """
+        if not isinstance(goal, self._action_type.Goal):
+            raise TypeError
+        goal_id = self._generate_random_uuid() if goal_uuid is None else goal_uuid
+        request = self._support.send_goal.Request(goal_id=goal_id, goal=goal)
+        future: Future[Any] = Future(executor=self.node.own_executor)
+        with self._engine.loop:
+            number = self._send(self._ends.goal, request)
+            self._pending_goal_requests[number] = future, goal_id
+            if feedback_callback is not None:
+                self._feedback_callbacks[bytes(goal_id.uuid)] = feedback_callback
+        return future
+
+    def server_is_ready(self) -> bool:
+        """Whether a server is there."""
+        with self._engine.loop:
+            return not self.is_destroyed and self._ends.is_ready()
+
+    def wait_for_server(self, timeout_sec: float | None = None) -> bool:
+        """Wait for a server, `timeout_sec` at most (None: for ever); returns whether one is there."""
+        with suppress(TimeoutError, BusError):
+            self._engine.run(self._ends.wait_until_ready, timeout_sec, context=self.node.context)
+        return self.server_is_ready()
+
+    def destroy(self) -> None:
+        """Leave the graph; futures that are open stay so."""
+        if not self._node._evict_entity(self, self._ends):
+            raise ValueError("list.remove(x): x not in list")
+
+    def _generate_random_uuid(self) -> Any:
+        return self._support.goal_id(uuid.uuid4().bytes)
+
+    def _cancel_goal(self, goal_handle: ClientGoalHandle) -> Any:
+        return self._wait(self._cancel_goal_async(goal_handle))
+
+    def _cancel_goal_async(self, goal_handle: ClientGoalHandle) -> Future[Any]:
+        _check_handle(goal_handle)
+        request = self._support.cancel_goal.Request()
+        request.goal_info.goal_id = goal_handle.goal_id
+        future: Future[Any] = Future(executor=self.node.own_executor)
+        with self._engine.loop:
+            if self._is_served(self._ends.cancel, future):
+                self._pending_cancel_requests[self._send(self._ends.cancel, request)] = future
+        return future
+
+    def _get_result(self, goal_handle: ClientGoalHandle) -> Any:
+        return self._wait(self._get_result_async(goal_handle))
+
+    def _get_result_async(self, goal_handle: ClientGoalHandle) -> Future[Any]:
+        _check_handle(goal_handle)
+        request = self._support.get_result.Request(goal_id=goal_handle.goal_id)
+        future: Future[Any] = Future(executor=self.node.own_executor)
+        with self._engine.loop:
+            if self._is_served(self._ends.result, future):
+                number = self._send(self._ends.result, request)
+                self._pending_result_requests[number] = future, bytes(goal_handle.goal_id.uuid)
+        return future
+
+    # --- inside, under the guard
+
+    def _send(self, end: Any, request: Any) -> int:
+        if self.is_destroyed:
+            raise InvalidHandle("cannot use Destroyable because destruction was requested")
+        number: int = end.send_request(request)
+        if not number:
+            raise RuntimeError(f"no room to send a request of action '{self._action_name}'")
+        return number
+
+    def _is_served(self, end: Any, future: Future[Any]) -> bool:
+        """Where nobody serves any more, the future has the error."""
+        try:
+            end._check_served()
+        except ServiceUnavailable:
+            self._put(_set_exception, future, self._unavailable())
+            return False
+        return True
+
+    def _unavailable(self) -> ActionUnavailable:
+        return ActionUnavailable(self._ends.action_name, _LEFT)
+
+    def _on_goal(self, number: int, outcome: Any) -> None:
+        self._put_answer(self._finish_goal, number, outcome)
+
+    def _on_cancel(self, number: int, outcome: Any) -> None:
+        self._put_answer(self._finish_cancel, number, outcome)
+
+    def _on_result(self, number: int, outcome: Any) -> None:
+        self._put_answer(self._finish_result, number, outcome)
+
+    def _put_answer(self, function: Any, number: int, outcome: Any) -> None:
+        if isinstance(outcome, ServiceUnavailable):
+            outcome = self._unavailable()
+        self._put(function, number, outcome)
+        for waiter in self._waiters:
+            waiter.set()
+
+    def take(self, most: int) -> Work | None:
+        if self._calls and self._calls[0][0] != self._finish_result:
+            return self._calls.popleft()
+        if (taken := self._ends.feedback.take()) is not None:  # which was published before the result
+            return self._take_feedback, taken[:1]
+        if (taken := self._ends.status.take()) is not None:
+            return self._take_status, taken[:1]
+        return super().take(most)
+
+    # --- calls of the executor, or of a thread that waits
+
+    async def _finish_goal(self, number: int, outcome: Any) -> None:
+        future, goal_id = self._pending_goal_requests.pop(number)
+        key = bytes(goal_id.uuid)
+        if isinstance(outcome, BusError):
+            self._feedback_callbacks.pop(key, None)
+            await _set_exception(future, outcome)
+            return
+        goal_handle = ClientGoalHandle(self, goal_id, outcome)
+        if goal_handle.accepted:
+            if key in self._goal_handles:
+                raise RuntimeError(f"Two goals were accepted with the same ID ({goal_handle})")
+            self._goal_handles[key] = weakref.ref(goal_handle)
+            # As in rclpy, where a status has come together with the answer it is known from the start.
+            with self._engine.loop:
+                while (taken := self._ends.status.take()) is not None:
+                    self._apply_status(taken[0])
+        else:
+            self._feedback_callbacks.pop(key, None)
+        future.set_result(goal_handle)
+
+    async def _finish_cancel(self, number: int, outcome: Any) -> None:
+        await _finish(self._pending_cancel_requests.pop(number), outcome)
+
+    async def _finish_result(self, number: int, outcome: Any) -> None:
+        future, key = self._pending_result_requests.pop(number)
+        self._feedback_callbacks.pop(key, None)
+        await _finish(future, outcome)
+
+    async def _take_feedback(self, message: Any) -> None:
+        callback = self._feedback_callbacks.get(bytes(message.goal_id.uuid))
+        if callback is not None:
+            await await_or_execute(callback, message)
+
+    async def _take_status(self, message: Any) -> None:
+        self._apply_status(message)
+
+    def _apply_status(self, message: Any) -> None:
+        for one in message.status_list:
+            key = bytes(one.goal_info.goal_id.uuid)
+            reference = self._goal_handles.get(key)
+            if reference is None:
+                continue
+            goal_handle = reference()
+            if goal_handle is not None:
+                goal_handle._status = one.status
+            if goal_handle is None or State(one.status).is_end:
+                del self._goal_handles[key]
+
+    # --- inside, without the guard
+
+    def _wait(self, future: Future[Any]) -> Any:
+        """Until the future is done, whoever spins. Raises what it has as its exception."""
+        mover = self._engine
+        with mover.loop:
+            waiter = Waiter(mover, self.node.context)
+            self._waiters.append(waiter)
+        future.call_when_done(lambda: mover.call(waiter.set))
+        try:
+            while not future.done() and self.node.context.ok():
+                with mover.loop:
+                    waiter.is_set = future.done()
+                    call = self._next_answer()
+                    if call is None:
+                        waiter.wait(deadline_after(None))
+                if call is not None:
+                    _run(call[0](*call[1]))
+        finally:
+            with mover.loop:
+                self._waiters.remove(waiter)
+        return future.result()
+
+    def _next_answer(self) -> Any:
+        """The next call, where no executor works for the node to make it."""
+        executor = self.node.own_executor
+        if executor is not None and executor.is_looking():
+            return None
+        return self._calls.popleft() if self._calls else None
+
+
+def _run(coroutine: Any) -> None:
+    """To its end: what finishes futures awaits nothing."""
+    with suppress(StopIteration):
+        coroutine.send(None)
+
+
+async def _finish(future: Future[Any], outcome: Any) -> None:
+    if isinstance(outcome, BusError):
+        future.set_exception(outcome)
+    else:
+        future.set_result(outcome)
+
+
+async def _set_exception(future: Future[Any], error: BusError) -> None:
+    future.set_exception(error)
+
+
+def _check_handle(goal_handle: object) -> None:
+    if not isinstance(goal_handle, ClientGoalHandle):
+        raise TypeError(f"Expected type ClientGoalHandle but received {type(goal_handle)}")
 
 
 def __getattr__(name: str) -> Any:

@@ -137,13 +137,6 @@ def test_a_signal_ends_all_contexts() -> None:
 @for_each(
     ("make", "text"),
     [
-        (lambda: action.ActionClient(None, None, "fibonacci"), "no ActionClient for 'fibonacci'.*a service"),
-        (
-            lambda: action.ActionServer(None, None, action_name="fibonacci", execute_callback=print),
-            "no ActionServer 'fibonacci'.*a service",
-        ),
-        (lambda: action_client.ClientGoalHandle(1, 2), "no actions yet"),
-        (lambda: action_server.ServerGoalHandle(), "no actions yet"),
         (lambda: lifecycle.LifecycleNode("talker"), "'talker' can't be one: use rclpy.node.Node"),
         (lambda: lifecycle.Publisher(), "no lifecycle nodes yet"),
     ],

@@ -1,0 +1,102 @@
+"""What action servers and clients share: a queue of calls for an executor, and how names are refused.
+
+Owns: the queue. Must not know: goals, messages.
+"""
+
+from collections import deque
+from collections.abc import Callable, Coroutine
+from typing import Any, Final
+
+from bus.errors import ConfigurationError
+from bus.names import validate_topic_name
+from bus.qos import QoSProfile as NativeProfile
+from bus_actions.endpoints import ActionQoS
+from bus_ros.engine import Engine, engine
+from bus_ros.entity import Entity, Work
+from bus_ros.rclpy.callback_groups import CallbackGroup
+from bus_ros.rclpy.node import Node
+from bus_ros.rclpy.node import service_qos as native_service_qos
+from bus_ros.rclpy.qos import QoSProfile, profile_of, to_native
+from bus_ros.rclpy.type_support import check_for_type_support
+
+__all__ = ["FEEDBACK_QOS", "ActionEntity", "action_qos", "check_action_name", "check_action_type"]
+
+FEEDBACK_QOS: Final = QoSProfile(depth=10)
+"""The default of feedback."""
+
+Call = tuple[Callable[..., Coroutine[Any, Any, None]], tuple[Any, ...]]
+
+
+class ActionEntity(Entity):
+    """Base of ActionServer and ActionClient: one entity, in one callback group, as in rclpy."""
+
+    is_async = True
+
+    def __init__(self, node: Node, callback_group: CallbackGroup | None) -> None:
+        self._engine: Engine = engine()
+        self._calls: deque[Call] = deque()
+        self._node = node
+        super().__init__(node, callback_group or node.default_callback_group)
+        self._logger = node.get_logger()
+        self.is_queued = True  # until it is open: no executor takes what comes before
+
+    def destroy(self) -> None:
+        raise NotImplementedError
+
+    def take(self, most: int) -> Work | None:
+        return self._calls.popleft() if self._calls else None
+
+    def _put(self, function: Callable[..., Coroutine[Any, Any, None]], *arguments: Any) -> None:
+        """Under the guard: have an executor call it."""
+        self._calls.append((function, arguments))
+        self.notify()
+
+    def __enter__(self) -> "ActionEntity":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """As in rclpy, leaving it destroys nothing."""
+
+
+def check_action_type(action_type: Any) -> None:
+    """Raises AttributeError, as rclpy does, for what is no type of ROS's; RuntimeError for no action."""
+    check_for_type_support(action_type)
+    if not hasattr(action_type, "Goal"):
+        raise RuntimeError(
+            f"The action type provided is not valid ({action_type}), this might be a message or service"
+        )
+
+
+def check_action_name(name: str, *, is_server: bool) -> None:
+    """Raises ValueError, in rclpy's words."""
+    try:
+        validate_topic_name(name)
+    except ConfigurationError as error:
+        rule = str(error).partition(": ")[2].partition(":\n")[0] if name else "invalid empty action name"
+        what, sign = ("server", ": :") if is_server else ("client", ":")
+        raise ValueError(
+            f"Failed to create action {what} due to invalid topic name '{name}' {sign} {rule}"
+        ) from None
+
+
+def action_qos(
+    goal: QoSProfile | int,
+    result: QoSProfile | int,
+    cancel: QoSProfile | int,
+    feedback: QoSProfile | int,
+    status: QoSProfile | int,
+    *,
+    is_server: bool,
+) -> ActionQoS:
+    """The native policies."""
+
+    def topic(profile: QoSProfile | int) -> NativeProfile:
+        return to_native(profile_of(profile), for_publisher=is_server)
+
+    return ActionQoS(
+        goal_service=native_service_qos(profile_of(goal)),
+        result_service=native_service_qos(profile_of(result)),
+        cancel_service=native_service_qos(profile_of(cancel)),
+        feedback=topic(feedback),
+        status=topic(status),
+    )
