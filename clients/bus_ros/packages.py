@@ -32,6 +32,8 @@ INDEX = Path("share", "ament_index", "resource_index", "packages")
 """Below a prefix: a file for each package."""
 
 _BUILT_IN = {
+    "joint_state_publisher": {"joint_state_publisher": "bus_tf2.programs.joint_state_publisher:main"},
+    "robot_state_publisher": {"robot_state_publisher": "bus_tf2.programs.robot_state_publisher:main"},
     "tf2_ros": {"static_transform_publisher": "bus_tf2.programs.static_transform_publisher:main"},
 }
 """Programs that come with busd, where no installed package has them: entry points, by package and name."""

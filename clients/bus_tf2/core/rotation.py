@@ -1,6 +1,6 @@
 """Rotations as quaternions (x, y, z, w), places as vectors: what frames.h computes, in plain Python."""
 
-from math import acos, sin, sqrt
+from math import acos, cos, sin, sqrt
 from typing import Final
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "Vector",
     "composed",
     "dot",
+    "from_angles",
     "inverse",
     "inverted",
     "matrix",
@@ -64,6 +65,18 @@ def composed(outer: Transform, inner: Transform) -> Transform:
     """What does `inner` first, and then `outer`."""
     (x, y, z), (by_x, by_y, by_z) = rotate(outer[1], inner[0]), outer[0]
     return (x + by_x, y + by_y, z + by_z), normal(multiply(outer[1], inner[1]))
+
+
+def from_angles(roll: float, pitch: float, yaw: float) -> Quaternion:
+    """About x, then y, then z, of axes that stay."""
+    sr, cr, sp, cp = sin(roll / 2), cos(roll / 2), sin(pitch / 2), cos(pitch / 2)
+    sy, cy = sin(yaw / 2), cos(yaw / 2)
+    return (
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    )
 
 
 def matrix(q: Quaternion) -> Matrix:

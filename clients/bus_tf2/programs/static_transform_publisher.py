@@ -4,13 +4,12 @@ import random
 import string
 import sys
 from collections.abc import Sequence
-from math import cos, sin
 from typing import NamedTuple
 
 import bus_ros.rclpy as rclpy
 from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger
 from bus_ros.rclpy.node import Node
-from bus_tf2.core.rotation import Quaternion, Vector
+from bus_tf2.core.rotation import Quaternion, Vector, from_angles
 from bus_tf2.messages import message
 from bus_tf2.programs.shell import begun, own_words
 from bus_tf2.tf2_ros import StaticTransformBroadcaster
@@ -115,7 +114,7 @@ def read(words: Sequence[str]) -> Wish | None:
     of = numbers.get
     turned = (of("qx", 0.0), of("qy", 0.0), of("qz", 0.0), of("qw", 1.0))
     if has_angles:
-        turned = _from_angles(of("roll", 0.0), of("pitch", 0.0), of("yaw", 0.0))
+        turned = from_angles(of("roll", 0.0), of("pitch", 0.0), of("yaw", 0.0))
     moved = (of("x", 0.0), of("y", 0.0), of("z", 0.0))
     return Wish(texts["frame-id"], texts["child-frame-id"], moved, turned, bool(rest))
 
@@ -125,18 +124,6 @@ def _number(name: str, value: str) -> float:
         return float(value)
     except ValueError:
         raise ValueError(f"Failed to parse {name} argument as float") from None
-
-
-def _from_angles(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """About x, then y, then z, of axes that stay."""
-    sr, cr, sp, cp = sin(roll / 2), cos(roll / 2), sin(pitch / 2), cos(pitch / 2)
-    sy, cy = sin(yaw / 2), cos(yaw / 2)
-    return (
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-        cr * cp * cy + sr * sp * sy,
-    )
 
 
 def _publish(wish: Wish) -> int:
