@@ -86,6 +86,12 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         self._keys: dict[int, selectors.SelectorKey] = selector._fd_to_key
         super().__init__(selector)
 
+    def __del__(self) -> None:
+        if hasattr(
+            self, "_signal_handlers"
+        ):  # else a signal broke off its making: there is nothing to close yet
+            super().__del__()
+
     def __enter__(self) -> None:
         self.acquire()
 

@@ -1,5 +1,6 @@
 """Interrupts of the loop that threads share, wherever the guard is taken and given away."""
 
+import gc
 import sys
 import threading
 from itertools import count
@@ -78,3 +79,31 @@ class Holder:
             self._has_it.set()
             while not self._loop._contenders and not self._is_over.wait(0.0001):
                 pass
+
+
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+def test_one_whose_making_is_broken_off_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = list[object]()
+    monkeypatch.setattr(sys, "unraisablehook", lambda what: said.append(repr(what.exc_value)))
+    for steps in count(1):
+        left = steps
+
+        def break_off(frame: FrameType, event: str, called: object) -> None:
+            nonlocal left
+            is_pythons = frame.f_globals["__name__"] == "socket"  # which would leave a descriptor open
+            left -= called is not sys.setprofile and not is_pythons
+            if not left:
+                raise KeyboardInterrupt
+
+        sys.setprofile(break_off)
+        try:
+            loop = GuardedLoop()
+        except KeyboardInterrupt:
+            pass
+        else:
+            break
+        finally:
+            sys.setprofile(None)
+        gc.collect()  # with the exception's frames
+    loop.close()
+    assert (steps > 20, said) == (True, [])
