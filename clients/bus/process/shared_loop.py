@@ -87,9 +87,8 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         super().__init__(selector)
 
     def __del__(self) -> None:
-        if hasattr(
-            self, "_signal_handlers"
-        ):  # else a signal broke off its making: there is nothing to close yet
+        # Unset where a signal broke off its making: there is nothing to close yet.
+        if hasattr(self, "_signal_handlers"):
             super().__del__()
 
     def __enter__(self) -> None:
