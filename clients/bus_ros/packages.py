@@ -34,7 +34,12 @@ INDEX = Path("share", "ament_index", "resource_index", "packages")
 _BUILT_IN = {
     "joint_state_publisher": {"joint_state_publisher": "bus_tf2.programs.joint_state_publisher:main"},
     "robot_state_publisher": {"robot_state_publisher": "bus_tf2.programs.robot_state_publisher:main"},
-    "tf2_ros": {"static_transform_publisher": "bus_tf2.programs.static_transform_publisher:main"},
+    "tf2_ros": {
+        "static_transform_publisher": "bus_tf2.programs.static_transform_publisher:main",
+        "tf2_echo": "bus_tf2.programs.tf2_echo:main",
+        "tf2_monitor": "bus_tf2.programs.tf2_monitor:main",
+    },
+    "tf2_tools": {"view_frames": "bus_tf2.programs.view_frames:main"},
 }
 """Programs that come with busd, where no installed package has them: entry points, by package and name."""
 

@@ -1,5 +1,6 @@
 """The programs of tf2 as users start them: `bus run tf2_ros static_transform_publisher`, and so on."""
 
+import asyncio
 import signal
 from pathlib import Path
 
@@ -36,6 +37,34 @@ async def test_a_static_transform(tmp_path: Path) -> None:
     ]
 
 
+@on_one_loop
+async def test_a_transform_is_echoed_and_drawn(tmp_path: Path) -> None:
+    words = ["--x", "1", "--frame-id", "world", "--child-frame-id", "robot"]
+    async with (
+        running(tmp_path, *RUN, "tf2_ros", "static_transform_publisher", *words) as publisher,
+        running(tmp_path, *RUN, "tf2_ros", "tf2_echo", "world", "robot", "20") as echo,
+        running(tmp_path, *RUN, "tf2_ros", "tf2_monitor", "world", "robot") as monitor,
+    ):
+        await echo.line(r"^- Translation: \[1.000, 0.000, 0.000\]$")
+        echo.process.send_signal(signal.SIGINT)
+        assert await echo.end() == 0
+        await monitor.line("^Gathering data on world -> robot for 10 seconds...$")
+        monitor.process.send_signal(signal.SIGTERM)
+        assert await monitor.end() == 0
+        name = str(tmp_path / "frames")
+        said = run_bus("run", "tf2_tools", "view_frames", "-t", "0.5", "-o", name, PATH="")
+        assert said.code == 0
+        assert "there is no 'dot' (Debian: apt install graphviz)" in said.err
+        publisher.process.send_signal(signal.SIGINT)
+        assert await publisher.end() == 0
+    drawing = await asyncio.to_thread(Path(f"{name}.gv").read_text)
+    assert '"world" -> "robot"' in drawing
+    assert [line for line in echo.lines if "Waiting" not in line][1:3] == [
+        "- Translation: [1.000, 0.000, 0.000]",
+        "- Rotation: in Quaternion (xyzw) [0.000, 0.000, 0.000, 1.000]",
+    ]
+
+
 def test_what_is_wrong_is_said() -> None:
     said = run_bus("run", "tf2_ros", "static_transform_publisher", "--x", "far")
     assert said.code == 1
@@ -46,6 +75,13 @@ def test_what_is_wrong_is_said() -> None:
     )
     assert said.code == 1
     assert ": cannot publish static transform from 'a' to 'a', exiting\n" in said.err
+    said = run_bus("run", "tf2_ros", "tf2_echo", "a", "b", "fast")
+    assert (said.code, said.err.splitlines()[0]) == (
+        2,
+        "Failed to convert rate argument 'fast' to a floating-point number",
+    )
+    assert run_bus("run", "tf2_ros", "tf2_echo").out.startswith("Usage: tf2_echo source_frame target_frame")
+    assert run_bus("run", "tf2_ros", "tf2_monitor", "a").code == 1
 
 
 def test_they_are_found_like_those_of_packages() -> None:
