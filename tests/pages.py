@@ -21,6 +21,7 @@ INTERRUPTED = "^C"
 SCRIPT = re.compile(r"^`(\w+\.py)`:\n\n```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 FILE = re.compile(r"^`([\w/]+\.\w+)`:\n\n```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+_ID = re.compile(r"\b[0-9a-f]{32}\b")
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 _SOCKET = re.compile(r"/\S+\.sock")
 _BLANKS = re.compile(r" {2,}")
@@ -61,11 +62,12 @@ def console(page: str) -> list[Shown]:
 
 
 def shape(text: str) -> str:
-    """A pattern for what differs from `text` in numbers, in the width of columns and in the socket only."""
-    marked = _SOCKET.sub("\1", _BLANKS.sub("\2", text))
+    """A pattern for what differs from `text` in numbers, ids, the width of columns and the socket only."""
+    marked = _ID.sub("\3", _SOCKET.sub("\1", _BLANKS.sub("\2", text)))
     parts = [re.escape(part) for part in _NUMBER.split(marked)]
     pattern = r"-?\d+(?:\.\d+)?".join(parts)
-    return pattern.replace(re.escape("\1"), r"/\S+").replace(re.escape("\2"), " +")
+    pattern = pattern.replace(re.escape("\1"), r"/\S+").replace(re.escape("\2"), " +")
+    return pattern.replace(re.escape("\3"), "[0-9a-f]{32}")
 
 
 PROGRAMS = {"busd": ("-m", "busd"), "bus": ("-m", "bus_cli"), "python": ()}

@@ -2,9 +2,10 @@
 
 Owns: the base class of an action's definition, and which classes travel for it. A goal, a result or feedback
 goes within a message of ROS 2's that says whose it is: `<pkg>/action/<Name>_SendGoal_Request` and so on. Must
-not know: topics, goals.
+not know: topics.
 """
 
+from collections.abc import Iterable
 from functools import cache
 from typing import Any, ClassVar, Final
 
@@ -15,6 +16,7 @@ from bus.msg import Message, int8
 from bus.srv import make_service
 from bus.types.classes import message_class, service_class
 from bus.types.idl import CARRIERS, PARTS
+from bus_actions.goal_table import Goal
 
 __all__ = ["Action", "ActionSupport", "action_support", "find_action", "make_action"]
 
@@ -128,6 +130,22 @@ class ActionSupport:
     def goal_id(self, goal_id: bytes) -> Any:
         """A UUID."""
         return self.uuid(uuid=self._id_of(goal_id))
+
+    def info_of(self, goal: Goal) -> Any:
+        """A GoalInfo."""
+        info = self.goal_info(goal_id=self.goal_id(goal.id))
+        info.stamp.sec, info.stamp.nanosec = divmod(goal.stamp_ns, 1_000_000_000)
+        return info
+
+    def status_of(self, goals: Iterable[Goal]) -> Any:
+        """A GoalStatusArray. What of a goal does not change is made once: all are sent at each change."""
+        found: list[Any] = []
+        for goal in goals:
+            if goal.message is None:
+                goal.message = self.status(goal_info=self.info_of(goal))
+            goal.message.status = int(goal.status)
+            found.append(goal.message)
+        return self.status_array(status_list=found)
 
 
 @cache

@@ -5,7 +5,8 @@ Owns: the goals by their ids and what bounds them. Pure: times are given in nano
 
 from collections import OrderedDict
 from enum import IntEnum
-from typing import Final, NamedTuple
+from itertools import islice
+from typing import Any, Final, NamedTuple
 
 from bus.errors import LocalProtocolError
 from bus_actions.goal_state import GoalEvent, GoalStatus, next_status
@@ -54,15 +55,16 @@ class TooManyGoals(LocalProtocolError):
 
 
 class Goal:
-    """One goal. `status` is changed by its table only."""
+    """One goal. `status` is changed by its table only; `message` is what its server tells others of it."""
 
-    __slots__ = ("ended_ns", "id", "stamp_ns", "status")
+    __slots__ = ("ended_ns", "id", "message", "stamp_ns", "status")
 
     def __init__(self, goal_id: bytes, stamp_ns: int) -> None:
         self.id = goal_id
         self.stamp_ns = stamp_ns
         self.status = GoalStatus.ACCEPTED
         self.ended_ns = 0
+        self.message: Any = None
 
 
 class GoalTable:
@@ -114,9 +116,9 @@ class GoalTable:
         return Canceled(CancelCode.NONE, tuple(filter(_may_be_canceled, meant)))
 
     def shown(self) -> list[Goal]:
-        """For a status message, those accepted first in front."""
-        ended = list(self._ended.values())[-MOST_SHOWN:]
-        return sorted((*ended, *self._active.values()), key=lambda goal: goal.stamp_ns)
+        """For a status message: the last that ended, then those that have not."""
+        ended = list(islice(reversed(self._ended.values()), MOST_SHOWN))
+        return [*reversed(ended), *self._active.values()]
 
     def expire(self, now_ns: int) -> list[Goal]:
         """Forget the goals whose results nobody may ask for any more; returns them."""

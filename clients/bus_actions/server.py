@@ -7,7 +7,7 @@ whom a cancel request means in `goal_table`.
 import asyncio
 from collections import deque
 from collections.abc import AsyncGenerator, Callable
-from contextlib import aclosing
+from contextlib import aclosing, suppress
 from time import time_ns
 from types import TracebackType
 from typing import Any, Final, Self
@@ -182,6 +182,8 @@ class ActionServer:
         self._running: set[asyncio.Task[None]] = set()
         self._ends: ServerEndpoints | None = None
         self._expiry: asyncio.TimerHandle | None = None
+        self._is_status_due = False
+        self._is_stopped = False
         self._counts = dict.fromkeys(("accepted", "rejected", "feedback"), 0)
         self._ended = dict.fromkeys((GoalStatus.SUCCEEDED, GoalStatus.CANCELED, GoalStatus.ABORTED), 0)
 
@@ -229,6 +231,8 @@ class ActionServer:
             if self._running:
                 await asyncio.wait(self._running)
         finally:
+            if self._is_status_due:
+                self._publish_status_now()
             self._ends = None
             await ends.close()
 
@@ -353,6 +357,7 @@ class ActionServer:
 
     def _stop(self, reason: BusError | None = None) -> None:
         """No goals can come any more: give up those that are here."""
+        self._is_stopped = True
         if self._expiry is not None:
             self._expiry.cancel()
         waiting, self._queue = self._queue, deque()
@@ -390,7 +395,7 @@ class ActionServer:
         response = self._support.cancel_goal.Response()
         response.return_code = int(CancelCode.REJECTED if is_refused else code)
         canceled = [goal for goal in goals if goal.status in (GoalStatus.ACCEPTED, GoalStatus.EXECUTING)]
-        response.goals_canceling = [self._goal_info(goal._record) for goal in canceled]
+        response.goals_canceling = [self._support.info_of(goal._record) for goal in canceled]
         if self._ends is not None:
             self._ends.cancel.respond(request_id, response)
         for goal in canceled:
@@ -432,7 +437,7 @@ class ActionServer:
         due_ns = self._table.next_expiry_ns()
         if self._expiry is not None:
             self._expiry.cancel()
-        if due_ns is not None and self._ends is not None:
+        if due_ns is not None and not self._is_stopped:
             loop = asyncio.get_running_loop()
             self._expiry = loop.call_later(max(due_ns - time_ns(), 0) / _NS, self._expire)
 
@@ -464,25 +469,16 @@ class ActionServer:
         self._counts["feedback"] += 1
 
     def _publish_status(self) -> None:
-        if self._ends is None:
-            return
-        make = self._support.status
-        try:
-            self._ends.status.publish(
-                self._support.status_array(
-                    status_list=[
-                        make(goal_info=self._goal_info(goal), status=int(goal.status))
-                        for goal in self._table.shown()
-                    ]
-                )
-            )
-        except ConnectionClosed:
-            pass  # the node has gone, and all who would read it were told
+        """Once this turn of the event loop is over: a goal that is accepted is mostly executed at once."""
+        if not self._is_status_due:
+            self._is_status_due = True
+            asyncio.get_running_loop().call_soon(self._publish_status_now)
 
-    def _goal_info(self, goal: Goal) -> Any:
-        info = self._support.goal_info(goal_id=self._support.goal_id(goal.id))
-        info.stamp.sec, info.stamp.nanosec = divmod(goal.stamp_ns, _NS)
-        return info
+    def _publish_status_now(self) -> None:
+        self._is_status_due = False
+        if self._ends is not None:
+            with suppress(ConnectionClosed):  # the node has gone, and all who would read it were told
+                self._ends.status.publish(self._support.status_of(self._table.shown()))
 
 
 def _end_of(goal: ServerGoal) -> GoalEvent:

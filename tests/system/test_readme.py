@@ -91,6 +91,16 @@ def test_the_script_of_the_page_about_large_messages(
     check(start(shown.command, tmp_path), shown)
 
 
+def test_the_scripts_of_the_page_about_actions(daemon: Daemon, tmp_path: Path, start: Start) -> None:
+    page = (ROOT / "docs" / "actions.md").read_text()
+    for name, text in SCRIPT.findall(page):
+        (tmp_path / name).write_text(text)
+    server, *rest = console(page)
+    start(server.command.removesuffix(" &"), tmp_path)
+    for shown in rest:
+        check(start(shown.command, tmp_path), shown)
+
+
 async def test_the_profiles_of_the_qos_page(daemon: Daemon) -> None:
     text = (ROOT / "docs" / "qos.md").read_text()
     snippet = next(block for language, block in BLOCK.findall(text) if language == "python")

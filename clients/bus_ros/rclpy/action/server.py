@@ -319,16 +319,7 @@ class ActionServer(ActionEntity):
                 raise InvalidHandle("cannot use Destroyable because destruction was requested") from None
 
     def _publish_status(self) -> None:
-        make = self._support.status
-        goals = [
-            make(goal_info=self._goal_info(goal), status=int(goal.status)) for goal in self._table.shown()
-        ]
-        self._publish(self._ends.status, self._support.status_array(status_list=goals))
-
-    def _goal_info(self, goal: Goal) -> Any:
-        info = self._support.goal_info(goal_id=self._support.goal_id(goal.id))
-        info.stamp.sec, info.stamp.nanosec = divmod(goal.stamp_ns, _NS)
-        return info
+        self._publish(self._ends.status, self._support.status_of(self._table.shown()))
 
     def _now_ns(self) -> int:
         return self._node.get_clock().now().nanoseconds
@@ -407,7 +398,7 @@ class ActionServer(ActionEntity):
                 continue
             answer = await await_or_execute(self._cancel_callback, goal_handle)
             if answer == CancelResponse.ACCEPT and self._cancel(goal_handle):
-                response.goals_canceling.append(self._goal_info(goal))
+                response.goals_canceling.append(self._support.info_of(goal))
         self._respond(self._ends.cancel, request_id, response)
 
     def _cancel(self, goal_handle: ServerGoalHandle) -> bool:
