@@ -116,6 +116,7 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
     "metrics": ("Serve what happens on the bus to Prometheus", {}),
     "run": ("Run a script, a module or a program of a package", {}),
     "launch": ("Run a launch file", {}),
+    "test": ("Run a test file of launch_testing", {}),
     "pkg": (
         "Various package related sub-commands",
         {

@@ -39,7 +39,6 @@ _NOT_YET = {
     "multicast": "the bus does not leave its machine",
     "plugin": "",
     "security": "who may do what stands in busd.toml, under [[access]]",
-    "test": "",
     "trace": "",
 }
 """Commands of ros2, and what there is instead."""

@@ -30,6 +30,7 @@ _KINDS: Final = ("msg", "srv", "action")
 _SAME: Final = {
     "launch": "bus_launch.launch",
     "launch_ros": "bus_launch.launch_ros",
+    "launch_testing": "bus_launch.launch_testing",
     "launch_xml": "bus_launch.launch_xml",
     "launch_yaml": "bus_launch.launch_yaml",
     "rclpy": "bus_ros.rclpy",
@@ -41,7 +42,7 @@ _SAME: Final = {
 }
 """Packages whose modules, all of them, are those of one of ours."""
 
-_PARTS_OF: Final = {"launch_ros": "launch", "launch_xml": "launch", "launch_yaml": "launch"}
+_PARTS_OF: Final = dict.fromkeys(("launch_ros", "launch_testing", "launch_xml", "launch_yaml"), "launch")
 """Packages that are of use only with ours of another name: a genuine one does not know them."""
 
 _ALIASES: Final = {
@@ -73,7 +74,7 @@ _PACKAGES: Final = {
 _MISSING: Final = frozenset(
     (
         *("ament_package", "cv_bridge", "domain_coordinator", "image_geometry", "laser_geometry"),
-        *("launch_pytest", "launch_testing", "message_filters"),
+        *("launch_pytest", "launch_testing_ros", "message_filters"),
         *("nav2_simple_commander", "ros2bag", "ros2cli", "ros2launch", "ros2node", "ros2param", "ros2pkg"),
         *("ros2run", "ros2service", "ros2topic", "rosbag2_py", "rosidl_adapter", "rosidl_generator_py"),
         *("rpyutils", "rqt_gui", "rqt_gui_py", "sensor_msgs_py", "sros2", "tf2_kdl", "turtle_tf2_py"),

@@ -3,6 +3,7 @@
 Runs with the `launch` that can be imported: the genuine one of ROS 2 where it is installed, else busd's.
 """
 
+import os
 from argparse import ArgumentParser, Namespace
 from importlib import import_module
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 from bus_cli.completion import completed_by
 from bus_cli.exitcodes import EXIT_ERROR
 from bus_cli.launch.arguments import given_arguments
+from bus_cli.launch.bus import export
 from bus_cli.launch.files import complete_files, find_launch_file
 from bus_cli.output import CommandError, say
 
@@ -52,7 +54,9 @@ def add_arguments(parser: ArgumentParser) -> None:
 def main(args: Namespace) -> int:
     path, words = find_launch_file(args.package_or_file, args.words)
     arguments = given_arguments(words)
-    _export(args)
+    export(args)
+    if args.show_all_subprocesses_output:
+        os.environ["OVERRIDE_LAUNCH_PROCESS_OUTPUT"] = "both"
     import_module("bus_ros.import_hook")
     from bus_launch import inheritance
 
@@ -61,21 +65,6 @@ def main(args: Namespace) -> int:
     if args.print or args.show_args:
         return _show(launch, path, args)
     return _run(launch, path, arguments, args)
-
-
-def _export(args: Namespace) -> None:
-    """Which bus, and what else the processes inherit."""
-    import os
-
-    from bus.process.address import domain_id, socket_path
-
-    if args.domain is not None:
-        os.environ["BUSD_DOMAIN"] = str(domain_id(args.domain))
-        os.environ.pop("BUSD_SOCKET", None)  # it would hide the domain
-    if args.socket is not None:
-        os.environ["BUSD_SOCKET"] = str(socket_path(args.socket))
-    if args.show_all_subprocesses_output:
-        os.environ["OVERRIDE_LAUNCH_PROCESS_OUTPUT"] = "both"
 
 
 def _show(launch: Any, path: str, args: Namespace) -> int:

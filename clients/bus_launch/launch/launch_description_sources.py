@@ -13,7 +13,7 @@ from bus_launch.launch.core import (
     perform_substitutions,
 )
 from bus_launch.launch.description import LaunchDescription
-from bus_launch.launch.errors import InvalidLaunchFileError
+from bus_launch.launch.errors import InvalidLaunchFileError, describe
 from bus_launch.launch.frontend import InvalidFrontendLaunchFileError, Parser
 
 __all__ = [
@@ -99,16 +99,18 @@ def get_launch_description_from_any_launch_file(launch_file_path: str) -> Launch
         try:
             return load(launch_file_path)
         except InvalidLaunchFileError as error:
-            problems += error._likely_errors
+            problems += [_located(one, launch_file_path) for one in error._likely_errors]
         except Exception as error:
             problems.append(_located(error, launch_file_path))
     raise InvalidLaunchFileError(end if len(loaders) == 1 else "", likely_errors=problems)
 
 
 def _located(error: Exception, path: str) -> Exception:
-    """The error with the line of the launch file that led to it, which it has not by itself."""
-    if isinstance(error, SyntaxError):
+    """The error with the file, and of one in Python the line, that led to it, where its text lacks them."""
+    if isinstance(error, SyntaxError) and error.filename == path:
         return error
+    if not path.endswith(".py"):
+        return _Located(error, Path(path).name)
     lines = [one.lineno for one in traceback.extract_tb(error.__traceback__) if one.filename == path]
     if not lines:
         return error
@@ -120,7 +122,8 @@ class _Located(Exception):
     """Another error, and where in a launch file it came."""
 
     def __init__(self, error: Exception, place: str) -> None:
-        super().__init__(f"{type(error).__name__}: {error} ({place})")
+        kind = "" if isinstance(error, RuntimeError | ValueError) else f"{type(error).__name__}: "
+        super().__init__(f"{kind}{describe(error)} ({place})")
         self.__cause__ = error
 
 

@@ -83,8 +83,8 @@ class LaunchService:
     def shutdown(self, force_sync: bool = False) -> Any:
         """From any thread: have all processes end, then `run`."""
         with self.__lock:
-            if self.__loop is not None:
-                self.__shut_down("LaunchService.shutdown() called")
+            if self.__loop is not None:  # behind what this thread has emitted
+                self.__loop.call_soon_threadsafe(self.__shut_down, "LaunchService.shutdown() called")
 
     def run(self, *, shutdown_when_idle: bool = True) -> int:
         """Until nothing is left to do; without `shutdown_when_idle` until `shutdown`."""

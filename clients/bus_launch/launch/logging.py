@@ -119,11 +119,9 @@ _ours: Final[dict[str, logging.Logger]] = {}
 
 def reset() -> None:
     """Forget loggers, files and the folder; the next launch has its own."""
-    for logger in _ours.values():
-        for handler in list(logger.handlers):
-            logger.removeHandler(handler)
-            handler.close()
     _ours.clear()
+    for handler in (*launch_config._files.values(), *launch_config._screens.values()):
+        handler.close()
     launch_config.__init__()  # type: ignore[misc]
 
 

@@ -13,11 +13,17 @@ class Parser(BaseParser):
 
     @classmethod
     def load(cls, file: Any) -> tuple[Entity, "Parser"]:
-        """Raises yaml.YAMLError, whose text has line and column, and RuntimeError where there is no root."""
+        """Raises ValueError with line and column, and RuntimeError where there is no root."""
         import yaml  # late: most launch files are in Python
 
         stream: TextIO = file
-        return Entity(yaml.safe_load(stream.read())), cls()
+        try:
+            root = yaml.safe_load(stream.read())
+        except yaml.MarkedYAMLError as error:
+            mark = error.problem_mark
+            place = f": line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+            raise ValueError(f"{error.problem}{place}") from None
+        return Entity(root), cls()
 
     @classmethod
     def get_file_extensions(cls) -> list[str]:

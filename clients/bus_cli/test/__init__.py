@@ -1,0 +1,34 @@
+"""`bus test`: run a test file of launch_testing."""
+
+from argparse import ArgumentParser, Namespace
+from importlib import import_module
+from typing import Any
+
+from bus_cli.launch.arguments import given_arguments
+from bus_cli.launch.bus import export
+from bus_cli.output import CommandError
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    parser.description = (
+        "Run a test file of launch_testing: launch what its generate_test_description() returns, and run its "
+        "unittest classes meanwhile and after."
+    )
+    parser.add_argument("-v", "--verbose", action="store_true", help="print the name of each test")
+    parser.add_argument("test_file", help="the file")
+    parser.add_argument("arguments", nargs="*", metavar="name:=value", help="arguments of the launch")
+
+
+def main(args: Namespace) -> int:
+    given_arguments(args.arguments)
+    if not args.test_file.endswith(".py"):
+        raise CommandError(f"bus test: '{args.test_file}' is no Python file")
+    export(args)
+    import_module("bus_ros.import_hook")
+    from bus_launch import inheritance
+
+    inheritance.prepare()
+    program: Any = import_module("launch_testing.launch_test")
+    words = [*(["-v"] if args.verbose else []), args.test_file, *args.arguments]
+    code: int = program.main(words)
+    return code

@@ -1,0 +1,35 @@
+"""Decorators of tests; programs import it as `launch_testing.markers`."""
+
+import functools
+import time
+import unittest
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+__all__ = ["keep_alive", "retry_on_failure"]
+
+_T = TypeVar("_T")
+
+
+def keep_alive(function: _T) -> _T:
+    """Of generate_test_description: tests go on when all processes have ended, as here they do anyway."""
+    return function
+
+
+def retry_on_failure(*, times: int, delay: float | None = None) -> Callable[[Any], Any]:
+    """Of a test: `times` more attempts before it counts as failed, `delay` seconds apart."""
+
+    def mark(function: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(function)
+        def run(self: unittest.TestCase, *arguments: Any, **named: Any) -> Any:
+            for _ in range(times):
+                try:
+                    return function(self, *arguments, **named)
+                except AssertionError:
+                    if delay is not None:
+                        time.sleep(delay)
+            return function(self, *arguments, **named)
+
+        return run
+
+    return mark

@@ -1,0 +1,17 @@
+"""Parts of test descriptions; programs import it as `launch_testing.util`."""
+
+import sys
+from typing import Any
+
+from bus_launch.launch.actions import ExecuteProcess
+from bus_launch.launch_testing.actions import ReadyToTest
+
+__all__ = ["KeepAliveProc", "ReadyToTest"]
+
+
+class KeepAliveProc(ExecuteProcess):
+    """A process that does nothing and ends with the launch, so that this goes on without others."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        script = "import signal; signal.signal(signal.SIGINT, lambda *_: None); signal.pause()"
+        super().__init__(cmd=[sys.executable, "-I", "-S", "-c", script], **kwargs)

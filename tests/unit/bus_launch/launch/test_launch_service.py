@@ -1,0 +1,316 @@
+"""Descriptions that are run, without processes: order, scopes, events, files, and what is wrong with them."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bus_launch.launch import LaunchService
+from bus_launch.launch.action import Action
+from bus_launch.launch.actions import (
+    AppendEnvironmentVariable,
+    DeclareLaunchArgument,
+    EmitEvent,
+    GroupAction,
+    IncludeLaunchDescription,
+    LogInfo,
+    OpaqueCoroutine,
+    OpaqueFunction,
+    PopLaunchConfigurations,
+    PushLaunchConfigurations,
+    RegisterEventHandler,
+    SetEnvironmentVariable,
+    SetLaunchConfiguration,
+    Shutdown,
+    TimerAction,
+    UnregisterEventHandler,
+    UnsetEnvironmentVariable,
+    UnsetLaunchConfiguration,
+)
+from bus_launch.launch.conditions import IfCondition, UnlessCondition
+from bus_launch.launch.core import (
+    Event,
+    EventHandler,
+    LaunchContext,
+    LaunchDescriptionEntity,
+    Substitution,
+)
+from bus_launch.launch.description import LaunchDescription
+from bus_launch.launch.event_handlers import OnExecutionComplete, OnShutdown
+from bus_launch.launch.launch_description_sources import (
+    AnyLaunchDescriptionSource,
+    PythonLaunchDescriptionSource,
+    get_launch_description_from_any_launch_file,
+)
+from bus_launch.launch.substitutions import LaunchConfiguration, ThisLaunchFileDir
+from launching import note, run, said, write
+from rows import for_each
+
+A = LaunchConfiguration("a", default="none")
+A_TEXT: Any = ["a"]
+FIVE: Any = 5
+PRINT: Any = print
+
+
+@pytest.fixture(autouse=True)
+def logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "log"))
+
+
+def test_actions_come_in_their_order(capsys: pytest.CaptureFixture[str]) -> None:
+    code = run(
+        SetLaunchConfiguration("a", "1"),
+        LogInfo(msg=["a is ", A]),
+        LogInfo(msg="never", condition=UnlessCondition(A)),
+        LogInfo(msg="yes", condition=IfCondition(A)),
+        OpaqueFunction(function=lambda context: [LogInfo(msg=["returned: ", A])]),
+        UnsetLaunchConfiguration("a"),
+        LogInfo(msg=A),
+    )
+    assert said(capsys.readouterr().out) == ["a is 1", "yes", "returned: 1", "none"]
+    assert code == 0
+
+
+def test_what_a_group_sets_ends_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OF_A_TEST", "before")
+    found: list[Any] = []
+    look = [note(found, "a"), note(found, lambda _: os.environ.get("OF_A_TEST"))]
+    code = run(
+        SetLaunchConfiguration("a", "1"),
+        GroupAction(
+            [
+                SetLaunchConfiguration("a", "2"),
+                SetEnvironmentVariable("OF_A_TEST", "inside"),
+                AppendEnvironmentVariable("OF_A_TEST", "x", prepend=True),
+                *look,
+            ]
+        ),
+        *look,
+        GroupAction([SetLaunchConfiguration("a", "3"), UnsetEnvironmentVariable("OF_A_TEST")], scoped=False),
+        *look,
+        GroupAction([note(found, "a"), note(found, "b")], forwarding=False, launch_configurations={"b": "4"}),
+        PushLaunchConfigurations(),
+        SetLaunchConfiguration("a", "5"),
+        PopLaunchConfigurations(),
+        note(found, "a"),
+    )
+    assert code == 0
+    assert found == ["2", "x:inside", "1", "before", "3", None, None, "4", "3"]
+
+
+def test_events_and_handlers() -> None:
+    """The newest handler is asked first; one may be for one event only."""
+    found: list[Any] = []
+
+    class Mine(Event):
+        def __init__(self, number: int) -> None:
+            self.number = number
+
+    def handler(name: str, **kwargs: Any) -> EventHandler:
+        return EventHandler(
+            matcher=lambda event: isinstance(event, Mine),
+            entities=note(found, lambda context: (name, context.locals.event.number)),
+            **kwargs,
+        )
+
+    first, second = handler("first"), handler("second")
+    code = run(
+        *(RegisterEventHandler(one) for one in (first, second, handler("once", handle_once=True))),
+        EmitEvent(event=Mine(1)),
+        RegisterEventHandler(
+            OnExecutionComplete(
+                target_action=lambda action: isinstance(action, TimerAction),
+                on_completion=[UnregisterEventHandler(second), EmitEvent(event=Mine(2))],
+            )
+        ),
+        TimerAction(period=0.01, actions=[note(found, lambda _: "timer")]),
+    )
+    assert code == 0
+    assert found == [("once", 1), ("second", 1), ("first", 1), "timer", ("first", 2)]
+
+
+def test_shutdown_ends_what_waits() -> None:
+    found: list[Any] = []
+
+    async def wait(context: LaunchContext) -> None:
+        try:
+            assert context.asyncio_loop is not None
+            await context.asyncio_loop.create_future()
+        finally:
+            found.append("cancelled")
+
+    code = run(
+        TimerAction(period=1000.0, actions=[note(found, lambda _: "never")]),
+        OpaqueCoroutine(coroutine=wait),
+        RegisterEventHandler(OnShutdown(on_shutdown=lambda event, _: found.append(event.reason))),
+        TimerAction(period="0.01", actions=[Shutdown(reason="enough")]),
+    )
+    assert code == 0
+    assert sorted(found) == ["cancelled", "enough"]
+
+
+def test_actions_and_substitutions_of_users(capsys: pytest.CaptureFixture[str]) -> None:
+    class Upper(Substitution):
+        def __init__(self, sub: Substitution) -> None:
+            super().__init__()
+            self.sub = sub
+
+        def perform(self, context: LaunchContext) -> str:
+            return context.perform_substitution(self.sub).upper()
+
+    class Twice(Action):
+        def __init__(self, entity: LaunchDescriptionEntity, **kwargs: Any) -> None:
+            super().__init__(**kwargs)
+            self.entity = entity
+
+        def execute(self, context: LaunchContext) -> Sequence[LaunchDescriptionEntity]:
+            return [self.entity, self.entity]
+
+    run(SetLaunchConfiguration("a", "x"), Twice(LogInfo(msg=Upper(A)), condition=IfCondition("true")))
+    assert said(capsys.readouterr().out) == ["X", "X"]
+
+
+PART = """
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, LogInfo
+from launch.substitutions import LaunchConfiguration, ThisLaunchFileDir
+
+def generate_launch_description():
+    return LaunchDescription([
+        DeclareLaunchArgument("name", description="a name"),
+        DeclareLaunchArgument("greeting", default_value=["hi ", LaunchConfiguration("name")]),
+        LogInfo(msg=[LaunchConfiguration("greeting"), " from ", ThisLaunchFileDir()]),
+    ])
+"""
+
+
+def test_files_include_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(
+        tmp_path,
+        {
+            "sub/part.launch.py": PART,
+            "part.launch.xml": '<launch><arg name="x"/><log message="$(var x) $(dirname)"/></launch>',
+            "part.launch.yaml": "launch: [{include: {file: $(dirname)/part.launch.xml}}]",
+        },
+    )
+    code = run(
+        IncludeLaunchDescription(
+            PythonLaunchDescriptionSource([str(tmp_path), "/sub/part.launch.py"]),
+            launch_arguments={"name": "Ann"}.items(),
+        ),
+        IncludeLaunchDescription(str(tmp_path / "part.launch.yaml"), launch_arguments=[("x", A)]),
+        LogInfo(msg=[LaunchConfiguration("name"), LaunchConfiguration("x")]),
+    )
+    assert code == 0
+    assert said(capsys.readouterr().out) == [f"hi Ann from {tmp_path}/sub", f"none {tmp_path}", "Annnone"]
+
+
+def test_the_arguments_of_a_file_and_of_those_that_it_includes(tmp_path: Path) -> None:
+    write(
+        tmp_path,
+        {
+            "part.launch.py": PART,
+            "all.launch.xml": f"""
+                <launch>
+                  <arg name="a" default="$(env HOME)" description="an a"/>
+                  <group if="$(var a)"><arg name="maybe"/></group>
+                  <include file="{tmp_path}/part.launch.py"><arg name="name" value="x"/></include>
+                  <include file="{tmp_path}/all.launch.xml"/>
+                </launch>""",
+        },
+    )
+    found = get_launch_description_from_any_launch_file(
+        str(tmp_path / "all.launch.xml")
+    ).get_launch_arguments()
+    assert [(one.name, one.description, one._conditionally_included) for one in found] == [
+        ("a", "an a", False),
+        ("greeting", "no description given", False),
+        ("maybe", "no description given", True),
+    ]
+
+
+@for_each(
+    ("entity", "text"),
+    [
+        (LogInfo(msg=LaunchConfiguration("x")), "launch configuration 'x' does not exist"),
+        (
+            DeclareLaunchArgument("x", description="an x"),
+            'Required launch argument "x" (description: "an x") was not provided',
+        ),
+        (
+            GroupAction([SetLaunchConfiguration("x", "c"), DeclareLaunchArgument("x", choices=["a", "b"])]),
+            "Argument \"x\" provided value \"c\" is not valid. Valid options are: ['a', 'b']",
+        ),
+        (
+            LogInfo(msg="", condition=IfCondition("maybe")),
+            "Expression 'maybe' is not one of the valid true expressions ['true', '1'] or false expressions "
+            "['false', '0']",
+        ),
+        (TimerAction(period="soon", actions=[]), "a period must be a number of seconds, not 'soon'"),
+        (PopLaunchConfigurations(), "launch_configurations stack unexpectedly empty"),
+        (OpaqueFunction(function=lambda _: [][1]), "list index out of range"),
+        (IncludeLaunchDescription("/nosuchfile.py"), "[Errno 2] No such file or directory: '/nosuchfile.py'"),
+    ],
+)
+def test_an_error_ends_the_launch(
+    entity: LaunchDescriptionEntity, text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(entity, TimerAction(period=1000.0, actions=[])) == 1
+    line = f"[ERROR] [launch]: Caught exception in launch (see debug for traceback): {text}\n"
+    assert capsys.readouterr().out == line
+
+
+def test_a_file_that_includes_itself(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "again.launch.xml"
+    file.write_text('<launch><include file="$(dirname)/again.launch.xml"/></launch>')
+    assert run(IncludeLaunchDescription(AnyLaunchDescriptionSource(str(file)))) == 1
+    assert f"does '{file}' include itself?" in capsys.readouterr().out
+
+
+@for_each(
+    ("make", "text"),
+    [
+        (lambda: LaunchDescription(A_TEXT), "a launch description is made of actions, not of 'a'"),
+        (lambda: LogInfo(msg=FIVE), "Failed to normalize given item of type '<class 'int'>'"),
+        (lambda: EmitEvent(event=A_TEXT[0]), "expected an event instance, got 'a'"),
+        (lambda: OpaqueFunction(function=FIVE), "expected a function, got 5"),
+        (lambda: OpaqueCoroutine(coroutine=PRINT), "expected a coroutine function"),
+        (lambda: DeclareLaunchArgument("x", choices=[]), "Provided choices arg is empty"),
+        (lambda: DeclareLaunchArgument("x", default_value="c", choices=["a"]), 'default_value "c" is not in'),
+        (lambda: IncludeLaunchDescription("x", launch_arguments=A_TEXT), "pairs of name and value, not 'a'"),
+        (
+            lambda: OnExecutionComplete(target_action=FIVE, on_completion=[]),
+            "instance or a callable as target",
+        ),
+    ],
+)
+def test_what_can_not_be_made(make: Any, text: str) -> None:
+    with pytest.raises((TypeError, ValueError, RuntimeError)) as caught:
+        make()
+    assert text in str(caught.value)
+
+
+def test_from_another_thread(capsys: pytest.CaptureFixture[str]) -> None:
+    from threading import Thread
+
+    service = LaunchService()
+    entered: list[Thread] = []
+
+    def begin(context: LaunchContext) -> None:
+        def end() -> None:
+            service.include_launch_description(LaunchDescription([LogInfo(msg="late")]))
+            service.shutdown()
+
+        entered.append(Thread(target=end))
+        entered[0].start()
+
+    run(
+        OpaqueFunction(function=begin),
+        TimerAction(period=1000.0, actions=[]),
+        LogInfo(msg=ThisLaunchFileDir(), condition=UnlessCondition("true")),
+        service=service,
+    )
+    entered[0].join()
+    assert "[INFO] [launch.user]: late" in capsys.readouterr().out

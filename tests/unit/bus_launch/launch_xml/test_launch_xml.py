@@ -1,0 +1,118 @@
+"""What is wrong with a launch file in XML or YAML, in one line that names it."""
+
+from pathlib import Path
+
+import pytest
+
+from bus_launch.launch.errors import InvalidLaunchFileError
+from bus_launch.launch.launch_description_sources import get_launch_description_from_any_launch_file
+from rows import for_each
+
+
+@for_each(
+    ("text", "problem"),
+    [
+        (
+            '<launch><nod pkg="a" exec="b"/></launch>',
+            "Unrecognized entity of the type: nod; did you mean 'node'?",
+        ),
+        (
+            '<launch><node pkg="a" exec="b" nmae="c"/></launch>',
+            "Unexpected attribute(s) found in `node`: {'nmae'}; did you mean 'name'?",
+        ),
+        (
+            '<launch><node pkg="a" exec="b"><parm name="a" value="b"/></node></launch>',
+            "Unexpected nested tag(s) found in `node`: {'parm'}; did you mean 'param'?",
+        ),
+        (
+            '<launch><node exec="b"><remap from="a" to="b" x="c"/></node></launch>',
+            "Unexpected attribute(s) found in `remap`: {'x'}",
+        ),
+        ('<launch><node pkg="a"/></launch>', "Attribute 'exec' of type 'str' not found in Entity 'node'"),
+        (
+            '<launch><group scoped="maybe"/></launch>',
+            "Attribute 'scoped' of Entity 'group' expected to be of type 'bool'. 'maybe' can not be",
+        ),
+        (
+            '<launch><node exec="b" respawn_delay="-1"/></launch>',
+            "expected to be a non-negative value but got",
+        ),
+        (
+            '<launch><node exec="b"><param value="1"/></node></launch>',
+            "param Entity should have name or from",
+        ),
+        (
+            '<launch><node exec="b"><param name="a"/></node></launch>',
+            "either a value attribute or nested params",
+        ),
+        (
+            '<launch><node exec="b"><param name="a" value="1" type="number"/></node></launch>',
+            "param 'a': type 'number' is none of bool, int, float, str",
+        ),
+        ('<launch><log message="$(var x"/></launch>', "'$(var x' is not closed by ')'"),
+        ("<launch>text</launch>", "Unexpected text found in `launch`: 'text'"),
+        (
+            '<launch><log message="a" if="1" unless="0"/></launch>',
+            "if and unless conditions can't be used sim",
+        ),
+        ("<lunch/>", "Expected 'launch' as root tag"),
+        ("<launch>", "ParseError: no element found: line 1, column 8"),
+        ('<launch><node_container pkg="a"/></launch>', "components are C++ libraries"),
+        ("launch: [node: {pkg: a, exec: b, foo: 1}]", "Unexpected key(s) found in `node`: {'foo'}"),
+        (
+            "launch: [log: {message: [1]}]",
+            "Attribute 'message' of Entity 'log' expected to be of type 'str', got",
+        ),
+        ("launch: [node: {exec: b, param: {a: 1}}]", "expected to be a list of dictionaries"),
+        ("launch: [{a: 1, b: 2}]", "Expected a len 1 dictionary, got {'a': 1, 'b': 2}"),
+        ("launch: {a: 1}", "Expected entity `launch` to have children entities"),
+        ("launch: 5", "Expected a list of what is in `launch`, got 5"),
+        ("launch: [node: [a", "expected ',' or ']', but got '<stream end>': line 1, column 18"),
+        ("", "Expected a len 1 dictionary, got None"),
+    ],
+)
+def test_mistakes(text: str, problem: str, tmp_path: Path) -> None:
+    kind = "xml" if text.startswith("<") else "yaml"
+    path = tmp_path / f"bad.launch.{kind}"
+    path.write_text(text)
+    with pytest.raises(InvalidLaunchFileError) as caught:
+        get_launch_description_from_any_launch_file(str(path))
+    said = str(caught.value)
+    assert said.startswith(f"Caught exception when trying to load file of format [{kind}]: ")
+    assert problem in said
+    assert said.endswith(f" (bad.launch.{kind})")
+    assert "\n" not in said
+
+
+def test_a_file_of_any_name(tmp_path: Path) -> None:
+    """It is read as what it can be read as."""
+    (tmp_path / "a").write_text("<launch/>")
+    assert get_launch_description_from_any_launch_file(str(tmp_path / "a")).entities == []
+    (tmp_path / "b").write_text("what")
+    with pytest.raises(InvalidLaunchFileError) as caught:
+        get_launch_description_from_any_launch_file(str(tmp_path / "b"))
+    assert str(caught.value).startswith("Caught multiple exceptions when trying to load file:\n - ")
+
+
+@for_each(
+    ("text", "problem"),
+    [
+        ("def generate_launch_description(:", "invalid syntax (bad.launch.py, line 1)"),
+        ("x = 1", "does not contain the required function 'generate_launch_description()'"),
+        ("def generate_launch_description(): pass", "generate_launch_description() returned None"),
+        (
+            "def generate_launch_description():\n    return nobody",
+            "NameError: name 'nobody' is not defined (bad.launch.py, line 2)",
+        ),
+        (
+            "import nosuchmodule",
+            "ModuleNotFoundError: No module named 'nosuchmodule' (bad.launch.py, line 1)",
+        ),
+    ],
+)
+def test_mistakes_in_python(text: str, problem: str, tmp_path: Path) -> None:
+    path = tmp_path / "bad.launch.py"
+    path.write_text(text)
+    with pytest.raises(InvalidLaunchFileError) as caught:
+        get_launch_description_from_any_launch_file(str(path))
+    assert problem in str(caught.value)
