@@ -18,6 +18,8 @@ __all__ = ["MODULES", "install"]
 _PACKAGE: Final = "bus_ros.rclpy."
 
 _EVENTS: Final = (
+    *("EventHandler", "IncompatibleTypeInfo", "QoSEventHandler"),
+    *("QoSPublisherMatchedInfo", "QoSSubscriptionMatchedInfo"),
     *("PublisherEventCallbacks", "QoSLivelinessChangedInfo", "QoSLivelinessLostInfo", "QoSMessageLostInfo"),
     *("QoSOfferedDeadlineMissedInfo", "QoSOfferedIncompatibleQoSInfo", "QoSPublisherEventType"),
     *("QoSRequestedDeadlineMissedInfo", "QoSRequestedIncompatibleQoSInfo", "QoSSubscriptionEventType"),

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 from bus_ros.rclpy.exceptions import InvalidHandle
 
@@ -14,9 +14,12 @@ _DESTROYED = "cannot use Destroyable because destruction was requested"
 class Handle:
     """Entered in a `with` to use its owner, which raises InvalidHandle once that is destroyed."""
 
-    def __init__(self, is_destroyed: Callable[[], bool], destroy: Callable[[], object]) -> None:
+    def __init__(
+        self, is_destroyed: Callable[[], bool], destroy: Callable[[], object], owner: Any = None
+    ) -> None:
         self._is_destroyed = is_destroyed
         self._destroy = destroy
+        self.owner = owner
 
     @property
     def pointer(self) -> int:
@@ -42,8 +45,8 @@ class Handle:
 
 
 class _Owner(Protocol):
-    is_destroyed: bool
-
+    @property
+    def is_destroyed(self) -> bool: ...
     def destroy(self) -> None: ...
 
 
@@ -53,7 +56,7 @@ class Handled:
     @cached_property
     def handle(self: _Owner) -> Handle:
         """For programs that enter rclpy's handles: `with subscription.handle:`."""
-        return Handle(lambda: self.is_destroyed, self.destroy)
+        return Handle(lambda: self.is_destroyed, self.destroy, self)
 
 
 class Destroyable(Handled):

@@ -4,7 +4,7 @@ Owns the translation of the bus's events. Must not know executors: the node give
 callback in line.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from enum import IntEnum
 from typing import Any, NamedTuple, TypeAlias
 
@@ -12,10 +12,13 @@ from bus import events
 from bus.base.callbacks import ignore
 from bus_ros.rclpy.exceptions import UnsupportedEventTypeError
 from bus_ros.rclpy.qos import QoSPolicyKind
+from bus_ros.rclpy.waitable import Waitable
 
 __all__ = [
+    "EventHandler",
     "IncompatibleTypeInfo",
     "PublisherEventCallbacks",
+    "QoSEventHandler",
     "QoSLivelinessChangedInfo",
     "QoSLivelinessLostInfo",
     "QoSMessageLostInfo",
@@ -132,7 +135,49 @@ Enqueue: TypeAlias = Callable[[Callable[[Any], object], object], object]
 """`enqueue(callback, info)` has the executor call `callback(info)`."""
 
 
-class SubscriptionEventCallbacks:
+class EventHandler(Waitable):
+    """A callback and what it is for, as rclpy lists them. It waits for nothing: the bus calls back."""
+
+    def __init__(
+        self, *, callback_group: Any, callback: Callable[[Any], object], event_type: IntEnum, parent_impl: Any
+    ) -> None:
+        super().__init__(callback_group)
+        self.callback = callback
+        self.event_type = event_type
+        self.parent = parent_impl
+
+    def destroy(self) -> None:
+        """Its endpoint's end ends it."""
+
+
+QoSEventHandler = EventHandler
+
+
+def _warn(info: object) -> None:
+    """Stands for the warning that the bus logs itself."""
+
+
+class _Callbacks:
+    """Base of the two."""
+
+    use_default_callbacks: bool
+
+    def _handlers(self, types: Mapping[str, IntEnum], group: Any, parent: Any) -> list[EventHandler]:
+        found = []
+        for name, event_type in types.items():
+            callback = getattr(self, name)
+            if callback is None and self.use_default_callbacks and name.startswith("incompatible"):
+                callback = _warn
+            if callback is not None:
+                found.append(
+                    EventHandler(
+                        callback_group=group, callback=callback, event_type=event_type, parent_impl=parent
+                    )
+                )
+        return found
+
+
+class SubscriptionEventCallbacks(_Callbacks):
     """A subscription's callbacks, each called with the value of its event.
 
     `use_default_callbacks`: where there is none for incompatible QoS or types, a warning is logged.
@@ -157,8 +202,23 @@ class SubscriptionEventCallbacks:
         self.matched = matched
         self.use_default_callbacks = use_default_callbacks
 
+    def create_event_handlers(
+        self, callback_group: Any, subscription: Any, topic_name: str
+    ) -> list[EventHandler]:
+        """One for each callback, and for what is warned of."""
+        kinds = QoSSubscriptionEventType
+        types: dict[str, IntEnum] = {
+            "deadline": kinds.RCL_SUBSCRIPTION_REQUESTED_DEADLINE_MISSED,
+            "incompatible_qos": kinds.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS,
+            "liveliness": kinds.RCL_SUBSCRIPTION_LIVELINESS_CHANGED,
+            "message_lost": kinds.RCL_SUBSCRIPTION_MESSAGE_LOST,
+            "incompatible_type": kinds.RCL_SUBSCRIPTION_INCOMPATIBLE_TYPE,
+            "matched": kinds.RCL_SUBSCRIPTION_MATCHED,
+        }
+        return self._handlers(types, callback_group, subscription)
 
-class PublisherEventCallbacks:
+
+class PublisherEventCallbacks(_Callbacks):
     """A publisher's callbacks, each called with the value of its event.
 
     `use_default_callbacks`: where there is none for incompatible QoS or types, a warning is logged.
@@ -180,6 +240,20 @@ class PublisherEventCallbacks:
         self.incompatible_type = incompatible_type
         self.matched = matched
         self.use_default_callbacks = use_default_callbacks
+
+    def create_event_handlers(
+        self, callback_group: Any, publisher: Any, topic_name: str
+    ) -> list[EventHandler]:
+        """One for each callback, and for what is warned of."""
+        kinds = QoSPublisherEventType
+        types: dict[str, IntEnum] = {
+            "deadline": kinds.RCL_PUBLISHER_OFFERED_DEADLINE_MISSED,
+            "liveliness": kinds.RCL_PUBLISHER_LIVELINESS_LOST,
+            "incompatible_qos": kinds.RCL_PUBLISHER_OFFERED_INCOMPATIBLE_QOS,
+            "incompatible_type": kinds.RCL_PUBLISHER_INCOMPATIBLE_TYPE,
+            "matched": kinds.RCL_PUBLISHER_MATCHED,
+        }
+        return self._handlers(types, callback_group, publisher)
 
 
 def subscription_events(callbacks: SubscriptionEventCallbacks, enqueue: Enqueue) -> events.SubscriptionEvents:

@@ -28,8 +28,10 @@ from bus_ros.rclpy.client import Client
 from bus_ros.rclpy.clock import Clock, ROSClock
 from bus_ros.rclpy.context import Context, get_default_context, parse_arguments
 from bus_ros.rclpy.destroyable import Handle
+from bus_ros.rclpy.duration import S_TO_NS
 from bus_ros.rclpy.exceptions import (
     InvalidHandle,
+    NodeNameNonExistentError,
     NotInitializedException,
     RCLError,
 )
@@ -37,8 +39,9 @@ from bus_ros.rclpy.guard_condition import GuardCondition
 from bus_ros.rclpy.impl.callback_checks import check_arguments, check_callback
 from bus_ros.rclpy.impl.node_graph import NodeGraph
 from bus_ros.rclpy.impl.node_parameters import NodeParameters
+from bus_ros.rclpy.impl.node_waitables import NodeWaitables
 from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger
-from bus_ros.rclpy.parameter import Parameter, parameter_message
+from bus_ros.rclpy.parameter import PARAMETER_SEPARATOR_STRING, Parameter, parameter_message
 from bus_ros.rclpy.publisher import Publisher
 from bus_ros.rclpy.qos import (
     QoSProfile,
@@ -65,7 +68,9 @@ if TYPE_CHECKING:  # most programs need none
     from bus_ros.rclpy.executors import Executor
     from bus_ros.rclpy.qos_overriding_options import QoSOverridingOptions
 
-__all__ = ["Node"]
+__all__ = ["HIDDEN_NODE_PREFIX", "PARAMETER_SEPARATOR_STRING", "S_TO_NS", "Node", "NodeNameNonExistentError"]
+
+HIDDEN_NODE_PREFIX = "_"
 
 M = TypeVar("M")
 E = TypeVar("E", bound=Entity)
@@ -80,7 +85,7 @@ class Closable(Protocol):
     async def close(self) -> None: ...
 
 
-class Node(NodeGraph, NodeParameters):
+class Node(NodeGraph, NodeParameters, NodeWaitables):
     """A node named `node_name`. In the graph at once, until `destroy_node` or the end of the process; its
     publishers work without any spinning.
 
@@ -90,6 +95,8 @@ class Node(NodeGraph, NodeParameters):
     RCLInvalidROSArgsError or UnknownROSArgsError for `cli_args`, and BrokerUnavailable where no busd answers
     and none could be started.
     """
+
+    PARAM_REL_TOL = 1e-6
 
     def __init__(  # noqa: PLR0913
         self,
@@ -115,9 +122,10 @@ class Node(NodeGraph, NodeParameters):
         # Its ROS arguments end where they end: what follows is the program's.
         words = [*own, "--", *context.arguments] if use_global_arguments else own
         native = _make_native(node_name, namespace or "", words, context, enable_rosout)
-        handle = Handle(lambda: self.__is_destroyed, self.destroy_node)
+        handle = Handle(lambda: self.__is_destroyed, self.destroy_node, self)
         NodeGraph.__init__(self, engine(), native, context, handle)
         self.__engine = engine()
+        NodeWaitables.__init__(self, self.__add, lambda entity: self.__remove(entity, None))
         self.__native = native
         self.__is_destroyed = False
         self._default_callback_group = MutuallyExclusiveCallbackGroup()
@@ -211,6 +219,11 @@ class Node(NodeGraph, NodeParameters):
     def guards(self) -> Iterator[GuardCondition]:
         return (one for one in self.__entities if isinstance(one, GuardCondition))
 
+    @property
+    def native(self) -> NativeNode:
+        """The node of the bus beneath."""
+        return self.__native
+
     def own_entities(self) -> Iterable[Entity]:
         """All that may have calls to make, but the timers."""
         return self.__entities
@@ -241,6 +254,7 @@ class Node(NodeGraph, NodeParameters):
             )
         )
         publisher = Publisher(self.__engine, native, msg_type, profile, self)
+        publisher.event_callbacks = event_callbacks
         with self.__engine.loop:
             self.__publishers = (*self.__publishers, publisher)
         return publisher
@@ -276,7 +290,9 @@ class Node(NodeGraph, NodeParameters):
             )
         )
         group = callback_group or self._default_callback_group
-        return self.__add(Subscription(self.__engine, native, msg_type, callback, group, profile, raw, self))
+        made = Subscription(self.__engine, native, msg_type, callback, group, profile, raw, self)
+        made.event_callbacks = event_callbacks
+        return self.__add(made)
 
     def create_client(
         self,

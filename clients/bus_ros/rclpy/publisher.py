@@ -1,6 +1,7 @@
 """Publishers of the facade: a native one, used under the guard from whichever thread publishes."""
 
-from typing import Any, Generic, TypeVar
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from bus.errors import ConnectionClosed
 from bus.publisher import Publisher as NativePublisher
@@ -9,6 +10,9 @@ from bus_ros.rclpy.destroyable import Destroyable
 from bus_ros.rclpy.duration import Duration
 from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.qos import QoSProfile
+
+if TYPE_CHECKING:
+    from bus_ros.rclpy.event_handler import EventHandler, PublisherEventCallbacks
 
 __all__ = ["Publisher"]
 
@@ -20,6 +24,8 @@ ROOM_S = 10.0
 
 class Publisher(Destroyable, Generic[M]):
     """Made by `Node.create_publisher`."""
+
+    event_callbacks: "PublisherEventCallbacks | None" = None
 
     def __init__(
         self,
@@ -45,6 +51,14 @@ class Publisher(Destroyable, Generic[M]):
     def logger_name(self) -> str:
         """Of its node."""
         return str(self.node.get_logger().name)
+
+    @cached_property
+    def event_handlers(self) -> "list[EventHandler]":
+        """What is called, or warned of, besides messages."""
+        from bus_ros.rclpy.event_handler import PublisherEventCallbacks  # late: few programs ask
+
+        callbacks = self.event_callbacks or PublisherEventCallbacks()
+        return callbacks.create_event_handlers(self.node.default_callback_group, self.handle, self.topic_name)
 
     @property
     def topic(self) -> str:

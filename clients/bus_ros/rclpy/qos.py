@@ -271,6 +271,10 @@ class QoSProfile:
 
     __hash__ = None  # type: ignore[assignment]
 
+    def get_c_qos_profile(self) -> "CProfile":
+        """For entities of `rclpy_implementation`."""
+        return CProfile(self)
+
     def __str__(self) -> str:
         fields = ", ".join(f"{slot[1:]}={getattr(self, slot)!s}" for slot in self.__slots__)
         return f"{type(self).__name__}({fields})"
@@ -333,6 +337,18 @@ class QoSPresetProfiles(Enum):
     def get_from_short_key(cls, name: str) -> QoSProfile:
         """The profile of such a name, in any case; raises KeyError."""
         return cls[name.upper()].value
+
+
+class CProfile:
+    """A profile as rclpy's C library has it: what entities of `rclpy_implementation` are made with."""
+
+    def __init__(self, profile: QoSProfile) -> None:
+        self.profile = profile
+
+    def to_dict(self) -> dict[str, Any]:
+        """The value of each policy; those that are enums as numbers."""
+        values = {name[1:]: getattr(self.profile, name[1:]) for name in QoSProfile.__slots__}
+        return {name: int(value) if isinstance(value, IntEnum) else value for name, value in values.items()}
 
 
 def profile_of(qos_or_depth: QoSProfile | int) -> QoSProfile:

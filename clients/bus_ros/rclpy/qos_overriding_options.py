@@ -135,6 +135,29 @@ def _override(qos: QoSProfile, kind: QoSPolicyKind, value: Any) -> None:
     setattr(qos, policy, value)
 
 
+# --- rclpy's own names, which tests of programs use
+
+
+def _get_allowed_policies(entity_type: type) -> list[QoSPolicyKind]:
+    """Of the class Publisher or Subscription: those that it has."""
+    is_publisher = entity_type.__name__ == "Publisher"
+    return [kind for kind in QoSPolicyKind if is_publisher or kind is not QoSPolicyKind.LIFESPAN]
+
+
+def _declare_qos_parameters(
+    entity_type: type, node: NodeParameters, topic_name: str, qos: QoSProfile, options: QoSOverridingOptions
+) -> None:
+    """As `declare_qos_parameters`, with the class Publisher or Subscription."""
+    declare_qos_parameters(entity_type.__name__.lower(), node, topic_name, qos, options)
+
+
+_get_qos_policy_parameter = _parameter_value
+
+
+def _override_qos_policy_with_param(qos: QoSProfile, policy: QoSPolicyKind, param: Any) -> None:
+    _override(qos, policy, param.value)
+
+
 def __getattr__(name: str) -> Any:
     if name == "QosCallbackResult":  # a message class, and made as late as all of them
         from bus_ros.rosidl import message_class

@@ -9,8 +9,10 @@ from typing import Any
 
 from bus_ros import engine as engines
 from bus_ros.rclpy.context import Context
+from bus_ros.rclpy.destroyable import Handled
 
 __all__ = [
+    "SignalHandlerGuardCondition",
     "SignalHandlerOptions",
     "get_current_signal_handlers_options",
     "install_signal_handlers",
@@ -25,6 +27,20 @@ class SignalHandlerOptions(IntEnum):
     SIGINT = 1
     SIGTERM = 2
     ALL = 3
+
+
+class SignalHandlerGuardCondition(Handled):
+    """Of rclpy's executors, which a signal wakes by it; those here are woken without."""
+
+    def __init__(self, context: Context | None = None) -> None:
+        self.is_destroyed = False
+
+    def trigger(self) -> None:
+        """Raises InvalidHandle where it is destroyed."""
+        self.handle.check()
+
+    def destroy(self) -> None:
+        self.is_destroyed = True
 
 
 _installed = SignalHandlerOptions.NO

@@ -2,8 +2,9 @@
 
 from collections.abc import Callable
 from enum import Enum
+from functools import cached_property
 from time import monotonic_ns
-from typing import Any, Generic, TypedDict, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypedDict, TypeVar
 
 from bus.base.callbacks import is_async, takes_info
 from bus.subscription import MessageInfo as NativeInfo
@@ -12,6 +13,9 @@ from bus_ros.engine import Engine
 from bus_ros.entity import Entity, Group, Line, Owner, Work
 from bus_ros.rclpy.destroyable import Destroyable
 from bus_ros.rclpy.qos import QoSProfile
+
+if TYPE_CHECKING:
+    from bus_ros.rclpy.event_handler import EventHandler, SubscriptionEventCallbacks
 
 __all__ = ["MessageInfo", "Subscription"]
 
@@ -31,6 +35,8 @@ class MessageInfo(TypedDict):
 
 class Subscription(Entity, Destroyable, Generic[M]):
     """Made by `Node.create_subscription`."""
+
+    event_callbacks: "SubscriptionEventCallbacks | None" = None
 
     class CallbackType(Enum):
         """How many arguments the callback takes."""
@@ -70,6 +76,14 @@ class Subscription(Entity, Destroyable, Generic[M]):
     def logger_name(self) -> str:
         """Of its node."""
         return str(self.node.get_logger().name)
+
+    @cached_property
+    def event_handlers(self) -> "list[EventHandler]":
+        """What is called, or warned of, besides messages."""
+        from bus_ros.rclpy.event_handler import SubscriptionEventCallbacks  # late: few programs ask
+
+        callbacks = self.event_callbacks or SubscriptionEventCallbacks()
+        return callbacks.create_event_handlers(self.callback_group, self.handle, self.topic_name)
 
     @property
     def topic(self) -> str:

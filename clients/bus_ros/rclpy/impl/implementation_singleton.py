@@ -1,13 +1,28 @@
-"""Stands where rclpy keeps its C extension: of that, programs use the errors and the clocks' enums."""
+"""Stands where rclpy keeps its C extension: its errors, the clocks' enums, and entities for wait sets."""
 
 from types import SimpleNamespace
+from typing import Any
 
 from bus_ros.rclpy import exceptions
 from bus_ros.rclpy.clock import ClockChange, ClockEvent, ClockType
 
 __all__ = ["rclpy_implementation"]
 
-rclpy_implementation = SimpleNamespace(
+_ENTITIES = ("Client", "GuardCondition", "Publisher", "Service", "Subscription", "Timer", "WaitSet")
+
+
+class _Implementation(SimpleNamespace):
+    """Its entities are imported when they are asked for: few programs have waitables of their own."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name in _ENTITIES:
+            from bus_ros.rclpy.impl import wait_set
+
+            return getattr(wait_set, name)
+        raise AttributeError(f"rclpy_implementation has no {name}")
+
+
+rclpy_implementation = _Implementation(
     ClockChange=ClockChange,
     ClockEvent=ClockEvent,
     ClockType=ClockType,

@@ -1,0 +1,40 @@
+"""The waitables of a node: what programs add that waits for several entities at once."""
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+from bus_ros.entity import Entity
+
+if TYPE_CHECKING:
+    from bus_ros.rclpy.waitable import Waitable
+
+__all__ = ["NodeWaitables"]
+
+
+class NodeWaitables:
+    """Base of Node. `add` and `remove` are for an entity."""
+
+    def __init__(self, add: Callable[[Entity], object], remove: Callable[[Entity], object]) -> None:
+        self.__add = add
+        self.__remove = remove
+        self.__waitables: list[tuple[Waitable, Entity]] = []
+
+    @property
+    def waitables(self) -> Iterator["Waitable"]:
+        return iter([waitable for waitable, _ in self.__waitables])
+
+    def add_waitable(self, waitable: "Waitable") -> None:
+        """Have the executor of this node work for it, too."""
+        from bus_ros.rclpy.impl.wait_set import WaitableEntity  # late: few nodes have any
+
+        entity = WaitableEntity(waitable, self)
+        self.__waitables.append((waitable, entity))
+        self.__add(entity)
+
+    def remove_waitable(self, waitable: "Waitable") -> None:
+        """Raises ValueError where the node has it not."""
+        found: list[tuple[Any, Entity]] = [one for one in self.__waitables if one[0] is waitable]
+        if not found:
+            raise ValueError(f"the node has no such waitable: {waitable!r}")
+        self.__waitables.remove(found[0])
+        self.__remove(found[0][1])
