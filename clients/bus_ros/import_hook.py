@@ -33,6 +33,7 @@ _SAME: Final = {
     "launch_testing": "bus_launch.launch_testing",
     "launch_xml": "bus_launch.launch_xml",
     "launch_yaml": "bus_launch.launch_yaml",
+    "message_filters": "bus_ros.message_filters",
     "rclpy": "bus_ros.rclpy",
     "tf2_geometry_msgs": "bus_tf2.tf2_geometry_msgs",
     "tf2_py": "bus_tf2.tf2_py",
@@ -74,7 +75,7 @@ _PACKAGES: Final = {
 _MISSING: Final = frozenset(
     (
         *("ament_package", "cv_bridge", "domain_coordinator", "image_geometry", "laser_geometry"),
-        *("launch_pytest", "launch_testing_ros", "message_filters"),
+        *("launch_pytest", "launch_testing_ros"),
         *("nav2_simple_commander", "ros2bag", "ros2cli", "ros2launch", "ros2node", "ros2param", "ros2pkg"),
         *("ros2run", "ros2service", "ros2topic", "rosbag2_py", "rosidl_adapter", "rosidl_generator_py"),
         *("rpyutils", "rqt_gui", "rqt_gui_py", "sensor_msgs_py", "sros2", "tf2_kdl", "turtle_tf2_py"),
