@@ -70,6 +70,15 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
             "type": "Print an action's type",
         },
     ),
+    "lifecycle": (
+        "Various lifecycle related sub-commands",
+        {
+            "get": "Get lifecycle state for one or more nodes",
+            "list": "Output a list of available transitions",
+            "nodes": "Output a list of nodes with lifecycle",
+            "set": "Trigger lifecycle state transition",
+        },
+    ),
     "daemon": (
         "Various daemon related sub-commands",
         {

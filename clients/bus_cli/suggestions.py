@@ -35,7 +35,6 @@ _NOT_YET = {
     "control": "",
     "extension_points": "",
     "extensions": "",
-    "lifecycle": "",
     "multicast": "the bus does not leave its machine",
     "plugin": "",
     "security": "who may do what stands in busd.toml, under [[access]]",

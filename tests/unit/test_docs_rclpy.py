@@ -237,14 +237,6 @@ def test_arguments_that_do_nothing_are_taken() -> None:
         assert why
 
 
-@for_each(("cell", "text"), rows("missing | text"))
-def test_what_can_only_be_imported(cell: str, text: str) -> None:
-    (path,) = names_in(cell)
-    with pytest.raises(NotImplementedError) as found:
-        find(path)()
-    assert str(found.value) == text
-
-
 def test_content_filters_are_missing() -> None:
     nobody: Any = None  # it does not come to the node
     with pytest.raises(NotImplementedError) as found:

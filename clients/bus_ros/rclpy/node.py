@@ -241,7 +241,10 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
         qos_overriding_options: "QoSOverridingOptions | None" = None,
         publisher_class: type[Publisher[Any]] | None = None,
     ) -> Publisher[M]:
-        """A publisher; an int as `qos_profile` is keep last with that depth."""
+        """A publisher; an int as `qos_profile` is keep last with that depth.
+
+        `publisher_class` is a subclass of Publisher, which is made with the same arguments.
+        """
         check_is_valid_msg_type(msg_type)
         self.__check(topic)
         profile = self.__profile("publisher", topic, qos_profile, qos_overriding_options)
@@ -253,7 +256,8 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
                 events=self.__publisher_events(event_callbacks),
             )
         )
-        publisher = Publisher(self.__engine, native, msg_type, profile, self)
+        make: Any = publisher_class or Publisher
+        publisher: Publisher[M] = make(self.__engine, native, msg_type, profile, self)
         publisher.event_callbacks = event_callbacks
         with self.__engine.loop:
             self.__publishers = (*self.__publishers, publisher)

@@ -114,7 +114,6 @@ def test_wrong_usage_is_two(words: tuple[str, ...], capsys: pytest.CaptureFixtur
         ("topic lsit", "bus topic: there is no verb 'lsit'; did you mean 'bus topic list'?"),
         ("node xyz", "bus node: there is no verb 'xyz'; there are info, list"),
         ("trace", "bus trace: not there yet"),
-        ("lifecycle nodes", "bus lifecycle: not there yet"),
     ],
 )
 def test_a_command_that_does_not_exist(line: str, text: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,10 +1,11 @@
-"""Stands where rclpy keeps its C extension: its errors, the clocks' enums, and entities for wait sets."""
+"""Stands where rclpy keeps its C extension: its errors, enums of programs, and entities for wait sets."""
 
 from types import SimpleNamespace
 from typing import Any
 
 from bus_ros.rclpy import exceptions
 from bus_ros.rclpy.clock import ClockChange, ClockEvent, ClockType
+from bus_ros.rclpy.impl.transition_callback_return import TransitionCallbackReturnType
 
 __all__ = ["rclpy_implementation"]
 
@@ -31,6 +32,7 @@ rclpy_implementation = _Implementation(
     RCLError=exceptions.RCLError,
     RCLInvalidROSArgsError=exceptions.RCLInvalidROSArgsError,
     TimerCancelledError=exceptions.TimerCancelledError,
+    TransitionCallbackReturnType=TransitionCallbackReturnType,
     UnknownROSArgsError=exceptions.UnknownROSArgsError,
     UnsupportedEventTypeError=exceptions.UnsupportedEventTypeError,
 )

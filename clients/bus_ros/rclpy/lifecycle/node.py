@@ -1,51 +1,204 @@
-"""The names of rclpy.lifecycle.node; making a node of them says that lifecycles are missing."""
+"""Lifecycle nodes: nodes that others configure, activate, deactivate, clean up and shut down.
 
-from enum import IntEnum
-from typing import NamedTuple
+Owns: the callbacks, the managed entities, and how a callback's result moves the state machine. Who asks
+from outside is in `services`, which states there are in `state_machine`.
+"""
+
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+from bus_ros.rclpy.callback_groups import CallbackGroup
+from bus_ros.rclpy.exceptions import RCLError
+from bus_ros.rclpy.lifecycle.managed_entity import LifecycleState, ManagedEntity, TransitionCallbackReturn
+from bus_ros.rclpy.lifecycle.publisher import LifecyclePublisher
+from bus_ros.rclpy.lifecycle.services import LifecycleServices
+from bus_ros.rclpy.lifecycle.state_machine import TRANSITIONS, LifecycleStateMachine
+from bus_ros.rclpy.logging import get_logger
+from bus_ros.rclpy.node import Node
 
 __all__ = [
     "LifecycleNode",
+    "LifecycleNodeMixin",
     "LifecyclePublisher",
     "LifecycleState",
-    "Node",
-    "Publisher",
-    "State",
+    "ManagedEntity",
     "TransitionCallbackReturn",
 ]
 
+M = TypeVar("M")
 
-class TransitionCallbackReturn(IntEnum):
-    """How a transition went; numbers are those of lifecycle_msgs/msg/Transition."""
+_Callback = Callable[[LifecycleState], TransitionCallbackReturn]
 
-    SUCCESS = 97
-    FAILURE = 98
-    ERROR = 99
-
-
-class LifecycleState(NamedTuple):
-    """A state of a managed node."""
-
-    label: str
-    state_id: int
+_CALLBACKS = {
+    10: "on_configure",
+    11: "on_cleanup",
+    12: "on_shutdown",
+    13: "on_activate",
+    14: "on_deactivate",
+    15: "on_error",
+}
+"""Of each state between two others: the callback that decides where it goes on."""
 
 
-class LifecycleNode:
-    """Would be a node that others configure, activate and shut down."""
+class LifecycleNodeMixin(ManagedEntity):
+    """What a lifecycle node has more than a node; for classes that are nodes, too, and made as such before.
 
-    def __init__(self, node_name: str = "", **_: object) -> None:
-        raise NotImplementedError(
-            f"busd has no lifecycle nodes yet, so '{node_name}' can't be one: "
-            "use rclpy.node.Node and do in its constructor what on_configure and on_activate do"
+    Without `enable_communication_interface` nobody outside can ask for transitions, or hears of them.
+    `callback_group` is the group of its services.
+    """
+
+    def __init__(
+        self, *, enable_communication_interface: bool = True, callback_group: CallbackGroup | None = None
+    ) -> None:
+        node: Any = self
+        self._callbacks: dict[int, _Callback] = {}
+        for state_id, name in _CALLBACKS.items():
+            self.__register_callback(state_id, getattr(self, name))
+        self._managed_entities: dict[ManagedEntity, None] = {}  # in the order in which they are told
+        warn = get_logger("rcl_lifecycle").warning
+        if not enable_communication_interface:
+            self._state_machine = LifecycleStateMachine(lambda _: None, warn)
+            return
+        services = LifecycleServices(node, self.__change_state, callback_group)
+        self._state_machine = LifecycleStateMachine(services.tell, warn)
+        services.begin(self._state_machine)
+
+    # --- transitions asked for by the program itself
+
+    def trigger_configure(self) -> TransitionCallbackReturn:
+        """As the others: returns what the callback said. Raises RCLError where that is not possible now."""
+        return self.__trigger("configure")
+
+    def trigger_cleanup(self) -> TransitionCallbackReturn:
+        return self.__trigger("cleanup")
+
+    def trigger_activate(self) -> TransitionCallbackReturn:
+        return self.__trigger("activate")
+
+    def trigger_deactivate(self) -> TransitionCallbackReturn:
+        return self.__trigger("deactivate")
+
+    def trigger_shutdown(self) -> TransitionCallbackReturn:
+        state, _ = self._state_machine.current_state
+        for one in TRANSITIONS:
+            if one.label == "shutdown" and one.start == state:
+                return self.__change_state(one.id)
+        raise RCLError("Shutdown transtion not possible")
+
+    # --- what goes along
+
+    def add_managed_entity(self, entity: ManagedEntity) -> None:
+        """Have it told of each transition by the callbacks of this node, unless they are overridden."""
+        if not isinstance(entity, ManagedEntity):
+            raise TypeError("Expected a rclpy.lifecycle.ManagedEntity instance.")
+        self._managed_entities[entity] = None
+
+    def create_lifecycle_publisher(
+        self, msg_type: type[M], topic: str, *args: Any, **keywords: Any
+    ) -> LifecyclePublisher[M]:
+        """As `create_publisher`; it publishes only while the node is active."""
+        if "publisher_class" in keywords:
+            raise TypeError("create_publisher() got an unexpected keyword argument 'publisher_class'")
+        node: Any = self
+        publisher: Any = Node.create_publisher(
+            node, msg_type, topic, *args, **keywords, publisher_class=LifecyclePublisher
         )
+        self._managed_entities[publisher] = None
+        return cast(LifecyclePublisher[M], publisher)
+
+    def destroy_lifecycle_publisher(self, publisher: LifecyclePublisher[Any]) -> bool:
+        """Returns whether it was this node's."""
+        self._managed_entities.pop(publisher, None)
+        node: Any = self
+        return Node.destroy_publisher(node, publisher)
+
+    # --- callbacks; a node of a program's own overrides what it needs
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """As the others: tells the managed entities, and returns the first result that is not SUCCESS.
+
+        `state` is the one from which the node comes.
+        """
+        return self.__tell_entities("on_configure", state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        return self.__tell_entities("on_cleanup", state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        return self.__tell_entities("on_shutdown", state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        return self.__tell_entities("on_activate", state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        return self.__tell_entities("on_deactivate", state)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Called after a callback that returned ERROR or raised. On SUCCESS the node is unconfigured, else
+        finalized.
+        """
+        return self.__tell_entities("on_error", state)
+
+    # --- inside
+
+    def __register_callback(self, state_id: int, callback: _Callback) -> bool:
+        self._callbacks[state_id] = callback
+        return True
+
+    def __tell_entities(self, callback: str, state: LifecycleState) -> TransitionCallbackReturn:
+        for entity in tuple(self._managed_entities):
+            result = getattr(entity, callback)(state)
+            if not isinstance(result, TransitionCallbackReturn):
+                raise TypeError(
+                    f"{callback}() return value of class {type(entity)} should be `TransitionCallbackReturn`."
+                    f"\nInstance of the class that caused the failure: {entity}"
+                )
+            if result is not TransitionCallbackReturn.SUCCESS:
+                return result
+        return TransitionCallbackReturn.SUCCESS
+
+    def __trigger(self, label: str) -> TransitionCallbackReturn:
+        return self.__change_state(next(one.id for one in TRANSITIONS if one.label == label))
+
+    def __change_state(self, transition_id: int) -> TransitionCallbackReturn:
+        machine = self._state_machine
+        state_id, label = machine.current_state
+        before = LifecycleState(label=label, state_id=state_id)
+        machine.trigger_transition_by_id(transition_id)
+        result = self.__call_back(before)
+        machine.trigger_transition_by_label(result.to_label())
+        if result is TransitionCallbackReturn.ERROR:
+            machine.trigger_transition_by_label(self.__call_back(before).to_label())
+        return result
+
+    def __call_back(self, before: LifecycleState) -> TransitionCallbackReturn:
+        """Call what belongs to the current state. Raises TypeError where that returns something else."""
+        node: Any = self
+        callback = self._callbacks[self._state_machine.current_state[0]]
+        name = getattr(callback, "__name__", repr(callback))
+        try:
+            result = callback(before)
+        except Exception:
+            from traceback import format_exc
+
+            node.get_logger().error(f"{name}() raised, which counts as ERROR:\n{format_exc().rstrip()}")
+            return TransitionCallbackReturn.ERROR
+        if not isinstance(result, TransitionCallbackReturn):
+            raise TypeError(
+                f"{name}() of node '{node.get_fully_qualified_name()}' must return a"
+                f" TransitionCallbackReturn, not {type(result).__name__}"
+            )
+        return result
 
 
-class LifecyclePublisher:
-    """Would publish while its node is active."""
+class LifecycleNode(LifecycleNodeMixin, Node):
+    """A node whose life others can steer; arguments are those of Node and of LifecycleNodeMixin.
 
-    def __init__(self, *_: object, **__: object) -> None:
-        raise NotImplementedError("busd has no lifecycle nodes yet: use rclpy.node.Node's create_publisher")
+    Raises as Node does.
+    """
 
-
-Node = LifecycleNode
-State = LifecycleState
-Publisher = LifecyclePublisher
+    def __init__(
+        self, node_name: str, *, enable_communication_interface: bool = True, **keywords: Any
+    ) -> None:
+        Node.__init__(self, node_name, **keywords)
+        LifecycleNodeMixin.__init__(self, enable_communication_interface=enable_communication_interface)

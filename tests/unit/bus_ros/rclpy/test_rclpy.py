@@ -1,4 +1,4 @@
-"""Callback groups, utilities, signals, and what the facade says of actions and lifecycles."""
+"""Callback groups, utilities, signals, and names of actions."""
 
 import signal
 import sys
@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import pytest
 
-from bus_ros.rclpy import action, duration, lifecycle, signals, utilities
+from bus_ros.rclpy import action, duration, signals, utilities
 from bus_ros.rclpy.action import client as action_client
 from bus_ros.rclpy.action import server as action_server
 from bus_ros.rclpy.callback_groups import (
@@ -18,9 +18,7 @@ from bus_ros.rclpy.callback_groups import (
     ReentrantCallbackGroup,
 )
 from bus_ros.rclpy.context import Context
-from bus_ros.rclpy.lifecycle import node as lifecycle_node
 from bus_ros.rosidl import message_class
-from rows import for_each
 
 
 class Entity:
@@ -134,34 +132,9 @@ def test_a_signal_ends_all_contexts() -> None:
         context.shutdown()  # forgiven once
 
 
-@for_each(
-    ("make", "text"),
-    [
-        (lambda: lifecycle.LifecycleNode("talker"), "'talker' can't be one: use rclpy.node.Node"),
-        (lambda: lifecycle.Publisher(), "no lifecycle nodes yet"),
-    ],
-)
-def test_what_is_missing_is_named(make: Callable[[], object], text: str) -> None:
-    with pytest.raises(NotImplementedError, match=text):
-        make()
-
-
-def test_a_class_on_top_of_what_is_missing_can_be_defined() -> None:
-    class Talker(lifecycle.Node):
-        def __init__(self) -> None:
-            super().__init__("talker", namespace="ns")
-
-    with pytest.raises(NotImplementedError, match="'talker'"):
-        Talker()
-
-
-def test_names_of_actions_and_lifecycles() -> None:
+def test_names_of_actions() -> None:
     assert action.GoalResponse.ACCEPT is action_server.default_goal_callback(None)
     assert action.CancelResponse.REJECT is action_server.default_cancel_callback(None)
     assert action_client.GoalStatus is message_class("action_msgs/msg/GoalStatus")
-    assert [int(one) for one in lifecycle.TransitionCallbackReturn] == [97, 98, 99]
-    assert lifecycle.State is lifecycle_node.LifecycleState
-    assert lifecycle.LifecycleState("active", 3).state_id == 3
-    for module in (action_client, lifecycle_node):
-        with pytest.raises(AttributeError):
-            module.nonsense  # noqa: B018
+    with pytest.raises(AttributeError):
+        action_client.nonsense  # noqa: B018

@@ -1,0 +1,41 @@
+"""Publishers of lifecycle nodes: while the node is not active, they publish nothing."""
+
+from typing import Any, TypeVar
+
+from bus_ros.rclpy.lifecycle.managed_entity import (
+    LifecycleState,
+    SimpleManagedEntity,
+    TransitionCallbackReturn,
+)
+from bus_ros.rclpy.logging import get_logger
+from bus_ros.rclpy.publisher import Publisher
+
+__all__ = ["LifecyclePublisher"]
+
+M = TypeVar("M")
+
+
+class LifecyclePublisher(SimpleManagedEntity, Publisher[M]):
+    """Made by `create_lifecycle_publisher` of a lifecycle node."""
+
+    def __init__(self, *args: Any, **keywords: Any) -> None:
+        SimpleManagedEntity.__init__(self)
+        Publisher.__init__(self, *args, **keywords)
+        self._has_warned = False
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self._has_warned = False
+        return super().on_activate(state)
+
+    def publish(self, msg: M | bytes) -> None:
+        """As `Publisher.publish` while its node is active. Else nothing is published, and the first such
+        message after each time that it was active is warned of.
+        """
+        if self._enabled:
+            Publisher.publish(self, msg)
+        elif not self._has_warned:
+            self._has_warned = True
+            get_logger("LifecyclePublisher").warning(
+                f"Trying to publish message on the topic '{self.topic_name}', "
+                "but the publisher is not activated"
+            )

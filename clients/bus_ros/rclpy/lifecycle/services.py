@@ -1,0 +1,102 @@
+"""The five services by which others see and change the state of a lifecycle node, and its event topic.
+
+Owns: requests to the state machine, its answers to messages. Must not know: callbacks, or what a transition
+does. What a remote side asks for wrongly is an answer to it, never an error here.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from bus_ros.rclpy.exceptions import RCLError
+from bus_ros.rclpy.impl.transition_callback_return import TransitionCallbackReturnType
+from bus_ros.rclpy.lifecycle.state_machine import (
+    STATES,
+    Description,
+    LifecycleStateMachine,
+    Transition,
+)
+from bus_ros.rclpy.node import Node
+from bus_ros.rosidl import message_class, service_class
+
+__all__ = ["LifecycleServices"]
+
+EVENTS_DEPTH = 10
+
+
+class LifecycleServices:
+    """Those of `node`, whose transitions are made by `change_state`; served from `begin` on."""
+
+    def __init__(
+        self, node: Any, change_state: Callable[[int], TransitionCallbackReturnType], callback_group: Any
+    ) -> None:
+        self._node = node
+        self._change_state = change_state
+        self._callback_group = callback_group
+        self._state: Any = message_class("lifecycle_msgs/msg/State")
+        self._event: Any = message_class("lifecycle_msgs/msg/TransitionEvent")
+        self._description: Any = message_class("lifecycle_msgs/msg/TransitionDescription")
+        # Node's own: a program's node may make others, managed ones, say.
+        self._events = Node.create_publisher(node, self._event, self._name("transition_event"), EVENTS_DEPTH)
+
+    def begin(self, machine: LifecycleStateMachine) -> None:
+        """Serve what `machine` says."""
+        self._machine = machine
+        for srv_type, name, callback in (
+            ("ChangeState", "change_state", self._change),
+            ("GetState", "get_state", self._get_state),
+            ("GetAvailableStates", "get_available_states", self._get_states),
+            ("GetAvailableTransitions", "get_available_transitions", self._get_transitions),
+            ("GetAvailableTransitions", "get_transition_graph", self._get_graph),
+        ):
+            definition = service_class(f"lifecycle_msgs/srv/{srv_type}")
+            Node.create_service(
+                self._node, definition, self._name(name), callback, callback_group=self._callback_group
+            )
+
+    def tell(self, transition: Transition) -> None:
+        """Publish that the node has made it."""
+        event = self._event(timestamp=self._node.get_clock().now().nanoseconds)
+        event.transition.id, event.transition.label = transition.id, transition.label
+        event.start_state = self._state(id=transition.start, label=STATES[transition.start])
+        event.goal_state = self._state(id=transition.goal, label=STATES[transition.goal])
+        self._events.publish(event)
+
+    def _name(self, name: str) -> str:
+        return f"{self._node.get_fully_qualified_name()}/{name}"
+
+    def _change(self, request: Any, response: Any) -> Any:
+        wanted = request.transition
+        try:
+            # As in ROS 2, a label goes before an id.
+            number = self._machine.get_transition_by_label(wanted.label) if wanted.label else wanted.id
+            result = self._change_state(number)
+        except RCLError:
+            response.success = False  # the log has it; ROS 2's node dies of a wrong id
+        else:
+            response.success = result is TransitionCallbackReturnType.SUCCESS
+        return response
+
+    def _get_state(self, request: Any, response: Any) -> Any:
+        response.current_state.id, response.current_state.label = self._machine.current_state
+        return response
+
+    def _get_states(self, request: Any, response: Any) -> Any:
+        response.available_states = [
+            self._state(id=number, label=label) for number, label in self._machine.available_states
+        ]
+        return response
+
+    def _get_transitions(self, request: Any, response: Any) -> Any:
+        return self._fill(response, self._machine.available_transitions)
+
+    def _get_graph(self, request: Any, response: Any) -> Any:
+        return self._fill(response, self._machine.transition_graph)
+
+    def _fill(self, response: Any, descriptions: Iterable[Description]) -> Any:
+        for number, label, start, start_label, goal, goal_label in descriptions:
+            one = self._description()
+            one.transition.id, one.transition.label = number, label
+            one.start_state.id, one.start_state.label = start, start_label
+            one.goal_state.id, one.goal_state.label = goal, goal_label
+            response.available_transitions.append(one)
+        return response
