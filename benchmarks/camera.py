@@ -77,7 +77,7 @@ def name_of(system: System) -> str:
 
 
 def comparisons(outcomes: Mapping[str, Outcome]) -> list[Comparison]:
-    """busd beside who lost nothing, and its facade beside ROS 2."""
+    """busd beside the systems that lost nothing, and its facade beside ROS 2."""
     rivals = [name_of(system) for system, _ in _WAYS if system.kind != "ours"]
     found: list[Comparison] = []
     for key in ("p50", "p99", "cpu_publisher", "cpu_reader"):
@@ -89,7 +89,7 @@ def comparisons(outcomes: Mapping[str, Outcome]) -> list[Comparison]:
 
 
 def measure(system: System, work: Work) -> Figures:
-    """One stream; of one that nobody got, the CPU time only. Raises Failure where a process ended."""
+    """One stream; of one that reached no reader, the CPU time only. Raises Failure where a process ended."""
     with Group() as group:
         servers = system.start_servers(group)
         publisher, readers = system.start_fan(group, work, work.subscribers)
@@ -116,7 +116,7 @@ def measure(system: System, work: Work) -> Figures:
 
 
 def _wait_for_all(group: Group, readers: list[Child], deadline: float) -> None:
-    """Until each has all frames, or nobody waits for them any more."""
+    """Wait until each reader has all frames, at most until `deadline`."""
     for child in readers:
         try:
             group.expect(child, "complete", within_s=max(0.01, deadline - monotonic()))

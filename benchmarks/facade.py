@@ -2,7 +2,7 @@
 throughput of the same work.
 
 Both are programs of their kind: a timer publishes and a callback takes, in `rclpy.spin` or on the event loop.
-Floods are also taken by an executor of two threads, beside the one that all programs have who name none.
+Floods are also taken by an executor of two threads, beside the executor that a program has which names none.
 """
 
 from collections.abc import Callable

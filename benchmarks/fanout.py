@@ -1,7 +1,7 @@
 """One publisher's process to many subscribers' processes: deliveries a second, and when the last one has it.
 
 Of every system that fans out, losing none where it can. Of busd also what a publish costs where the
-publisher waits for nobody, and what became of each message.
+publisher waits for no subscriber, and what became of each message.
 """
 
 from collections.abc import Callable, Mapping
@@ -91,7 +91,7 @@ def run(plan: Plan) -> Section:
 
 def comparisons(outcomes: Mapping[str, Outcome], systems: list[System]) -> list[Comparison]:
     """The goals, as far as `outcomes` can tell."""
-    # Who loses messages in a flood may have them all in the paced stream.
+    # A system that loses messages in a flood may deliver all of the paced stream.
     paced = {
         name: replace(one, repetitions=[figures | {"lost": 0.0} for figures in one.repetitions])
         for name, one in outcomes.items()
@@ -182,7 +182,7 @@ def measure_last(system: System, work: Work) -> Figures:
 
 
 def measure_lossy(system: System, fan: Fan) -> Figures:
-    """One flood that waits for nobody. Raises Failure where a message is unaccounted for."""
+    """One flood without waiting for subscribers. Raises Failure where a message is unaccounted for."""
     with Group() as group:
         system.start_servers(group)
         publisher, subscribers = system.start_fan(group, fan, fan.subscribers)
@@ -216,7 +216,7 @@ def name_of(system: System, number: int) -> str:
 def _case(plan: Plan, system: System, number: int) -> Case:
     # Two CPUs: what two subscribers take side by side, more of them take one after the other.
     count = system.guess.messages_in(flood_s(plan), _SIZE) // max(1, number // 2)
-    # Who may lose messages may lose those of a warm-up, for which nobody could wait.
+    # No warm-up where messages may be lost: there is no telling when it has come.
     warm_up = 0 if system.may_lose else count // 10
     work = Work(size=_SIZE, count=count, warm_up=warm_up, take_by=system.takes_by, subscribers=number)
     flood = Lasting(partial(measure_flood, system), work, least_s(plan))

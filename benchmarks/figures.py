@@ -53,7 +53,7 @@ def ratios(
 
 
 def best(found: Mapping[str, Sequence[Mapping[str, float]]], key: str, *, is_least: bool) -> str:
-    """Whose `key` has the least (or the greatest) median over its repetitions; empty where nobody has one."""
+    """The system with the least (or greatest) median of `key` over its repetitions; empty if none has it."""
     medians = {
         name: median(held)
         for name, repetitions in found.items()

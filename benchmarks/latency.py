@@ -146,7 +146,7 @@ def _cases(plan: Plan, size: int) -> list[Case]:
 
 
 def _more(plan: Plan, work: Work) -> list[Case]:
-    """For who has the time; once or twice, since no goal rests on them."""
+    """The optional cases; once or twice, since no goal rests on them."""
     case = partial(_case, plan, work, rounds=plan.rounds(is_essential=False))
     cases = []
     if work.size in _BY_FACADE:
@@ -181,7 +181,7 @@ def _case(plan: Plan, work: Work, series: str, system: System, *, rounds: int = 
 
 
 def _as_used(work: Work, system: System) -> Work:
-    """Who blocks is a plain program at both ends; the publishers of all others are programs of asyncio."""
+    """A system that blocks is plain programs at both ends; all others publish from programs of asyncio."""
     return replace(work, take_by=system.takes_by, gives_turns=system.takes_by != "blocking")
 
 

@@ -8,7 +8,7 @@ POLLING = "polling"
 """The word in a series' name that says that it does not wait for events."""
 
 OURS, SOCKET, GREY = "#0A7BC8", "#56B4E9", "#8A8A8A"
-# Okabe and Ito's, which people see apart who see few colours; the markers differ as well.
+# Okabe and Ito's, which colour-blind people can tell apart; the markers differ as well.
 _RIVALS = ("#E69F00", "#009E73", "#D55E00", "#CC79A7", "#A6761D", "#7F6FC6", "#C2364F", "#8C8C00")
 _KINDS = {"ours": OURS, "floor": GREY, "direct": "#E69F00", "brokered": "#CC79A7"}
 _MARKERS = "osD^vP*Xph<>d8"

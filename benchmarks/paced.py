@@ -39,7 +39,7 @@ LATENCY_NOTES = [
 PARTS = ("publisher", "broker", "subscriber")
 """Whose CPU time and memory is told: `cpu_publisher`, `mib_publisher`, ..."""
 PLAIN = {BUS.name: BUS_PLAIN, BUS_SOCKET.name: BUS_SOCKET_PLAIN}
-"""Who has another publisher where publishers are to be plain programs."""
+"""Systems whose publisher is another one where publishers are to be plain programs."""
 _BUSY = "while True: pass"
 
 

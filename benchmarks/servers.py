@@ -56,7 +56,7 @@ def serve_redis(group: Group, module: str) -> list[Child]:
 
 
 def _await(child: Child, look: Callable[[], str]) -> str:
-    """What `look` returns once it raises nothing: these servers tell nobody when they are ready."""
+    """What `look` returns once it raises nothing: these servers don't say when they are ready."""
     deadline = monotonic() + START_S
     while True:
         try:

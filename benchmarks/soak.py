@@ -151,7 +151,7 @@ class Soak:
     # --- meanwhile
 
     def _look(self, at_s: float) -> Interval:
-        """What everybody did since the last look, and what they hold."""
+        """What all processes did since the last look, and what they hold."""
         ages: dict[str, list[Histogram]] = {}
         for name in TALKERS:
             self._ask(name)
@@ -180,7 +180,7 @@ class Soak:
         self._record.failures += [f"{name}: {fault}" for fault in event["faults"]]
 
     def _query(self) -> None:
-        """As a user would do it who is curious."""
+        """Run `bus topic list`, as a curious user would."""
         child = self._group.start("bus_topic_list", *_LIST, ends=True)
         self._group.wait(child, within_s=START_S)
         self._group.let_go(child)
@@ -195,7 +195,7 @@ class Soak:
     # --- end
 
     def _settle(self) -> None:
-        """Nobody publishes any more: what was published must soon be delivered or dropped, all of it."""
+        """No talker publishes any more: all that was published must soon be delivered or dropped."""
         record = self._record
         for name in VISITORS:
             event = self._stop(name)
@@ -231,7 +231,7 @@ def _summary(record: Record) -> str:
     delivered = sum(one.delivered for one in record.totals.values())
     drops = ", ".join(f"{reason}: {count:,}" for reason, count in sorted(record.drops().items())) or "none"
     return (
-        f"\n{published:,} messages published, {delivered:,} deliveries to who stayed, dropped: {drops}\n"
+        f"\n{published:,} messages published, {delivered:,} deliveries to listeners, dropped: {drops}\n"
         f"{record.visits:,} visits of late joiners, which heard {record.visited:,}; {record.queries} listings"
     )
 

@@ -1,7 +1,7 @@
 """Messages a second from one publisher's process to one subscriber's process, as fast as it goes.
 
 The rate is counted from the first publish to the last message taken. CPU time is that of whole processes
-over the same time, by the kernel's clock for each process. Who can be lossless must be.
+over the same time, by the kernel's clock for each process. A system that can be lossless must be.
 """
 
 from collections.abc import Callable, Mapping
@@ -46,7 +46,7 @@ from bus_cli.bench.figures import bytes_text
 NAME = "throughput"
 _LIMIT_S = 30.0
 _QUIET_S = 0.3
-"""Who may lose messages has all that it will get when so long nothing came."""
+"""After so long without a message, a subscriber that may lose some has all that it will get."""
 _KiB = 1024
 _SMALL = 64
 _FLOOD_S = (0.3, 2.0)
@@ -70,7 +70,7 @@ _SEVERAL = {
 }
 """Of which sizes and systems there are several rounds, since goals rest on them."""
 _FEW = (BUS, BUS_SOCKET, *FLOORS, PYZMQ, PYZMQ_PROXY, ICEORYX)
-"""Who is measured at the other sizes."""
+"""The systems that are measured at the other sizes."""
 _LIMIT_FLOOD_S = 0.5
 _GOALS = [
     # system, size, figure, at least

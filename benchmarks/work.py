@@ -17,7 +17,7 @@ TOPIC = "bench"
 HEAD = 64
 """Characters at the beginning of a paced message, in which its stamps stand."""
 AT_ONCE = "at once"
-"""The way (`Work.publish_by`) to send one stamped message once it reaches somebody, without any word."""
+"""The way (`Work.publish_by`) to send one stamped message as soon as it reaches a subscriber."""
 IMAGE = "image"
 """The way to publish what a camera does, by rclpy: sensor_msgs/Image, with the profile for sensor data."""
 _LOOP_NS = 2_000_000
@@ -74,7 +74,7 @@ class Stamped:
     """A paced message of `size` characters, complete but for the time at which it is sent.
 
     The text is there before the clock is read: to make 1 MiB of it is no part of a message's way. The stamp
-    is then written into it in place, which only we may do, because nobody else holds it yet.
+    is then written into it in place, which is safe only because nothing else refers to the text yet.
     """
 
     def __init__(self, size: int, due_ns: int, kind: type[str] | type[bytes] = str) -> None:
@@ -92,10 +92,10 @@ class Stamped:
 async def pace(send: Callable[[Any], object], work: Work, kind: type[str] | type[bytes] = str) -> None:
     """`send` warm-up and messages by a schedule that is fixed beforehand.
 
-    Who is held up sends what is overdue at once, and does not skip it (no coordinated omission): each message
-    begins with the time at which it was due and the one at which it was sent. After each message the event
-    loop gets a turn, if `work.gives_turns`. The process sleeps on its own, because the timers of uvloop have
-    whole milliseconds.
+    A publisher that was held up sends at once what is overdue, and skips nothing (no coordinated omission):
+    each message begins with the time at which it was due and the one at which it was sent. After each message
+    the event loop gets a turn, if `work.gives_turns`. The process sleeps on its own, because the timers of
+    uvloop have whole milliseconds.
     """
     period_ns = 1e9 / work.rate
     start_ns = monotonic_ns() + period_ns

@@ -58,7 +58,7 @@ def main() -> None:
                 _be_program(index)
             sleep(programs.pause_s)
         sys.stdin.readline()
-    for pid in begun:  # nobody has waited for them, so that the numbers are still theirs
+    for pid in begun:  # they were not waited for, so the ids are still theirs
         os.kill(pid, signal.SIGKILL)
 
 

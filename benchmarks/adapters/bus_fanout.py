@@ -1,4 +1,4 @@
-"""busd with std_msgs/String from one process to several, as fast as it goes and waiting for nobody."""
+"""busd with std_msgs/String from one process to several, as fast as it goes and waiting for none."""
 
 import asyncio
 import sys

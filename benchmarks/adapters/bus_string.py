@@ -14,7 +14,7 @@ from benchmarks.worker import Parent, options, run
 from bus.msg.std_msgs import String
 
 LARGE = 1 << 16
-"""Bytes from which on a publisher waits for who is behind, and does not keep many messages for it."""
+"""From so many bytes on a publisher waits for subscriptions that are behind, and keeps few messages."""
 _FEW, _PAUSE_S = 10, 0.001
 _TURN = 64
 """Messages that may be lost are published so many at a time, and then the event loop gets a turn."""

@@ -57,7 +57,7 @@ class Load(msgspec.Struct, frozen=True, kw_only=True):
         return max(_LEAST_DEPTH, min(_MOST_DEPTH, int(self.rate * _BEHIND_S / self.topics)))
 
     def work(self, times: int = 1) -> Work:
-        """What is paced; who takes each message several times has so much more."""
+        """The paced work; for a process that takes each message several times, so much more of it."""
         return Work(size=self.size, count=self.count * times, warm_up=0, rate=self.rate)
 
 

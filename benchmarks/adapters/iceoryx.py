@@ -4,7 +4,7 @@ The subscriber blocks in a listener, which the publisher notifies after each sam
 asks again and again and uses a whole CPU for that ("polling"). The payload ends as a `str`, as everywhere;
 where it is used in place (`publish_by` "loan"), only the head of what is long is looked at. In a flood the
 publisher waits where a subscriber's buffer is full; version 0.10 does not always do so, though it is told to
-(RetryUntilDelivered), so what reached nobody is sent again.
+(RetryUntilDelivered), so a sample that no subscriber took is sent again.
 
 It keeps a file of its own in /dev/shm and a folder in /tmp, also after the run, by which its next process
 removes what one that was ended has left.

@@ -1,7 +1,8 @@
 """nats-py with a nats-server of our own, over loopback TCP: the server has no other way.
 
-Publish and subscribe of core NATS, which has no acknowledgement, and cuts off who is too slow. In a flood the
-subscriber therefore tells now and then that it has what came (`roles.Window`), so that nothing is lost.
+Publish and subscribe of core NATS, which has no acknowledgement, and cuts off a subscriber that is too slow.
+In a flood the subscriber therefore tells now and then that it has what came (`roles.Window`), so that nothing
+is lost.
 """
 
 import asyncio

@@ -1,4 +1,4 @@
-"""A process that only asks busd whether it is there: how long busd answers nobody.
+"""A process that only asks busd whether it is there: how long busd leaves it without an answer.
 
 Pings by a client of its own, one after the other. Says `ready` when the first was answered, and on the word
 `report` `pinged` with `longest_ms`, the longest that one took to be answered since then.

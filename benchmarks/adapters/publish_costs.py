@@ -85,7 +85,7 @@ async def take_ns(
 
 
 class Held(NamedTuple):
-    """A message, a publisher that nobody hears, and one with a subscription in this process."""
+    """A message, a publisher without a match, and one with a subscription in this process."""
 
     name: str
     message: msgspec.Struct

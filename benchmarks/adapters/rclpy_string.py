@@ -60,7 +60,7 @@ class _Parent:
             raise ValueError(f"expected the word {word!r}, got {came!r}")
 
     def has_words(self) -> bool:
-        """Whether it said something that nobody waited for yet."""
+        """Whether the parent has said a word that was not taken yet."""
         return not self._words.empty()
 
     def _listen(self) -> None:

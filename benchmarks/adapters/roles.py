@@ -25,7 +25,7 @@ _STEPS = 4
 
 
 def stamped(work: Work) -> str:
-    """A paced message that is sent now, by who has a timer and no schedule: it is due now."""
+    """A paced message of a publisher that has a timer and no schedule: it is due now."""
     text: str = Stamped(work.size, monotonic_ns()).now()
     return text
 

@@ -194,7 +194,7 @@ def cyclone() -> None:
 
 
 def iceoryx() -> None:
-    """iceoryx2. Nobody is told when a sample was taken, and it goes with its publisher, so that one stays."""
+    """iceoryx2. A publisher is not told when its sample was taken, and takes it along; so it stays."""
     import ctypes
 
     import iceoryx2

@@ -2,7 +2,7 @@
 
 The subscriber waits for libzmq's descriptor on uvloop, which is quicker than zmq.asyncio, or it is a plain
 program that blocks in `recv` (`take_by` "blocking"). It binds, and the publisher connects to all subscribers:
-nobody has to try again until the other is there. In a flood the publisher blocks where a subscriber's queue
+neither has to try again until the other is there. In a flood the publisher blocks where a subscriber's queue
 is full (XPUB_NODROP), so that nothing is lost. Long messages go to libzmq and come from it without a copy
 (`copy=False`), which with short ones costs more than it saves.
 """
@@ -38,7 +38,7 @@ def depth_of(work: Work) -> int:
 
 
 def publishing_socket(work: Work) -> Any:
-    """A socket that loses nothing: XPUB is PUB that is told of subscriptions, so it knows whom it reaches."""
+    """A socket that loses nothing: XPUB is PUB that is told of subscriptions, so it knows its subscribers."""
     socket = zmq.Context().socket(zmq.XPUB)
     socket.setsockopt(zmq.SNDHWM, depth_of(work))
     socket.setsockopt(zmq.XPUB_NODROP, 1)

@@ -1,6 +1,6 @@
 """Whether one process holds up others: a paced pair beside hostile programs, many that come at once.
 
-The goal for the pair by socket is set by what a process does to it that only uses a CPU: nobody can be spared
+The goal for the pair by socket is set by what a process does to it that only uses a CPU: no bus can spare it
 that. By shared memory busd is not in the way, and the pair alone is the measure.
 """
 
@@ -163,7 +163,7 @@ def _discover(system: System, program: str) -> Figures:
 
 
 def _row(name: str, outcomes: Mapping[str, Outcome], version: Version) -> Row:
-    """With the ratios to who is quiet and who only uses a CPU, as figures."""
+    """With the ratios to the quiet case and to that of a process that only uses a CPU, as figures."""
     row = Row.of(outcomes[version.name(name)])
     if name not in NEIGHBOURS:
         return row

@@ -14,7 +14,7 @@ from benchmarks.figures import percentiles
 from benchmarks.harness import START_S, Group
 
 _LIMIT_S = 60.0
-"""Nobody is waited for longer."""
+"""The longest that any process is waited for."""
 
 
 def come_back(each: int, program: str = "") -> Figures:

@@ -8,7 +8,7 @@ from benchmarks.adapters.hostile.attack import Attack
 QUIET = "quiet"
 BUSY = "a busy loop"
 GUEST = 54322
-"""A user whom nobody is."""
+"""The id of a user that has no other process."""
 
 _GUESTS = f"""
 [socket]
@@ -22,7 +22,7 @@ actions = ["publish", "subscribe", "observe"]
 
 
 class Neighbour(NamedTuple):
-    """Who is beside the pair. `rules` is busd's configuration; `is_floor`: it asks nothing of busd."""
+    """The programs beside the pair. `rules` is busd's configuration; `is_floor`: it asks nothing of busd."""
 
     attacks: tuple[Attack, ...] = ()
     rules: str = ""

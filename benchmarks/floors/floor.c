@@ -327,7 +327,7 @@ static void copy(size_t size, uint64_t count)
     for (uint64_t number = 0; number < count; number++) {
         size_t offset = number % places * size;
         memcpy(to + offset, from, size);
-        /* Without it a compiler may see that nobody reads what it copies. */
+        /* Without it a compiler may see that the copy is never read. */
         atomic_signal_fence(memory_order_seq_cst);
     }
     printf("{\"event\": \"copied\", \"ns\": %lld}\n", (long long)(now_ns() - begin_ns));

@@ -90,7 +90,7 @@ class Visit:
         return len(enough) == self._talkers
 
     def verdict(self) -> list[str]:
-        """What was wrong: the faults, and talkers of whom less was there than was kept."""
+        """What was wrong: the faults, and the talkers of which fewer messages came than were kept."""
         short = [
             f"{talker}: {len(heard) - len(self._new(heard))} of the {self._stream.depth} that were kept"
             for talker, heard in self._heard.items()

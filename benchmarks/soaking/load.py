@@ -1,4 +1,4 @@
-"""The steady load: which streams there are, who is there, and the text of a message. Pure; knows no bus.
+"""The steady load: its streams, its processes, and the text of a message. Pure; knows no bus.
 
 Every talker publishes each stream, and every listener hears all of it; visitors come for the latched one,
 stay until they have what they came for, and go. A process whose name begins with `socket` shares no memory.
@@ -25,7 +25,7 @@ class Stream(NamedTuple):
     """`rate` messages of `size` bytes a second from each talker.
 
     `kind`: lossless (reliable, keep all), lossy (best effort, keeps `depth`), or latched (transient local,
-    keeps `depth` for who comes late).
+    keeps `depth` for late joiners).
     """
 
     topic: str

@@ -1,7 +1,7 @@
-"""Runs a program as if Python, or the shell, had been told to run it.
+"""Runs a program as Python, or the shell, would.
 
 Scripts, modules and console scripts run in this process, with ROS 2's modules filled in where they are
-missing; other programs are children. Owns what of the interpreter must look otherwise then: `sys.argv`,
+missing; other programs are children. Owns what a program must find changed in this interpreter: `sys.argv`,
 `sys.path`, `__main__`, tracebacks, exit codes. Must not know command lines or where packages are.
 """
 

@@ -143,9 +143,7 @@ def manifest(package: str) -> Path | None:
 
 
 def editable_folder(package: str) -> Path | None:
-    """Where the package.xml of a distribution lies whose files stayed where they were written (pip install
-    -e); None where that is not so.
-    """
+    """The folder of the package.xml of a distribution that was installed by pip install -e, or None."""
     metadata = _metadata_of(package)
     return _editable_folder(metadata) if metadata else None
 

@@ -11,7 +11,7 @@ from benchmarks.worker import options
 
 _CUT_OFF = (ConnectionError, TimeoutError)
 _REST_S = 0.05
-"""Who is refused at the door does not come back at once: a storm of connections is another attack."""
+"""A client that is not let in waits before it comes back: a storm of connections is another attack."""
 
 FLOODS: dict[Kind, Callable[[Attack, Tally], None]] = {
     "busy loop": load.busy_loop,

@@ -136,7 +136,7 @@ class Client:
     def forget(self, limit: int = _READ_BYTES) -> int:
         """Read what is there, `limit` bytes at most, and look at nothing; returns how much it was.
 
-        Who forgets something can understand nothing that comes later.
+        A peer that forgets some of it can understand nothing that comes later.
         """
         try:
             size = len(self.socket.recv(limit, socket.MSG_DONTWAIT))
@@ -178,7 +178,7 @@ class Client:
                 return
 
     def _bodies(self) -> Iterator[bytearray]:
-        """Those of control frames, as they come; the rest of what is read waits for the next one who asks.
+        """Those of control frames, as they come; the rest of what is read waits for the next call.
 
         Descriptors that come with them are closed by the kernel, as there is no room for them.
         """

@@ -16,7 +16,7 @@ class Tally:
         self._poll.register(0, select.POLLIN)
 
     def add(self, asked: int, refused: int = 0, *, wait_s: float = 0.0) -> bool:
-        """So much more was done; returns whether to go on, after `wait_s` where nobody says anything."""
+        """Count what was done; returns whether to go on, after `wait_s` where no word comes meanwhile."""
         self.asked += asked
         self.refused += refused
         if not self._is_ready:
