@@ -6,17 +6,17 @@ whom a cancel request means in `goal_table`.
 
 import asyncio
 from collections import deque
-from collections.abc import AsyncGenerator, Callable
-from contextlib import aclosing, suppress
+from collections.abc import AsyncGenerator, Callable, Iterator
+from contextlib import aclosing, contextmanager, suppress
 from time import time_ns
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final, Literal, Self
 
 import msgspec
 
 from bus.base.awaited import done_anyway, to_be_awaited
 from bus.base.callbacks import is_async
-from bus.errors import BusError, ConnectionClosed, LocalProtocolError, MessageTypeError
+from bus.errors import BusError, ConfigurationError, ConnectionClosed, LocalProtocolError, MessageTypeError
 from bus.names import validate_topic_name
 from bus.node import Node
 from bus.service.server import RequestId
@@ -145,7 +145,8 @@ class ActionServer:
     nevertheless is what had been done until then.
 
     `at_once` goals are executed side by side; the others wait in their order. Results are kept for
-    `result_timeout` seconds, 1000 at most.
+    `result_timeout` seconds, 1000 at most. Raises ConfigurationError for a bad name, or `at_once` below 1,
+    MessageTypeError for what is no action.
 
         async with bus.Node("counter") as node, ActionServer(node, Count, "count", execute):
             await node.spin()
@@ -165,6 +166,8 @@ class ActionServer:
         qos: ActionQoS | None = None,
     ) -> None:
         validate_topic_name(name)
+        if at_once < 1:
+            raise ConfigurationError(f"at_once must be at least 1, not {at_once}: no goal would be executed")
         self.name = name
         """The action's name as it was given; the full one once it is open."""
         self.type: Any = action_type
@@ -259,14 +262,27 @@ class ActionServer:
 
     def _take_goal(self, request: Any, request_id: RequestId) -> None:
         is_new = self._table.find(bytes(request.goal_id.uuid)) is None
-        is_wanted = is_new and (self._goal_callback is None or bool(self._goal_callback(request.goal)))
+        with self._telling("goal", request_id):
+            is_wanted = is_new and (self._goal_callback is None or bool(self._goal_callback(request.goal)))
         self._answer_goal(request, request_id, is_wanted=is_wanted)
 
     async def _take_goal_async(self, request: Any, request_id: RequestId) -> None:
         assert self._goal_callback is not None
         is_new = self._table.find(bytes(request.goal_id.uuid)) is None
-        is_wanted = is_new and bool(await self._goal_callback(request.goal))
+        with self._telling("goal", request_id):
+            is_wanted = is_new and bool(await self._goal_callback(request.goal))
         self._answer_goal(request, request_id, is_wanted=is_wanted)
+
+    @contextmanager
+    def _telling(self, end: Literal["goal", "cancel"], request_id: RequestId) -> Iterator[None]:
+        """Tell the client where a callback of the program's raises, which then goes on as any callback's."""
+        try:
+            yield
+        except Exception as error:
+            if self._ends is not None:
+                service = self._ends.goal if end == "goal" else self._ends.cancel
+                service.respond(request_id, None, f"{type(error).__name__}: {error}")
+            raise
 
     def _answer_goal(self, request: Any, request_id: RequestId, *, is_wanted: bool) -> None:
         if self._ends is None:
@@ -372,15 +388,17 @@ class ActionServer:
     # --- cancel requests
 
     def _take_cancel(self, request: Any, request_id: RequestId) -> None:
-        found = self._find_canceled(request)
-        agreed = [goal for goal in found[1] if self._cancel_callback is None or self._cancel_callback(goal)]
-        self._answer_cancel(request_id, found[0], agreed, is_refused=len(found[1]) > len(agreed) == 0)
+        code, asked = self._find_canceled(request)
+        with self._telling("cancel", request_id):
+            agreed = [one for one in asked if self._cancel_callback is None or self._cancel_callback(one)]
+        self._answer_cancel(request_id, CancelCode.REJECTED if asked and not agreed else code, agreed)
 
     async def _take_cancel_async(self, request: Any, request_id: RequestId) -> None:
         assert self._cancel_callback is not None
-        found = self._find_canceled(request)
-        agreed = [goal for goal in found[1] if await self._cancel_callback(goal)]
-        self._answer_cancel(request_id, found[0], agreed, is_refused=len(found[1]) > len(agreed) == 0)
+        code, asked = self._find_canceled(request)
+        with self._telling("cancel", request_id):
+            agreed = [one for one in asked if await self._cancel_callback(one)]
+        self._answer_cancel(request_id, CancelCode.REJECTED if asked and not agreed else code, agreed)
 
     def _find_canceled(self, request: Any) -> tuple[CancelCode, list[ServerGoal]]:
         info = request.goal_info
@@ -389,11 +407,8 @@ class ActionServer:
         )
         return code, [self._goals[goal.id] for goal in goals]
 
-    def _answer_cancel(
-        self, request_id: RequestId, code: CancelCode, goals: list[ServerGoal], *, is_refused: bool
-    ) -> None:
-        response = self._support.cancel_goal.Response()
-        response.return_code = int(CancelCode.REJECTED if is_refused else code)
+    def _answer_cancel(self, request_id: RequestId, code: CancelCode, goals: list[ServerGoal]) -> None:
+        response = self._support.cancel_goal.Response(return_code=int(code))
         canceled = [goal for goal in goals if goal.status in (GoalStatus.ACCEPTED, GoalStatus.EXECUTING)]
         response.goals_canceling = [self._support.info_of(goal._record) for goal in canceled]
         if self._ends is not None:

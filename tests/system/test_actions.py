@@ -307,6 +307,58 @@ class TestBadEnds:
         with pytest.raises(error):
             await server
 
+    @pytest.mark.parametrize("which", ["goal_callback", "cancel_callback"])
+    async def test_a_callback_raises(self, other: bus.Node, which: str) -> None:
+        """The client hears of it, and so does the server's node."""
+
+        def refuse(asked: Any) -> bool:
+            raise ValueError("too far")
+
+        async def serve(is_open: asyncio.Event) -> None:
+            options: dict[str, Any] = {which: refuse}
+            async with (
+                bus.Node("server", arguments=[]) as node,
+                ActionServer(node, Count, "count", wait, **options),
+            ):
+                is_open.set()
+                await node.spin()
+
+        is_open = asyncio.Event()
+        server = asyncio.create_task(serve(is_open))
+        await is_open.wait()
+        async with ActionClient(other, Count, "count") as client:
+            await client.wait_for_server()
+            with pytest.raises(bus.ServiceError, match="ValueError: too far"):
+                await (await client.send_goal(Count.Goal())).cancel()
+        with pytest.raises(ValueError, match="too far"):
+            await server
+
+    async def test_the_client_closes(self, node: bus.Node, other: bus.Node) -> None:
+        async with serving(node, other, wait) as (server, client):
+            goal = await client.send_goal(Count.Goal())
+            results = asyncio.create_task(goal.result())
+            await asyncio.sleep(0)
+            await client.close()
+            with pytest.raises(bus.ConnectionClosed):
+                await results
+            assert server.goals[0].is_active
+
+    async def test_busd_comes_back(self, daemon: Daemon, node: bus.Node, other: bus.Node) -> None:
+        may_end = asyncio.Event()
+
+        async def execute(goal: ServerGoal) -> Any:
+            await may_end.wait()
+            return Count.Result(reached=5)
+
+        async with serving(node, other, execute) as (_, client):
+            goal = await client.send_goal(Count.Goal())
+            daemon.kill()
+            daemon.restart()
+            await client.wait_for_server()
+            may_end.set()
+            assert (await goal.result()).reached == 5
+            assert (await (await client.send_goal(Count.Goal())).result()).reached == 5
+
     async def test_the_server_closes(self, node: bus.Node, other: bus.Node) -> None:
         async with serving(node, other, wait, at_once=1) as (server, client):
             goals = [await client.send_goal(Count.Goal()) for _ in range(2)]
@@ -368,6 +420,8 @@ class TestBadEnds:
             ActionClient(node, Count.Goal, "count")
         with pytest.raises(bus.ConfigurationError, match="must not start with a number"):
             ActionServer(node, Count, "1count", count)
+        with pytest.raises(bus.ConfigurationError, match="at_once must be at least 1, not 0"):
+            ActionServer(node, Count, "count", count, at_once=0)
         with pytest.raises(bus.ConnectionClosed, match="action client 'count' is not open"):
             await ActionClient(node, Count, "count").send_goal(Count.Goal())
 

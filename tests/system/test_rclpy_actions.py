@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 import bus_ros.rclpy as rclpy
+from bus.errors import ServiceError
 from bus_actions import ActionUnavailable, GoalStatus
 from bus_ros.rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from bus_ros.rclpy.action.graph import (
@@ -239,6 +240,26 @@ def test_execute_raises_or_forgets_the_state(
     assert text in capfd.readouterr().err
 
 
+@pytest.mark.parametrize("which", ["goal_callback", "cancel_callback"])
+def test_a_callback_raises(ends: Ends, which: str) -> None:
+    """The client is told, and the exception comes out of `spin`."""
+
+    def refuse(asked: Any) -> Any:
+        raise ValueError("too far")
+
+    async def wait(goal_handle: ServerGoalHandle) -> Any:
+        await Future[None]()
+
+    ends.serve(wait, **{which: refuse})
+    future: Future[Any] = ends.client.send_goal_async(Fibonacci.Goal())
+    if which == "cancel_callback":
+        future = ends.done(future).cancel_goal_async()
+    with pytest.raises(ValueError, match="too far"):
+        ends.spin_until(lambda: False)
+    with pytest.raises(ServiceError, match="ValueError: too far"):
+        ends.done(future)
+
+
 def test_a_result_that_is_none(ends: Ends) -> None:
     """The program gets its error, and the client an end."""
 
@@ -308,14 +329,11 @@ def test_arguments_that_are_wrong(ends: Ends) -> None:
             ends.client._get_result_async(wrong)
     with pytest.raises(TypeError, match="Failed to register goal execution callback: not callable"):
         ActionServer(ends.node, Fibonacci, "x", None)  # type: ignore[arg-type]
-    begin = "Failed to create action {} due to invalid topic name '{}' : {}"
-    for name, rule in (
-        ("", "invalid empty action name"),
-        ("1x", "topic name token must not start with a number"),
-    ):
-        with pytest.raises(ValueError, match=begin.format("client", name, rule)):
+    # Their texts are compared with rclpy's own: tests/differential/programs/actions.py.
+    for name in ("", "1x"):
+        with pytest.raises(ValueError, match="Failed to create action client"):
             ActionClient(ends.node, Fibonacci, name)
-        with pytest.raises(ValueError, match=begin.format("server", name, f": {rule}")):
+        with pytest.raises(ValueError, match="Failed to create action server"):
             ActionServer(ends.node, Fibonacci, name, execute)
     with pytest.raises(AttributeError, match="_TYPE_SUPPORT"):
         ActionClient(ends.node, int, "x")

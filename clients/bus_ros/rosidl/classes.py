@@ -95,18 +95,16 @@ def _impl(name: str) -> type:
             {end: message_class(f"{name}_{part}_{end}") for end in PARTS["srv"]},
         )
 
-    return _made(
-        f"{name}_Impl",
-        "Action",
-        type,
-        {
-            "SendGoalService": service("SendGoal"),
-            "GetResultService": service("GetResult"),
-            "FeedbackMessage": message_class(f"{name}_FeedbackMessage"),
-            "CancelGoalService": service_class("action_msgs/srv/CancelGoal"),
-            "GoalStatusMessage": message_class("action_msgs/msg/GoalStatusArray"),
-        },
-    )
+    contents: dict[str, Any] = {
+        "__module__": module_of(name),
+        "__qualname__": f"{name.rpartition('/')[2]}.Impl",
+        "SendGoalService": service("SendGoal"),
+        "GetResultService": service("GetResult"),
+        "FeedbackMessage": message_class(f"{name}_FeedbackMessage"),
+        "CancelGoalService": service_class("action_msgs/srv/CancelGoal"),
+        "GoalStatusMessage": message_class("action_msgs/msg/GoalStatusArray"),
+    }
+    return type("Impl", (), contents)
 
 
 def module_of(name: str) -> str:

@@ -57,6 +57,8 @@ def test_the_ways_to_import_a_message(tmp_path: Path) -> None:
         from std_srvs.srv import SetBool
         from std_srvs.srv._set_bool import SetBool_Request
         from example_interfaces.action import Fibonacci
+        from example_interfaces.action._fibonacci import Fibonacci_FeedbackMessage, Fibonacci_Goal
+        assert (Fibonacci_FeedbackMessage, Fibonacci_Goal) == (Fibonacci.Impl.FeedbackMessage, Fibonacci.Goal)
         assert String is std_msgs.msg.String is Same
         assert SetBool_Request is SetBool.Request
         print(String(data="x"), g.Point(), SetBool.Request(data=True), Fibonacci.Goal().order, H().frame_id)

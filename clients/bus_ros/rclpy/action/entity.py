@@ -72,10 +72,14 @@ def check_action_name(name: str, *, is_server: bool) -> None:
     try:
         validate_topic_name(name)
     except ConfigurationError as error:
-        rule = str(error).partition(": ")[2].partition(":\n")[0] if name else "invalid empty action name"
-        what, sign = ("server", ": :") if is_server else ("client", ":")
+        rule = str(error).partition(": ")[2].partition(":\n")[0]
+        if is_server:
+            rule = f": {rule if name else 'invalid empty action name'}"
+        elif not name:
+            raise ValueError("Failed to create action client: failed to get goal service name") from None
+        what = "server" if is_server else "client"
         raise ValueError(
-            f"Failed to create action {what} due to invalid topic name '{name}' {sign} {rule}"
+            f"Failed to create action {what} due to invalid topic name '{name}' : {rule}"
         ) from None
 
 

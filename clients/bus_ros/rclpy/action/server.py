@@ -6,7 +6,8 @@ cancel request means, are those of `bus_actions`, which programs of the bus have
 
 import asyncio
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from enum import Enum
 from functools import partial
 from threading import RLock
@@ -274,8 +275,8 @@ class ActionServer(ActionEntity):
     def _accept(self, goal_info: Any) -> Goal:
         with self._engine.loop:
             try:
-                stamp = goal_info.stamp
-                return self._table.accept(bytes(goal_info.goal_id.uuid), stamp.sec * _NS + stamp.nanosec)
+                # As in rcl, not the time that the client is told, which is a little earlier.
+                return self._table.accept(bytes(goal_info.goal_id.uuid), self._now_ns())
             except (GoalExists, TooManyGoals) as error:
                 raise RCLError(f"Failed to accept new goal: {error}") from None
 
@@ -311,6 +312,16 @@ class ActionServer(ActionEntity):
             except BusError as error:
                 end.respond(request_id, None, f"{type(error).__name__}: {error}")
 
+    @contextmanager
+    def _telling(self, end: Any, request_id: RequestId) -> Iterator[None]:
+        """Where a callback of the program's raises, its client is told: in ROS it would wait for ever."""
+        try:
+            yield
+        except Exception as error:
+            with self._engine.loop:
+                end.respond(request_id, None, f"{type(error).__name__}: {error}")
+            raise
+
     def _publish(self, publisher: Any, message: Any) -> None:
         try:
             publisher.publish(message)
@@ -343,7 +354,9 @@ class ActionServer(ActionEntity):
         with self._engine.loop:
             is_new = self._table.find(bytes(goal_id.uuid)) is None
         goal_handle: ServerGoalHandle | None = None
-        if is_new and await self._is_wanted(request.goal):
+        with self._telling(self._ends.goal, request_id):
+            is_wanted = is_new and await self._is_wanted(request.goal)
+        if is_wanted:
             info.stamp = self._node.get_clock().now().to_msg()
             try:
                 goal_handle = ServerGoalHandle(self, info, request.goal)
@@ -396,7 +409,8 @@ class ActionServer(ActionEntity):
             goal_handle = self._goal_handles.get(goal.id)
             if goal_handle is None:
                 continue
-            answer = await await_or_execute(self._cancel_callback, goal_handle)
+            with self._telling(self._ends.cancel, request_id):
+                answer = await await_or_execute(self._cancel_callback, goal_handle)
             if answer == CancelResponse.ACCEPT and self._cancel(goal_handle):
                 response.goals_canceling.append(self._support.info_of(goal))
         self._respond(self._ends.cancel, request_id, response)

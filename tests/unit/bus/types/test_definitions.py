@@ -217,6 +217,11 @@ def test_parts_of_services_and_actions(own: Path) -> None:
         message_class("demo/srv/Turn")
     with pytest.raises(ConfigurationError, match="unknown interface"):
         message_class("demo/srv/Turn_Goal")
+    write(own, "demo/action/Roll", "int8 a\n---\nint8 b\n---\nint8 c\n")
+    carrier: Any = message_class("demo/action/Roll_FeedbackMessage")
+    assert (len(carrier().goal_id.uuid), carrier().feedback.c) == (16, 0)
+    names_of_response = [field.name for field in find_message("demo/action/Roll_GetResult_Response").fields]
+    assert names_of_response == ["status", "result"]
 
 
 @for_each(

@@ -317,6 +317,9 @@ def test_services_and_actions() -> None:
     action: Any = action_class("example_interfaces/action/Fibonacci")
     assert action.Goal(order=5).order == 5
     assert listed(action.Result().sequence) == listed(action.Feedback().sequence) == []
+    assert action.Impl is action.Impl
+    assert action.Impl.FeedbackMessage(feedback=action.Feedback(sequence=[1])).feedback.sequence[0] == 1
+    assert action.Impl.SendGoalService.Request is cls("example_interfaces/action/Fibonacci_SendGoal_Request")
 
 
 def test_what_is_not_there_is_said() -> None:
