@@ -79,6 +79,14 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
             "set": "Trigger lifecycle state transition",
         },
     ),
+    "tf2": (
+        "Various tf2 related sub-commands",
+        {
+            "echo": "Print the transform between two frames",
+            "frames": "Draw the tree of frames",
+            "monitor": "Print how late transforms are, and how often they come",
+        },
+    ),
     "daemon": (
         "Various daemon related sub-commands",
         {

@@ -84,6 +84,16 @@ def test_what_is_wrong_is_said() -> None:
     assert run_bus("run", "tf2_ros", "tf2_monitor", "a").code == 1
 
 
+def test_as_verbs_of_bus() -> None:
+    """Which bus is meant, they hand on."""
+    said = bus("tf2", "echo", "a", "b", "--rate", "0")
+    assert (said.code, said.err) == (2, "Rate must be positive\n")
+    assert bus("tf2", "monitor", "a").code == 1
+    said = run_bus("tf2", "frames", "-t", "0.1", "-o", "/nowhere/frames")
+    assert said.code == 1
+    assert "can't write '/nowhere/frames.gv': No such file or directory\n" in said.err
+
+
 def test_they_are_found_like_those_of_packages() -> None:
     found = packages.executables("tf2_ros")
     assert found is not None

@@ -108,7 +108,7 @@ def test_wrong_usage_is_two(words: tuple[str, ...], capsys: pytest.CaptureFixtur
     [
         ("tpoic list", "bus: there is no command 'tpoic'; did you mean 'bus topic'?"),
         ("--domain 3 topics list", "bus: there is no command 'topics'; did you mean 'bus topic'?"),
-        ("echo /x", "bus: there is no command 'echo'; did you mean 'bus topic echo'?"),
+        ("echo /x", "bus: there is no command 'echo'; did you mean 'bus topic echo' or 'bus tf2 echo'?"),
         ("wtf", "bus: there is no command 'wtf'; did you mean 'bus doctor'?"),
         ("xyz", "bus: there is no command 'xyz'; bus --help lists what there is"),
         ("topic lsit", "bus topic: there is no verb 'lsit'; did you mean 'bus topic list'?"),

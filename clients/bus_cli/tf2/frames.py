@@ -1,0 +1,19 @@
+"""`bus tf2 frames`: draw the tree of frames; what `view_frames` of tf2_tools does."""
+
+from argparse import ArgumentParser, Namespace
+
+from bus_cli.launch.bus import export
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "-t", "--wait-time", type=float, default=5.0, metavar="S", help="how long to listen; 5 s by default"
+    )
+    parser.add_argument("-o", "--output", metavar="NAME", help="write NAME.gv and NAME.pdf")
+
+
+def main(args: Namespace) -> int:
+    export(args)
+    from bus_tf2.programs.view_frames import run
+
+    return run(["-t", str(args.wait_time), *([] if args.output is None else ["-o", args.output])])

@@ -1,0 +1,16 @@
+"""`bus tf2 monitor`: how late transforms are, and how often they come; what `tf2_monitor` of tf2_ros does."""
+
+from argparse import ArgumentParser, Namespace
+
+from bus_cli.launch.bus import export
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument("frames", nargs="*", metavar="FRAME", help="two frames: what is between them")
+
+
+def main(args: Namespace) -> int:
+    export(args)
+    from bus_tf2.programs.tf2_monitor import run
+
+    return run(args.frames)
