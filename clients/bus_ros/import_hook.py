@@ -35,6 +35,7 @@ _SAME: Final = {
     "launch_yaml": "bus_launch.launch_yaml",
     "message_filters": "bus_ros.message_filters",
     "rclpy": "bus_ros.rclpy",
+    "sensor_msgs_py": "bus_ros.sensor_msgs_py",
     "tf2_geometry_msgs": "bus_tf2.tf2_geometry_msgs",
     "tf2_py": "bus_tf2.tf2_py",
     "tf2_ros": "bus_tf2.tf2_ros",
@@ -78,7 +79,7 @@ _MISSING: Final = frozenset(
         *("launch_pytest", "launch_testing_ros"),
         *("nav2_simple_commander", "ros2bag", "ros2cli", "ros2launch", "ros2node", "ros2param", "ros2pkg"),
         *("ros2run", "ros2service", "ros2topic", "rosbag2_py", "rosidl_adapter", "rosidl_generator_py"),
-        *("rpyutils", "rqt_gui", "rqt_gui_py", "sensor_msgs_py", "sros2", "tf2_kdl", "turtle_tf2_py"),
+        *("rpyutils", "rqt_gui", "rqt_gui_py", "sros2", "tf2_kdl", "turtle_tf2_py"),
     )
 )
 """Of ROS 2, and not here."""

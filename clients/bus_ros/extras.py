@@ -1,0 +1,19 @@
+"""Modules that not every machine has, imported when they are first needed."""
+
+from importlib import import_module
+from typing import Any
+
+__all__ = ["extra"]
+
+_PACKAGES = {"cv2": ("OpenCV", "opencv-python-headless"), "numpy": ("NumPy", "numpy")}
+
+
+def extra(module: str, who: str) -> Any:
+    """The module, or ModuleNotFoundError with a text that says what to install for `who`."""
+    try:
+        return import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name != module:
+            raise
+        title, package = _PACKAGES[module]
+        raise ModuleNotFoundError(f"{who} needs {title}: pip install {package}", name=module) from None
