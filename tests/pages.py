@@ -23,7 +23,7 @@ FILE = re.compile(r"^`([\w/]+\.\w+)`:\n\n```\w+\n(.*?)^```$", re.MULTILINE | re.
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _ID = re.compile(r"\b[0-9a-f]{32}\b")
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
-_SOCKET = re.compile(r"/\S+\.sock")
+_SOCKET = re.compile(r"/\S+\.sock|/\S+/log/\S+")
 _BLANKS = re.compile(r" {2,}")
 
 

@@ -99,9 +99,9 @@ def install(*, force: bool = False) -> None:
 
 
 class _First:
-    """Asked before all others: for everything of ours where that is forced, else only for `<pkg>.msg`.
+    """Asked before all others: for all that is ours where that is forced, else for what a folder hides.
 
-    That one would be hidden by a folder of definitions, which for Python is a package with nothing in it.
+    A folder of definitions, or one with launch files, is for Python a package with nothing in it.
     """
 
     is_forced = False
@@ -115,10 +115,9 @@ class _First:
             return _spec(name) if is_ours else None
         if rest and _is_same(root):
             return _spec(name)  # its __path__ would have others load the same file a second time
-        if rest not in _KINDS or root == "bus":
+        if root == "bus" or (rest not in _KINDS if rest else root not in _SAME):
             return None
-        found = PathFinder.find_spec(name, path)
-        return _spec(name) if found is not None and found.origin is None else None
+        return _spec(name) if _is_folder(PathFinder.find_spec(name, path)) else None
 
 
 class _Last:
@@ -185,7 +184,13 @@ def _leads_to_ours(root: str) -> bool:
     """Whether importing a package gives ours."""
     if root in sys.modules:
         return _is_same(root)
-    return _first.is_forced or PathFinder.find_spec(root) is None
+    found = PathFinder.find_spec(root)
+    return _first.is_forced or found is None or _is_folder(found)
+
+
+def _is_folder(found: ModuleSpec | None) -> bool:
+    """Whether a package is a mere folder, without a file of its own."""
+    return found is not None and found.origin is None
 
 
 def _is_ours(name: str) -> bool:

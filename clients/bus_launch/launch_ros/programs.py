@@ -47,8 +47,12 @@ def find(package: str, name: str) -> Program:
 
 
 def outside(name: str) -> Program:
-    """A program that is in no package: a path, or a name that stands in PATH."""
-    path = shutil.which(name)
+    """A program that is in no package: a path, or a name that stands in PATH.
+
+    A file of Python that is given by its path need not be executable.
+    """
+    is_python_file = os.sep in name and name.endswith(".py") and Path(name).is_file()
+    path = name if is_python_file else shutil.which(name)
     if path is None:
         raise SubstitutionFailure(f"executable '{name}' not found on the PATH")
     return Program(path, _python(path) or [path])
