@@ -320,6 +320,19 @@ def test_alone_it_has_no_services(world: World) -> None:
     assert node.trigger_configure() is SUCCESS
 
 
+def test_destroyed_it_makes_transitions_that_nobody_hears_of(node: Recorder) -> None:
+    node.destroy_node()
+    assert node.trigger_configure() is SUCCESS
+    assert node.trigger_shutdown() is SUCCESS
+    assert node.state == "finalized"
+
+
+def test_whether_it_has_services_is_yes_or_no(world: World) -> None:
+    with pytest.raises(TypeError, match="enable_communication_interface must be a bool, not 'yes'"):
+        Recorder(enable_communication_interface="yes")
+    assert "lc" not in world.node().get_node_names()
+
+
 def test_a_node_made_of_the_mixin(world: World) -> None:
     class Own(lifecycle.NodeMixin, Node):
         def __init__(self) -> None:

@@ -194,11 +194,15 @@ class LifecycleNodeMixin(ManagedEntity):
 class LifecycleNode(LifecycleNodeMixin, Node):
     """A node whose life others can steer; arguments are those of Node and of LifecycleNodeMixin.
 
-    Raises as Node does.
+    Raises as Node does, and TypeError for an `enable_communication_interface` that is no bool.
     """
 
     def __init__(
         self, node_name: str, *, enable_communication_interface: bool = True, **keywords: Any
     ) -> None:
+        if not isinstance(enable_communication_interface, int | None):
+            raise TypeError(
+                f"enable_communication_interface must be a bool, not {enable_communication_interface!r}"
+            )
         Node.__init__(self, node_name, **keywords)
         LifecycleNodeMixin.__init__(self, enable_communication_interface=enable_communication_interface)

@@ -54,7 +54,9 @@ class LifecycleServices:
             )
 
     def tell(self, transition: Transition) -> None:
-        """Publish that the node has made it."""
+        """Publish that the node has made it; a destroyed node makes transitions that nobody hears of."""
+        if self._events.is_destroyed:
+            return
         event = self._event(timestamp=self._node.get_clock().now().nanoseconds)
         event.transition.id, event.transition.label = transition.id, transition.label
         event.start_state = self._state(id=transition.start, label=STATES[transition.start])
