@@ -255,27 +255,13 @@ def generate_launch_description():
 """
 MANAGED = """#!/usr/bin/env python3
 import rclpy
-from lifecycle_msgs.msg import State, Transition, TransitionEvent
-from lifecycle_msgs.srv import ChangeState
+from rclpy.lifecycle import LifecycleNode
 
-STEPS = {1: ("unconfigured", "configuring", "inactive"), 3: ("inactive", "activating", "active")}
-
-def main():
-    rclpy.init()
-    node = rclpy.create_node("managed")
-    told = node.create_publisher(TransitionEvent, "~/transition_event", 10)
-    def change(request, response):
-        _, start, goal = STEPS[request.transition.id]
-        told.publish(TransitionEvent(start_state=State(label=start), goal_state=State(label=goal)))
-        response.success = True
-        return response
-    node.create_service(ChangeState, "~/change_state", change)
-    try:
-        rclpy.spin(node)
-    except KeyboardInterrupt:
-        pass
-
-main()
+rclpy.init()
+try:
+    rclpy.spin(LifecycleNode("managed"))
+except KeyboardInterrupt:
+    pass
 """
 
 
