@@ -18,10 +18,12 @@ class Loan:
 
     __slots__ = ("__weakref__", "_finish", "buffer")
 
-    def __init__(self, buffer: memoryview, finish: Callable[[bool], bool]) -> None:
+    def __init__(self, buffer: memoryview, finish: "Callable[[Loan, bool], bool]") -> None:
         self.buffer = buffer
         """Writable bytes; not to be used after the loan has ended."""
-        self._finish: Callable[[bool], bool] | None = finish
+        self._finish: Callable[[Loan, bool], bool] | None = (
+            finish  # `finish` itself sets None: then it has ended
+        )
 
     def publish(self) -> bool:
         """Publish the message with what is in the buffer; returns and raises as `Publisher.publish`.
@@ -51,11 +53,11 @@ class Loan:
             self._end(False)
 
     def _end(self, is_wanted: bool) -> bool:
-        finish, self._finish = self._finish, None
+        finish = self._finish
         if finish is None:
             raise LocalProtocolError("the loan has ended already")
         try:
             self.buffer.release()
         except BufferError:  # an array that was made of it is still there
             pass
-        return finish(is_wanted)
+        return finish(self, is_wanted)

@@ -32,7 +32,7 @@ from bus.wire.runs import Buffer
 if TYPE_CHECKING:  # few programs lend
     from bus.loan import Loan
 
-EndLoan: TypeAlias = Callable[[bool], bool]
+EndLoan: TypeAlias = "Callable[[Loan, bool], bool]"
 LendField: TypeAlias = "Callable[[Any, int, int, type[Loan], EndLoan], Loan | bool | int]"
 
 _LOOK_S = 1.0
@@ -171,19 +171,28 @@ class Sender:
                 self._lent = place
                 self._set_quick()  # the ring's own one takes nothing meanwhile
             return loan_class(place[start:stop], self.end_loan)
-        except BaseException:  # in a signal handler, say: nothing would end a loan that nobody holds
-            self.end_loan(False)
+        except BaseException:  # in a signal handler, say: nothing would end a loan that has no owner
+            self._lent = None
+            if ring is None:
+                self._choose_routes()
+            else:
+                ring.writer.is_lent = False
             raise
 
-    def end_loan(self, is_wanted: bool) -> bool:
-        """End the loan: publish what it holds, or, unless wanted, drop it. Returns whether it was taken."""
+    def end_loan(self, loan: "Loan", is_wanted: bool) -> bool:
+        """End it: publish what it holds, or, unless wanted, drop it. Returns whether it was taken.
+
+        A signal handler that raises before this has begun leaves the loan open.
+        """
         if not self._port.owns_thread():
-            self._port.soon_threadsafe(self.end_loan, False)
+            self._port.soon_threadsafe(self.end_loan, loan, False)
             if is_wanted:
                 raise LocalProtocolError("a loan can only be published on the event loop's thread")
             return False
-        place, self._lent = self._lent, None
+        if loan._finish is None:  # another thread has asked for it twice
+            return False
         if self._refusal is not None:
+            loan._finish = self._lent = None
             if is_wanted:
                 raise again(self._refusal)
             return False
@@ -191,8 +200,9 @@ class Sender:
         try:
             if not is_wanted:
                 return False
-            return self._put_lent(place) if ring is None else self._put_lent_in_ring(ring)
+            return self._put_lent(self._lent) if ring is None else self._put_lent_in_ring(ring)
         finally:  # it has ended, also where it could not be published
+            loan._finish = self._lent = None
             if ring is not None:
                 ring.writer.is_lent = False
             else:

@@ -2,6 +2,8 @@
 
 import gc
 import sys
+from collections.abc import Callable
+from functools import partial
 from itertools import count
 from types import FrameType
 from typing import Annotated, Any
@@ -301,31 +303,36 @@ class Interrupted(BaseException):
     pass
 
 
+def break_off_after(steps: int, call: Callable[[], Any]) -> Any:
+    """What `call` returns; after so many calls and returns in it Interrupted is raised, as by a signal."""
+    left = steps
+
+    def break_off(frame: FrameType, event: str, called: object) -> None:
+        nonlocal left
+        left -= called is not sys.setprofile
+        if not left:
+            raise Interrupted
+
+    sys.setprofile(break_off)
+    try:
+        return call()
+    finally:
+        sys.setprofile(None)
+
+
 @by_either
 @pytest.mark.parametrize("is_quick", [True, False])
 def test_whose_making_is_broken_off_at_any_step(route: str, is_quick: bool) -> None:
-    """As a handler of a signal that raises does."""
     stage = Stage(route, cls=Image if is_quick else ShortWithMore)
     message = stage.support.cls()
     stage.publisher.loan(message, "data", 5)  # what is made once is there then
     for steps in count(1):
-        left = steps
-
-        def break_off(frame: FrameType, event: str, called: object) -> None:
-            nonlocal left
-            left -= called is not sys.setprofile
-            if not left:
-                raise Interrupted
-
-        sys.setprofile(break_off)
         try:
-            loan = stage.publisher.loan(message, "data", 5)
-        except Interrupted:
+            loan = break_off_after(steps, partial(stage.publisher.loan, message, "data", 5))
+        except Interrupted:  # whose traceback holds what was made
             pass
         else:
             break
-        finally:
-            sys.setprofile(None)
         stage.publisher.publish(message)
     assert steps > 3
     assert loan is not None
@@ -333,6 +340,27 @@ def test_whose_making_is_broken_off_at_any_step(route: str, is_quick: bool) -> N
     assert loan.publish()
     stage.world.settle()
     assert stage.subscription.statistics().expected == steps
+
+
+@by_either
+def test_whose_publishing_is_broken_off_at_any_step(route: str) -> None:
+    """It has ended, or can still be ended."""
+    stage = Stage(route, KEEP_ALL)
+    stage.publish(stage.loan(0))
+    for steps in count(1):
+        loan = stage.loan(steps)
+        try:
+            break_off_after(steps, loan.publish)
+            break
+        except Interrupted:
+            loan.discard()
+            stage.publisher.publish(Image(-steps))
+    assert steps > 3
+    stage.world.settle()
+    heard = stage.numbers()
+    assert [number for number in heard if number < 0] == [-step for step in range(1, steps)]
+    assert heard[-1] == steps
+    assert sorted(set(heard)) == sorted(heard)
 
 
 @by_either
