@@ -14,6 +14,7 @@ from bus_actions.goal_table import (
     GoalTable,
     TooManyGoals,
 )
+from rows import for_each
 
 A, X, C, S, N, B = (
     GoalStatus.ACCEPTED,
@@ -55,7 +56,7 @@ def test_a_goal_comes_once() -> None:
             table.accept(goal_id(number), 60)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("number", "stamp_ns", "meant"),
     [
         (0, 0, [1, 2]),  # all

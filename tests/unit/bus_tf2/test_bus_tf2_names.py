@@ -4,7 +4,7 @@ import re
 from importlib import import_module
 from pathlib import Path
 
-import pytest
+from rows import for_each
 
 TEXT = (Path(__file__).parents[3] / "docs" / "tf2.md").read_text()
 MODULES = re.findall(
@@ -12,7 +12,7 @@ MODULES = re.findall(
 )
 
 
-@pytest.mark.parametrize(("name", "cell"), MODULES, ids=lambda value: value if "`" not in value else "")
+@for_each(("name", "cell"), MODULES)
 def test_a_module(name: str, cell: str) -> None:
     module = import_module(f"bus_tf2.{name}")
     listed = set(re.findall(r"`(\w+)`", cell))

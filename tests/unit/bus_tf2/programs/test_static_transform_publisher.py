@@ -5,6 +5,7 @@ import math
 import pytest
 
 from bus_tf2.programs.static_transform_publisher import Wish, read
+from rows import for_each
 
 
 def wish(line: str) -> Wish | None:
@@ -14,7 +15,7 @@ def wish(line: str) -> Wish | None:
 NAMES = "--frame-id a --child-frame-id b"
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("line", "moved", "turned"),
     [
         (NAMES, (0, 0, 0), (0, 0, 0, 1)),
@@ -40,7 +41,7 @@ def test_help() -> None:
     assert wish("--x 1 -h") is None
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("line", "text"),
     [
         ("", "Not enough arguments to parse"),

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from bus_tf2.programs.tf2_echo import Wish, lines, read
+from rows import for_each
 from tf2_world import transform, yaw
 
 
@@ -40,7 +41,7 @@ def test_command_lines() -> None:
         assert read(line.split()) is None
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("line", "text"),
     [
         ("a b fast", "Failed to convert rate argument 'fast' to a floating-point number"),

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from bus_tf2.robot.urdf import Joint, Mimic, UrdfError, parse
+from rows import for_each
 from tf2_world import yaw
 
 
@@ -56,7 +57,7 @@ def test_limits_and_mimic() -> None:
     assert only("revolute", '<mimic joint="k" multiplier="2"/>').mimic == Mimic("k", 2.0, 0.0)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("text", "fault"),
     [
         ("", "it is no XML: no element found"),

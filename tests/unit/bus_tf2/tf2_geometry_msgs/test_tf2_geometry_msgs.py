@@ -10,6 +10,7 @@ from bus_ros.rclpy.time import Time
 from bus_tf2 import tf2_geometry_msgs
 from bus_tf2.messages import message, message_type
 from bus_tf2.tf2_ros import Buffer
+from rows import for_each
 from tf2_world import transform, yaw
 
 MOVE = transform("world", "robot", 3, (10, 20, 30), yaw(math.pi / 2))
@@ -42,7 +43,7 @@ def test_a_point_and_a_vector() -> None:
     assert MOVE.transform.translation.x == 10.0
 
 
-@pytest.mark.parametrize("length", [1.0, 3.0])
+@for_each("length", [1.0, 3.0])
 def test_a_pose(length: float) -> None:
     pose = message("geometry_msgs/msg/Pose", position=vector("Point", 1, 0, 0))
     pose.orientation = vector("Quaternion", *(length * part for part in yaw(math.pi)))

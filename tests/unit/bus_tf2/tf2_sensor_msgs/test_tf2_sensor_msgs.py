@@ -9,6 +9,7 @@ import pytest
 from bus_tf2.messages import message
 from bus_tf2.tf2_ros import Buffer
 from bus_tf2.tf2_sensor_msgs import do_transform_cloud, transform_points
+from rows import for_each
 from tf2_world import transform, yaw
 
 MOVE = transform("world", "robot", 3, (10, 20, 30), yaw(math.pi / 2))
@@ -44,7 +45,7 @@ def cloud(order: str, height: int, padding: int) -> tuple[Any, np.ndarray[Any, A
     return made, points
 
 
-@pytest.mark.parametrize(("order", "height", "padding"), [("<", 1, 0), (">", 2, 0), ("<", 2, 5)])
+@for_each(("order", "height", "padding"), [("<", 1, 0), (">", 2, 0), ("<", 2, 5)])
 def test_a_cloud(order: str, height: int, padding: int) -> None:
     before, points = cloud(order, height, padding)
     buffer = Buffer()

@@ -8,6 +8,7 @@ import pytest
 
 from bus_tf2 import tf_transformations as tft
 from bus_tf2.tf_transformations.angles import angles_of, euler_from_quaternion, quaternion_from_euler, turn_of
+from rows import for_each
 
 SEQUENCES = [
     frame + "".join(axes)
@@ -27,7 +28,7 @@ def elementary(axis: str, angle: float) -> np.ndarray:  # type: ignore[type-arg]
     return made
 
 
-@pytest.mark.parametrize("axes", SEQUENCES)
+@for_each("axes", SEQUENCES)
 def test_every_sequence(axes: str) -> None:
     for angles in (
         (0.3, 0.9, -2.0),
@@ -81,7 +82,7 @@ def test_the_older_form_of_axes() -> None:
         assert tft.quaternion_from_euler(1, 2, 3, code) == tft.quaternion_from_euler(1, 2, 3, axes)
 
 
-@pytest.mark.parametrize("axes", ["", "xyz", "sxy", "sxxy", "sabc", "txyz"])
+@for_each("axes", ["", "xyz", "sxy", "sxxy", "sabc", "txyz"])
 def test_no_sequence(axes: str) -> None:
     with pytest.raises(ValueError, match="is no sequence of axes: 's' or 'r' and three of x, y, z"):
         tft.quaternion_from_euler(0, 0, 0, axes)
