@@ -12,6 +12,7 @@ from bus.subscription import Subscription as NativeSubscription
 from bus_ros.engine import Engine
 from bus_ros.entity import Entity, Group, Line, Owner, Work
 from bus_ros.rclpy.destroyable import Destroyable
+from bus_ros.rclpy.impl.callback_checks import check_arguments
 from bus_ros.rclpy.qos import QoSProfile
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ class Subscription(Entity, Destroyable, Generic[M]):
         node: Owner,
     ) -> None:
         self.msg_type = msg_type
-        self.callback = callback
+        self._callback = callback
         self.qos_profile = qos_profile
         self.raw = raw
         self.is_async = is_async(callback)
@@ -71,6 +72,27 @@ class Subscription(Entity, Destroyable, Generic[M]):
         self._handed_to: Line | None = None  # the executor that may be handed a message as it comes
         with engine.loop:
             native._on_arrival = self._look
+
+    @property
+    def callback(self) -> Callable[..., object]:
+        """Setting it holds from the next message on. Raises RuntimeError as `Node.create_subscription`."""
+        return self._callback
+
+    @callback.setter
+    def callback(self, callback: Callable[..., object]) -> None:
+        check_arguments(callback)
+        with self._engine.loop:
+            self._callback = callback
+            self.is_async = is_async(callback)
+            self._wants_info = takes_info(callback)
+            self._takes_one = self.is_async or self._wants_info
+            self.leave()
+
+    @property
+    def _callback_type(self) -> CallbackType:
+        """rclpy's own name of it."""
+        kinds = self.CallbackType
+        return kinds.WithMessageInfo if self._wants_info else kinds.MessageOnly
 
     @property
     def logger_name(self) -> str:
@@ -114,10 +136,10 @@ class Subscription(Entity, Destroyable, Generic[M]):
             taken = self.native.take()
             if taken is None:
                 return None
-            return self.callback, (taken[0], _info(taken[1])) if self._wants_info else taken[:1]
+            return self._callback, (taken[0], _info(taken[1])) if self._wants_info else taken[:1]
         receiver = self._receiver
         if receiver.ahead:
-            return self.callback, receiver.ahead.popleft()[:1]
+            return self._callback, receiver.ahead.popleft()[:1]
         if self._batch == 2 and not receiver.has_more:
             self._batch = 1  # the one before was alone
             return None
@@ -126,10 +148,10 @@ class Subscription(Entity, Destroyable, Generic[M]):
         if not messages:
             self._batch = 1
             single = receiver.take()
-            return None if single is None else (self.callback, single[:1])
+            return None if single is None else (self._callback, single[:1])
         if number == 1:
             self._batch = 2
-            return self.callback, (messages[0],)
+            return self._callback, (messages[0],)
         return self._call_with, (messages, self.node.own_executor)
 
     def _call_with(self, messages: list[M], executor: Line | None) -> None:
@@ -137,7 +159,7 @@ class Subscription(Entity, Destroyable, Generic[M]):
 
         A callback that proves fast gets more at a time, which saves the rest.
         """
-        callback, node, context = self.callback, self.node, self.node.context
+        callback, node, context = self._callback, self.node, self.node.context
         end_ns = monotonic_ns() + _TURN_NS
         left = iter(messages)
         try:

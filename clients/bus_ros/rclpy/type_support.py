@@ -1,20 +1,23 @@
 """Whether a class is a message or a service that can be put on the bus. Must not know how that is done."""
 
+from bus_ros.rclpy.exceptions import NoTypeSupportImportedException
+
 __all__ = ["check_for_type_support", "check_is_valid_msg_type", "check_is_valid_srv_type"]
 
 
 def check_for_type_support(msg_or_srv_type: object) -> None:
-    """Raises AttributeError for what is neither a message nor a service class."""
+    """Raises AttributeError for what is neither a message nor a service class.
+
+    NoTypeSupportImportedException for a class of ROS 2's own, which busd can't use.
+    """
     has_name = isinstance(getattr(msg_or_srv_type, "__type_name__", None), str)
     # A msgspec.Struct of the user's own is a message of the native API.
     if not has_name and not hasattr(msg_or_srv_type, "__struct_fields__"):
-        what = (
-            f"type object '{msg_or_srv_type.__name__}'"
-            if isinstance(msg_or_srv_type, type)
-            else f"'{type(msg_or_srv_type).__name__}' object"
-        )
+        cls = msg_or_srv_type if isinstance(msg_or_srv_type, type) else type(msg_or_srv_type)
+        if hasattr(type(msg_or_srv_type), "_TYPE_SUPPORT"):  # made by rosidl, or by a program's test
+            raise NoTypeSupportImportedException
         raise AttributeError(
-            f"{what} has no attribute '_TYPE_SUPPORT'"
+            f"type object '{cls.__name__}' has no attribute '_TYPE_SUPPORT'"
             " This might be a ROS 1 message type but it should be a ROS 2 message type."
             " Make sure to source your ROS 2 workspace after your ROS 1 workspace."
         )

@@ -15,7 +15,6 @@ from bus_ros.entity import Entity
 from bus_ros.rclpy.destroyable import Handle
 from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.qos import to_native
-from bus_ros.rclpy.subscription import MessageInfo
 from bus_ros.rclpy.timer import Timer as FacadeTimer
 
 __all__ = [
@@ -30,6 +29,13 @@ __all__ = [
 ]
 
 _FOREVER_NS = 1 << 62
+_INFO = (
+    "source_timestamp",
+    "received_timestamp",
+    "publication_sequence_number",
+    "reception_sequence_number",
+)
+"""What is told of a message, as to a callback of two arguments."""
 
 
 class _Source(Handle):
@@ -167,7 +173,7 @@ class Subscription(_Source):
         if not self.is_ready():
             return None
         (message, info), self._next = self._next, None
-        return message, {name: getattr(info, name) for name in MessageInfo.__annotations__}
+        return message, {name: getattr(info, name) for name in _INFO}
 
     def get_publisher_count(self) -> int:
         with engine().loop:

@@ -162,7 +162,7 @@ def test_message_and_service_classes() -> None:
         check_is_valid_srv_type(text)
 
 
-@pytest.mark.parametrize(("wrong", "text"), [(str, "type object 'str'"), ("std_msgs", "'str' object")])
+@pytest.mark.parametrize(("wrong", "text"), [(str, "type object 'str'"), ("std_msgs", "type object 'str'")])
 def test_what_is_neither(wrong: Any, text: str) -> None:
     with pytest.raises(AttributeError, match=f"{text} has no attribute '_TYPE_SUPPORT'.*ROS 1 message type"):
         check_for_type_support(wrong)
