@@ -1,6 +1,5 @@
 """tf2_ros: broadcasters, listeners, and waiting for what they bring."""
 
-import gc
 from typing import Any
 
 import pytest
@@ -60,8 +59,7 @@ def test_a_late_listener_gets_all_static_ones(world: World) -> None:
     listener = StaticTransformListener(buffer, world.node(), spin_thread=True)
     assert (here(buffer, "a"), here(buffer, "b")) == (2.0, 1.0)
     assert not hasattr(listener, "tf_sub")
-    del listener
-    gc.collect()
+    listener.unregister()
 
 
 def test_waiting_in_a_thread(world: World) -> None:
@@ -81,8 +79,7 @@ def test_waiting_in_a_thread(world: World) -> None:
     with pytest.raises(LookupException, match="nobody"):
         buffer.lookup_transform("world", "nobody", NOW, Duration(seconds=0.01))
     assert buffer._new_data_callbacks == []
-    del listener
-    gc.collect()
+    listener.unregister()
 
 
 def test_waiting_in_a_callback(world: World) -> None:
@@ -139,8 +136,7 @@ def test_a_listener_with_a_node_of_its_own(world: World) -> None:
     assert here(buffer, "robot") == 1.0
     node: Node = listener.node
     assert node.get_name().startswith("transform_listener_impl_")
-    del listener
-    gc.collect()
+    listener.unregister()
     node.destroy_node()
 
 

@@ -63,23 +63,21 @@ class TransformListener:
             static_qos or _profile(DurabilityPolicy.TRANSIENT_LOCAL),
             callback_group=self.group,
         )
+        self.dedicated_listener_thread: threading.Thread | None = None
         if spin_thread:
             self.executor = SingleThreadedExecutor(context=node.context)
-            # It does not hold the listener, which would never be freed then. The program's end does not wait.
+            # A daemon: the program's end does not wait for it.
             self.dedicated_listener_thread = threading.Thread(
                 target=_spin, args=(self.executor, node), name="tf listener", daemon=True
             )
             self.dedicated_listener_thread.start()
 
-    def __del__(self) -> None:
-        # What failed in the constructor is not there.
-        if hasattr(self, "dedicated_listener_thread"):
-            self.executor.shutdown()
-            self.dedicated_listener_thread.join()
-        self.unregister()
-
     def unregister(self) -> None:
-        """Hear no more."""
+        """Hear no more, and end the thread, where there is one."""
+        thread = self.dedicated_listener_thread
+        if thread is not None and thread is not threading.current_thread():
+            self.executor.shutdown()
+            thread.join()
         for name in ("tf_sub", "tf_static_sub"):
             subscription = vars(self).pop(name, None)
             if subscription is not None:
