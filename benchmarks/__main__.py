@@ -23,6 +23,7 @@ BENCHMARKS = (
     "cost",
     "memory",
     "startup",
+    "launching",
     "idle",
     "growth",
     "discovery",

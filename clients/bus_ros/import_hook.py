@@ -60,12 +60,23 @@ _ALIASES: Final = {
     "launch.launch_description": "bus_launch.launch.description",
     "launch.launch_description_source": "bus_launch.launch.launch_description_sources",
     "launch_ros.parameter_descriptions": "bus_launch.launch_ros.descriptions",
+    "launch_xml.launch_description_sources": "bus_launch.launch.launch_description_sources",
+    "launch_yaml.launch_description_sources": "bus_launch.launch.launch_description_sources",
     "rosidl_parser.definition": "bus_ros.rosidl.definition",
     "rosidl_runtime_py.convert": "bus_ros.rosidl.runtime",
     "rosidl_runtime_py.set_message": "bus_ros.rosidl.runtime",
     "rosidl_runtime_py.utilities": "bus_ros.rosidl.runtime",
     "ament_index_python.packages": "bus_ros.rosidl.ament_index",
 }
+_WITH_CLASS_FILES: Final = frozenset(
+    (
+        *("launch.actions", "launch.conditions", "launch.event_handlers"),
+        *("launch.launch_description_sources", "launch.substitutions", "launch_ros.actions"),
+        *("launch_ros.descriptions", "launch_ros.event_handlers", "launch_ros.substitutions"),
+    )
+)
+"""Packages with a file for each class in ROS 2: LogInfo is also in `launch.actions.log_info`."""
+
 _PACKAGES: Final = {
     "rosidl_parser": "",
     "rosidl_runtime_py": "bus_ros.rosidl.runtime",
@@ -147,7 +158,7 @@ def _spec(name: str) -> ModuleSpec | None:
             return None  # a part that the real one hasn't
         if root in _PARTS_OF and not _leads_to_ours(_PARTS_OF[root]):
             return None
-        return _alias(name, _ALIASES.get(name) or _SAME[root] + name.removeprefix(root))
+        return _alias(name, _ALIASES.get(name) or _SAME[root] + name.removeprefix(root)) or _class_file(name)
     if name in _ALIASES:
         return _alias(name, _ALIASES[name]) if _is_ours(root) else None
     if name in _PACKAGES:
@@ -243,6 +254,15 @@ def _alias(name: str, target: str) -> ModuleSpec | None:
     if target not in sys.modules and find_spec(target) is None:
         return None
     return spec_of(name, _Alias(target), is_package=False)
+
+
+def _class_file(name: str) -> ModuleSpec | None:
+    package, _, file = name.rpartition(".")
+    if package not in _WITH_CLASS_FILES:
+        return None
+    module = import_module(package)
+    classes = {one.lower() for one in module.__all__}
+    return _alias(name, module.__name__) if file.replace("_", "") in classes else None
 
 
 # --- modules made here

@@ -10,7 +10,7 @@ from typing import Any
 
 from bus_cli.completion import completed_by
 from bus_cli.exitcodes import EXIT_ERROR
-from bus_cli.launch.arguments import given_arguments
+from bus_cli.launch.arguments import given_arguments, misspelt
 from bus_cli.launch.bus import export
 from bus_cli.launch.files import complete_files, find_launch_file
 from bus_cli.output import CommandError, say
@@ -99,9 +99,10 @@ def _run(launch: Any, path: str, arguments: dict[str, str], args: Namespace) -> 
         given["launch-prefix"] = args.launch_prefix
     if args.launch_prefix_filter is not None:
         given["launch-prefix-filter"] = args.launch_prefix_filter
-    include = actions.IncludeLaunchDescription(
-        sources.AnyLaunchDescriptionSource(path), launch_arguments=list(given.items())
-    )
+    source = sources.AnyLaunchDescriptionSource(path)
+    for text in misspelt(arguments, source.try_get_launch_description_without_context()):
+        logging.get_logger("launch").warning(text)
+    include = actions.IncludeLaunchDescription(source, launch_arguments=list(given.items()))
     service.include_launch_description(launch.LaunchDescription([include]))
     code = service.run()
     ended_by = getattr(service, "ended_by", None)

@@ -5,7 +5,7 @@ from typing import Any
 
 from bus_cli.output import CommandError
 
-__all__ = ["given_arguments", "listed"]
+__all__ = ["given_arguments", "listed", "misspelt"]
 
 
 def given_arguments(words: Sequence[str]) -> dict[str, str]:
@@ -17,6 +17,23 @@ def given_arguments(words: Sequence[str]) -> dict[str, str]:
             raise CommandError(f"malformed launch argument '{word}', expected format '<name>:=<value>'")
         found[name] = value
     return found
+
+
+def misspelt(given: Iterable[str], description: Any) -> Iterator[str]:
+    """A line for each name that a file does not declare, and that is like one that it does.
+
+    Other names are no mistake, for a launch configuration need not be declared. `description`: of the file,
+    or None.
+    """
+    if description is None:
+        return
+    declared = [one.name for one in description.get_launch_arguments()]
+    for name in given:
+        if name not in declared:
+            from bus.base.suggest import did_you_mean
+
+            if near := did_you_mean(name, declared):
+                yield f"the launch file declares no argument '{name}'{near}"
 
 
 def listed(arguments: Iterable[Any]) -> Iterator[str]:

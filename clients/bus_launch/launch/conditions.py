@@ -18,6 +18,8 @@ __all__ = [
     "evaluate_condition_expression",
 ]
 
+__path__: list[str] = []  # there may be modules in it: a file for each class, as in ROS 2
+
 _TRUE = ("true", "1")
 _FALSE = ("false", "0")
 

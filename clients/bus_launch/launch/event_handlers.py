@@ -31,6 +31,8 @@ __all__ = [
     "OnShutdown",
 ]
 
+__path__: list[str] = []  # there may be modules in it: a file for each class, as in ROS 2
+
 _Target: TypeAlias = LaunchDescriptionEntity | Callable[[Any], bool] | None
 _Answer: TypeAlias = SomeEntitiesType | Callable[..., SomeEntitiesType | None] | None
 

@@ -31,6 +31,8 @@ __all__ = [
     "load_python_launch_file_as_module",
 ]
 
+__path__: list[str] = []  # there may be modules in it: a file for each class, as in ROS 2
+
 
 class InvalidPythonLaunchFileError(InvalidLaunchFileError):
     """A Python file that has no generate_launch_description()."""

@@ -108,7 +108,9 @@ class LaunchConfig:
         """Nobody reads stdout any more."""
         for handler in self._screens.values():
             handler.setLevel(logging.CRITICAL + 1)
-        sys.stdout = None
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())  # what is still to be written goes there
+        os.close(nowhere)
         if self.on_closed_screen is not None:
             self.on_closed_screen()
 

@@ -14,6 +14,8 @@ from bus_launch.launch_ros.parameter_values import ParameterValue
 
 __all__ = ["ComposableNode", "Parameter", "ParameterFile", "ParameterValue"]
 
+__path__: list[str] = []  # there may be modules in it: a file for each class, as in ROS 2
+
 
 class ParameterFile:
     """A YAML file of parameters; with `allow_substs` its text may hold `$(...)`."""

@@ -7,6 +7,8 @@ from bus_launch.launch_ros.events.lifecycle import StateTransition
 
 __all__ = ["OnStateTransition"]
 
+__path__: list[str] = []  # there may be modules in it: a file for each class, as in ROS 2
+
 
 class OnStateTransition(BaseEventHandler):
     """A lifecycle node has made a transition: one that is given, or any."""

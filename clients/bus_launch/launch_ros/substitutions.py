@@ -25,6 +25,8 @@ __all__ = [
     "Parameter",
 ]
 
+__path__: list[str] = []  # there may be modules in it: a file for each class, as in ROS 2
+
 _Parsed = tuple[type[Substitution], dict[str, Any]]
 
 

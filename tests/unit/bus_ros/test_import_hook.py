@@ -279,3 +279,30 @@ def test_it_imports_little(tmp_path: Path) -> None:
         print(large & {*sys.modules})
     """
     assert run(code, tmp_path) == ["set()"]
+
+
+LAUNCH = """
+import bus.rclpy_compat
+import launch, launch.actions.log_info
+from launch.conditions.if_condition import IfCondition
+from launch.event_handlers.on_process_exit import OnProcessExit
+from launch.launch_context import LaunchContext
+from launch.launch_description_sources.python_launch_description_source import PythonLaunchDescriptionSource
+from launch.some_substitutions_type import SomeSubstitutionsType
+from launch.substitutions.path_join_substitution import PathJoinSubstitution
+from launch.utilities.type_utils import perform_typed_substitution
+from launch_ros.actions.node import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_xml.launch_description_sources import XMLLaunchDescriptionSource
+assert launch.actions.log_info.LogInfo is launch.actions.LogInfo
+assert launch.conditions.IfCondition is IfCondition
+import launch.actions.nothing_of_the_kind
+"""
+
+
+def test_launch_has_the_files_that_it_has_in_ros_2(tmp_path: Path) -> None:
+    (tmp_path / "launch").mkdir()  # which hides nothing
+    error = (
+        "ModuleNotFoundError: busd has no 'launch.actions.nothing_of_the_kind': it isn't built yet, or launch"
+    )
+    assert error_of(LAUNCH, tmp_path).startswith(error)

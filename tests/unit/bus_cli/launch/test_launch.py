@@ -79,6 +79,10 @@ def test_a_launch(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["launch", "./mine.launch.xml", "x:=1", "x:=a:=b"]) == 0
     assert "[INFO] [launch.user]: a:=b\n" in capsys.readouterr().out
     logging.reset()
+    assert run(["launch", "mine.launch.xml", "x:=1", "xx:=2", "of_nobody:=3"]) == 0
+    (warning,) = (line for line in capsys.readouterr().out.splitlines() if "WARNING" in line)
+    assert warning == "[WARNING] [launch]: the launch file declares no argument 'xx'; did you mean 'x'?"
+    logging.reset()
     assert run(["launch", "mine.launch.xml"]) == 1
     assert "missing required argument 'x'" in capsys.readouterr().out
     logging.reset()

@@ -1,0 +1,35 @@
+"""A process of launching.py: hears nodes that are launched, and says when it has heard each of them."""
+
+import asyncio
+from time import monotonic_ns
+
+import msgspec
+
+import bus
+from benchmarks.worker import Parent, options, run
+from bus.msg.std_msgs import String
+
+
+class Heard(msgspec.Struct, frozen=True):
+    """So many nodes, each of which says its own text on the topic."""
+
+    topic: str
+    nodes: int
+
+
+async def main(parent: Parent) -> None:
+    wanted: Heard = options(Heard)
+    heard: set[str] = set()
+    async with bus.Node("hearing") as node:
+        subscription = await node.create_subscription(String, wanted.topic, 100)
+        parent.tell("ready")
+        async for message in subscription:
+            heard.add(message.data)
+            if len(heard) == wanted.nodes:
+                break
+        parent.tell("heard", heard_ns=monotonic_ns())
+        await asyncio.Event().wait()
+
+
+if __name__ == "__main__":
+    run(main)
