@@ -13,6 +13,7 @@ ROS_VENV := .venv-ros
 ROS_STAMP := $(ROS_VENV)/.peers
 FUZZ_STAMP := $(VENV)/.fuzz
 SOAK_STAMP := $(VENV)/.soak
+VISION_STAMP := $(VENV)/.vision
 RELEASE_STAMP := $(VENV)/.release
 CORE   := setup.py $(wildcard clients/bus/shm/*.[ch] clients/bus_tf2/core/*.[ch])
 PIP    := $(BIN)/python -m pip install -qq --disable-pip-version-check
@@ -78,8 +79,13 @@ NIGHTLY = test-nightly native sanitize arm mutants chaos fuzz soak
 nightly: $(TOOLS) ## all that is slow: every test and combination, sanitizers, mutants, chaos, fuzz, soak
 	@$(MAKE) --no-print-directory --keep-going --jobs 1 $(NIGHTLY)
 
-test-nightly: $(TOOLS)
+test-nightly: $(TOOLS) $(VISION_STAMP)
 	$(PYTEST) --nightly $(PYTEST_ARGS)
+
+$(VISION_STAMP): pyproject.toml | $(TOOLS)
+	@echo "installing OpenCV into $(VENV): some 10 seconds, 180 MB"
+	@$(call EXTRA,vision) || echo "OpenCV can't be installed: its tests say so"
+	@touch $@
 
 mutants: $(TOOLS) ## break lines of the source one at a time, and see that tests fail (ARGS="busd/core qos")
 	@PYTHONPATH=tests $(BIN)/python -m mutants $(ARGS)

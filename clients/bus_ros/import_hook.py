@@ -28,6 +28,7 @@ __all__ = ["install"]
 _KINDS: Final = ("msg", "srv", "action")
 
 _SAME: Final = {
+    "cv_bridge": "bus_ros.cv_bridge",
     "launch": "bus_launch.launch",
     "launch_ros": "bus_launch.launch_ros",
     "launch_testing": "bus_launch.launch_testing",
@@ -86,7 +87,7 @@ _PACKAGES: Final = {
 
 _MISSING: Final = frozenset(
     (
-        *("ament_package", "cv_bridge", "domain_coordinator", "image_geometry", "laser_geometry"),
+        *("ament_package", "domain_coordinator", "image_geometry", "laser_geometry"),
         *("launch_pytest", "launch_testing_ros"),
         *("nav2_simple_commander", "ros2bag", "ros2cli", "ros2launch", "ros2node", "ros2param", "ros2pkg"),
         *("ros2run", "ros2service", "ros2topic", "rosbag2_py", "rosidl_adapter", "rosidl_generator_py"),
