@@ -159,6 +159,17 @@ def test_a_callback_that_returns_something_else(world: World, result: object) ->
     node.destroy_node()
 
 
+def test_what_a_callback_raises_is_logged(node: Recorder, capfd: pytest.CaptureFixture[str]) -> None:
+    """With the lines of the program's own."""
+    node.results["configure"] = ValueError("no")
+    assert node.trigger_configure() is ERROR
+    first, second, third, *_, last = capfd.readouterr().err.splitlines()
+    assert first.endswith("[lc]: on_configure() raised, which counts as ERROR:")
+    assert second == "Traceback (most recent call last):"
+    assert __file__ in third
+    assert last == "ValueError: no"
+
+
 def test_what_is_not_possible(node: Recorder, capfd: pytest.CaptureFixture[str]) -> None:
     for name in ("activate", "deactivate", "cleanup"):
         with pytest.raises(RCLError, match="Transition is not registered"):

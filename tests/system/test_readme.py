@@ -101,6 +101,18 @@ def test_the_scripts_of_the_page_about_actions(daemon: Daemon, tmp_path: Path, s
         check(start(shown.command, tmp_path), shown)
 
 
+def test_the_script_of_the_page_about_lifecycle_nodes(daemon: Daemon, tmp_path: Path, start: Start) -> None:
+    page = (ROOT / "docs" / "lifecycle.md").read_text()
+    ((name, text),) = SCRIPT.findall(page)
+    (tmp_path / name).write_text(text)
+    first, *rest = console(page)
+    talker = start(first.command, tmp_path)
+    check(talker, first)
+    for shown in rest:
+        check(start(shown.command, tmp_path), shown)
+    assert talker.end(signal.SIGINT) == -signal.SIGINT
+
+
 async def test_the_profiles_of_the_qos_page(daemon: Daemon) -> None:
     text = (ROOT / "docs" / "qos.md").read_text()
     snippet = next(block for language, block in BLOCK.findall(text) if language == "python")

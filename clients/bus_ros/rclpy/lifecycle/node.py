@@ -178,10 +178,12 @@ class LifecycleNodeMixin(ManagedEntity):
         name = getattr(callback, "__name__", repr(callback))
         try:
             result = callback(before)
-        except Exception:
-            from traceback import format_exc
+        except Exception as error:
+            from traceback import format_exception
 
-            node.get_logger().error(f"{name}() raised, which counts as ERROR:\n{format_exc().rstrip()}")
+            trace = error.__traceback__ and error.__traceback__.tb_next  # without this method
+            text = "".join(format_exception(type(error), error, trace)).rstrip()
+            node.get_logger().error(f"{name}() raised, which counts as ERROR:\n{text}")
             return TransitionCallbackReturn.ERROR
         if not isinstance(result, TransitionCallbackReturn):
             raise TypeError(
