@@ -65,6 +65,7 @@ _UNUSED = {
     "bus.loan",
     "bus.parameters.values",
     "bus.parameters.store",
+    "bus.parameters.parameter_set",
     "bus.parameters.time_source",
     "bus.types.schema",
     "bus.types.diff",

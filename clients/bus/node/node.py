@@ -96,9 +96,7 @@ class Node(ParameterHost):
         self._path = socket_name(socket, domain)
         self._logger = get_logger(names.logger_name(self.namespace, self.name))
         configure(self._arguments)
-        self._parameters = ServedParameters(
-            self, self._arguments.parameters if self._takes_parameters else ()
-        )
+        self._served = ServedParameters(self, self._arguments.parameters if self._takes_parameters else ())
         self._link: Link | None = None
         self._context: NodeContext  # since it was opened
         self._endpoints = NodeEndpoints(self)
@@ -142,7 +140,7 @@ class Node(ParameterHost):
             await self._link.declare_node(self)
             if self._wants_rosout:
                 await self._open_rosout()
-            await self._parameters.open()
+            await self._served.open()
         except BaseException:
             await self.close()
             raise
@@ -160,7 +158,7 @@ class Node(ParameterHost):
         self._watches.end()
         for timer in tuple(self._timers):
             timer.close()
-        self._parameters.close()
+        self._served.close()
         if self._rosout is not None:
             self._rosout.close()
         try:
@@ -424,7 +422,7 @@ class Node(ParameterHost):
 
         self._opened()
         callback = watched(callback, f"timer of {self.full_name}", self._logger)
-        timer = Timer(period_s, callback, self._fail, self._parameters.clock)
+        timer = Timer(period_s, callback, self._fail, self._served.clock)
         self._timers.add(timer)
         return timer
 

@@ -21,7 +21,7 @@ _NS_PER_S = 1_000_000_000
 class ParameterHost:
     """Base of Node."""
 
-    _parameters: ServedParameters
+    _served: ServedParameters
     """Set by the node."""
 
     _takes_parameters = True
@@ -109,9 +109,9 @@ class ParameterHost:
         or where a callback refuses; CommandLineError where the value is the command line's. Cancellation: not
         declared.
         """
-        from bus.parameters.store import Description
+        from bus.parameters.parameter_set import Description
 
-        return await self._parameters.declare(
+        return await self._served.declare(
             name,
             default,
             type_=type,
@@ -123,36 +123,36 @@ class ParameterHost:
 
     def undeclare_parameter(self, name: str) -> None:
         """Remove a parameter. Raises ParameterError where it is not declared, or read-only."""
-        self._parameters.store.undeclare(name)
+        self._served.parameters.undeclare(name)
 
     def has_parameter(self, name: str) -> bool:
         """Whether it is declared."""
-        return name in self._parameters.store
+        return name in self._served.parameters
 
     def get_parameter(self, name: str) -> Any:
         """The value of a parameter, with the type that it was declared with; lists are copies.
 
         Raises ParameterError where it is not declared, or has no value yet.
         """
-        return self._parameters.store.get(name)
+        return self._served.parameters.get(name)
 
     def get_parameters(self, prefix: str = "") -> dict[str, Any]:
         """Values by name, of all parameters that have one.
 
         With `prefix` "arm" those of `arm.length`, `arm.joint.gain` and so on, as `length` and `joint.gain`.
         """
-        return self._parameters.store.below(prefix)
+        return self._served.parameters.below(prefix)
 
     def set_parameter(self, name: str, value: Any) -> None:
         """Set one parameter, as other programs can: the callbacks are asked, the change is published.
 
         Raises ParameterError where it is not declared, or the value is refused; then nothing has changed.
         """
-        self._parameters.store.set({name: value})
+        self._served.parameters.set({name: value})
 
     def set_parameters(self, values: Mapping[str, Any]) -> None:
         """Set several parameters, all or none. Raises as `set_parameter`."""
-        self._parameters.store.set(values)
+        self._served.parameters.set(values)
 
     def pre_set_parameters(self, callback: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
         """Call `callback(values)` before parameters are set; it returns what to set instead, as a dict.
@@ -161,7 +161,7 @@ class ParameterHost:
         they raise comes out of the call that sets, or out of the node where another program sets. The one
         that was added last is called first. Declarations call only on-set and post-set callbacks.
         """
-        self._parameters.store.add_pre_set(callback)
+        self._served.parameters.add_pre_set(callback)
 
     def on_set_parameters(self, callback: Callable[[dict[str, Any]], str | None]) -> None:
         """Call `callback(values)` to ask whether parameters may be set so.
@@ -170,15 +170,15 @@ class ParameterHost:
         gets that text. Nothing is set yet, and other callbacks may still refuse, so it must change nothing.
         Declarations ask it, too. A value of None is a parameter to be removed.
         """
-        self._parameters.store.add_on_set(callback)
+        self._served.parameters.add_on_set(callback)
 
     def post_set_parameters(self, callback: Callable[[dict[str, Any]], object]) -> None:
         """Call `callback(values)` after parameters were set or declared, with what was."""
-        self._parameters.store.add_post_set(callback)
+        self._served.parameters.add_post_set(callback)
 
     def remove_parameters_callback(self, callback: Callable[..., object]) -> None:
         """Stop calling it. Raises ConfigurationError where it was not added."""
-        self._parameters.store.remove(callback)
+        self._served.parameters.remove(callback)
 
     # --- time
 
@@ -190,7 +190,7 @@ class ParameterHost:
         """
         from bus.msg.builtin_interfaces import Time
 
-        sec, nanosec = divmod(self._parameters.clock.now_ns(), _NS_PER_S)
+        sec, nanosec = divmod(self._served.clock.now_ns(), _NS_PER_S)
         return Time(sec=sec, nanosec=nanosec)
 
     def create_rate(self, hz: float) -> Rate:
@@ -198,4 +198,4 @@ class ParameterHost:
 
         Raises ConfigurationError for no rate.
         """
-        return self._parameters.create_rate(hz)
+        return self._served.create_rate(hz)

@@ -5,7 +5,8 @@ The messages are native ones or rclpy's: the caller brings the classes. Must not
 
 from typing import Any, Protocol
 
-from bus.parameters.values import Change, ParameterType, Rules, Setting
+from bus.parameters.store import Change
+from bus.parameters.values import ParameterType, Rules, Setting
 
 __all__ = [
     "SERVICES",

@@ -16,10 +16,10 @@ from bus.qos import parameter_events
 
 if TYPE_CHECKING:  # most programs need none of them
     from bus.parameters.owner import ParameterOwner
+    from bus.parameters.parameter_set import ParameterSet
     from bus.parameters.server import ParameterServer
-    from bus.parameters.store import ParameterSet
+    from bus.parameters.store import Change
     from bus.parameters.time_source import TimeSource
-    from bus.parameters.values import Change
     from bus.process.ros_args import ParameterSource
     from bus.subscription import Subscription
 
@@ -40,7 +40,7 @@ class ServedParameters:
         self.clock = Clock(node.full_name)
         """The time that `use_sim_time` chooses."""
         self._overrides: dict[str, Any] = {}
-        self._store: ParameterSet | None = None
+        self._parameters: ParameterSet | None = None
         self._server: ParameterServer | None = None
         self._time_source: TimeSource | None = None
         self._starting: asyncio.Task[None] | None = None
@@ -55,23 +55,23 @@ class ServedParameters:
             self._overrides = file.overrides(sections, node.full_name)
 
     @property
-    def store(self) -> "ParameterSet":
+    def parameters(self) -> "ParameterSet":
         """Their values and rules, served or not."""
-        if self._store is None:
-            from bus.parameters.store import ParameterSet
+        if self._parameters is None:
+            from bus.parameters.parameter_set import ParameterSet
 
-            self._store = ParameterSet(
+            self._parameters = ParameterSet(
                 self._node.full_name, self._overrides, {_USE_SIM_TIME: False}, self._tell
             )
-        return self._store
+        return self._parameters
 
     async def open(self) -> None:
         """The node is in the graph."""
         self._is_open = True
         if self._overrides:
             await self.serve()
-        if self._store is not None:
-            self._follow_time(self._store.below("").get(_USE_SIM_TIME))
+        if self._parameters is not None:
+            self._follow_time(self._parameters.below("").get(_USE_SIM_TIME))
         await self._settled()
 
     def close(self) -> None:
@@ -102,7 +102,7 @@ class ServedParameters:
     async def declare(self, name: str, default: Any, **rules: Any) -> Any:
         """As `ParameterSet.declare`; the first one makes the node serve them."""
         await self.serve()
-        value = self.store.declare(name, default, **rules)
+        value = self.parameters.declare(name, default, **rules)
         if name == _USE_SIM_TIME:
             await self._settled()
         return value
@@ -134,7 +134,7 @@ class ServedParameters:
             )
         except AccessDenied as denied:
             self._node.get_logger().warning(f"changes of parameters are told to nobody: {denied}")
-        server = ParameterServer(self._node, self.store, self.clock, events)
+        server = ParameterServer(self._node, self.parameters, self.clock, events)
         await server.open()
         self._server = server
 

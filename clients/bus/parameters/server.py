@@ -17,8 +17,9 @@ from bus.parameters.messages import (
     value_message,
 )
 from bus.parameters.owner import ParameterOwner
-from bus.parameters.store import Parameter, ParameterSet
-from bus.parameters.values import Change, Outcome, ParameterType
+from bus.parameters.parameter_set import Parameter, ParameterSet
+from bus.parameters.store import Change, Outcome
+from bus.parameters.values import ParameterType
 from bus.publisher import Publisher
 from bus.types.classes import message_class, service_class
 

@@ -15,7 +15,7 @@ from bus.node import SERVICE_QOS
 from bus.node import Node as NativeNode
 from bus.parameters import file
 from bus.parameters.messages import event_message
-from bus.parameters.values import Change
+from bus.parameters.store import Change
 from bus.qos import QoSProfile as NativeProfile
 from bus_ros.engine import current, engine
 from bus_ros.entity import Calls, Entity

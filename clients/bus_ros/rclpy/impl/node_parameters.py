@@ -1,7 +1,7 @@
 """The parameters of one node: declared, read, set, described, and the callbacks around a change.
 
 Owns: rclpy's calls, results and exceptions, and how a parameter is declared and described in rclpy's words;
-the values and the rules for changing them are those of `bus.parameters.values`. Must not know: nodes, the
+the values and how they change are those of `bus.parameters.store`. Must not know: nodes, the
 bus, files and command lines. Message classes are made when one is first needed.
 """
 
@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from typing import Any, TypeAlias
 
-from bus.parameters.values import WRONG_TYPE, Change, Declared, ParameterStore, Rules
+from bus.parameters.store import Change, Declared, ParameterStore
+from bus.parameters.values import WRONG_TYPE, Rules
 from bus.parameters.values import ParameterType as ValueType
 from bus_ros.rclpy.exceptions import (
     InvalidParameterTypeException,

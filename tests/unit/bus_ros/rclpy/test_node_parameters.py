@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bus.parameters.messages import event_message
-from bus.parameters.values import Change
+from bus.parameters.store import Change
 from bus_ros.rclpy.exceptions import (
     InvalidParameterValueException,
     ParameterImmutableException,

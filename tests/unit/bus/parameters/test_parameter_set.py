@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bus.errors import CommandLineError, ConfigurationError, ParameterError
-from bus.parameters.store import Description, Parameter, ParameterSet
-from bus.parameters.values import Change, Outcome, ParameterType
+from bus.parameters.parameter_set import Description, Parameter, ParameterSet
+from bus.parameters.store import Change, Outcome
+from bus.parameters.values import ParameterType
 from rows import for_each
 
 
