@@ -20,6 +20,7 @@ from bus_ros.rclpy.exceptions import (
 )
 from bus_ros.rclpy.node import Node
 from bus_ros.rclpy.qos import QoSProfile, ReliabilityPolicy
+from bus_ros.rclpy.subscription_content_filter_options import ContentFilterOptions
 from bus_ros.rclpy.topic_endpoint_info import EndpointTypeEnum
 from bus_ros.rosidl import message_class
 from conftest import Daemon
@@ -180,8 +181,10 @@ class TestEntities:
             node.create_subscription(String, "t", "nothing", 10)  # type: ignore[arg-type]
         with pytest.raises(TypeError):
             node.create_publisher(String, "t", "ten")  # type: ignore[arg-type]
-        with pytest.raises(NotImplementedError, match="content filters"):
-            node.create_subscription(String, "t", nothing, 10, content_filter_options=object())
+        with pytest.raises(RCLError, match=r"the message has no field 'date'; did you mean 'data'\?"):
+            node.create_subscription(
+                String, "t", nothing, 10, content_filter_options=ContentFilterOptions("date = 1")
+            )
 
     def test_a_profile_may_be_changed_and_used_again(self, world: World) -> None:
         node = world.node()

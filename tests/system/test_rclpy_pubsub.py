@@ -8,6 +8,7 @@ import pytest
 import bus_ros.rclpy as rclpy
 from bus_ros.rclpy import publisher as publishers
 from bus_ros.rclpy.duration import Duration
+from bus_ros.rclpy.exceptions import RCLError
 from bus_ros.rclpy.node import Node
 from bus_ros.rclpy.qos import (
     DurabilityPolicy,
@@ -16,6 +17,7 @@ from bus_ros.rclpy.qos import (
 )
 from bus_ros.rclpy.serialization import deserialize_message, serialize_message
 from bus_ros.rclpy.subscription import MessageInfo
+from bus_ros.rclpy.subscription_content_filter_options import ContentFilterOptions
 from bus_ros.rosidl import message_class
 from rclpy_world import Int64, String, World, arguments, arrived, in_thread, wait_until, world
 
@@ -314,3 +316,38 @@ class TestPublishing:
         assert publisher.wait_for_all_acked()
         publisher.publish(Int64())
         assert publisher.wait_for_all_acked(Duration(seconds=10))
+
+
+@pytest.mark.parametrize("raw", [False, True])
+def test_content_filters(world: World, raw: bool) -> None:
+    """They hold from when they are set, with one argument and with two."""
+    node = world.node()
+    heard: list[Any] = []
+    publisher = node.create_publisher(Int64, "t", 100)
+    options = ContentFilterOptions("data >= %0", ["3"])
+    subscription = node.create_subscription(
+        Int64, "t", heard.append, 100, raw=raw, content_filter_options=options
+    )
+    assert subscription.is_cft_enabled and subscription.get_content_filter() == options
+
+    def publish(*numbers: int) -> list[int]:
+        heard.clear()
+        for number in (*numbers, 99):
+            publisher.publish(Int64(data=number))
+        world.spin_until(lambda: heard and number_of(heard[-1]) == 99)
+        return [number_of(one) for one in heard[:-1]]
+
+    def number_of(message: Any) -> int:
+        return int((deserialize_message(message, Int64) if raw else message).data)
+
+    assert publish(1, 2, 3, 4) == [3, 4]
+    subscription.set_content_filter("data BETWEEN 2 AND 3 OR data = 99", [])
+    assert publish(1, 2, 3, 4) == [2, 3]
+    with pytest.raises(RCLError, match="failed to set content filter: there is no parameter %0"):
+        subscription.set_content_filter("data = %0", [])
+    assert publish(1, 2, 3, 4) == [2, 3]
+    subscription.set_content_filter("", [])
+    assert not subscription.is_cft_enabled
+    assert publish(1, 2, 3, 4) == [1, 2, 3, 4]
+    with pytest.raises(RCLError, match="failed to get content filter"):
+        subscription.get_content_filter()

@@ -12,15 +12,11 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 import bus
 import bus_ros.rclpy
-from bus.msg.std_msgs import String
 from bus.node import SERVICE_QOS
 from bus_ros import aliases
 from bus_ros.entity import Entity
-from bus_ros.rclpy.node import Node
 from rows import for_each
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -235,13 +231,6 @@ def test_arguments_that_do_nothing_are_taken() -> None:
         call = find(path) if owner in MODULES else getattr(find(owner), name)
         assert set(names_in(arguments)) <= set(inspect.signature(call).parameters), path
         assert why
-
-
-def test_content_filters_are_missing() -> None:
-    nobody: Any = None  # it does not come to the node
-    with pytest.raises(NotImplementedError) as found:
-        Node.create_subscription(nobody, String, "topic", print, 10, content_filter_options=object())
-    assert f"`{found.value}`" in section("What is not there")
 
 
 @for_each(("cell", "without"), rows("class | without"))

@@ -52,6 +52,7 @@ from bus_ros.rclpy.qos import (
 )
 from bus_ros.rclpy.service import Service
 from bus_ros.rclpy.subscription import Subscription
+from bus_ros.rclpy.subscription_content_filter_options import ContentFilterOptions
 from bus_ros.rclpy.time_source import TimeSource
 from bus_ros.rclpy.timer import Rate, Timer
 from bus_ros.rclpy.type_description_service import TypeDescriptionService
@@ -274,14 +275,15 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
         event_callbacks: "SubscriptionEventCallbacks | None" = None,
         qos_overriding_options: "QoSOverridingOptions | None" = None,
         raw: bool = False,
-        content_filter_options: object = None,
+        content_filter_options: ContentFilterOptions | None = None,
     ) -> Subscription[M]:
-        """A subscription; `callback` is `def` or `async def`, of (message) or (message, info)."""
+        """A subscription; `callback` is `def` or `async def`, of (message) or (message, info).
+
+        With `content_filter_options` only for messages that pass; raises RCLError for a wrong expression.
+        """
         check_is_valid_msg_type(msg_type)
         check_callback(callback)
         check_arguments(callback)
-        if content_filter_options is not None:
-            raise NotImplementedError("content filters are not there yet: filter in the callback")
         self.__check(topic)
         profile = self.__profile("subscription", topic, qos_profile, qos_overriding_options)
         native = self.__engine.run(
@@ -296,6 +298,12 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
         group = callback_group or self._default_callback_group
         made = Subscription(self.__engine, native, msg_type, callback, group, profile, raw, self)
         made.event_callbacks = event_callbacks
+        if content_filter_options is not None:
+            try:
+                made.set_content_filter(*content_filter_options)
+            except RCLError:
+                self.__engine.run(native.close)
+                raise
         return self.__add(made)
 
     def create_client(

@@ -1,6 +1,6 @@
 """Subscriptions of the facade: a native one, whose messages an executor takes when it has time for them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import Enum
 from functools import cached_property
 from time import monotonic_ns
@@ -12,8 +12,10 @@ from bus.subscription import Subscription as NativeSubscription
 from bus_ros.engine import Engine
 from bus_ros.entity import Entity, Group, Line, Owner, Work
 from bus_ros.rclpy.destroyable import Destroyable
+from bus_ros.rclpy.exceptions import RCLError
 from bus_ros.rclpy.impl.callback_checks import check_arguments
 from bus_ros.rclpy.qos import QoSProfile
+from bus_ros.rclpy.subscription_content_filter_options import ContentFilterOptions
 
 if TYPE_CHECKING:
     from bus_ros.rclpy.event_handler import EventHandler, SubscriptionEventCallbacks
@@ -68,6 +70,8 @@ class Subscription(Entity, Destroyable, Generic[M]):
         self._wants_info = takes_info(callback)
         self._batch = 1  # of messages to be taken at once
         self._takes_one = self.is_async or self._wants_info
+        self._filter: Callable[[Any], bool] | None = None
+        self._filter_options = ContentFilterOptions()
         super().__init__(node, callback_group)
         self._handed_to: Line | None = None  # the executor that may be handed a message as it comes
         with engine.loop:
@@ -85,7 +89,7 @@ class Subscription(Entity, Destroyable, Generic[M]):
             self._callback = callback
             self.is_async = is_async(callback)
             self._wants_info = takes_info(callback)
-            self._takes_one = self.is_async or self._wants_info
+            self._takes_one = self.is_async or self._wants_info or self._filter is not None
             self.leave()
 
     @property
@@ -120,9 +124,47 @@ class Subscription(Entity, Destroyable, Generic[M]):
         with self._engine.loop:
             return self.native.get_publisher_count()
 
+    @property
+    def is_cft_enabled(self) -> bool:
+        """Whether there is a content filter."""
+        return self._filter is not None
+
+    def get_content_filter(self) -> ContentFilterOptions:
+        """Raises RCLError where there is none."""
+        if self._filter is None:
+            raise RCLError("failed to get content filter: there is none")
+        return self._filter_options
+
+    def set_content_filter(self, filter_expression: str, expression_parameters: Sequence[str]) -> None:
+        """Call back for messages only that pass, from now on; an empty expression: for all.
+
+        The subscription filters: what does not pass was received nevertheless. Raises RCLError for an
+        expression that can't be used.
+        """
+        options = ContentFilterOptions(filter_expression, expression_parameters)
+        passes = self._compiled(options) if filter_expression else None
+        with self._engine.loop:
+            self._filter, self._filter_options = passes, options
+            self._takes_one = self.is_async or self._wants_info or passes is not None
+            self.leave()
+
     def destroy(self) -> None:
         """No more calls."""
         self.node.destroy_subscription(self)
+
+    def _compiled(self, options: ContentFilterOptions) -> Callable[[Any], bool]:
+        from bus.types.support import type_support  # late: few subscriptions have filters
+        from bus_ros.content_filter import FilterError, compile_filter
+
+        try:
+            passes = compile_filter(*options, self.msg_type())
+        except FilterError as error:
+            raise RCLError(f"failed to set content filter: {error}") from None
+        if not self.raw:
+            return passes
+        cls: Any = self.msg_type
+        decode = type_support(cls).decode
+        return lambda data: passes(decode(data))
 
     # --- for the executor
 
@@ -134,6 +176,8 @@ class Subscription(Entity, Destroyable, Generic[M]):
     def take(self, most: int) -> Work | None:
         if self._takes_one:
             taken = self.native.take()
+            while taken is not None and self._filter is not None and not self._filter(taken[0]):
+                taken = self.native.take()
             if taken is None:
                 return None
             return self._callback, (taken[0], _info(taken[1])) if self._wants_info else taken[:1]
