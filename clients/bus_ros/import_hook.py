@@ -9,7 +9,7 @@ Only what can't be imported is filled in, so that a machine with ROS 2 goes on a
     rclpy, rclpy.*; launch, tf2_ros, ...     the same modules as bus_ros.rclpy, bus_ros.rclpy.*; see _SAME
     <pkg>.msg, .srv, .action                 classes made of the definitions that bus.types.definitions finds
     <pkg>                                    an empty package, where there is no real one
-    rosidl_runtime_py, rosidl_parser, ament_index_python
+    rosidl_runtime_py, rosidl_parser
 """
 
 import os
@@ -28,6 +28,7 @@ __all__ = ["install"]
 _KINDS: Final = ("msg", "srv", "action")
 
 _SAME: Final = {
+    "ament_index_python": "bus_ros.ament_index_python",
     "cv_bridge": "bus_ros.cv_bridge",
     "launch": "bus_launch.launch",
     "launch_ros": "bus_launch.launch_ros",
@@ -67,7 +68,6 @@ _ALIASES: Final = {
     "rosidl_runtime_py.convert": "bus_ros.rosidl.runtime",
     "rosidl_runtime_py.set_message": "bus_ros.rosidl.runtime",
     "rosidl_runtime_py.utilities": "bus_ros.rosidl.runtime",
-    "ament_index_python.packages": "bus_ros.rosidl.ament_index",
 }
 _WITH_CLASS_FILES: Final = frozenset(
     (
@@ -81,7 +81,6 @@ _WITH_CLASS_FILES: Final = frozenset(
 _PACKAGES: Final = {
     "rosidl_parser": "",
     "rosidl_runtime_py": "bus_ros.rosidl.runtime",
-    "ament_index_python": "bus_ros.rosidl.ament_index",
 }
 """Packages, and the module whose names they have."""
 

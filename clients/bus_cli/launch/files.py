@@ -44,12 +44,12 @@ def _looks_like_path(first: str) -> bool:
 
 
 def _in_package(package: str, name: str) -> Path:
+    from bus_ros import ament_index_python
     from bus_ros.packages import nearest
-    from bus_ros.rosidl import ament_index
 
     try:
-        share = ament_index.get_package_share_path(package, print_warning=False)
-    except (ament_index.PackageNotFoundError, ValueError) as error:
+        share = ament_index_python.get_package_share_path(package, print_warning=False)
+    except (ament_index_python.PackageNotFoundError, ValueError) as error:
         near = nearest(package)
         hint = f"; did you mean '{near}'?" if near else ""
         raise CommandError(f"Package '{package}' not found: {error}{hint}") from None
@@ -69,11 +69,11 @@ def _in_package(package: str, name: str) -> Path:
 
 
 def _only_a_package(package: str) -> str:
-    from bus_ros.rosidl import ament_index
+    from bus_ros import ament_index_python
 
     try:
-        share = ament_index.get_package_share_path(package, print_warning=False)
-    except (ament_index.PackageNotFoundError, ValueError):
+        share = ament_index_python.get_package_share_path(package, print_warning=False)
+    except (ament_index_python.PackageNotFoundError, ValueError):
         return f"bus launch: '{package}' is neither a launch file nor a package{_near_file(Path(package))}"
     names = sorted(path.name for path in _launch_files(share))
     has = f"it has: {', '.join(names)}" if names else "it has none"

@@ -60,11 +60,11 @@ def outside(name: str) -> Program:
 
 def package_prefix(package: str) -> str:
     """The folder that a package is installed under; raises SubstitutionFailure with the nearest name."""
-    from bus_ros.rosidl import ament_index
+    from bus_ros import ament_index_python
 
     try:
-        return ament_index.get_package_prefix(package)
-    except ament_index.PackageNotFoundError:
+        return ament_index_python.get_package_prefix(package)
+    except ament_index_python.PackageNotFoundError:
         raise SubstitutionFailure(_no_package(package)) from None
     except ValueError as error:
         raise SubstitutionFailure(str(error)) from None
@@ -72,11 +72,11 @@ def package_prefix(package: str) -> str:
 
 def find_share(package: str) -> str:
     """The folder with what comes with a package; raises SubstitutionFailure with the nearest name."""
-    from bus_ros.rosidl import ament_index
+    from bus_ros import ament_index_python
 
     try:
-        return ament_index.get_package_share_directory(package, print_warning=False)
-    except ament_index.PackageNotFoundError:
+        return ament_index_python.get_package_share_directory(package, print_warning=False)
+    except ament_index_python.PackageNotFoundError:
         raise SubstitutionFailure(_no_package(package)) from None
     except ValueError as error:
         raise SubstitutionFailure(str(error)) from None
@@ -101,11 +101,11 @@ def _python(path: str, folders: tuple[str, ...] = ()) -> list[str] | None:
 
 
 def _no_package(package: str) -> str:
-    from bus_ros.rosidl import ament_index
+    from bus_ros import ament_index_python
 
     near = packages.nearest(package)
     hint = f"; did you mean '{near}'?" if near else ""
-    return f"package '{package}' not found, searching: {ament_index.get_search_paths()}{hint}"
+    return f"package '{package}' not found, searching: {ament_index_python.get_search_paths()}{hint}"
 
 
 def _libexec(package: str) -> str:

@@ -1,4 +1,4 @@
-"""Where packages are installed; programs import it as `ament_index_python`.
+"""Where packages are installed.
 
 Owns: the search. A package is found below a prefix of $AMENT_PREFIX_PATH, below the prefix of this Python
 (there pip puts what `data_files` of a package names), and where its source is, for one that was installed
