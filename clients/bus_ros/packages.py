@@ -35,6 +35,7 @@ _BUILT_IN = {
     "joint_state_publisher": {"joint_state_publisher": "bus_tf2.programs.joint_state_publisher:main"},
     "robot_state_publisher": {"robot_state_publisher": "bus_tf2.programs.robot_state_publisher:main"},
     "tf2_ros": {
+        "buffer_server": "bus_tf2.programs.buffer_server:main",
         "static_transform_publisher": "bus_tf2.programs.static_transform_publisher:main",
         "tf2_echo": "bus_tf2.programs.tf2_echo:main",
         "tf2_monitor": "bus_tf2.programs.tf2_monitor:main",

@@ -1,5 +1,8 @@
 """`tf2_ros` on the bus: transforms between frames, sent and heard on `/tf` and `/tf_static`."""
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from bus_tf2.tf2_py import (
     BufferCore,
     ConnectivityException,
@@ -24,8 +27,12 @@ from bus_tf2.tf2_ros.static_transform_listener import StaticTransformListener
 from bus_tf2.tf2_ros.transform_broadcaster import TransformBroadcaster
 from bus_tf2.tf2_ros.transform_listener import TransformListener
 
+if TYPE_CHECKING:
+    from bus_tf2.tf2_ros.buffer_client import BufferClient
+
 __all__ = [
     "Buffer",
+    "BufferClient",
     "BufferCore",
     "BufferInterface",
     "ConnectivityException",
@@ -45,3 +52,10 @@ __all__ = [
     "TypeException",
     "convert",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Few programs need actions, which take time to import."""
+    if name == "BufferClient":
+        return import_module("bus_tf2.tf2_ros.buffer_client").BufferClient
+    raise AttributeError(f"module 'tf2_ros' has no attribute {name!r}")

@@ -24,4 +24,4 @@ def test_a_module(name: str, cell: str) -> None:
 
 
 def test_every_module() -> None:
-    assert len(MODULES) == 11
+    assert len(MODULES) == 12
