@@ -32,6 +32,8 @@ __all__ = ["ActionClient", "ActionClientStatistics", "ClientGoal"]
 _ID_BYTES: Final = 16
 _MOST_FEEDBACK: Final = 1000
 """So much feedback of one goal waits for its reader; beyond, the oldest is dropped."""
+_GRACE_S: Final = 0.5
+"""So long after a goal has ended its result may take; then it was lost with busd, and is asked for again."""
 _LEFT: Final = "its server has left before the goal's end"
 
 
@@ -123,15 +125,17 @@ class ClientGoal:
         raise ActionUnavailable(self._client.name, "its server does not know the goal, or not any more")
 
     async def cancel(self) -> bool:
-        """Ask the server to cancel it; returns whether it does. The goal ends when `result` says so.
+        """Ask the server to cancel it; returns whether it does, or did so already.
 
-        False where the server refuses, and where the goal has ended. Raises ActionUnavailable where the
-        server leaves before it answers. Cancellation: the goal may be canceled all the same.
+        The goal ends when `result` says so. False where the server refuses, and where the goal has ended.
+        Raises ActionUnavailable where the server leaves before it answers. Cancellation: the goal may be
+        canceled all the same.
         """
         if self._outcome is not None:
             return False
         response = await self._client._cancel(self.id)
-        return any(bytes(info.goal_id.uuid) == self.id for info in response.goals_canceling)
+        is_canceled = any(bytes(info.goal_id.uuid) == self.id for info in response.goals_canceling)
+        return is_canceled or self.status is GoalStatus.CANCELING
 
     # --- for the client
 
@@ -193,6 +197,7 @@ class ActionClient:
         self._sent: dict[int, _Sent] = {}
         self._results: dict[int, ClientGoal] = {}
         self._cancels: dict[int, asyncio.Future[Any]] = {}
+        self._look: asyncio.TimerHandle | None = None
         self._counts = dict.fromkeys(
             ("sent", "accepted", "rejected", "ended", "feedback", "feedback_dropped"), 0
         )
@@ -226,6 +231,8 @@ class ActionClient:
     async def close(self) -> None:
         """Leave the graph. Goals go on; who waits for them here gets ConnectionClosed. Twice is allowed."""
         ends, self._ends = self._ends, None
+        if self._look is not None:
+            self._look.cancel()
         if ends is not None:
             await ends.close()
 
@@ -398,3 +405,14 @@ class ActionClient:
             goal = self._goals.get(bytes(one.goal_info.goal_id.uuid))
             if goal is not None:
                 goal.status = max(goal.status, GoalStatus(one.status))
+                if goal.status.is_end and self._look is None and self._ends is not None:
+                    self._look = asyncio.get_running_loop().call_later(_GRACE_S, self._ask_again)
+
+    def _ask_again(self) -> None:
+        """For results that did not come: by the socket, busd may have died with question or answer."""
+        self._look = None
+        for number, goal in tuple(self._results.items()):
+            if goal.status.is_end and self._ends is not None:
+                del self._results[number]
+                self._ends.result.forget(number)
+                self._request_result(goal)

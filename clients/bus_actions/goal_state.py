@@ -34,6 +34,11 @@ class GoalStatus(IntEnum):
     CANCELED = 5
     ABORTED = 6
 
+    @classmethod
+    def _missing_(cls, value: object) -> "GoalStatus":
+        """What others send is not always a state."""
+        return cls.UNKNOWN
+
     @property
     def is_active(self) -> bool:
         """Whether it is accepted and has not ended."""

@@ -8,7 +8,7 @@ import asyncio
 from collections import deque
 from collections.abc import AsyncGenerator, Callable, Iterator
 from contextlib import aclosing, contextmanager, suppress
-from time import time_ns
+from time import monotonic_ns
 from types import TracebackType
 from typing import Any, Final, Literal, Self
 
@@ -16,14 +16,22 @@ import msgspec
 
 from bus.base.awaited import done_anyway, to_be_awaited
 from bus.base.callbacks import is_async
-from bus.errors import BusError, ConfigurationError, ConnectionClosed, LocalProtocolError, MessageTypeError
+from bus.errors import (
+    BusError,
+    ConfigurationError,
+    ConnectionClosed,
+    LocalProtocolError,
+    MessageTypeError,
+    PayloadTooLarge,
+)
 from bus.names import validate_topic_name
 from bus.node import Node
 from bus.service.server import RequestId
+from bus.types.support import type_support
 from bus_actions.action_type import ActionSupport, action_support
 from bus_actions.endpoints import ActionQoS, ServerEndpoints
 from bus_actions.goal_state import GoalEvent, GoalStatus
-from bus_actions.goal_table import CancelCode, Goal, GoalTable, TooManyGoals
+from bus_actions.goal_table import CancelCode, Goal, GoalExists, GoalTable, TooManyGoals
 
 __all__ = ["ActionServer", "ActionServerStatistics", "ServerGoal"]
 
@@ -183,6 +191,7 @@ class ActionServer:
         self._goals: dict[bytes, ServerGoal] = {}
         self._queue: deque[ServerGoal] = deque()
         self._running: set[asyncio.Task[None]] = set()
+        self._early: list[tuple[Callable[[Any, RequestId], Any], Any, RequestId]] = []
         self._ends: ServerEndpoints | None = None
         self._expiry: asyncio.TimerHandle | None = None
         self._is_status_due = False
@@ -218,6 +227,14 @@ class ActionServer:
         )
         self._ends = ends
         self.name = ends.action_name
+        early, self._early = self._early, []
+        for function, request, request_id in early:
+            try:
+                outcome = function(request, request_id)
+                if outcome is not None:
+                    await outcome
+            except Exception as error:
+                self._node._fail(error)
 
     @done_anyway
     async def close(self) -> None:
@@ -231,8 +248,8 @@ class ActionServer:
         try:
             await ends.goal.close()
             self._stop()
-            if self._running:
-                await asyncio.wait(self._running)
+            if others := self._running - {asyncio.current_task()}:
+                await asyncio.wait(others)
         finally:
             if self._is_status_due:
                 self._publish_status_now()
@@ -260,13 +277,26 @@ class ActionServer:
 
     # --- goals that come
 
+    def _is_early(
+        self, function: Callable[[Any, RequestId], Any], request: Any, request_id: RequestId
+    ) -> bool:
+        """Whether it came before `open` had returned; then it waits until that has."""
+        is_early = self._ends is None and not self._is_stopped
+        if is_early:
+            self._early.append((function, request, request_id))
+        return is_early
+
     def _take_goal(self, request: Any, request_id: RequestId) -> None:
+        if self._is_early(self._take_goal, request, request_id):
+            return
         is_new = self._table.find(bytes(request.goal_id.uuid)) is None
         with self._telling("goal", request_id):
             is_wanted = is_new and (self._goal_callback is None or bool(self._goal_callback(request.goal)))
         self._answer_goal(request, request_id, is_wanted=is_wanted)
 
     async def _take_goal_async(self, request: Any, request_id: RequestId) -> None:
+        if self._is_early(self._take_goal_async, request, request_id):
+            return
         assert self._goal_callback is not None
         is_new = self._table.find(bytes(request.goal_id.uuid)) is None
         with self._telling("goal", request_id):
@@ -285,13 +315,16 @@ class ActionServer:
             raise
 
     def _answer_goal(self, request: Any, request_id: RequestId, *, is_wanted: bool) -> None:
-        if self._ends is None:
+        if self._ends is None or self._is_stopped:
             return
         response = self._support.send_goal.Response()
         record: Goal | None = None
         if is_wanted:
             try:
-                record = self._table.accept(bytes(request.goal_id.uuid), time_ns())
+                now = self._node.now()
+                record = self._table.accept(bytes(request.goal_id.uuid), now.sec * _NS + now.nanosec)
+            except GoalExists:  # while the callback was asked
+                pass
             except TooManyGoals as error:
                 self._node.get_logger().warning(f"action '{self.name}' rejects a goal: {error}")
         if record is None:
@@ -388,12 +421,16 @@ class ActionServer:
     # --- cancel requests
 
     def _take_cancel(self, request: Any, request_id: RequestId) -> None:
+        if self._is_early(self._take_cancel, request, request_id):
+            return
         code, asked = self._find_canceled(request)
         with self._telling("cancel", request_id):
             agreed = [one for one in asked if self._cancel_callback is None or self._cancel_callback(one)]
         self._answer_cancel(request_id, CancelCode.REJECTED if asked and not agreed else code, agreed)
 
     async def _take_cancel_async(self, request: Any, request_id: RequestId) -> None:
+        if self._is_early(self._take_cancel_async, request, request_id):
+            return
         assert self._cancel_callback is not None
         code, asked = self._find_canceled(request)
         with self._telling("cancel", request_id):
@@ -425,6 +462,8 @@ class ActionServer:
     # --- results
 
     def _take_result(self, request: Any, request_id: RequestId) -> None:
+        if self._is_early(self._take_result, request, request_id):
+            return
         goal = self._goals.get(bytes(request.goal_id.uuid))
         if goal is None:
             self._send_result(request_id, self._support.get_result.Response())
@@ -443,23 +482,24 @@ class ActionServer:
             self._ends.result.respond(request_id, response)
         except ConnectionClosed:
             pass
-        except BusError as error:
-            self._ends.result.respond(request_id, None, str(error))
+        except PayloadTooLarge as error:
+            self._ends.result.respond(request_id, None, f"{type(error).__name__}: {error}")
+            self._node.get_logger().warning(f"no result of action '{self.name}' to one request: {error}")
 
     def _expire(self) -> None:
-        for goal in self._table.expire(time_ns()):
+        for goal in self._table.expire(monotonic_ns()):
             self._goals.pop(goal.id, None)
         due_ns = self._table.next_expiry_ns()
         if self._expiry is not None:
             self._expiry.cancel()
         if due_ns is not None and not self._is_stopped:
             loop = asyncio.get_running_loop()
-            self._expiry = loop.call_later(max(due_ns - time_ns(), 0) / _NS, self._expire)
+            self._expiry = loop.call_later(max(due_ns - monotonic_ns(), 0) / _NS, self._expire)
 
     # --- for goals
 
     def _advance(self, goal: ServerGoal, event: GoalEvent) -> None:
-        self._table.advance(goal._record, event, time_ns())
+        self._table.advance(goal._record, event, monotonic_ns())
         if goal.status.is_end:
             self._ended[goal.status] += 1
         self._publish_status()
@@ -470,6 +510,8 @@ class ActionServer:
                 f"the result of action '{self.name}' must be a {self._support.result.__name__}, "
                 f"not {type(result).__name__}"
             )
+        if (error := type_support(self._support.result).explain(result)) is not None:
+            raise error
 
     def _publish_feedback(self, goal: ServerGoal, feedback: Any) -> None:
         if not isinstance(feedback, self._support.feedback):

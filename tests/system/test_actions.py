@@ -223,6 +223,40 @@ class TestCancelling:
 
 
 class TestBadEnds:
+    async def test_requests_that_come_before_the_server_is_open(self, node: bus.Node) -> None:
+        server = ActionServer(node, Count, "count", count)
+        support = action_support(Count)
+        request = support.send_goal.Request(goal_id=support.goal_id(bytes(range(16))), goal=Count.Goal())
+        server._take_goal(request, bus.RequestId(bytes(16), 1))
+        await server.open()
+        await until(lambda: server.statistics().succeeded == 1)
+        await server.close()
+
+    async def test_a_goal_that_closes_its_server(self, node: bus.Node, other: bus.Node) -> None:
+        async def execute(goal: ServerGoal) -> Any:
+            await server.close()
+            return Count.Result(reached=1)
+
+        async with serving(node, other, execute) as (server, client):
+            goal = await client.send_goal(Count.Goal())
+            with pytest.raises((GoalAborted, ActionUnavailable)):
+                await goal.result()
+
+    async def test_states_that_are_none(self, node: bus.Node, other: bus.Node) -> None:
+        """Whoever publishes them: nobody falls over them."""
+        support = action_support(Count)
+        publisher = await node.create_publisher(
+            support.status_array, "count/_action/status", bus.qos.action_status_default
+        )
+        async with serving(node, other, wait) as (_, client):
+            goal = await client.send_goal(Count.Goal())
+            info = support.goal_info(goal_id=support.goal_id(goal.id))
+            odd = [support.status(goal_info=info, status=number) for number in (77, -1)]
+            publisher.publish(support.status_array(status_list=odd))
+            assert await goal.cancel()
+            with pytest.raises(GoalCanceled):
+                await goal.result()
+
     async def test_nobody_serves(self, node: bus.Node) -> None:
         async with ActionClient(node, Count, "count") as client:
             assert not client.server_is_ready()
@@ -281,6 +315,8 @@ class TestBadEnds:
         [
             (ValueError("too far"), ValueError),
             (Count.Goal(), bus.MessageTypeError),
+            (Count.Feedback(current="x"), bus.MessageTypeError),  # type: ignore[arg-type]
+            (Count.Result(reached="x"), bus.MessageTypeError),  # type: ignore[arg-type]
         ],
     )
     async def test_execute_raises_or_yields_something_else(

@@ -22,7 +22,7 @@ from bus_ros.rclpy.executors import Executor, MultiThreadedExecutor
 from bus_ros.rclpy.task import Future
 from bus_ros.rosidl import action_class, message_class
 from cli import script
-from conftest import WAIT_S
+from conftest import WAIT_S, Daemon
 from rclpy_world import World, arguments, every_kind, world
 
 __all__ = ["arguments", "world"]
@@ -271,6 +271,22 @@ def test_a_result_that_is_none(ends: Ends) -> None:
     with pytest.raises(AssertionError, match="The 'result' field must be a sub message"):
         ends.spin_until(lambda: False)
     assert ends.result(ends.done(future)) == (GoalStatus.SUCCEEDED, [])
+
+
+def test_busd_comes_back(ends: Ends, daemon: Daemon) -> None:
+    may_end = Future[bool]()
+
+    async def wait(goal_handle: ServerGoalHandle) -> Any:
+        await may_end
+        return execute(goal_handle)
+
+    ends.serve(wait)
+    result = ends.send(1).get_result_async()
+    daemon.kill()
+    daemon.restart()
+    ends.spin_until(ends.client.server_is_ready)
+    may_end.set_result(True)
+    assert ends.done(result).status == GoalStatus.SUCCEEDED
 
 
 def test_what_a_handle_refuses(ends: Ends) -> None:

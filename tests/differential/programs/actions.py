@@ -60,6 +60,7 @@ server = ActionServer(
 )
 client = ActionClient(node, Fibonacci, "fibonacci")
 print(client.wait_for_server(timeout_sec=10.0), client.server_is_ready())
+print(server.get_num_entities(), client.get_num_entities())
 print(get_action_names_and_types(node))
 print(get_action_server_names_and_types_by_node(node, "actions", "/"))
 print(get_action_client_names_and_types_by_node(node, "actions", "/"))

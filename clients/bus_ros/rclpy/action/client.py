@@ -29,9 +29,12 @@ from bus_ros.rclpy.executors import await_or_execute
 from bus_ros.rclpy.node import Node
 from bus_ros.rclpy.qos import QoSProfile, qos_profile_action_status_default, qos_profile_services_default
 from bus_ros.rclpy.task import Future
+from bus_ros.rclpy.waitable import NumberOfEntities
 
 __all__ = ["ActionClient", "ClientGoalHandle", "GoalStatus"]  # noqa: F822 - made by __getattr__
 
+_GRACE_S: Final = 0.5
+"""So long after a goal has ended its result may take; then it was lost with busd, and is asked for again."""
 _LEFT: Final = "its server has left before it answered"
 _UNKNOWN: Final = int(State.UNKNOWN)
 
@@ -124,6 +127,7 @@ class ActionClient(ActionEntity):
         self._pending_cancel_requests: dict[int, Future[Any]] = {}
         self._pending_result_requests: dict[int, tuple[Future[Any], bytes]] = {}
         self._waiters: list[Waiter] = []  # threads in calls that wait
+        self._overdue: set[bytes] = set()  # goals that have ended, and whose results have not come
         self._ends = ClientEndpoints()
         qos = action_qos(
             goal_service_qos_profile,
@@ -150,6 +154,10 @@ class ActionClient(ActionEntity):
         with self._engine.loop:
             self._ends.feedback._on_arrival = self._ends.status._on_arrival = self.notify
             self.notify()  # for what has come before
+
+    def get_num_entities(self) -> NumberOfEntities:
+        """Of rclpy's wait sets: two subscriptions and three clients."""
+        return NumberOfEntities(num_subs=2, num_clients=3)
 
     # --- calls
 
@@ -221,15 +229,17 @@ class ActionClient(ActionEntity):
 
     def _get_result_async(self, goal_handle: ClientGoalHandle) -> Future[Any]:
         _check_handle(goal_handle)
-        request = self._support.get_result.Request(goal_id=goal_handle.goal_id)
         future: Future[Any] = Future(executor=self.node.own_executor)
         with self._engine.loop:
-            if self._is_served(self._ends.result, future):
-                number = self._send(self._ends.result, request)
-                self._pending_result_requests[number] = future, bytes(goal_handle.goal_id.uuid)
+            self._ask_for_result(future, bytes(goal_handle.goal_id.uuid))
         return future
 
     # --- inside, under the guard
+
+    def _ask_for_result(self, future: Future[Any], key: bytes) -> None:
+        if self._is_served(self._ends.result, future):
+            request = self._support.get_result.Request(goal_id=self._support.goal_id(key))
+            self._pending_result_requests[self._send(self._ends.result, request)] = future, key
 
     def _send(self, end: Any, request: Any) -> int:
         if self.is_destroyed:
@@ -317,6 +327,8 @@ class ActionClient(ActionEntity):
     def _apply_status(self, message: Any) -> None:
         for one in message.status_list:
             key = bytes(one.goal_info.goal_id.uuid)
+            if State(one.status).is_end:
+                self._look_later(key)
             reference = self._goal_handles.get(key)
             if reference is None:
                 continue
@@ -327,6 +339,22 @@ class ActionClient(ActionEntity):
                 del self._goal_handles[key]
 
     # --- inside, without the guard
+
+    def _look_later(self, key: bytes) -> None:
+        with self._engine.loop:
+            if any(key == other for _, other in self._pending_result_requests.values()):
+                if not self._overdue:
+                    self._engine.loop.call_later(_GRACE_S, self._ask_again)
+                    self._engine.settle()
+                self._overdue.add(key)
+
+    def _ask_again(self) -> None:
+        """For results that did not come: by the socket, busd may have died with question or answer."""
+        overdue, self._overdue = self._overdue, set()
+        for number, (future, key) in tuple(self._pending_result_requests.items()):
+            if not self.is_destroyed and key in overdue and self._ends.result.forget(number):
+                del self._pending_result_requests[number]
+                self._ask_for_result(future, key)
 
     def _wait(self, future: Future[Any]) -> Any:
         """Until the future is done, whoever spins. Raises what it has as its exception."""

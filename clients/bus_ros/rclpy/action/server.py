@@ -33,6 +33,7 @@ from bus_ros.rclpy.node import Node
 from bus_ros.rclpy.qos import QoSProfile, qos_profile_action_status_default, qos_profile_services_default
 from bus_ros.rclpy.service import MOST_WAITING
 from bus_ros.rclpy.task import Future
+from bus_ros.rclpy.waitable import NumberOfEntities
 
 __all__ = [
     "ActionServer",
@@ -220,6 +221,10 @@ class ActionServer(ActionEntity):
     def action_type(self) -> Any:
         """The class with Goal, Result and Feedback."""
         return self._action_type
+
+    def get_num_entities(self) -> NumberOfEntities:
+        """Of rclpy's wait sets: three services and a timer."""
+        return NumberOfEntities(num_services=3, num_timers=1)
 
     # --- callbacks; None puts back the default
 
