@@ -68,7 +68,7 @@ class Recorder(LifecycleNode):
 
 def recorder(*verbs):
     """One that has made these transitions."""
-    node = Recorder("recorder", enable_communication_interface=False)
+    node = Recorder("recorder", enable_communication_interface=False, start_parameter_services=False)
     for verb in verbs:
         getattr(node, f"trigger_{verb}")()
     return node
