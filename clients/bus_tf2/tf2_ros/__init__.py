@@ -3,6 +3,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from bus_tf2.messages import message_type
 from bus_tf2.tf2_py import (
     BufferCore,
     ConnectivityException,
@@ -54,8 +55,26 @@ __all__ = [
 ]
 
 
+_MESSAGES = {
+    "Header": "std_msgs",
+    "PointCloud2": "sensor_msgs",
+    "PointStamped": "geometry_msgs",
+    "PoseStamped": "geometry_msgs",
+    "PoseWithCovarianceStamped": "geometry_msgs",
+    "TFMessage": "tf2_msgs",
+    "TransformStamped": "geometry_msgs",
+    "Vector3Stamped": "geometry_msgs",
+}
+_OF_RCLPY = {"Duration": "duration", "Future": "task", "Node": "node", "QoSProfile": "qos", "Time": "time"}
+
+
 def __getattr__(name: str) -> Any:
-    """Few programs need actions, which take time to import."""
+    """BufferClient, for few programs need actions; and what programs take from here that is not tf2's: in ROS
+    2 it is there because tf2_ros has imported it."""
     if name == "BufferClient":
         return import_module("bus_tf2.tf2_ros.buffer_client").BufferClient
+    if name in _MESSAGES:
+        return message_type(f"{_MESSAGES[name]}/msg/{name}")
+    if name in _OF_RCLPY:
+        return getattr(import_module(f"bus_ros.rclpy.{_OF_RCLPY[name]}"), name)
     raise AttributeError(f"module 'tf2_ros' has no attribute {name!r}")

@@ -4,6 +4,11 @@ import re
 from importlib import import_module
 from pathlib import Path
 
+import pytest
+
+from bus_ros.rclpy.duration import Duration
+from bus_tf2 import tf2_ros
+from bus_tf2.messages import message_type
 from rows import for_each
 
 TEXT = (Path(__file__).parents[3] / "docs" / "tf2.md").read_text()
@@ -21,6 +26,15 @@ def test_a_module(name: str, cell: str) -> None:
     if name == "tf_transformations":
         public |= set(import_module("bus_tf2.tf_transformations.matrices").__all__)
     assert public - {"__getattr__", "as_list"} == listed
+
+
+def test_what_programs_take_from_it_that_is_not_its_own() -> None:
+    """In ROS 2 it is there because tf2_ros has imported it."""
+    assert tf2_ros.Duration is Duration
+    assert tf2_ros.TransformStamped is message_type("geometry_msgs/msg/TransformStamped")
+    assert tf2_ros.TFMessage is message_type("tf2_msgs/msg/TFMessage")
+    with pytest.raises(AttributeError, match=r"^module 'tf2_ros' has no attribute 'Nothing'$"):
+        _ = tf2_ros.Nothing
 
 
 def test_every_module() -> None:
