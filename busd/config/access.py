@@ -56,7 +56,7 @@ class AccessTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """Of earlier versions; between users everything goes by socket."""
 
     def rule(self, key: str) -> AccessRule:
-        """Raises ConfigurationError, naming the `key` and what is wrong, also for a name that nobody has."""
+        """Raises ConfigurationError, naming the `key` and what is wrong, also for an unknown name."""
         users, groups = _listed(self.users), _listed(self.groups)
         if bool(users) == bool(groups):
             raise ConfigurationError(f"{key}: expected either users or groups, with one entry at least")

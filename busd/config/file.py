@@ -39,7 +39,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     topics: tuple[TopicRule, ...] = ()
     """Caps by topic name."""
     socket: SocketTable = SocketTable()
-    """Who can reach the socket at all."""
+    """The users that can reach the socket at all."""
     access: tuple[AccessRule, ...] = ()
     """What users other than the daemon's own and root may do; the first that matches decides."""
 

@@ -1,7 +1,7 @@
 """Subscriptions whose process was lost: what was to come to them by socket is kept, in case they are back.
 
 A process that loses its connection comes back when it can. What it has missed of publishers that are there
-then follows from their sequence numbers. Of publishers that have left meanwhile nobody else knows: so busd
+then follows from their sequence numbers. Of publishers that have left meanwhile only busd knows: so busd
 keeps here, by the gid of the subscription and for its user alone, from which number on each publisher's
 samples were for it, and what the last number was. Owns these accounts and their bounds; routes nothing and
 matches nothing.

@@ -101,7 +101,7 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     handshake_s: _Seconds = 5.0
     """Seconds in which a new connection must have said Hello."""
     lease_s: _Seconds = 10.0
-    """Seconds of silence after which nobody waits for a process any more."""
+    """Seconds of silence after which nothing waits for a process any more."""
     drain_s: _Seconds = 1.0
     """Seconds that busd, when it ends, gives processes to take what waits for them."""
 

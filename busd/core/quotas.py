@@ -224,7 +224,7 @@ class Quotas:
                 holder.declarations.take(now_ns, matches // _FEW)
 
     def take_descriptors(self, peer: Peer, descriptors: tuple[object, ...]) -> None:
-        """Count `descriptors` for as long as anybody holds them.
+        """Count `descriptors` for as long as anything holds them.
 
         Raises QuotaExceeded where there is no room for them; then they are not counted.
         """

@@ -83,7 +83,7 @@ class Routes:
         if match is not None and match.state is MatchState.LEAVING:
             match.on(MatchEvent.LEAVE)
             publisher = match.publisher
-            # Received through the ring already: not sent again, and nobody waits for them.
+            # Received through the ring already: not sent again, and not waited for.
             subscription.remember(publisher, message.seq)
             release(match, message.seq, out.append)
             told = m.Rerouted(

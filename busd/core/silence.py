@@ -52,9 +52,8 @@ class Silences:
         silent_ns = now_ns - peer.last_heard_ns
         peer.is_silent = False
         self.watch(now_ns, peer)
-        text = (
-            f"{peer.describe()} is heard again, after {silent_ns / 1e9:.1f} s: who waits for it does so again"
-        )
+        text = f"{peer.describe()} is heard again, after {silent_ns / 1e9:.1f} s: "
+        text += "what waits for it does so again"
         self._emit(Note(logging.INFO, text))
         self._rounds.begin(now_ns, (peer, silent_ns), _lossless_matches(peer))
 
@@ -85,7 +84,7 @@ class Silences:
         peer.is_silent = True
         text = (
             f"no sign of life from {peer.describe()} for {silent_ns / 1e9:.1f} s: "
-            "it keeps its place, and who waits for it goes on without it"
+            "it keeps its place, and what waits for it goes on without it"
         )
         self._emit(Note(logging.WARNING, text))
         self._rounds.begin(now_ns, (peer, silent_ns), _lossless_matches(peer))

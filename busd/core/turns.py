@@ -57,7 +57,7 @@ class Turns(Generic[Job]):
         self._waiting: set[Job] = set()
 
     def party(self, name: Hashable) -> Party[Job]:
-        """The party of that name; it is known as long as somebody holds it."""
+        """The party of that name; it is known as long as something holds it."""
         party = self._parties.get(name)
         if party is None:
             party = self._parties[name] = Party()

@@ -1,6 +1,6 @@
 """The daemon's log on stderr: as text or JSON lines, bounded whatever peers put into it.
 
-Owns how a record looks, how many there may be, and the thread that writes them. So a pipe that nobody reads,
+Owns how a record looks, how many there may be, and the thread that writes them. So a pipe that is not read,
 a stopped terminal or a slow disk holds up that thread and never the daemon. Must not know what is logged,
 nor when.
 """
@@ -65,7 +65,7 @@ class _Lines(logging.Handler):
     """Gives lines to a thread, which calls `write` for each; and bounds them.
 
     Peers can cause short printable lines only, and not too many in a second. Errors always come through, and
-    so do debug lines, which somebody has asked for; but no more lines wait than there is room for. What is
+    so do debug lines, which were asked for; but no more lines wait than there is room for. What is
     left out is counted, and so is what `write` raises OSError for.
     """
 
@@ -140,7 +140,7 @@ class _Lines(logging.Handler):
             try:
                 self._write(line)
                 lost = 0
-            except OSError:  # nobody reads any more, or the disk is full
+            except OSError:  # the pipe's reader has gone, or the disk is full
                 lost = number
             with self._changed:
                 self._is_writing = False

@@ -1,1 +1,1 @@
-"""The socket and those who connect to it: let in, served in turns, sent off."""
+"""The socket and its connections: let in, served in turns, sent off."""

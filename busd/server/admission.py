@@ -98,7 +98,7 @@ class _Newcomer:
 
 
 class Admission:
-    """Lets in who connects to `listening` until `close`, which leaves that open."""
+    """Lets in connections to `listening` until `close`, which leaves that open."""
 
     def __init__(self, listening: socket.socket, host: AdmissionHost) -> None:
         self._listening = listening
@@ -294,7 +294,7 @@ class Admission:
             newcomer.number = -1
             self._anteroom.leave(newcomer)
 
-    # --- those who are turned away
+    # --- connections that are turned away
 
     def _give_up(self, newcomer: _Newcomer, reason: str, *, for_want_of_room: bool = False) -> None:
         """It has sent something else than a Hello, or none in time, or there is no place for it."""

@@ -50,7 +50,7 @@ class AlreadyRunning(ConfigurationError):
 
 
 class SocketRights(Protocol):
-    """Who can reach the socket beside this user."""
+    """The users that can reach the socket beside this one."""
 
     @property
     def mode(self) -> int:
@@ -90,7 +90,7 @@ class Listener:
             self._lock = None
 
     def let_in(self, rights: SocketRights | None) -> None:
-        """Set the socket's mode and group, where it is ours to set; those who are connected stay.
+        """Set the socket's mode and group, where it is ours to set; connections that are there stay.
 
         Raises ConfigurationError where that is not permitted.
         """
@@ -205,7 +205,7 @@ def _bind(path: Path, rights: SocketRights | None) -> socket.socket:
         _remove_stale(path)
         listening.bind(os.fspath(path))
         try:
-            _let_in(path, rights)  # before listen(), so that nobody could connect in between
+            _let_in(path, rights)  # before listen(), so that no process could connect in between
         except BaseException:
             path.unlink()
             raise
@@ -301,7 +301,7 @@ class _Lock:
         os.close(self._fd)
 
     def _try(self, path: Path) -> int | None:
-        # O_NONBLOCK: a pipe that somebody put there must not hang us before we have looked at it.
+        # O_NONBLOCK: a pipe that stands there must not hang us before we have looked at it.
         flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
         fd = os.open(self._path, flags, 0o600)
         is_ours = False

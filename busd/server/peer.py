@@ -200,7 +200,7 @@ class PeerConnection:
         if self._choke is None:
             return
         is_drained = self.account.used <= self.account.limit // (2 * _CHOKED_PART)
-        if is_drained or self.stream.is_unheard:  # it has gone, and nobody waits for it any more
+        if is_drained or self.stream.is_unheard:  # it has gone, and nothing waits for it any more
             self._choke.cancel()
             self._choke, self.is_choked = None, False
             self.stream.release()

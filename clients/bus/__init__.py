@@ -213,7 +213,7 @@ def _import(module: str) -> ModuleType:
     try:
         return import_module(module)
     finally:
-        if not gc.get_freeze_count():  # else somebody has frozen something, which is to stay so
+        if not gc.get_freeze_count():  # else the program has frozen something, which is to stay so
             gc.freeze()
-            gc.unfreeze()  # now it is among what is old, and nobody had to look at it
+            gc.unfreeze()  # now it is among what is old, and the collector did not have to look at it
         gc.enable()

@@ -40,7 +40,7 @@ class Clock:
         return self._simulated_ns if self.is_simulated else time_ns()
 
     def steady_ns(self) -> int:
-        """For spans: the machine's clock that nobody sets, or the simulation's time."""
+        """For spans: the machine's clock that is never set, or the simulation's time."""
         return self._simulated_ns if self.is_simulated else monotonic_ns()
 
     def simulate(self, is_simulated: bool) -> None:

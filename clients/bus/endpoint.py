@@ -153,7 +153,7 @@ class Endpoint(Generic[M]):
                 self._end(ConnectionClosed(f"this {what} is closed"))
 
     def _end(self, reason: BusError) -> None:
-        """The endpoint can't be used any more; those who wait get `reason`."""
+        """The endpoint can't be used any more; calls that wait raise `reason`."""
         self._refusal = reason.with_traceback(None)  # its frames would hold descriptors open
         if self._deadline is not None:
             self._deadline.cancel()

@@ -129,7 +129,7 @@ class Graph(msgspec.Struct, frozen=True, dict=True):
         """What sends it requests, one of each client."""
         return self.publishers_of(request_topic(service))
 
-    # Who asks for one topic mostly asks for all of them.
+    # A caller that asks for one topic mostly asks for all of them.
 
     @cached_property
     def _publishers_by_topic(self) -> dict[str, list[GraphEndpoint]]:

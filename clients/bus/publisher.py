@@ -294,7 +294,7 @@ class Publisher(Endpoint[M]):
         self._sender.declared(answer)
 
     def _disconnected(self) -> None:
-        self._id = 0  # before the matches go: who reads our ring reads on
+        self._id = 0  # before the matches go: readers of our ring read on
         super()._disconnected()
         self._sender.disconnected()
 

@@ -4,7 +4,7 @@ import os
 
 
 class Descriptor:
-    """Owns `number`. Closed by `close`, or when nobody holds the object any more."""
+    """Owns `number`. Closed by `close`, or when nothing holds the object any more."""
 
     __slots__ = ("__weakref__", "number")
 

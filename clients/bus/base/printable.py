@@ -1,6 +1,6 @@
 """Texts of other processes, made safe for a terminal and a log.
 
-A terminal obeys escape sequences, whoever wrote them; other characters reverse the order of a line, or begin
+A terminal obeys all escape sequences that come to it; other characters reverse the order of a line, or begin
 one that looks like another process's. Owns which characters these are, and what replaces them.
 """
 

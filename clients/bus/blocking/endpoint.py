@@ -103,7 +103,7 @@ class BlockingPublisher(_BlockingEndpoint, Generic[M]):
                 self._send()
         if self._loop.is_interrupted:
             self._loop.check()
-        # Somebody waits for the message: whatever else there is to do comes after it.
+        # A reader waits for the message: whatever else there is to do comes after it.
         if self._foreground.is_free():
             self._foreground.attend_often()
             if self._has_new_matches or not native._id:

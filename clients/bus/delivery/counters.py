@@ -75,7 +75,7 @@ class DropCounters:
 
     @property
     def dropped(self) -> dict[str, int]:
-        """All that was lost, by reason, whoever counted it."""
+        """All that was lost, by reason, as busd and this process counted it."""
         return _sum(self.dropped_here, self._reported)
 
     @property

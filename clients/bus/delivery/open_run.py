@@ -1,6 +1,6 @@
 """The run that a publisher fills: in C where the native core is, else in Python.
 
-Both give the same bytes and the same answers. Must not know topics, queues, or who gets the run.
+Both give the same bytes and the same answers. Must not know topics, queues, or where the run goes.
 """
 
 from collections.abc import Callable

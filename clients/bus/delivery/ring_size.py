@@ -1,6 +1,6 @@
 """How large a publisher's rings are: the first one, when a larger one is wanted, and how large that is.
 
-Knows a ring by its writer's counters. Must not know how rings are made, nor who reads them.
+Knows a ring by its writer's counters. Must not know how rings are made, nor their readers.
 """
 
 from collections.abc import Callable

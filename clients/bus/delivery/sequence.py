@@ -1,7 +1,7 @@
 """The publishers of one subscription, and what the numbers of their samples tell.
 
 Owns the last number received from each, by whatever route: so no sample is received twice, and a missing one
-is noticed, whoever lost it. Must not know what is done with samples, nor who counts why they were lost.
+is noticed, wherever it was lost. Must not know what is done with samples, nor the reasons of losses.
 """
 
 from collections import deque
@@ -174,7 +174,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
 
     @property
     def missing(self) -> int:
-        """Numbers missing in what the present broker sent, whoever lost them."""
+        """Numbers missing in what the present broker sent, wherever they were lost."""
         return self._skipped + self._rerouted
 
     def lapped(self, reported: int) -> int:

@@ -118,7 +118,7 @@ class ShmReceiver:
             feed.on(FeedEvent.FINISH)
             self.reader.finish(feed.proxy)
             self.sweep()
-            self._shm_context.look_soon()  # a last time: perhaps nobody was rung for what is there
+            self._shm_context.look_soon()  # a last time: perhaps the publisher has not rung for what is there
 
     def conclude(self, gid: bytes, last_seq: int) -> int | None:
         """The publisher has gone while the broker was lost, with this number.

@@ -1,4 +1,4 @@
-"""The way of a publisher's samples through shared memory: its ring, how that grows, and who reads it.
+"""The way of a publisher's samples through shared memory: its ring, how that grows, and its readers.
 
 Decides what the ring leaves open: when to grow, when to give up depth, which readers to wait for. A sample is
 written once, however many read it. On the event loop's thread only.
@@ -213,7 +213,7 @@ class ShmSender:
         self._shm_context.wait_for_room(self, look)
         return True
 
-    # --- who reads
+    # --- readers
 
     @property
     def expected(self) -> int:

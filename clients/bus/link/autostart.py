@@ -111,7 +111,7 @@ async def _start(path: "Path", log: "_Log", options: Sequence[str]) -> int | Non
             }
             try:
                 done, _ = await asyncio.wait(waits, timeout=_START_S, return_when=asyncio.FIRST_COMPLETED)
-            finally:  # nobody may read from the descriptors any more when they are closed
+            finally:  # no thread may read from the descriptors any more when they are closed
                 for task in waits:
                     task.cancel()
                 await asyncio.gather(*waits, return_exceptions=True)

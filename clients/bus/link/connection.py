@@ -292,7 +292,7 @@ class Connection:
         else:
             least, most = f"{(now_ns - self._due_ns) / 1e9:.0f}", f"{most_s:.0f}"
             time = f"{most} s" if least == most else f"{least} to {most} s"
-        _log.warning(f"this program's event loop stood still for {time}: who waited for it has gone on")
+        _log.warning(f"this program's event loop stood still for {time}: what waited for it has gone on")
 
     def close(self) -> None:
         """Send what the socket still takes, and end."""
@@ -329,7 +329,7 @@ class Connection:
         for waiting in waits:
             if not waiting.done():
                 waiting.set_exception(reason)
-        # Perhaps nobody waits any more: asyncio must not report the error as one that was never retrieved.
+        # Perhaps no call waits any more: asyncio must not report the error as one that was never retrieved.
         for waiting in waits:
             if not waiting.cancelled():
                 waiting.exception()

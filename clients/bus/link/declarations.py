@@ -109,7 +109,7 @@ def lease_s(endpoint: LinkEndpoint) -> float | None:
 
 
 class _Admission(msgspec.Struct):
-    """When the answer to the declaration of `what` comes: `act`, or `undo` if nobody waits for it any
+    """When the answer to the declaration of `what` comes: `act`, or `undo` if no call waits for it any
     more."""
 
     what: Declared
@@ -285,7 +285,7 @@ class Declarations:
             _log.info(f"busd has room for the {name} again")
 
     def _revoke(self, what: Declared) -> None:
-        """Nobody waits for the answer to its declaration any more: undo what the broker makes."""
+        """The call that waited for the answer to its declaration is gone: undo what the broker makes."""
         for admission in self._admissions.values():
             if admission.what is what:
                 admission.act = admission.undo

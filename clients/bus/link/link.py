@@ -75,7 +75,7 @@ class Link:
         self._drains = Waiters(self.loop)
         self._observers: list[Callable[[], None]] = []
         self.graph_mirror: GraphMirror
-        """While somebody observes the graph."""
+        """While the graph is observed here."""
         self._mirroring: asyncio.Task[None] | None = None
         Link._links.add(self)
 
@@ -365,7 +365,7 @@ class Link:
         return is_done
 
     def _deliver(self, endpoints: Collection[LinkEndpoint]) -> None:
-        """Something has come for these. Callbacks go first: somebody waits for them."""
+        """Something has come for these. Callbacks go first: for them the delay counts."""
         left = iter(endpoints)
         for endpoint in left:
             try:

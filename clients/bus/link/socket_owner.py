@@ -37,7 +37,7 @@ def check_server(sock: socket.socket, path: str | os.PathLike[str]) -> None:
     if is_default_folder(Path(path).parent):
         raise BrokerUnavailable(
             f"{path} is served by user {uid}, who should not be there; nothing was sent "
-            "(where you mean to use his busd, set BUSD_SOCKET)"
+            "(to use the busd of that user, set BUSD_SOCKET)"
         )
 
 

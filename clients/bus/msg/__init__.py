@@ -1,7 +1,7 @@
 """ROS 2's ready-made message classes, one module a package: `from bus.msg.std_msgs import String`.
 
 Owns: the base class, the primitive types (to write your own messages with) and the list of packages. The
-module of a package is imported only when somebody asks for it. Must not know: topics, schemas, the wire.
+module of a package is imported only when it is asked for. Must not know: topics, schemas, the wire.
 
     from bus.msg import Message, float64, uint8
 

@@ -391,7 +391,7 @@ class Node(ParameterHost):
         *,
         on_response: Callable[[int, Any], object] | None = None,
     ) -> ServiceClient:
-        """A client of the service `name`; on return it knows who serves it already.
+        """A client of the service `name`; on return it knows the servers that are there.
 
         By default `qos` is keep last 1000. For `on_response` see `ServiceClient`. Raises as
         `create_publisher`. Cancellation: not created.

@@ -35,7 +35,7 @@ class Rosout:
         self._declaring = link.loop.create_task(self._declare(declare), name="declare /rosout")
         if link.guarded_loop is None:
             await asyncio.sleep(0)  # now the declaration has left
-        else:  # such a loop stands still while nobody waits: the log would, too
+        else:  # such a loop stands still while no call waits: the log would, too
             await asyncio.wait([self._declaring])
 
     def close(self) -> None:

@@ -121,7 +121,7 @@ class ServedParameters:
         if self._starting is starting:
             self._starting = None
         if not starting.cancelled():
-            starting.exception()  # mark the error as seen: perhaps nobody waits any more
+            starting.exception()  # mark the error as seen: perhaps no call waits any more
 
     async def _start(self) -> None:
         from bus.parameters.server import EVENTS_TOPIC, ParameterServer, event_class

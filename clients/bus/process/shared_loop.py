@@ -173,7 +173,7 @@ class GuardedLoop(asyncio.SelectorEventLoop):
     ) -> Any:
         """As `run_forever`, until `stop`, until `until.is_set`, or `deadline_ns` on the monotonic clock.
 
-        With less around each turn, because somebody waits for what it brings: readers of descriptors are
+        With less around each turn, because a call waits for what it brings: readers of descriptors are
         called first, and without a context. Before that, where there are events, `look` may find what is
         waited for: then this returns it at once, and the next run handles the events.
         """

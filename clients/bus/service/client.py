@@ -49,7 +49,7 @@ class ServiceClientStatistics(msgspec.Struct, frozen=True):
     errors: int
     """Of these, the ones that only name an error."""
     late: int
-    """Answers that nobody waited for: to calls that were cancelled, or answered by another server."""
+    """Answers that no call waited for: to calls that were cancelled, or answered by another server."""
     pending: int
     """Calls that wait now."""
     servers: int

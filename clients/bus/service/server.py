@@ -192,7 +192,7 @@ class _Work:
         self.on_request: Callable[[Any, RequestId], Any] = self._start if is_async(callback) else self._call
 
     def end(self) -> None:
-        """Nobody would hear the answers."""
+        """No client would hear the answers."""
         if self._tasks:
             for task in self._tasks - {asyncio.current_task()}:
                 task.cancel()

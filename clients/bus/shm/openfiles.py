@@ -78,5 +78,5 @@ def _raised(soft: int, hard: int) -> Iterator[None]:
     try:
         yield
     finally:
-        if resource.getrlimit(resource.RLIMIT_NOFILE) == (hard, hard):  # nobody else has set it meanwhile
+        if resource.getrlimit(resource.RLIMIT_NOFILE) == (hard, hard):  # no other thread has set it meanwhile
             resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))

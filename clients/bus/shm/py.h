@@ -97,7 +97,7 @@ typedef struct {
     PyObject_HEAD
     struct ring_writer ring;
     Mapping *memory;
-    struct home home; /* nobody's once it is closed */
+    struct home home; /* of no thread once it is closed */
     unsigned forks;
     bool is_closed;
     char is_report_due;

@@ -1,4 +1,4 @@
-/* A Writer's gates: who reads its ring, and the bells that are rung for them. */
+/* A Writer's gates: the readers of its ring, and the bells that are rung for them. */
 #include "py.h"
 
 #include <string.h>

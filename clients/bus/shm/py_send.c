@@ -17,7 +17,7 @@ typedef struct {
     PyObject *publish;   /* the quick way, at present: as Writer.publish; NULL: none */
     PyObject *slow;      /* async, of a message */
     PyObject *go_on;     /* of a message and what `publish` gave, where that was neither True nor False */
-    PyObject *forgotten; /* of a message that nobody awaits */
+    PyObject *forgotten; /* of a message that is never awaited */
     PyTypeObject *sending;
     unsigned in_turn;
     uint64_t turn_ns; /* when the last turn ended that was given */

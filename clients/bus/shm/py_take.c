@@ -395,7 +395,7 @@ static bool sleep_by(Readers *self, int epoll, uint64_t until_ns, bool *is_rung)
     Py_END_ALLOW_THREADS
     *is_rung = false;
     if (got < 0 && errno == EINTR)
-        PyErr_CheckSignals(); /* a handler may have run the loop: whoever called looks at all of it again */
+        PyErr_CheckSignals(); /* a handler may have run the loop: the caller looks at all of it again */
     for (int i = 0; i < got; i++)
         *is_rung = *is_rung || events[i].data.fd == self->doorbell;
     if (*is_rung) {

@@ -158,7 +158,7 @@ def parse_action(text: str, name: str) -> Action:
 
 
 def event_of(service: Service) -> Message:
-    """The message that tells of a request or an answer, where somebody asks for that."""
+    """The message that tells of a request or an answer, where introspection is on."""
     parts = (
         (field, Type(f"{service.name}_{field.capitalize()}", None, "bounded", 1)) for field in _EVENT[1:]
     )

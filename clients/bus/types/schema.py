@@ -148,7 +148,7 @@ class _Describer:
         elif isinstance(factory, type) or (isinstance(factory, partial) and factory.func in _PURE):
             self._set_default(field, factory)
         else:
-            field.required = True  # a factory may give anything, so nobody else can know the value
+            field.required = True  # a factory may give anything, so no other process can know the value
         return field
 
     def _set_default(self, field: Field, factory: Callable[[], object]) -> None:

@@ -1,4 +1,4 @@
-"""The form of a schema: its parts, the names of types, and the value that a field has when nobody set it.
+"""The form of a schema: its parts, the names of types, and the value of a field that was not set.
 
 Owns: what a schema may hold; `bus.types.schema` says what it means. Must not know: how one is made or used.
 """
@@ -88,7 +88,7 @@ def is_type_name(name: str) -> bool:
 
 
 def zero(node: Node, classes: Mapping[str, type[Struct]]) -> Any:
-    """The value a field of this type has when nobody set it, as ROS 2 has it."""
+    """The value of a field of this type that was not set, as ROS 2 has it."""
     if isinstance(node, str):
         return classes[node]() if "/" in node else _ZEROS.get(node, 0)
     kind, *rest = node

@@ -6,7 +6,7 @@ know: topics, endpoints.
 
 The type of a service's topic `_request` is `<pkg>/srv/<Name>_Request`, that of `_reply`
 `<pkg>/srv/<Name>_Response`. In both, the name of the message within ends in a digest of both definitions:
-where one differs, neither topic matches, and no call is sent that nobody could answer.
+where one differs, neither topic matches, and no call is sent that no server could answer.
 """
 
 from collections.abc import Callable

@@ -76,7 +76,7 @@ class FrameReader:
         self._charge(held)
 
     def close(self) -> None:
-        """Nothing more will come: free the memory now, even if somebody still holds the reader."""
+        """Nothing more will come: free the memory now, even if something still holds the reader."""
         self._forget_large()
         self._buffer = bytearray()
         self._view = memoryview(self._buffer)

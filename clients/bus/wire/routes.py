@@ -1,4 +1,4 @@
-"""The control messages about routes: what a process shares, who reads whose ring, and the way back.
+"""The control messages about routes: what a process shares, which ring is read where, and the way back.
 
 Part of `bus.wire.messages`, which says what holds for all.
 """

@@ -2,7 +2,7 @@
 
 A `Run` is what a data frame carries. A `RunQueue` holds the runs that wait at one of three places: at a
 publisher (to be handed over), in the broker (to be sent to one subscription) and in a subscription (to be
-taken). It counts samples, not runs, and drops the oldest first; whoever calls learns how many went.
+taken). It counts samples, not runs, and drops the oldest first; the caller learns how many went.
 
 Cost: pushing and popping a run is O(1) whatever the number of samples in it; trimming walks the samples that
 it drops. Knows no I/O and no clock.

@@ -176,7 +176,7 @@ class TestStandstill:
             stand_still(13)
             await node.graph()
             await asyncio.sleep(1000)
-            assert self.SAID + "13 s: who waited for it has gone on" in caplog.text
+            assert self.SAID + "13 s: what waited for it has gone on" in caplog.text
             assert caplog.text.count(self.SAID) == 2, "each of the two that are in this loop, once"
             caplog.clear()
             await asyncio.sleep(1)
