@@ -26,6 +26,9 @@ class Group(Protocol):
 class Line(Protocol):
     """An executor as its entities see it."""
 
+    last_handed: Any
+    lone: Any
+
     @property
     def ready(self) -> deque[Any]: ...
     @property

@@ -169,3 +169,52 @@ def test_an_interrupt_keeps_what_was_handed_over(
                 assert len(heard) == before
     assert heard == list(range(COUNT))
     assert (interrupts > 0) == (route == "shm")
+
+
+@pytest.mark.parametrize("route", ["shm"], indirect=True)
+def test_one_that_waits_for_messages_alone_is_given_up(world: World, handed: list[int]) -> None:
+    """Whatever else comes meanwhile ends the wait: another topic, a task, another executor, the end."""
+    heard: list[int] = []
+    node, other = world.node(), world.node("other")
+    subscription = node.create_subscription(Int64, "t", lambda message: heard.append(message.data), 10)
+    node.create_subscription(Int64, "u", lambda message: heard.append(message.data), 10)
+    lone, second = (other.create_publisher(Int64, topic, 10) for topic in "tu")
+    with world.spinning(node) as executor:
+        publish_singly(lone, range(10), heard, executor)
+        assert executor.lone is subscription
+        second.publish(Int64(data=10))
+        wait_until(lambda: len(heard) > 10)
+        publish_singly(lone, range(11, 20), heard, executor)
+        executor.create_task(heard.append, 20)
+        wait_until(lambda: len(heard) > 20)
+        publish_singly(lone, range(21, 30), heard, executor)
+        with world.spinning(node):
+            for number in range(30, 40):
+                lone.publish(Int64(data=number))
+                wait_until(lambda number=number: len(heard) > number)
+    assert heard == list(range(40))
+    assert len(set(handed)) == len(handed)
+
+
+@pytest.mark.parametrize("route", ["shm"], indirect=True)
+def test_executors_that_pass_a_node_to_and_fro_keep_the_order(world: World) -> None:
+    """One may just have taken a message, waiting for it alone, when the other works for the node."""
+    heard: list[int] = []
+    node, other = world.node(), world.node("other")
+    node.create_subscription(Int64, "t", lambda message: heard.append(message.data), 10_000)
+    publisher = other.create_publisher(Int64, "t", 10_000)
+    with world.spinning(node) as first, world.spinning() as second:
+
+        def publish() -> None:
+            for number in range(2000):
+                publisher.publish(Int64(data=number))
+                if number % 7 == 0:
+                    wait_until(lambda number=number: len(heard) > number)
+
+        with in_thread(publish):
+            while len(heard) < 2000:
+                for executor in (second, first):
+                    executor.add_node(node)
+                    goal = min(len(heard) + 3, 2000)
+                    wait_until(lambda goal=goal: len(heard) >= goal)
+    assert heard == list(range(2000))

@@ -125,6 +125,11 @@ class Receiver(Generic[M]):
     def has_more(self) -> bool:
         return bool(self.ahead or self._queue.runs or (self.reader is not None and self.reader.waiting()))
 
+    @property
+    def has_rejected(self) -> bool:
+        """Whether the reader took something that did not decode, which `take` is to report."""
+        return self.reader is not None and self.reader.undecodable != self._rejected
+
     def count_replaced(self) -> None:
         """Apply the depth to the rings now, as `take` would later, so that the counters are right."""
         if self.reader is not None:

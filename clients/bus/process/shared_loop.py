@@ -236,6 +236,22 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         finally:
             self.is_waiting = False
 
+    def wait_between(self, sleep: Callable[[int, int, float], Any], deadline_ns: int = 0) -> Any:
+        """Under the guard, which other threads may take meanwhile, and where nothing runs it: as `wait`."""
+        if self.deferred:
+            self._call_deferred()
+        if self._ready or self._stopping or self._contenders:
+            return None
+        scheduled = self._scheduled
+        due_s = scheduled[0]._when if scheduled else 0.0
+        self.is_waiting = True  # first: a thread that takes the guard from now on wakes it
+        self.guard.release()
+        try:
+            return sleep(self._epoll_number, deadline_ns, due_s)
+        finally:
+            self.guard.acquire()
+            self.is_waiting = False
+
     def forget_stop(self) -> None:
         """A `stop` that came while it did not run must not end the next run."""
         self._stopping = False
@@ -270,6 +286,16 @@ class GuardedLoop(asyncio.SelectorEventLoop):
         """In asyncio's debug mode: any thread may, with the guard."""
 
     # --- inside
+
+    def _call_deferred(self) -> None:
+        """What `run` begins with."""
+        asyncio._set_running_loop(self)
+        try:
+            while self.deferred:
+                callback, args = self.deferred.popleft()
+                callback(*args)
+        finally:
+            asyncio._set_running_loop(None)
 
     def _call_ready(self) -> None:
         """Timers that are due, and what was asked for before."""
@@ -318,6 +344,9 @@ def _hear(descriptor: int, *, instead_of: int) -> None:
         signal.set_wakeup_fd(before)
 
 
-_ABOUT_TO_TAKE = {GuardedLoop.acquire.__code__, GuardedLoop.run.__code__, GuardedLoop._poll.__code__}
+_ABOUT_TO_TAKE = {
+    method.__code__
+    for method in (GuardedLoop.acquire, GuardedLoop.run, GuardedLoop._poll, GuardedLoop.wait_between)
+}
 """Code in which the guard is about to be taken, and `check` follows when it is given away. Anywhere else
 outside the guard an interrupt must not wait: perhaps nothing checks."""

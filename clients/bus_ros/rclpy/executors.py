@@ -16,6 +16,7 @@ from typing import Any, Protocol, TypeAlias
 from bus_ros.engine import Waiter, deadline_after, engine
 from bus_ros.entity import Entity, Owner, Work
 from bus_ros.rclpy.context import Context, get_default_context
+from bus_ros.rclpy.subscription import Subscription
 from bus_ros.rclpy.task import UNFINISHED, Future, Step, Task
 from bus_ros.rclpy.timer import NEVER_NS, Timer
 
@@ -84,6 +85,8 @@ class Executor:
         self.waiter = Waiter(self._engine)
         self._nodes: list[_Node] = []
         self.ready: deque[Ready] = deque()
+        self.last_handed: Subscription[Any] | None = None
+        self.lone: Subscription[Any] | None = None  # it alone had messages of late
         self._timer_ns = 0  # when a timer is due; `_next` does not look at timers before
         self._is_simulated = False  # then any message may have moved the time
         self._failures: deque[BaseException] = deque()
@@ -326,7 +329,9 @@ class Executor:
             waiter.is_set = False
             is_timed = self._timer_ns < NEVER_NS and (not deadline_ns or self._timer_ns < deadline_ns)
             end_ns = self._timer_ns if is_timed else deadline_ns
-            engine.wait(waiter, end_ns, is_eager=True, takes_at_once=not self.asks_always)
+            lone = None if engine.held or self.asks_always else self.lone
+            if lone is None or not lone.sleep(waiter, end_ns):
+                engine.wait(waiter, end_ns, is_eager=True, takes_at_once=not self.asks_always)
             if engine.loop.is_interrupted and engine.is_main():
                 return None  # KeyboardInterrupt comes where the guard ends
             is_over = deadline_ns > 0 and monotonic_ns() >= deadline_ns
