@@ -1,64 +1,106 @@
-"""The facade of rclpy beside the asyncio API, and beside ROS 2's own rclpy, in turns: latency, CPU time and
-throughput of the same work.
+"""The facade of rclpy beside the asyncio API, and beside ROS 2's own rclpy, in turns: latency, CPU time,
+memory, throughput and start of the same work, and an action beside as many messages.
 
 Both are programs of their kind: a timer publishes and a callback takes, in `rclpy.spin` or on the event loop.
-Floods are also taken by an executor of two threads, beside the executor that a program has which names none.
+The latency of single messages is measured by the schedule that all systems have, too. Floods are also taken
+by an executor of two threads, beside the executor that a program has which names none.
 """
 
+import signal
+import sys
 from collections.abc import Callable
 from functools import partial
+from time import monotonic_ns
+
+from msgspec.structs import replace
 
 from benchmarks import paced, throughput
 from benchmarks.adapters.roles import LAST
+from benchmarks.adapters.round_trips import FEEDBACKS, MESSAGES
 from benchmarks.cases import Case, Figures, interleave
-from benchmarks.figures import ratios
+from benchmarks.figures import percentiles, ratios
 from benchmarks.harness import START_S, Failure, Group
 from benchmarks.plan import Plan
 from benchmarks.report import Column, Row, Section, compare
-from benchmarks.systems import BUS, RCLPY, RCLPY_THREADS, ROS, System
+from benchmarks.startup import FIRST, compiling, measure_first_message
+from benchmarks.systems import BUS, RCLPY, RCLPY_THREADS, ROS, ROS_LARGE, System
 from benchmarks.work import Work
 
 NAME = "facade"
-_SIZE = 64
-_RATE = 2500.0
+_SIZE, _LARGE = 64, 1 << 20
+_RATE, _LARGE_RATE = 2500.0, 200.0
 _LIMIT_S = 60.0
 _RCLPY, _ASYNCIO, _THREADS = "rclpy", "asyncio", "two threads"
 _GENUINE = ROS.name
 _SYSTEMS = {_RCLPY: RCLPY, _ASYNCIO: BUS, _THREADS: RCLPY_THREADS, _GENUINE: ROS}
 _BOTH, _SAME = (_RCLPY, _ASYNCIO), (_RCLPY, _GENUINE)
-_PACED, _FLOOD, _LOSSY = f"{_RATE:,.0f}/s", "lossless", "default QoS"
+_SCHEDULED, _TIMED, _LONG = "64 B by schedule", f"{_RATE:,.0f}/s by a timer", "1 MiB by schedule"
+_FLOOD, _LOSSY, _START = "lossless", "default QoS", "start"
+_ACTION, _MESSAGES = "an action", f"{MESSAGES} native messages"
+_WITHOUT = {
+    (_SCHEDULED, _THREADS),
+    (_TIMED, _THREADS),
+    (_LONG, _THREADS),
+    (_FLOOD, _GENUINE),  # is in throughput
+    (_START, _THREADS),
+    (_START, _ASYNCIO),
+}
 _GOALS = [
     # what, which of which, figure, at most, at least
-    (_PACED, _BOTH, "p50", 1.5, None),
-    (_PACED, _BOTH, "p99", None, None),
-    (_PACED, _BOTH, "cpu", None, None),
-    (_PACED, _SAME, "p50", 1.0, None),
-    (_PACED, _SAME, "cpu", 1.0, None),
+    (_SCHEDULED, _BOTH, "p50", 1.25, None),
+    (_SCHEDULED, _BOTH, "p99", None, None),
+    (_SCHEDULED, _BOTH, "cpu", None, None),
+    (_SCHEDULED, _SAME, "p50", 1 / 3, None),
+    (_SCHEDULED, _SAME, "cpu", 1 / 3, None),
+    (_LONG, _BOTH, "p50", 1.1, None),
+    (_LONG, _SAME, "p50", 1 / 3, None),
+    (_LONG, _SAME, "cpu", 1 / 3, None),
+    (_TIMED, _BOTH, "p50", 1.25, None),
+    (_TIMED, _BOTH, "cpu", None, None),
+    (_TIMED, _SAME, "p50", 1 / 3, None),
+    (_TIMED, _SAME, "cpu", 1 / 3, None),
+    (_TIMED, _SAME, "mib_publisher", 1 / 3, None),
+    (_TIMED, _SAME, "mib_subscriber", 1 / 3, None),
     (_FLOOD, _BOTH, "per_s", None, 1 / 3),
     (_FLOOD, (_THREADS, _RCLPY), "per_s", None, 1 / 4),
     (_LOSSY, _BOTH, "per_s", None, None),
     (_LOSSY, _BOTH, "published_per_s", None, None),
     (_LOSSY, (_THREADS, _RCLPY), "per_s", None, 1 / 4),
-    (_LOSSY, _SAME, "per_s", None, 1.0),
+    (_LOSSY, _SAME, "per_s", None, 3.0),
+    (_START, _SAME, "talker_ms", 1 / 3, None),
+    (_START, _SAME, "listener_ms", 1 / 3, None),
 ]
 _COLUMNS = [
     Column("p50", "µs: p50", "lower"),
     Column("p99", "p99", "lower"),
     Column("cpu", "CPU s per 100k: all", "lower"),
     *(Column(f"cpu_{part}", part, "lower") for part in paced.PARTS),
+    *(
+        Column(f"mib_{part}", f"MiB: {part}" if not index else part, "lower")
+        for index, part in enumerate(("publisher", "subscriber"))
+    ),
     Column("per_s", "taken/s", "higher"),
     Column("published_per_s", "published/s", "higher"),
     Column("delivered", "delivered %", "higher"),
+    Column("talker_ms", "start, ms: talker", "lower"),
+    Column("listener_ms", "listener", "lower"),
 ]
 _NOTES = [
-    f"String of {_SIZE} B by shared memory, a new object each; rclpy: `rclpy.spin` in both processes, but "
-    "floods are published in a loop that does not spin; its messages are made empty and then filled",
-    f"{_PACED}: a timer publishes, and skips what it can't do in time; latency from inside its callback to "
-    "inside the subscription's",
+    f"String of {_SIZE} B, or of 1 MiB, by shared memory, a new object each; rclpy: `rclpy.spin` in both "
+    "processes, but floods, and what goes by schedule, are published in a loop that does not spin; its "
+    "messages are made empty and then filled",
+    f"by schedule: {_RATE:,.0f} messages/s of 64 B, {_LARGE_RATE:,.0f}/s of 1 MiB, as in `latency`",
+    f"{_TIMED}: a timer publishes, and skips what it can't do in time; latency from inside its callback to "
+    "inside the subscription's; MiB as in `cost`",
     f"{_FLOOD}: reliable + keep all, every run checked; {_LOSSY}: reliable, keep last 10, and the publisher "
     "does not wait, so what is not taken in time is replaced",
-    f"{_GENUINE}: the same program on ROS 2 Jazzy as shipped; rclpy: on busd, by `bus run`",
+    f"{_GENUINE}: the same program on ROS 2 Jazzy as shipped, at 1 MiB with large segments; rclpy: on busd, "
+    "by `bus run`",
     "two threads: a MultiThreadedExecutor(2) takes, and the callback's group is mutually exclusive",
+    f"{_START}: from the start of a talker's process to its message in another's hands, and from the start "
+    "of a listener's process until its subscription is there",
+    f"{_ACTION}: from a goal of Fibonacci to its result and {FEEDBACKS} feedbacks, client and server in "
+    f"processes of rclpy on busd; {_MESSAGES}: to and fro between two programs of the asyncio API",
 ]
 
 
@@ -72,34 +114,75 @@ def run(plan: Plan) -> Section:
         publish_by="timer",
         take_by="callback",
     )
+    long = replace(
+        timed, size=_LARGE, count=plan.choose(40, 500), warm_up=10, rate=_LARGE_RATE, publish_by=""
+    )
     count = plan.choose(100_000, 300_000)
     flood = Work(size=_SIZE, count=count, warm_up=count // 10, publish_by="publish", take_by="callback")
     lossy = Work(size=_SIZE, count=count, warm_up=0, publish_by=LAST, take_by="callback")
     cases = []
     for what, work, measure in (
-        (_PACED, timed, paced.measure),
+        (_SCHEDULED, replace(timed, publish_by=""), paced.measure),
+        (_LONG, long, paced.measure),
+        (_TIMED, timed, paced.measure),
         (_FLOOD, flood, throughput.measure),
         (_LOSSY, lossy, measure_lossy),
+        (_START, FIRST, measure_start),
     ):
         for name, system in _SYSTEMS.items():
-            if (what, name) in ((_PACED, _THREADS), (_FLOOD, _GENUINE)):  # the latter is in throughput
+            if (what, name) in _WITHOUT:
                 continue
             series = f"{what}, {name}"
-            measured: Callable[[], dict[str, float]] = partial(measure, system, work)
+            if what == _LONG and system is ROS:
+                system = ROS_LARGE
+            done = replace(work, gives_turns=system.gives_turns) if work.rate else work
+            measured: Callable[[], dict[str, float]] = partial(measure, system, done)
             if what == _FLOOD:
                 measured = throughput.Lasting(partial(measure, system), work, throughput.least_s(plan))
-            rounds = plan.rounds(is_essential=what != _LOSSY and system is not ROS)
-            cases.append(Case(series, measured, system.missing(), series, _SIZE, rounds))
-    outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
+            rounds = plan.rounds(is_essential=what != _LOSSY and name != _GENUINE)
+            cases.append(Case(series, measured, system.missing(), series, work.size, rounds))
+    trips = plan.choose(50, 500)
+    for series in (_ACTION, _MESSAGES):
+        measured = partial(measure_round_trips, series == _ACTION, trips)
+        cases.append(Case(series, measured, BUS.missing(), series, _SIZE))
+    with compiling():
+        outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
     comparisons = []
     for what, names, key, at_most, at_least in _GOALS:
         ours, theirs = (outcomes[f"{what}, {name}"].repetitions for name in names)
         values = ratios(ours, theirs, key)
         text = f"{what}, {' / '.join(names)}, {key}"
         comparisons += compare(text, values, at_most=at_most, at_least=at_least)
+    values = ratios(outcomes[_ACTION].repetitions, outcomes[_MESSAGES].repetitions, "p50")
+    comparisons += compare(f"{_ACTION} / {_MESSAGES}, p50", values, at_most=3.0)
     rows = [Row.of(outcomes[case.name]) for case in cases]
     title = "The facade of rclpy beside the asyncio API"
     return Section(NAME, title, _COLUMNS, rows, comparisons, _NOTES, "size in B")
+
+
+def measure_start(system: System, work: Work) -> Figures:
+    """A talker's start until its message is there, and a listener's until it listens. Raises Failure."""
+    talker = measure_first_message(system)
+    with Group() as group:
+        system.start_servers(group)
+        begin_ns = monotonic_ns()
+        system.start_role(group, "subscriber", work)
+        listener_ms = (monotonic_ns() - begin_ns) / 1e6
+    return {"talker_ms": talker["ms"], "listener_ms": listener_ms}
+
+
+def measure_round_trips(is_action: bool, count: int) -> Figures:
+    """From the first message of each round trip to the last. Raises Failure where it did not end."""
+    runner = RCLPY.runner if is_action else (sys.executable,)
+    command = (*runner, "-m", "benchmarks.adapters.round_trips", "action" if is_action else "messages")
+    with Group() as group:
+        group.start_busd()
+        for role in ("server", "client"):
+            child = group.start(role, *command, role, str(count), stop_signal=signal.SIGTERM)
+            group.expect(child, "ready", within_s=START_S)
+        child.tell("go")
+        taken = group.expect(child, "taken", within_s=_LIMIT_S)
+    return percentiles(taken["ns"], scale=1e-3)
 
 
 def measure_lossy(system: System, work: Work) -> Figures:

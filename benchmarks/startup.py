@@ -134,7 +134,7 @@ def run(plan: Plan) -> Section:
     cases.append(Case(_INSTALLED, ros.busd_installed, rounds=1))
     cases.append(Case(_ROS_INSTALLED, ros.installed, ros.missing(), rounds=1))
     repetitions = plan.repetitions
-    with _compiling():
+    with compiling():
         interleave(cases, 1)  # so that all is compiled
         outcomes = interleave(cases, repetitions, lambda text: plan.tell(f"startup {text}"))
     comparisons = reached(NAME, outcomes)
@@ -165,7 +165,7 @@ def run(plan: Plan) -> Section:
 
 
 @contextmanager
-def _compiling() -> Iterator[None]:
+def compiling() -> Iterator[None]:
     """Have the programs keep what they compile, in a folder of their own, whatever the environment says."""
     names = ("PYTHONDONTWRITEBYTECODE", "PYTHONPYCACHEPREFIX")
     before = {name: os.environ.pop(name) for name in names if name in os.environ}

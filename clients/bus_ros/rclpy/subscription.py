@@ -76,7 +76,7 @@ class Subscription(Entity, Destroyable, Generic[M]):
         self._handed_to: Line | None = None  # the executor that may be handed a message as it comes
         self._wait: Any = None
         self._is_waited_for = False  # a thread is in `sleep`, and takes what comes: the order stays
-        self._is_quiet = native._events.message_lost is None  # else each message is looked at for losses
+        self._is_quiet = False  # nobody wants to hear of losses, for which each message would be looked at
         with engine.loop:
             native._on_arrival = self._look
 
@@ -257,6 +257,7 @@ class Subscription(Entity, Destroyable, Generic[M]):
                 self._handed_to = executor
                 self._receiver.call_back(self._hand, _raise, executor.ready, executor.waiter.shut)
                 self._wait = self._receiver.quick_wait(with_info=False)
+                self._is_quiet = self.native._events.message_lost is None
         self.notify()
 
     def _hand(self, message: M) -> None:

@@ -116,13 +116,16 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Work]]:
     ) -> Figures:
         done.append((system.name, work))
         keys = ("p50", "p99", "cpu", "per_s", "bytes_per_s", "published_per_s", "delivered", "seconds")
-        return dict.fromkeys(keys, 2.0)
+        more = ("mib_publisher", "mib_subscriber", "talker_ms", "listener_ms")
+        return dict.fromkeys((*keys, *more), 2.0)
 
     monkeypatch.setattr(System, "missing", str)
     monkeypatch.setattr(throughput, "no_c_program", str)
     for module in (paced, throughput):
         monkeypatch.setattr(module, "measure", measure)
-    monkeypatch.setattr(facade, "measure_lossy", measure)
+    for name in ("measure_lossy", "measure_start"):
+        monkeypatch.setattr(facade, name, measure)
+    monkeypatch.setattr(facade, "measure_round_trips", lambda *_: {"p50": 1.0})
     for name in ("measure_codec", "measure_copying"):
         module = throughput if name == "measure_codec" else copying
         monkeypatch.setattr(module, name, lambda *_: {"per_s": 1.0, "bytes_per_s": 1.0})

@@ -8,6 +8,7 @@ import pytest
 from benchmarks import facade, paced, throughput
 from benchmarks.adapters.roles import LAST
 from benchmarks.harness import Failure, Group
+from benchmarks.startup import FIRST
 from benchmarks.systems import (
     BUS,
     BUS_BLOCKING,
@@ -183,6 +184,19 @@ def test_the_facade_and_its_measure(system: System) -> None:
     assert paced.measure(_or_skip(system), timed)["p50"] > 0
     assert throughput.measure(system, flood)["per_s"] > 0
     assert 0 < facade.measure_lossy(system, lossy)["delivered"] <= 100
+
+
+def test_an_action_and_its_messages() -> None:
+    _or_skip(RCLPY)
+
+    assert facade.measure_round_trips(is_action=True, count=2)["p50"] > 0
+    assert facade.measure_round_trips(is_action=False, count=2)["p50"] > 0
+
+
+def test_the_start_of_a_talker_and_of_a_listener() -> None:
+    found = facade.measure_start(_or_skip(RCLPY), FIRST)
+
+    assert found["talker_ms"] > 0 and found["listener_ms"] > 0
 
 
 def test_more_than_was_published_is_a_failure(liar: System, monkeypatch: pytest.MonkeyPatch) -> None:
