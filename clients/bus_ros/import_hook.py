@@ -33,6 +33,7 @@ _SAME: Final = {
     "launch": "bus_launch.launch",
     "launch_ros": "bus_launch.launch_ros",
     "launch_testing": "bus_launch.launch_testing",
+    "launch_testing_ros": "bus_launch.launch_testing_ros",
     "launch_xml": "bus_launch.launch_xml",
     "launch_yaml": "bus_launch.launch_yaml",
     "message_filters": "bus_ros.message_filters",
@@ -46,7 +47,9 @@ _SAME: Final = {
 }
 """Packages whose modules, all of them, are those of one of ours."""
 
-_PARTS_OF: Final = dict.fromkeys(("launch_ros", "launch_testing", "launch_xml", "launch_yaml"), "launch")
+_PARTS_OF: Final = dict.fromkeys(
+    ("launch_ros", "launch_testing", "launch_testing_ros", "launch_xml", "launch_yaml"), "launch"
+)
 """Packages that are of use only with ours of another name: a genuine one does not know them."""
 
 _ALIASES: Final = {
@@ -62,6 +65,9 @@ _ALIASES: Final = {
     "launch.launch_description": "bus_launch.launch.description",
     "launch.launch_description_source": "bus_launch.launch.launch_description_sources",
     "launch_ros.parameter_descriptions": "bus_launch.launch_ros.descriptions",
+    "launch_ros.remap_rule_type": "bus_launch.launch_ros.parameters_type",
+    "launch_testing.io_handler": "bus_launch.launch_testing.processes",
+    "launch_testing.proc_info_handler": "bus_launch.launch_testing.processes",
     "launch_xml.launch_description_sources": "bus_launch.launch.launch_description_sources",
     "launch_yaml.launch_description_sources": "bus_launch.launch.launch_description_sources",
     "rosidl_parser.definition": "bus_ros.rosidl.definition",
@@ -87,7 +93,7 @@ _PACKAGES: Final = {
 _MISSING: Final = frozenset(
     (
         *("ament_package", "domain_coordinator", "image_geometry", "laser_geometry"),
-        *("launch_pytest", "launch_testing_ros"),
+        "launch_pytest",
         *("nav2_simple_commander", "ros2bag", "ros2cli", "ros2launch", "ros2node", "ros2param", "ros2pkg"),
         *("ros2run", "ros2service", "ros2topic", "rosbag2_py", "rosidl_adapter", "rosidl_generator_py"),
         *("rpyutils", "rqt_gui", "rqt_gui_py", "sros2", "tf2_kdl", "turtle_tf2_py"),

@@ -308,6 +308,50 @@ class TestEnded(unittest.TestCase):
 """
 
 
+TOPICS = """
+import os, unittest
+import launch, launch_ros.actions, launch_testing.actions
+from launch_testing_ros import WaitForTopics
+from std_msgs.msg import String
+
+def generate_test_description():
+    dut = launch_ros.actions.Node(executable=os.path.join(os.path.dirname(__file__), "talker.py"))
+    return launch.LaunchDescription([dut, launch_testing.actions.ReadyToTest()])
+
+class TestTopics(unittest.TestCase):
+    def test_heard(self):
+        with WaitForTopics([("chatter", String)], timeout=60.0) as topics:
+            self.assertEqual(topics.received_messages("chatter")[0].data, "hi")
+
+    def test_not_heard(self):
+        topics = WaitForTopics([("nothing", String)], timeout=0.01)
+        self.assertFalse(topics.wait())
+        self.assertEqual(topics.topics_not_received(), {"nothing"})
+        topics.shutdown()
+"""
+TALKER = """
+import rclpy
+from std_msgs.msg import String
+
+rclpy.init()
+node = rclpy.create_node("talker")
+publisher = node.create_publisher(String, "chatter", 10)
+node.create_timer(0.05, lambda: publisher.publish(String(data="hi")))
+rclpy.spin(node)
+"""
+
+
+@pytest.mark.usefixtures("daemon")
+@on_one_loop
+async def test_a_test_that_waits_for_topics(tmp_path: Path) -> None:
+    folder = write(tmp_path / "here", {"test_it.py": TOPICS, "talker.py": TALKER})
+    (tmp_path / "temporary").mkdir()
+    async with running(tmp_path / "temporary", "-m", "bus_cli", "test", folder / "test_it.py") as test:
+        assert await test.end() == 0, test.lines
+        assert test.family() == []
+    assert "Ran 2 tests" in "\n".join(test.lines)
+
+
 @pytest.mark.parametrize("wanted", ["1", "2"])
 @on_one_loop
 async def test_a_test_of_a_launch(tmp_path: Path, wanted: str) -> None:

@@ -68,6 +68,11 @@ class Parameter:
     def value(self) -> Any:
         return self.__value.value
 
+    @property
+    def typed_value(self) -> ParameterValue:
+        """The value with the type that it shall have."""
+        return self.__value
+
     def evaluate(self, context: LaunchContext) -> tuple[str, Any]:
         return perform_substitutions(context, self.__name), self.__value.evaluate(context)
 

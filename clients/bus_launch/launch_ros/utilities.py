@@ -1,15 +1,52 @@
-"""Functions for those who write actions; programs import it as `launch_ros.utilities`."""
+"""Functions for writers of actions and of tests; programs import it as `launch_ros.utilities`."""
 
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from bus_launch.launch.core import LaunchContext
+from bus_launch.launch_ros.descriptions import Parameter, ParameterFile
 from bus_launch.launch_ros.namespaces import (
     is_namespace_absolute,
     is_root_namespace,
     make_namespace_absolute,
     prefix_namespace,
 )
+from bus_launch.launch_ros.parameter_values import evaluated, normalized
 
 __all__ = [
+    "evaluate_parameters",
     "is_namespace_absolute",
     "is_root_namespace",
     "make_namespace_absolute",
+    "normalize_parameters",
     "prefix_namespace",
 ]
+
+
+def normalize_parameters(parameters: Iterable[Any]) -> list[Any]:
+    """Of a node's list of files, dicts and Parameters, for `evaluate_parameters`.
+
+    Raises TypeError for what is no such list, and for what can't be a parameter.
+    """
+    if isinstance(parameters, str | Mapping) or not isinstance(parameters, Iterable):
+        raise TypeError(f"Expecting list of parameters, got {parameters}")
+    return [_normalized(one) for one in parameters]
+
+
+def evaluate_parameters(context: LaunchContext, parameters: Iterable[Any]) -> tuple[Any, ...]:
+    """Paths, and dicts of names and values."""
+    return tuple(
+        one.evaluate(context) if isinstance(one, ParameterFile) else evaluated(context, one)
+        for one in parameters
+    )
+
+
+def _normalized(one: Any) -> Any:
+    if isinstance(one, Mapping):
+        return normalized(one)
+    if isinstance(one, Parameter):
+        return normalized({tuple(one.name): one.typed_value})
+    if isinstance(one, ParameterFile):
+        return one
+    return ParameterFile(str(one) if isinstance(one, Path) else one)

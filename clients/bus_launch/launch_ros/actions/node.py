@@ -20,7 +20,8 @@ from bus_launch.launch_ros import programs
 from bus_launch.launch_ros.descriptions import ParameterFile
 from bus_launch.launch_ros.namespaces import make_namespace_absolute, prefix_namespace
 from bus_launch.launch_ros.parameter_files import FileArguments
-from bus_launch.launch_ros.parameter_values import ParameterValue, normalized
+from bus_launch.launch_ros.parameter_values import ParameterValue
+from bus_launch.launch_ros.utilities import normalize_parameters
 
 __all__ = ["Node"]
 
@@ -89,15 +90,13 @@ class Node(ExecuteProcess):
 
         Other arguments are those of ExecuteProcess.
         """
-        if isinstance(parameters, str | Mapping):
-            raise TypeError(f"Expecting list of parameters, got {parameters}")
         if isinstance(arguments, str) or isinstance(ros_arguments, str):
             raise TypeError("arguments and ros_arguments are lists of words, not one text")
         self.__package = None if package is None else normalize_to_list_of_substitutions(package)
         self.__executable = normalize_to_list_of_substitutions(executable)
         self.__name = None if name is None else normalize_to_list_of_substitutions(name)
         self.__namespace = None if namespace is None else normalize_to_list_of_substitutions(namespace)
-        self.__parameters = [_parameters(one) for one in parameters or ()]
+        self.__parameters = normalize_parameters(parameters or ())
         self.__remappings = [
             (normalize_to_list_of_substitutions(old), normalize_to_list_of_substitutions(new))
             for old, new in remappings or ()
@@ -219,13 +218,6 @@ class Node(ExecuteProcess):
         else:
             future.add_done_callback(lambda _: self.__files.remove())
         return None
-
-
-def _parameters(one: Any) -> Any:
-    """Of the list: a dict is read now, so that what is wrong with it is said where it stands."""
-    if isinstance(one, Mapping):
-        return normalized(one)
-    return one if isinstance(one, ParameterFile) else ParameterFile(one)
 
 
 def parse_parameters(entities: Iterable[Entity], parser: Parser) -> list[Any]:

@@ -22,8 +22,9 @@ from bus_launch.launch_ros.actions import (
     SetRemap,
     SetUseSimTime,
 )
-from bus_launch.launch_ros.descriptions import ComposableNode, ParameterFile
+from bus_launch.launch_ros.descriptions import ComposableNode, Parameter, ParameterFile
 from bus_launch.launch_ros.substitutions import ExecutableInPackage, FindPackagePrefix, FindPackageShare
+from bus_launch.launch_ros.utilities import evaluate_parameters, normalize_parameters
 from launching import perform, write
 from rows import for_each
 
@@ -227,6 +228,18 @@ def test_packages(prefix: Path, sub: Any, value: str) -> None:
 def test_programs_that_are_not_there(prefix: Path, package: str | None, executable: str, text: str) -> None:
     with pytest.raises(SubstitutionFailure, match=text):
         prepared(Node(package=package, executable=executable))
+
+
+def test_parameters_by_themselves() -> None:
+    context = LaunchContext()
+    context.launch_configurations["n"] = "5"
+    some = normalize_parameters(
+        [{"a": {"b": N}}, Parameter("c", N, value_type=str), "/a.yaml", Path("/b.yaml")]
+    )
+    assert evaluate_parameters(context, some) == ({"a.b": 5}, {"c": "5"}, Path("/a.yaml"), Path("/b.yaml"))
+    for wrong in ("/a.yaml", {"a": 1}):
+        with pytest.raises(TypeError, match="Expecting list of parameters, got"):
+            Node(executable="a", parameters=wrong)  # type: ignore[arg-type]
 
 
 def test_what_is_no_name(prefix: Path) -> None:

@@ -1,0 +1,13 @@
+"""Actions for tests; programs import it as `launch_testing_ros.actions`."""
+
+from bus_launch.launch.action import Action
+from bus_launch.launch.core import LaunchContext
+
+__all__ = ["EnableRmwIsolation"]
+
+
+class EnableRmwIsolation(Action):
+    """Does nothing: a bus is of one machine and one user, and `bus test --domain N` has one of its own."""
+
+    def execute(self, context: LaunchContext) -> None:
+        return None
