@@ -175,6 +175,49 @@ async def test_signals_escalate(here: Path) -> None:
     ]
 
 
+SLOW = """
+import signal, sys
+count = 0
+def hear(number, frame):
+    global count
+    count += 1
+    print("interrupted", count, flush=True)
+    if count == 2:
+        sys.exit()
+signal.signal(signal.SIGINT, hear)
+print("ready", flush=True)
+while True:
+    signal.pause()
+"""
+
+
+@on_one_loop
+async def test_ctrl_z_and_a_second_ctrl_c_reach_all(here: Path) -> None:
+    write(
+        here,
+        slow__py=SLOW,
+        slow__launch__yaml="launch: [{executable: {cmd: python3 slow.py, output: screen}}]",
+    )
+
+    def states() -> set[str]:
+        family = [*launch.family("slow.py"), launch.process.pid]
+        return {Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] for pid in family}
+
+    async with launched(here, "slow.launch.yaml") as launch:
+        await launch.line("ready")
+        launch.process.send_signal(signal.SIGTSTP)
+        await until(lambda: states() == {"T"})
+        launch.process.send_signal(signal.SIGCONT)
+        await until(lambda: "T" not in states())
+        launch.process.send_signal(signal.SIGINT)
+        await launch.line("interrupted 1")
+        launch.process.send_signal(signal.SIGINT)
+        assert await launch.end() == -signal.SIGINT
+    assert "[WARNING] [launch]: user interrupted with ctrl-c (SIGINT) again, ignoring..." in launch.lines
+    assert "[python3-1] interrupted 2" in launch.lines
+    assert "process has finished cleanly" in launch.lines[-1]
+
+
 @on_one_loop
 async def test_a_killed_launch_leaves_nothing(here: Path) -> None:
     """Not even what a shell has started in the background."""

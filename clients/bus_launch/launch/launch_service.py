@@ -4,6 +4,7 @@ Owns: the event loop of a launch, its signals, its return code. Must not know: a
 """
 
 import asyncio
+import os
 import signal
 import threading
 import traceback
@@ -183,7 +184,8 @@ class LaunchService:
         """Returns what makes signals as they were."""
         if threading.current_thread() is not threading.main_thread():
             return lambda: None
-        calls = dict.fromkeys(_ENDING, self.__on_signal) | {signal.SIGINT: self.__on_sigint}
+        calls = dict.fromkeys(_ENDING, self.__on_signal)
+        calls |= {signal.SIGINT: self.__on_sigint, signal.SIGTSTP: self.__on_stop}
         before = {number: signal.getsignal(number) for number in calls}
         for number, call in calls.items():
             loop.add_signal_handler(number, call, number)
@@ -205,6 +207,12 @@ class LaunchService:
         else:
             self.__logger.warning(f"{text} again, ignoring...")
             child.signal_all(number)  # a terminal would have told them, too
+
+    def __on_stop(self, number: signal.Signals) -> None:
+        """The terminal's Ctrl-Z: all stand still, and go on together."""
+        child.signal_all(signal.SIGSTOP)
+        os.kill(os.getpid(), signal.SIGSTOP)
+        child.signal_all(signal.SIGCONT)
 
     def __on_signal(self, number: signal.Signals) -> None:
         if not self.__is_shutting_down:
