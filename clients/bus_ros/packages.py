@@ -16,6 +16,7 @@ __all__ = [
     "INDEX",
     "Executable",
     "Prefix",
+    "built_in",
     "editable_folder",
     "executables",
     "find_prefix",
@@ -117,6 +118,11 @@ def executables(package: str) -> list[Executable] | None:
     if metadata is not None:
         found += [one for one in _console_scripts(package, metadata) if one.name not in present]
     return sorted(found, key=lambda one: (one.name, one.path))
+
+
+def built_in() -> list[str]:
+    """The packages whose programs come with busd."""
+    return list(_BUILT_IN)
 
 
 def _built_in(package: str) -> list[Executable] | None:

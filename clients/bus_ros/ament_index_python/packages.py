@@ -1,18 +1,19 @@
 """Where packages are installed.
 
-Owns: the search. A package is found below a prefix of $AMENT_PREFIX_PATH, below the prefix of this Python
-(there pip puts what `data_files` of a package names), and where its source is, for one that was installed
-with `pip install --editable` or lies, not installed, around the current folder. Must not know: interface
-definitions.
+Owns: the search. A package is found below a prefix (`search_paths`); where its source is, for one that was
+installed with `pip install --editable` or lies, not installed, around the current folder; and among what
+comes with busd: programs, and definitions of messages. Must not know what packages are for.
 """
 
-import os
 import re
 import sys
+import warnings
 from pathlib import Path
 from typing import Final
 
+import bus
 from bus_ros import packages
+from bus_ros.ament_index_python.search_paths import get_search_paths
 
 __all__ = [
     "PackageNotFoundError",
@@ -20,10 +21,11 @@ __all__ = [
     "get_package_share_directory",
     "get_package_share_path",
     "get_packages_with_prefixes",
-    "get_search_paths",
 ]
 
-_NAME: Final = re.compile(r"[^\W\d]\w*", re.ASCII)
+_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]+")
+_DEFINITIONS: Final = Path(str(bus.__file__)).parent
+"""The prefix of the definitions that come with busd."""
 
 
 class PackageNotFoundError(KeyError):
@@ -33,20 +35,18 @@ class PackageNotFoundError(KeyError):
         return str(self.args[0])
 
 
-def get_search_paths() -> list[str]:
-    """The prefixes that are searched, the first to be used first."""
-    ament = [path for path in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if path]
-    return list(dict.fromkeys((*ament, sys.prefix)))
-
-
 def get_packages_with_prefixes() -> dict[str, str]:
-    """Names of the packages in the prefixes, and the prefix of each."""
+    """Names of the packages that are installed, or come with busd, and the prefix of each."""
     found: dict[str, str] = {}
     for prefix in get_search_paths():
         for folder, only in ((Path(prefix, packages.INDEX), ""), (Path(prefix, "share"), "package.xml")):
             for entry in folder.iterdir() if folder.is_dir() else ():
-                if not only or (entry / only).is_file():
+                if not entry.name.startswith(".") and (entry / only).is_file():
                     found.setdefault(entry.name, prefix)
+    for name in (*packages.names(), *packages.built_in()):
+        found.setdefault(name, sys.prefix)
+    for entry in (_DEFINITIONS / "share").iterdir():
+        found.setdefault(entry.name, str(_DEFINITIONS))
     return found
 
 
@@ -56,22 +56,27 @@ def get_package_prefix(package_name: str) -> str:
 
 
 def get_package_share_directory(package_name: str, print_warning: bool = True) -> str:
-    """The folder with what comes with a package, such as its launch files; raises as `get_package_prefix`."""
-    path = _find(package_name)[1]
-    if print_warning and not path.exists():
-        print(
-            f"WARNING: Package {package_name} has no share directory ({path}) but is registered",
-            file=sys.stderr,
-        )
-    return str(path)
+    """The folder with what comes with a package, such as its launch files; raises as `get_package_prefix`.
+
+    Warns where there is no such folder, unless `print_warning` is false.
+    """
+    return str(_share(package_name, print_warning, "directory"))
 
 
 def get_package_share_path(package_name: str, print_warning: bool = True) -> Path:
     """As `get_package_share_directory`, as a path."""
-    return Path(get_package_share_directory(package_name, print_warning))
+    return _share(package_name, print_warning, "path")
+
+
+def _share(name: str, is_warned: bool, what: str) -> Path:
+    path = _find(name)[1]
+    if is_warned and not path.exists():
+        warnings.warn(f"Share {what} for {name} ({path}) does not exist.", stacklevel=3)
+    return path
 
 
 def _find(name: str) -> tuple[str, Path]:
+    """The prefix of a package, and where its share folder is."""
     if not _NAME.fullmatch(name):
         raise ValueError(f"'{name}' is not a valid package name")
     paths = get_search_paths()
@@ -81,4 +86,8 @@ def _find(name: str) -> tuple[str, Path]:
             return prefix, share
     if (source := packages.editable_folder(name) or packages.source_folder(name)) is not None:
         return sys.prefix, source
+    if name in packages.built_in():
+        return sys.prefix, Path(sys.prefix, "share", name)
+    if (definitions := _DEFINITIONS / "share" / name).is_dir():
+        return str(_DEFINITIONS), definitions
     raise PackageNotFoundError(f"package '{name}' not found, searching: {paths}")

@@ -1,8 +1,8 @@
 """Where packages are, installed and as source."""
 
 import json
+import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -17,7 +17,7 @@ def test_packages_below_a_prefix(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     (tmp_path / "share" / "second").mkdir()
     (tmp_path / "share" / "second" / "package.xml").touch()
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"{tmp_path}:/nonexistent")
-    assert ament.get_search_paths()[:2] == [str(tmp_path), "/nonexistent"]
+    assert ament.get_search_paths() == [str(tmp_path), sys.prefix]
     assert ament.get_package_prefix("first") == str(tmp_path)
     assert ament.get_package_share_directory("second") == str(tmp_path / "share" / "second")
     assert ament.get_package_share_path("first") == tmp_path / "share" / "first"
@@ -42,15 +42,48 @@ def test_a_package_installed_from_its_source(tmp_path: Path, monkeypatch: pytest
         ament.get_package_share_path("my_robot")  # what was copied can't be told from its source
 
 
-def test_what_is_no_package(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: Any) -> None:
-    with pytest.raises(ament.PackageNotFoundError, match="package 'no_such' not found, searching: "):
+def test_a_workspace_that_was_built(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    install = tmp_path / "install"
+    (install / "share" / "my_robot").mkdir(parents=True)
+    (install / "share" / "my_robot" / "package.xml").touch()
+    (install / "setup.sh").touch()
+    (tmp_path / "src").mkdir()
+    monkeypatch.chdir(tmp_path / "src")
+    assert ament.get_package_share_path("my_robot") == install / "share" / "my_robot"
+    assert ament.get_packages_with_prefixes()["my_robot"] == str(install)
+
+
+def test_what_comes_with_busd() -> None:
+    assert ament.get_package_prefix("tf2_ros") == sys.prefix
+    share = ament.get_package_share_path("sensor_msgs")
+    assert (share / "msg" / "Image.msg").is_file()
+    assert share == Path(ament.get_package_prefix("sensor_msgs"), "share", "sensor_msgs")
+    found = ament.get_packages_with_prefixes()
+    assert (found["tf2_ros"], found["sensor_msgs"]) == (sys.prefix, ament.get_package_prefix("sensor_msgs"))
+
+
+def test_what_is_no_package() -> None:
+    with pytest.raises(ament.PackageNotFoundError) as caught:
         ament.get_package_prefix("no_such")
-    with pytest.raises(ValueError, match=r"'\.\./x' is not a valid package name"):
-        ament.get_package_share_directory("../x")
-    (tmp_path / "share" / "ament_index" / "resource_index" / "packages").mkdir(parents=True)
-    (tmp_path / "share" / "ament_index" / "resource_index" / "packages" / "bare").touch()
+    assert str(caught.value) == f"package 'no_such' not found, searching: {ament.get_search_paths()}"
+    for name in ("../x", "a", "_x", "-x", "é1", "x y", "xy\n"):
+        with pytest.raises(ValueError) as refused:
+            ament.get_package_share_directory(name)
+        assert str(refused.value) == f"'{name}' is not a valid package name"
+
+
+def test_a_package_without_a_share_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    index = tmp_path / "share" / "ament_index" / "resource_index" / "packages"
+    index.mkdir(parents=True)
+    (index / "bare").touch()
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
     ament.get_package_share_directory("bare", print_warning=False)
-    assert capsys.readouterr().err == ""
-    ament.get_package_share_directory("bare")
-    assert "no share directory" in capsys.readouterr().err
+    share = tmp_path / "share" / "bare"
+    for get, what in (
+        (ament.get_package_share_directory, "directory"),
+        (ament.get_package_share_path, "path"),
+    ):
+        with pytest.warns(UserWarning) as caught:
+            get("bare")
+        assert str(caught[0].message) == f"Share {what} for bare ({share}) does not exist."
+        assert caught[0].filename == __file__

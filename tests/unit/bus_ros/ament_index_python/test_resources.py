@@ -1,0 +1,61 @@
+"""The ament index: resources of any type, as ROS 2's own finds them."""
+
+from pathlib import Path
+
+import pytest
+
+from bus_ros import ament_index_python as ament
+from bus_ros.ament_index_python.constants import AMENT_PREFIX_PATH_ENV_VAR, RESOURCE_INDEX_SUBFOLDER
+from rows import for_each
+
+
+@pytest.fixture(autouse=True)
+def prefixes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[str, str]:
+    for path, text in {
+        "one/thing/foo": "hello",
+        "one/thing/.hidden": "",
+        "one/thing/folder/inside": "",
+        "two/thing/foo": "covered",
+        "two/thing/bar": "",
+        "two/packages/foo": "",
+    }.items():
+        prefix, _, rest = path.partition("/")
+        file = tmp_path / prefix / RESOURCE_INDEX_SUBFOLDER / rest
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    one, two = str(tmp_path / "one"), str(tmp_path / "two")
+    monkeypatch.setenv(AMENT_PREFIX_PATH_ENV_VAR, f"{one}:{two}")
+    return one, two
+
+
+def test_resources(prefixes: tuple[str, str]) -> None:
+    one, two = prefixes
+    assert ament.get_resource("thing", "foo") == ("hello", one)
+    assert ament.has_resource("thing", "bar") == two
+    assert ament.has_resource("thing", "folder") is False
+    assert ament.has_resource("nothing", "foo") is False
+    assert ament.get_resources("thing") == {"foo": one, "bar": two}
+    assert ament.get_resources("packages")["foo"] == two
+    assert ament.get_resources("nothing") == {}
+    assert {"thing", "packages"} <= ament.get_resource_types()
+    with pytest.raises(LookupError) as caught:
+        ament.get_resource("thing", "baz")
+    assert str(caught.value) == "Could not find the resource 'baz' of type 'thing'"
+
+
+@for_each(
+    ("kind", "name", "error", "text"),
+    [
+        ("", "foo", AssertionError, "The resource type must not be empty"),
+        ("thing", "", AssertionError, "The resource name must not be empty"),
+        ("../x", "foo", ament.InvalidResourceTypeNameError, "Resource type '../x' is invalid"),
+        ("..", "foo", ament.InvalidResourceTypeNameError, "Resource type '..' is invalid"),
+        ("thing", "a/b", ament.InvalidResourceNameError, "Resource name 'a/b' is invalid"),
+        ("thing", "a\\b", ament.InvalidResourceNameError, "Resource name 'a\\b' is invalid"),
+    ],
+)
+def test_names_that_are_refused(kind: str, name: str, error: type[Exception], text: str) -> None:
+    for ask in (ament.get_resource, ament.has_resource):
+        with pytest.raises(error) as caught:
+            ask(kind, name)
+        assert str(caught.value) == text
