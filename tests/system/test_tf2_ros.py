@@ -157,6 +157,23 @@ def message_type_of_frames() -> Any:
     return service_class("tf2_msgs/srv/FrameGraph")
 
 
+def test_time_that_jumps_back(world: World, capfd: pytest.CaptureFixture[str]) -> None:
+    """As when a recording begins again: what was heard is of another time."""
+    node = world.node()
+    clock: Any = node.get_clock()
+    clock._set_ros_time_is_active(True)
+    clock.set_ros_time_override(Time(nanoseconds=20 * 10**9, clock_type=clock.clock_type))
+    buffer = Buffer(node=node)
+    buffer.set_transform(transform("world", "robot", 19), "me")
+    buffer.set_transform_static(transform("robot", "arm"), "me")
+    clock.set_ros_time_override(Time(nanoseconds=21 * 10**9, clock_type=clock.clock_type))
+    assert buffer.can_transform("world", "robot", NOW)
+    clock.set_ros_time_override(Time(nanoseconds=5 * 10**9, clock_type=clock.clock_type))
+    assert not buffer.can_transform("world", "robot", NOW)
+    assert buffer.can_transform("robot", "arm", NOW)
+    assert "[tf2_buffer]: Detected jump back in time. Clearing tf buffer.\n" in capfd.readouterr().err
+
+
 def test_registered_types() -> None:
     kind = message_type("geometry_msgs/msg/InertiaStamped")
     buffer = Buffer()
