@@ -298,3 +298,23 @@ def test_destroyed_clients_and_services(world: World, server: Node, node: Node, 
     assert list(node.clients) == list(server.services) == []
     with pytest.raises(InvalidHandle, match="the client of service '/add' is destroyed"):
         client.call_async(asked(1))
+
+
+@pytest.mark.parametrize("whole", [False, True], ids=["service", "node"])
+def test_a_callback_that_destroys_its_service(
+    world: World, server: Node, client: Client, whole: bool
+) -> None:
+    """Whoever spins is told that nothing can be answered."""
+
+    def end(request: Any, response: Any) -> Any:
+        if whole:
+            server.destroy_node()
+        else:
+            service.destroy()
+        return response
+
+    service = server.create_service(AddTwoInts, "add", end)
+    assert client.wait_for_service(timeout_sec=WAIT_S)
+    client.call_async(asked(1))
+    with pytest.raises(InvalidHandle, match="the service '/add' is destroyed"):
+        world.spin_until(lambda: False, server)

@@ -10,6 +10,7 @@ from bus.service.server import RequestId, ServiceServer
 from bus_ros.engine import Engine
 from bus_ros.entity import Entity, Group, Owner, Work
 from bus_ros.rclpy.destroyable import Destroyable
+from bus_ros.rclpy.exceptions import InvalidHandle
 from bus_ros.rclpy.impl.introspected import Introspected
 from bus_ros.rclpy.qos import QoSProfile
 
@@ -60,7 +61,9 @@ class Service(Entity, Introspected, Destroyable):
         return self.native.service_name
 
     def send_response(self, response: object, header: RequestId) -> None:
-        """Answer the request that came with `header`. Raises TypeError for what is no response."""
+        """Answer the request that came with `header`. Raises TypeError for what is no response, InvalidHandle
+        once the service is destroyed.
+        """
         if not isinstance(response, self.srv_type.Response):
             raise TypeError(
                 f"the callback of service '{self.service_name}' must return"
@@ -124,10 +127,13 @@ class Service(Entity, Introspected, Destroyable):
     def _refuse(self, request_id: RequestId, error: Exception) -> None:
         """In ROS the client would wait for ever."""
         with self._engine.loop:
-            self.native.respond(request_id, None, f"{type(error).__name__}: {error}")
+            if not self.is_destroyed:  # as the callback may have done
+                self.native.respond(request_id, None, f"{type(error).__name__}: {error}")
 
     def _respond(self, request_id: RequestId, response: object) -> None:
         with self._engine.loop:
+            if self.is_destroyed:
+                raise InvalidHandle(f"the service '{self.service_name}' is destroyed")
             has_room = self.native.respond(request_id, response)
         if not has_room:
             raise RuntimeError(f"no room for a response of service '{self.service_name}'")
