@@ -1,4 +1,4 @@
-"""A reader that does not come back to the next busd: who waited for it goes on."""
+"""A reader that does not come back to the next busd: what waited for it goes on."""
 
 import asyncio
 import random

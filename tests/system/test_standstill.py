@@ -92,7 +92,7 @@ async def test_a_blocked_loop(
         assert matches == [1]
         said = [line for line in listener.lines if "[bus]" in line]
         assert len(said) == 1
-        assert re.search(r"this program's event loop stood still for [23] s: who waited for it has", said[0])
+        assert re.search(r"this program's event loop stood still for [23] s: what waited for it has", said[0])
         told = [record.getMessage() for record in caplog.records]
         assert [
             line
