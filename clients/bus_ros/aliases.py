@@ -34,7 +34,10 @@ MODULES: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
     "_rclpy_pybind11": ("exceptions", _ERRORS),
     "clock_type": ("time", ("ClockType",)),
     "constants": ("duration", ("S_TO_NS",)),
-    "endpoint_info": ("topic_endpoint_info", ("EndpointTypeEnum", "TopicEndpointInfo")),  # of Rolling
+    "endpoint_info": (
+        "topic_endpoint_info",
+        ("EndpointTypeEnum", "ServiceEndpointInfo", "TopicEndpointInfo"),
+    ),  # of Rolling
     "expand_topic_name": ("validate_topic_name", ("expand_topic_name",)),
     "experimental": ("executors", ("EventsExecutor",)),
     "experimental.events_executor": ("executors", ("EventsExecutor",)),

@@ -286,6 +286,18 @@ class TestGraph:
         with pytest.raises(ValueError, match="topic name 'bad topic' is invalid"):
             robot.count_publishers("bad topic")
 
+    def test_ends_of_services(self, world: World, robot: Node) -> None:
+        (server,) = robot.get_servers_info_by_service("add")
+        (client,) = robot.get_clients_info_by_service("/ask")
+        for info, kind in ((server, EndpointTypeEnum.SERVER), (client, EndpointTypeEnum.CLIENT)):
+            assert (info.node_name, info.node_namespace) == ("robot", "/lab")
+            assert (info.service_type, info.endpoint_type) == ("example_interfaces/srv/AddTwoInts", kind)
+            assert info.endpoint_count == len(info.endpoint_gids) == len(info.qos_profiles) == 2
+            assert str(info.service_type_hash) == (
+                "RIHS01_e118de6bf5eeb66a2491b5bda11202e7b68f198d6f67922cf30364858239c81a"
+            )
+        assert robot.get_servers_info_by_service("/ask") == []
+
     def test_endpoints(self, world: World, robot: Node) -> None:
         (publisher,) = robot.get_publishers_info_by_topic("t")
         (subscription,) = robot.get_subscriptions_info_by_topic("t")

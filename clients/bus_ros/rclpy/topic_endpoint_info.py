@@ -1,12 +1,15 @@
 """An endpoint in the graph, as `get_publishers_info_by_topic` returns it. Values only."""
 
+from collections.abc import Sequence
 from enum import IntEnum
+from typing import NamedTuple
 
+from bus.errors import ConfigurationError
 from bus.graph import GraphEndpoint
 from bus_ros.rclpy.qos import HistoryPolicy, QoSProfile, from_native, qos_profile_unknown
 from bus_ros.rclpy.type_hash import TypeHash
 
-__all__ = ["EndpointTypeEnum", "TopicEndpointInfo", "TopicEndpointTypeEnum"]
+__all__ = ["EndpointTypeEnum", "ServiceEndpointInfo", "TopicEndpointInfo", "TopicEndpointTypeEnum"]
 
 
 class EndpointTypeEnum(IntEnum):
@@ -94,3 +97,41 @@ class TopicEndpointInfo:
                 f"  Liveliness lease duration: {qos.liveliness_lease_duration}",
             ]
         )
+
+
+class ServiceEndpointInfo(NamedTuple):
+    """A client or a server, which sends by one end and receives by another: `endpoint_count` is 2."""
+
+    node_name: str
+    node_namespace: str
+    service_type: str
+    service_type_hash: TypeHash
+    endpoint_type: EndpointTypeEnum
+    endpoint_count: int
+    endpoint_gids: list[list[int]]
+    qos_profiles: list[QoSProfile]
+
+    @classmethod
+    def of_ends(cls, kind: EndpointTypeEnum, ends: Sequence[GraphEndpoint]) -> "ServiceEndpointInfo":
+        """Of what carries its requests, and its answers, in the bus's graph."""
+        request = ends[0]
+        service_type = request.type_name.removesuffix("_Request")
+        return cls(
+            node_name=request.node.name,
+            node_namespace=request.node.namespace,
+            service_type=service_type,
+            service_type_hash=_hash_of_service(service_type),
+            endpoint_type=kind,
+            endpoint_count=len(ends),
+            endpoint_gids=[list(one.gid) for one in ends],
+            qos_profiles=[from_native(one.qos) for one in ends],
+        )
+
+
+def _hash_of_service(service_type: str) -> TypeHash:
+    from bus_ros.rosidl.description import service_hash  # late: few programs ask
+
+    try:
+        return TypeHash.parse(service_hash(service_type))
+    except ConfigurationError:  # of a program with a definition of its own
+        return TypeHash()

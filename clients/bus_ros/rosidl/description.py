@@ -6,11 +6,14 @@ Owns what stands in that message. Must not know nodes or services.
 from collections.abc import Iterator
 from typing import Any, Final
 
+from bus.types.classes import message_class as native_class
 from bus.types.definitions import definition_path, find_message
+from bus.types.hash import schema_hash
 from bus.types.idl import PARTS, Field, Message, Type
+from bus.types.schema import describe as schema_of
 from bus_ros.rosidl.classes import message_class
 
-__all__ = ["describe", "sources_of"]
+__all__ = ["describe", "service_hash", "sources_of"]
 
 _PACKAGE: Final = "type_description_interfaces/msg"
 _NAMES: Final = {"bool": "BOOLEAN", "float32": "FLOAT", "float64": "DOUBLE", "char": "UINT8"}
@@ -48,6 +51,19 @@ def sources_of(name: str) -> list[Any]:
         text = path.read_text("utf-8")
         found.append(_made("TypeSource", type_name=one, encoding=kind, raw_file_contents=text))
     return found
+
+
+def service_hash(name: str) -> str:
+    """ROS 2's hash of a service: over its request, its response and its event.
+
+    Raises ConfigurationError where it has no definition.
+    """
+    parts = {f"{part}_message": f"{name}_{part.capitalize()}" for part in ("request", "response", "event")}
+    types: dict[str, Any] = {}
+    for part in parts.values():
+        types |= schema_of(native_class(part))["types"]
+    fields = [{"name": field, "type": part} for field, part in parts.items()]
+    return schema_hash({"root": name, "types": {**types, name: {"array": True, "fields": fields}}})
 
 
 def _with_nested(name: str) -> list[Message]:

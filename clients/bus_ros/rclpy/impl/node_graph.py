@@ -5,13 +5,13 @@ from collections.abc import Callable, Iterable
 from bus import names
 from bus.errors import ConfigurationError
 from bus.graph import Graph, GraphEndpoint, services_of
-from bus.names import service_of_topic
+from bus.names import reply_topic, service_of_topic
 from bus.node import Node as NativeNode
 from bus_ros.engine import Engine
 from bus_ros.rclpy.context import Context
 from bus_ros.rclpy.destroyable import Handle
 from bus_ros.rclpy.exceptions import NodeNameNonExistentError, RCLError, rule_of
-from bus_ros.rclpy.topic_endpoint_info import TopicEndpointInfo
+from bus_ros.rclpy.topic_endpoint_info import EndpointTypeEnum, ServiceEndpointInfo, TopicEndpointInfo
 from bus_ros.rclpy.validate_topic_name import full_name
 
 __all__ = ["NodeGraph"]
@@ -114,6 +114,24 @@ class NodeGraph:
         found = self.__graph().subscriptions_of(self.__topic(topic_name))
         return [TopicEndpointInfo.from_graph(one) for one in found]
 
+    def get_servers_info_by_service(
+        self, service_name: str, no_mangle: bool = False
+    ) -> list[ServiceEndpointInfo]:
+        """The servers of a service."""
+        graph, service = self.__graph(), self.__service(service_name)
+        return _service_infos(
+            EndpointTypeEnum.SERVER, graph.servers_of(service), graph.publishers_of(reply_topic(service))
+        )
+
+    def get_clients_info_by_service(
+        self, service_name: str, no_mangle: bool = False
+    ) -> list[ServiceEndpointInfo]:
+        """The clients of a service."""
+        graph, service = self.__graph(), self.__service(service_name)
+        return _service_infos(
+            EndpointTypeEnum.CLIENT, graph.clients_of(service), graph.subscriptions_of(reply_topic(service))
+        )
+
     def get_publisher_names_and_types_by_node(
         self, node_name: str, node_namespace: str, no_demangle: bool = False
     ) -> NamesAndTypes:
@@ -163,6 +181,20 @@ def _of_node(
     if not any(node.full_name == wanted for node in graph.nodes):
         raise NodeNameNonExistentError(f"Cannot get the names and types of nonexistent node: {wanted}")
     return [one for one in endpoints if one.node.full_name == wanted]
+
+
+def _service_infos(
+    kind: EndpointTypeEnum, requests: Iterable[GraphEndpoint], replies: Iterable[GraphEndpoint]
+) -> list[ServiceEndpointInfo]:
+    """Of each end that carries requests, together with its node's next one for answers."""
+    left = list(replies)
+    found = []
+    for request in requests:
+        reply = next((one for one in left if one.node.id == request.node.id), None)
+        if reply is not None:
+            left.remove(reply)
+        found.append(ServiceEndpointInfo.of_ends(kind, [request, *([reply] if reply else ())]))
+    return found
 
 
 def _names_and_types(endpoints: Iterable[GraphEndpoint], with_services: bool) -> NamesAndTypes:
