@@ -234,6 +234,8 @@ def test_nodes_in_json(lesson: None) -> None:
         "publishers": {"/rosout": ["rcl_interfaces/msg/Log"], "/topic": ["std_msgs/msg/String"]},
         "service_servers": {},
         "service_clients": {},
+        "action_servers": {},
+        "action_clients": {},
     }
 
 

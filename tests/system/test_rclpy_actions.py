@@ -162,6 +162,31 @@ def test_deferred_goals_one_after_the_other(ends: Ends) -> None:
     assert order == [3, 1, 2]
 
 
+def test_a_goal_that_is_begun_while_nobody_spins(ends: Ends) -> None:
+    """It holds no group, so that it can be canceled."""
+    accepted: list[ServerGoalHandle] = []
+    is_asked = Future[bool]()
+
+    async def wait(goal_handle: ServerGoalHandle) -> Any:
+        await is_asked
+        goal_handle.canceled()
+        return Fibonacci.Result()
+
+    def cancel(goal_handle: ServerGoalHandle) -> CancelResponse:
+        is_asked.set_result(True)
+        return CancelResponse.ACCEPT
+
+    ends.serve(wait, handle_accepted_callback=accepted.append, cancel_callback=cancel)
+    executor = ends.world.executor(ends.server_node, ends.node)
+    future = ends.client.send_goal_async(Fibonacci.Goal())
+    ends.world.spin_executor_until(lambda: future.done() and accepted, executor)
+    executor.shutdown()
+    accepted[0].execute()
+    goal_handle: Any = future.result()
+    assert len(ends.done(goal_handle.cancel_goal_async()).goals_canceling) == 1
+    assert ends.result(goal_handle)[0] is GoalStatus.CANCELED
+
+
 @every_kind
 def test_calls_that_wait(ends: Ends, kind: Any) -> None:
     ends.serve(callback_group=ReentrantCallbackGroup())

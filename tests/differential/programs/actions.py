@@ -17,6 +17,7 @@ from unique_identifier_msgs.msg import UUID
 rclpy.init()
 node = Node("actions")
 asked = Future()
+accepted = []
 SUCCEED, RAISE, FORGET, ABORT, WAIT, REJECT, NO_ANSWER = range(1, 8)
 
 
@@ -56,7 +57,13 @@ attempt("no callback", ActionServer, node, Fibonacci, "fibonacci", None)
 for name in ("", "1a", "a b"):
     attempt(f"client {name!r}", ActionClient, node, Fibonacci, name)
 server = ActionServer(
-    node, Fibonacci, "fibonacci", execute, goal_callback=take_goal, cancel_callback=take_cancel
+    node,
+    Fibonacci,
+    "fibonacci",
+    execute,
+    goal_callback=take_goal,
+    handle_accepted_callback=accepted.append,
+    cancel_callback=take_cancel,
 )
 client = ActionClient(node, Fibonacci, "fibonacci")
 print(client.wait_for_server(timeout_sec=10.0), client.server_is_ready())
@@ -84,6 +91,7 @@ def send(order):
     print("goal", order, handle.accepted, handle.goal_id == goal_id, handle.stamp.sec > 0)
     if not handle.accepted:
         return handle
+    accepted.pop().execute()
     if order == WAIT:
         until(lambda: feedback, lambda: rclpy.spin_once(node, timeout_sec=0.1))
         response = result_of(handle.cancel_goal_async())
@@ -107,6 +115,7 @@ attempt("no handle", client._get_result_async, 5)
 attempt("no handle to cancel", client._cancel_goal_async, None)
 handles[0]._goal_id = UUID(uuid=[99] * 16)
 print("unknown", result_of(handles[0].get_result_async()), result_of(handles[0].cancel_goal_async()))
+print(accepted)
 theirs = next(iter(server._goal_handles.values()))
 attempt("accepted again", ServerGoalHandle, server, theirs._goal_info, Fibonacci.Goal())
 server.destroy()

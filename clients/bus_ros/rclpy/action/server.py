@@ -257,8 +257,8 @@ class ActionServer(ActionEntity):
         callback = execute_callback or self._execute_callback
         with self._engine.loop:
             executor = self.node.own_executor
-            if executor is None:
-                self._put(self._execute_goal, callback, goal_handle)
+            if executor is None:  # the next one that works for the node
+                self._put(self._begin_goal, callback, goal_handle)
         if executor is not None:
             executor.create_task(self._execute_goal, callback, goal_handle)
 
@@ -382,6 +382,12 @@ class ActionServer(ActionEntity):
         if not isinstance(response, GoalResponse):
             self._logger.warning("Goal request callback did not return a GoalResponse type. Rejecting goal.")
         return response is GoalResponse.ACCEPT
+
+    async def _begin_goal(
+        self, execute_callback: Callable[[ServerGoalHandle], Any], goal_handle: ServerGoalHandle
+    ) -> None:
+        """Have it executed as a task, which does not hold the server's group."""
+        self.notify_execute(goal_handle, execute_callback)
 
     async def _execute_goal(
         self, execute_callback: Callable[[ServerGoalHandle], Any], goal_handle: ServerGoalHandle
