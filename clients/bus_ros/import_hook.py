@@ -157,7 +157,7 @@ _last: Final = _Last()
 
 def _spec(name: str) -> ModuleSpec | None:
     root, _, rest = name.partition(".")
-    if root == "bus":
+    if root == "bus" or root in sys.stdlib_module_names:  # as msvcrt, which `subprocess` looks for
         return None
     if root in _SAME:
         if rest and not _is_same(root):

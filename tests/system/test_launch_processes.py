@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 
 import bus
-from bus.types.classes import message_class, service_class
 from bus_launch.launch.actions import EmitEvent, ExecuteProcess, LogInfo, RegisterEventHandler, Shutdown
-from bus_launch.launch.event_handlers import OnProcessExit, OnProcessIO, OnProcessStart
+from bus_launch.launch.event_handlers import OnProcessExit, OnProcessIO, OnProcessStart, OnShutdown
 from bus_launch.launch.events import matches_action
 from bus_launch.launch.events.process import ShutdownProcess, SignalProcess
 from bus_launch.launch.substitutions import LocalSubstitution
@@ -93,6 +92,21 @@ def test_signals_by_events(capsys: pytest.CaptureFixture[str]) -> None:
     name = details(second)["name"]
     assert f"[INFO] [{name}]: sending signal 'SIGINT' to process[{name}]" in out
     assert f"[INFO] [launch]: process[{name}] was required: shutting down launched system" in out
+
+
+def test_an_error_at_the_end_keeps_no_process(capsys: pytest.CaptureFixture[str]) -> None:
+    process = ExecuteProcess(cmd=["sleep", "1000"])
+    last = ExecuteProcess(cmd=["sleep", "1000"], sigterm_timeout="soon")
+    code = run(
+        process,
+        RegisterEventHandler(OnShutdown(on_shutdown=lambda event, context: [][1])),
+        RegisterEventHandler(OnProcessStart(target_action=process, on_start=[last])),
+    )
+    assert code == 1
+    assert process.return_code == -signal.SIGINT
+    assert last.return_code is None
+    errors = [line.partition("): ")[2] for line in capsys.readouterr().out.splitlines() if "Caught" in line]
+    assert errors == ["a period must be a number of seconds, not 'soon'", "list index out of range"]
 
 
 def test_respawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -255,13 +269,20 @@ def generate_launch_description():
 """
 MANAGED = """#!/usr/bin/env python3
 import rclpy
-from rclpy.lifecycle import LifecycleNode
+from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
-rclpy.init()
-try:
-    rclpy.spin(LifecycleNode("managed"))
-except KeyboardInterrupt:
-    pass
+class Managed(LifecycleNode):
+    def on_configure(self, state):
+        return TransitionCallbackReturn.SUCCESS
+
+def main():
+    rclpy.init()
+    try:
+        rclpy.spin(Managed("managed"))
+    except KeyboardInterrupt:
+        pass
+
+main()
 """
 
 
@@ -269,7 +290,6 @@ except KeyboardInterrupt:
 @on_one_loop
 async def test_a_lifecycle_node(tmp_path: Path) -> None:
     """Its transitions are asked for and heard of by the names that ROS 2 has."""
-    assert service_class("lifecycle_msgs/srv/ChangeState") and message_class("lifecycle_msgs/msg/State")
     folder = write(tmp_path / "here", {"managed": MANAGED, "a.launch.py": LIFECYCLE})
     (tmp_path / "temporary").mkdir()
     command = ("-m", "bus_cli", "launch", folder / "a.launch.py")

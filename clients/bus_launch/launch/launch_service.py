@@ -130,19 +130,18 @@ class LaunchService:
             try:
                 if event is not None:
                     self.__process(event)
-            except Exception as error:
-                self.__fail(error)
             finally:
                 queue.task_done()
 
     def __process(self, event: Event) -> None:
         self.__logger.debug(f"processing event: '{event}'")
         for handler in tuple(self.__context._event_handlers):
-            if not handler.matches(event):
-                continue
             self.__context._push_locals()
             try:
-                self.__visit(handler.handle(event, self.__context))
+                if handler.matches(event):
+                    self.__visit(handler.handle(event, self.__context))
+            except Exception as error:  # the others shall hear of the event: of a shutdown, say
+                self.__fail(error)
             finally:
                 self.__context._pop_locals()
 

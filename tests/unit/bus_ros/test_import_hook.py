@@ -306,3 +306,9 @@ def test_launch_has_the_files_that_it_has_in_ros_2(tmp_path: Path) -> None:
         "ModuleNotFoundError: busd has no 'launch.actions.nothing_of_the_kind': it isn't built yet, or launch"
     )
     assert error_of(LAUNCH, tmp_path).startswith(error)
+
+
+def test_modules_of_other_platforms_cost_nothing(tmp_path: Path) -> None:
+    """`subprocess` looks for msvcrt: that is no package of messages."""
+    code = "import subprocess, sys; assert 'bus.types.definitions' not in sys.modules; import msvcrt"
+    assert error_of(code, tmp_path) == "ModuleNotFoundError: No module named 'msvcrt'"

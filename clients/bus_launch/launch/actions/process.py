@@ -102,6 +102,7 @@ class ExecuteLocal(Action):
         self.__completed: asyncio.Future[None] | None = None
         self.__must_end: asyncio.Event | None = None
         self.__is_ending = False
+        self.__patience_s = (0.0, 0.0)
 
     @property
     def process_description(self) -> Executable:
@@ -180,6 +181,11 @@ class ExecuteLocal(Action):
         if context.is_shutdown:
             return None
         assert context.asyncio_loop is not None
+        # Now, for an error at the end would keep the process.
+        self.__patience_s = (
+            seconds(context, self.__sigterm_timeout),
+            seconds(context, self.__sigkill_timeout),
+        )
         name = self.__description.final_name or ""
         output = self.__output
         if not isinstance(output, Mapping):
@@ -306,15 +312,14 @@ class ExecuteLocal(Action):
             return
         self.__is_ending = True
         assert context.asyncio_loop is not None
-        first = seconds(context, self.__sigterm_timeout)
-        second = seconds(context, self.__sigkill_timeout)
         self.__send(signal.SIGINT, says_so=says_so)
-        ends = context.asyncio_loop.create_task(self.__escalate(self.__child, first, second))
+        ends = context.asyncio_loop.create_task(self.__escalate(self.__child))
         if self.__completed is not None:
             self.__completed.add_done_callback(lambda _: ends.cancel())
 
-    async def __escalate(self, process: Child | None, first: float, second: float) -> None:
+    async def __escalate(self, process: Child | None) -> None:
         total = 0.0
+        first, second = self.__patience_s
         steps = ((first, signal.SIGINT, signal.SIGTERM), (second, signal.SIGTERM, signal.SIGKILL))
         for timeout, sent, following in steps:
             await asyncio.sleep(timeout)
