@@ -41,7 +41,7 @@ _CALLBACKS = {
 
 
 class LifecycleNodeMixin(ManagedEntity):
-    """What a lifecycle node has more than a node; for classes that are nodes, too, and made as such before.
+    """What a lifecycle node has beyond a node. A class that inherits both calls `Node.__init__` first.
 
     Without `enable_communication_interface` nobody outside can ask for transitions, or hears of them.
     `callback_group` is the group of its services.
@@ -66,7 +66,11 @@ class LifecycleNodeMixin(ManagedEntity):
     # --- transitions asked for by the program itself
 
     def trigger_configure(self) -> TransitionCallbackReturn:
-        """As the others: returns what the callback said. Raises RCLError where that is not possible now."""
+        """Call `on_configure` and go where its result leads; returns the result. So do the other triggers.
+
+        Raises RCLError where the transition is not possible now, TypeError where the callback returns no
+        TransitionCallbackReturn.
+        """
         return self.__trigger("configure")
 
     def trigger_cleanup(self) -> TransitionCallbackReturn:
@@ -88,7 +92,7 @@ class LifecycleNodeMixin(ManagedEntity):
     # --- what goes along
 
     def add_managed_entity(self, entity: ManagedEntity) -> None:
-        """Have it told of each transition by the callbacks of this node, unless they are overridden."""
+        """Have this node's callbacks tell it of each transition; one that a program overrides does not."""
         if not isinstance(entity, ManagedEntity):
             raise TypeError("Expected a rclpy.lifecycle.ManagedEntity instance.")
         self._managed_entities[entity] = None
@@ -115,7 +119,7 @@ class LifecycleNodeMixin(ManagedEntity):
     # --- callbacks; a node of a program's own overrides what it needs
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """As the others: tells the managed entities, and returns the first result that is not SUCCESS.
+        """Tell the managed entities; returns the first result that is not SUCCESS. So do the other callbacks.
 
         `state` is the one from which the node comes.
         """
@@ -194,7 +198,7 @@ class LifecycleNodeMixin(ManagedEntity):
 
 
 class LifecycleNode(LifecycleNodeMixin, Node):
-    """A node whose life others can steer; arguments are those of Node and of LifecycleNodeMixin.
+    """A node that others configure, activate and shut down; it takes the arguments of Node, too.
 
     Raises as Node does, and TypeError for an `enable_communication_interface` that is no bool.
     """

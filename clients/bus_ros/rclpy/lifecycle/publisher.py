@@ -28,8 +28,8 @@ class LifecyclePublisher(SimpleManagedEntity, Publisher[M]):
         return super().on_activate(state)
 
     def publish(self, msg: M | bytes) -> None:
-        """As `Publisher.publish` while its node is active. Else nothing is published, and the first such
-        message after each time that it was active is warned of.
+        """As `Publisher.publish` while the node is active. Else it publishes nothing, and warns of the first
+        such message since the node was active.
         """
         if self._enabled:
             Publisher.publish(self, msg)
