@@ -65,6 +65,39 @@ async def test_a_transform_is_echoed_and_drawn(tmp_path: Path) -> None:
     ]
 
 
+LAUNCH = """
+from launch import LaunchDescription
+from launch_ros.actions import Node
+
+ARM = '''<?xml version="1.0"?><robot name="arm"><link name="base"/><link name="hand"/>
+<joint name="slide" type="prismatic"><parent link="base"/><child link="hand"/>
+<limit lower="0.25" upper="0.75"/></joint></robot>'''
+
+
+def generate_launch_description():
+    names = ("robot_state_publisher", "joint_state_publisher")
+    given = [{"robot_description": ARM, "frame_prefix": "one/"}]
+    states, joints = (Node(package=name, executable=name, parameters=given) for name in names)
+    words = ["map", "one/hand", "20"]
+    echo = Node(package="tf2_ros", executable="tf2_echo", arguments=words, output="screen")
+    words = [*"0 0 1 0 0 0".split(), "map", "one/base"]
+    place = Node(package="tf2_ros", executable="static_transform_publisher", arguments=words)
+    return LaunchDescription([states, joints, place, echo])
+"""
+
+
+@on_one_loop
+async def test_in_a_launch_file(tmp_path: Path) -> None:
+    """As most robots start."""
+    file = tmp_path / "arm.launch.py"
+    file.write_text(LAUNCH)
+    async with running(tmp_path, "-m", "bus_cli", "launch", file, ROS_LOG_DIR=str(tmp_path)) as launch:
+        await launch.line(r"^\[tf2_echo-4\] - Translation: \[0.500, 0.000, 1.000\]$")
+        launch.process.send_signal(signal.SIGINT)
+        await launch.end()
+    assert sum("process has finished cleanly" in line for line in launch.lines) == 4
+
+
 def test_what_is_wrong_is_said() -> None:
     said = run_bus("run", "tf2_ros", "static_transform_publisher", "--x", "far")
     assert said.code == 1
