@@ -8,6 +8,7 @@ character and the text that rclpy would print, with a caret under that character
 """
 
 import re
+from collections.abc import Callable
 
 from bus.errors import ConfigurationError
 
@@ -38,7 +39,7 @@ MAX_TOPIC_NAME_LENGTH = 247
 MAX_NAMESPACE_LENGTH = 245
 """Leaves room for a slash and a node or topic of one letter."""
 
-# Compiled by who needs them: a right name without substitutions needs none.
+# Compiled where they are needed: a right name without substitutions needs none.
 _NOT_WORD = r"[^A-Za-z0-9_]"
 _NOT_WORD_OR_SLASH = r"[^A-Za-z0-9_/]"
 _BAD_TOKEN_START = r"/[/0-9]"
@@ -59,34 +60,22 @@ _Fault = tuple[str, int]
 
 def validate_node_name(name: str) -> None:
     """A node's base name: `[A-Za-z_][A-Za-z0-9_]*`, without namespace."""
-    _require_text("node name", name)
-    fault = _node_name_fault(name)
-    if fault is not None:
-        raise _invalid("node name", name, fault)
+    _check("node name", name, _node_name_fault)
 
 
 def validate_namespace(namespace: str) -> None:
     """A namespace: "/", or tokens that each follow a slash."""
-    _require_text("namespace", namespace)
-    fault = _namespace_fault(namespace)
-    if fault is not None:
-        raise _invalid("namespace", namespace, fault)
+    _check("namespace", namespace, _namespace_fault)
 
 
 def validate_topic_name(name: str) -> None:
     """A topic as people type it: relative or absolute, with `~` and `{substitutions}`."""
-    _require_text("topic name", name)
-    fault = _typed_topic_fault(name)
-    if fault is not None:
-        raise _invalid("topic name", name, fault)
+    _check("topic name", name, _typed_topic_fault)
 
 
 def validate_full_topic_name(name: str) -> None:
     """A topic as it stands in the graph: absolute, nothing left to expand."""
-    _require_text("topic name", name)
-    fault = _full_topic_fault(name)
-    if fault is not None:
-        raise _invalid("topic name", name, fault)
+    _check("topic name", name, _full_topic_fault)
 
 
 def expand_topic_name(name: str, node: str, namespace: str) -> str:
@@ -279,7 +268,7 @@ def _character_fault(name: str) -> _Fault | None:
     return None if opened is None else (_UNMATCHED_BRACE, opened)
 
 
-def _require_text(what: str, value: object) -> None:
+def _check(what: str, value: object, find_fault: Callable[[str], _Fault | None]) -> None:
     if not isinstance(value, str):
         given = (
             f"the class {value.__qualname__}"
@@ -287,6 +276,8 @@ def _require_text(what: str, value: object) -> None:
             else f"{type(value).__name__} {value!r}"
         )
         raise ConfigurationError(f"{what} must be a string, not {given}")
+    if (fault := find_fault(value)) is not None:
+        raise _invalid(what, value, fault)
 
 
 def _invalid(what: str, name: str, fault: _Fault, *, typed: str | None = None) -> ConfigurationError:
