@@ -30,6 +30,7 @@ _KINDS: Final = ("msg", "srv", "action")
 _SAME: Final = {
     "ament_index_python": "bus_ros.ament_index_python",
     "cv_bridge": "bus_ros.cv_bridge",
+    "diagnostic_updater": "bus_ros.diagnostic_updater",
     "launch": "bus_launch.launch",
     "launch_ros": "bus_launch.launch_ros",
     "launch_testing": "bus_launch.launch_testing",
