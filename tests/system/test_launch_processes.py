@@ -8,7 +8,16 @@ from typing import Any
 import pytest
 
 import bus
-from bus_launch.launch.actions import EmitEvent, ExecuteProcess, LogInfo, RegisterEventHandler, Shutdown
+from bus_launch.launch.actions import (
+    EmitEvent,
+    ExecuteProcess,
+    GroupAction,
+    LogInfo,
+    RegisterEventHandler,
+    SetEnvironmentVariable,
+    SetLaunchConfiguration,
+    Shutdown,
+)
 from bus_launch.launch.event_handlers import OnProcessExit, OnProcessIO, OnProcessStart, OnShutdown
 from bus_launch.launch.events import matches_action
 from bus_launch.launch.events.process import ShutdownProcess, SignalProcess
@@ -156,6 +165,15 @@ def test_a_shell_an_environment_a_folder_a_terminal(
     code = run(
         ExecuteProcess(cmd=["echo $A;", " pwd"], shell=True, additional_env={"A": "of a"}, output="screen"),
         ExecuteProcess(cmd=["pwd"], cwd=str(tmp_path), output="screen"),
+        GroupAction(
+            [
+                SetEnvironmentVariable("OF_A_GROUP", "set"),
+                SetLaunchConfiguration("emulate_tty", "true"),
+                ExecuteProcess(
+                    cmd=[*PYTHON, "import os; print(os.environ['OF_A_GROUP'], os.isatty(1))"], output="screen"
+                ),
+            ]
+        ),
         ExecuteProcess(cmd=["/usr/bin/env"], env={"ONLY": "this"}, output="screen"),
         ExecuteProcess(
             cmd=[*PYTHON, "import os; print([os.isatty(fd) for fd in range(3)])"],
@@ -170,7 +188,7 @@ def test_a_shell_an_environment_a_folder_a_terminal(
         line.partition("] ")[2] for line in out.splitlines() if not line.startswith(("[INFO]", "[ERROR]"))
     ]
     assert sorted(lines) == sorted(
-        ["of a", str(Path.cwd()), str(tmp_path), "ONLY=this", "[False, True, True]"]
+        ["of a", "set True", str(Path.cwd()), str(tmp_path), "ONLY=this", "[False, True, True]"]
     )
     assert "exception occurred while executing process: [Errno 2] No such file or directory: 'nosuch" in out
 

@@ -1,7 +1,6 @@
 """What a program is started with; programs import it as `launch.descriptions`."""
 
 import itertools
-import os
 import shlex
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -95,6 +94,11 @@ class Executable:
     def final_env(self) -> dict[str, str] | None:
         return self._final_env
 
+    @property
+    def has_own_env(self) -> bool:
+        """Whether its environment is not that of the launch."""
+        return self._env is not None or self._additional_env is not None
+
     def prepare(self, context: LaunchContext, action: Action) -> None:
         """Perform all substitutions, and give the process its name: `talker-1`."""
         words = [perform_substitutions(context, one) for one in self._cmd]
@@ -108,12 +112,9 @@ class Executable:
         self._final_cmd = [*self._final_prefix, *words]
         self._final_name = f"{name}-{next(_count)}"
         self._final_cwd = None if self._cwd is None else perform_substitutions(context, self._cwd)
-        self._final_env = None
-        if self._env is not None:
-            self._final_env = _performed(context, self._env)
-        if self._additional_env is not None:
-            start = dict(os.environ) if self._final_env is None else self._final_env
-            self._final_env = start | _performed(context, self._additional_env)
+        # That of now: a group around it may be left before the process starts.
+        start = dict(context.environment) if self._env is None else _performed(context, self._env)
+        self._final_env = start | _performed(context, self._additional_env or [])
 
     def command(self) -> list[str]:
         """What is executed, after `prepare`."""

@@ -186,6 +186,11 @@ class ExecuteLocal(Action):
             seconds(context, self.__sigterm_timeout),
             seconds(context, self.__sigkill_timeout),
         )
+        if "emulate_tty" in context.launch_configurations:
+            value = str(context.launch_configurations["emulate_tty"])
+            self.__emulate_tty = evaluate_condition_expression(
+                context, normalize_to_list_of_substitutions(value)
+            )
         name = self.__description.final_name or ""
         output = self.__output
         if not isinstance(output, Mapping):
@@ -216,12 +221,8 @@ class ExecuteLocal(Action):
         assert self.__must_end is not None
         assert self.__details is not None
         logger = logging.get_logger(self.__details["name"])
-        is_tty = self.__emulate_tty
-        if "emulate_tty" in context.launch_configurations:
-            value = str(context.launch_configurations["emulate_tty"])
-            is_tty = evaluate_condition_expression(context, normalize_to_list_of_substitutions(value))
         while True:
-            await self.__run_once(context, logger, is_tty)
+            await self.__run_once(context, logger)
             if self.__must_end.is_set() or not self.__respawn or not self.__respawns_left:
                 break
             self.__respawns_left -= 1
@@ -232,17 +233,17 @@ class ExecuteLocal(Action):
             except TimeoutError:
                 self.__is_ending = False
 
-    async def __run_once(self, context: LaunchContext, logger: Any, is_tty: bool) -> None:
+    async def __run_once(self, context: LaunchContext, logger: Any) -> None:
         details = self.__details
         assert details is not None and self.__lines is not None
         cmd = details["cmd"]
         shown = " ".join(word for word in cmd if word.strip())
         if self.__log_cmd:
-            custom = details["env"] is not None
+            custom = self.__description.has_own_env
             logger.info(f"process details: cmd='{shown}', cwd='{details['cwd']}', custom_env?={custom}")
         try:
             command = " ".join(cmd) if self.__shell else self.__description.command()
-            process = Child(command, cwd=details["cwd"], env=details["env"], emulate_tty=is_tty)
+            process = Child(command, cwd=details["cwd"], env=details["env"], emulate_tty=self.__emulate_tty)
         except (OSError, ValueError) as error:
             logger.error(f"exception occurred while executing process: {error}")
             return
