@@ -300,9 +300,10 @@ def _listen_without_loop(unit: str, *, with_info: bool = False) -> list[Any]:
     raise AssertionError("it never ends")
 
 
-def _listen_in_executor(unit: str) -> list[Any]:
-    """Without the steps of `Executor.spin` itself, which has begun before."""
+def _listen_in_executor(unit: str, *, threads: bool = False) -> list[Any]:
+    """Without the steps of `Executor.spin` itself, which has begun before. `threads`: those of one of two."""
     import bus_ros.rclpy as rclpy  # has signals and threads of its own
+    from bus_ros.rclpy.executors import MultiThreadedExecutor
 
     heard = 0
 
@@ -319,7 +320,7 @@ def _listen_in_executor(unit: str) -> list[Any]:
     with rclpy.init(args=[]):
         node = rclpy.create_node("listener", enable_rosout=False)
         node.create_subscription(String, "steps", callback, 10)
-        rclpy.spin(node)
+        rclpy.spin(node, MultiThreadedExecutor(2) if threads else None)
     return counts
 
 

@@ -92,6 +92,13 @@ def test_steps_of_an_executor(route: str) -> None:
     assert calls <= 12  # of which three lie between the wake-up and the user's callback
 
 
+@by_shared_memory
+def test_steps_of_a_thread_of_an_executor(route: str) -> None:
+    bytecodes, calls = steps("subscriber", "rclpy", threads=True)
+    assert 100 <= bytecodes <= 510
+    assert calls <= 21
+
+
 @natively
 @pytest.mark.parametrize(("route", "most"), [("shm", 92), ("socket", 86)], indirect=["route"])
 async def test_calls_of_a_subscription_that_is_made(route: str, most: int) -> None:

@@ -8,7 +8,6 @@ import os
 import warnings
 from collections import deque
 from collections.abc import Callable, Coroutine, Iterable
-from threading import get_ident
 from time import monotonic_ns
 from types import TracebackType
 from typing import Any, Protocol, TypeAlias
@@ -16,6 +15,7 @@ from typing import Any, Protocol, TypeAlias
 from bus_ros.engine import Waiter, deadline_after, engine
 from bus_ros.entity import Entity, Owner, Work
 from bus_ros.rclpy.context import Context, get_default_context
+from bus_ros.rclpy.impl.worker_threads import WorkerThreads
 from bus_ros.rclpy.subscription import Subscription
 from bus_ros.rclpy.task import UNFINISHED, Future, Step, Task
 from bus_ros.rclpy.timer import NEVER_NS, Timer
@@ -33,8 +33,10 @@ __all__ = [
 ]
 
 Ready: TypeAlias = Entity | Step
+Call: TypeAlias = tuple[Ready, Work]
 
 MOST_AT_ONCE = 64
+_ONE_THREAD = "MultiThreadedExecutor is used with a single thread.\nUse the SingleThreadedExecutor instead."
 _SHIFT_NS = 20_000_000
 """For so long a worker goes on by itself."""
 _NOW: Future[Any] = Future()
@@ -289,9 +291,7 @@ class Executor:
 
     # --- inside, under the guard
 
-    def _next(
-        self, deadline_ns: int, most: int, until: Callable[[], bool] | None
-    ) -> tuple[Ready, Work] | None:
+    def _next(self, deadline_ns: int, most: int, until: Callable[[], bool] | None) -> Call | None:
         """The next call; None at the deadline, on shutdown of the executor, and where `until()` is true.
 
         Raises what a call in another thread raised, and ExternalShutdownException.
@@ -467,19 +467,12 @@ class MultiThreadedExecutor(Executor):
         if num_threads is None:
             num_threads = len(os.sched_getaffinity(0))
         if num_threads == 1:
-            warnings.warn(
-                "MultiThreadedExecutor is used with a single thread.\n"
-                "Use the SingleThreadedExecutor instead.",
-                stacklevel=2,
-            )
+            warnings.warn(_ONE_THREAD, stacklevel=2)
         self._threads = self._free = num_threads
         self._spinners = 0  # threads in `spin`, under which workers go on by themselves
-        self._workers: set[int] = set()
         self._leaving: list[Waiter] = []  # they wait for the end of calls
         self._leavers = 0  # workers that shut down themselves, of which none waits for another
-        from concurrent.futures import ThreadPoolExecutor  # late: most programs have no use for it
-
-        self._pool = ThreadPoolExecutor(num_threads, thread_name_prefix="rclpy executor")
+        self._pool = WorkerThreads(num_threads, self._work, self._engine.loop, name="rclpy executor")
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
         """Stop spinning, and wait until the calls have ended, for `timeout_sec` at most; returns whether.
@@ -487,10 +480,10 @@ class MultiThreadedExecutor(Executor):
         A call that does this itself is not waited for.
         """
         super().shutdown(timeout_sec)
-        self._pool.shutdown(wait=False)
         engine, deadline_ns = self._engine, deadline_after(timeout_sec)
         with engine.loop:
-            is_worker = get_ident() in self._workers
+            self._pool.end()
+            is_worker = self._pool.is_mine()
             self._leavers += is_worker
             self._tell_leaving()
             try:
@@ -536,18 +529,17 @@ class MultiThreadedExecutor(Executor):
                 return  # one of our own calls may have shut down, and rclpy's spin just ends then
             if found is not None and not self.is_shutdown:
                 try:
-                    self._pool.submit(self._work, *found)
+                    self._pool.hand(found)
                 except RuntimeError:  # the interpreter ends, and this is a daemon thread
                     self._is_shutdown = True
                     return
                 self._begin(found[0])
                 self._free -= 1
 
-    def _work(self, entity: Ready, work: Work) -> None:
+    def _work(self, call: Call) -> None:
         """Make a call, and under `spin` those that follow: a change of threads costs more than most calls."""
-        self._workers.add(get_ident())
         end_ns = monotonic_ns() + _SHIFT_NS
-        found: tuple[Ready, Work] | None = (entity, work)
+        found: Call | None = call
         while found is not None:
             failure: BaseException | None = None
             has_ended = True
@@ -561,7 +553,7 @@ class MultiThreadedExecutor(Executor):
                 if has_ended:
                     self._end(found[0])
                 found = None
-                if failure is None and self._spinners and monotonic_ns() < end_ns:
+                if looks := failure is None and self._spinners > 0 and monotonic_ns() < end_ns:
                     try:
                         found = self._go_on()
                     except BaseException as error:
@@ -569,11 +561,13 @@ class MultiThreadedExecutor(Executor):
                 if failure is not None:
                     self._failures.append(failure)
                 if found is None:
-                    self._workers.discard(get_ident())
-                    self.wake_up()
+                    if not looks or self.ready or self._failures or not self._context.ok():
+                        self.wake_up()
                     self._tell_leaving()
+                    if self._spinners and not self._is_shutdown:
+                        self._pool.stay()
 
-    def _go_on(self) -> tuple[Ready, Work] | None:
+    def _go_on(self) -> Call | None:
         """The next call for this thread; another thread is woken for the rest."""
         if self._failures or not self._context.ok():
             return None
