@@ -31,6 +31,7 @@ _SAME: Final = {
     "ament_index_python": "bus_ros.ament_index_python",
     "cv_bridge": "bus_ros.cv_bridge",
     "diagnostic_updater": "bus_ros.diagnostic_updater",
+    "laser_geometry": "bus_ros.laser_geometry",
     "launch": "bus_launch.launch",
     "launch_ros": "bus_launch.launch_ros",
     "launch_testing": "bus_launch.launch_testing",
@@ -93,7 +94,7 @@ _PACKAGES: Final = {
 
 _MISSING: Final = frozenset(
     (
-        *("ament_package", "domain_coordinator", "image_geometry", "laser_geometry"),
+        *("ament_package", "domain_coordinator", "image_geometry"),
         "launch_pytest",
         *("nav2_simple_commander", "ros2bag", "ros2cli", "ros2launch", "ros2node", "ros2param", "ros2pkg"),
         *("ros2run", "ros2service", "ros2topic", "rosbag2_py", "rosidl_adapter", "rosidl_generator_py"),

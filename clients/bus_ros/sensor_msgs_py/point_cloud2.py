@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DUMMY_FIELD_PREFIX",
+    "Header",
+    "PointCloud2",
+    "PointField",
     "create_cloud",
     "create_cloud_xyz32",
     "dtype_from_fields",
@@ -218,6 +221,18 @@ def _all_points(cloud: Any) -> "np.ndarray[Any, Any]":
         return np.ndarray(width * height, kind, cloud.data)  # type: ignore[no-any-return]
     rows = np.ndarray((height, width), kind, cloud.data, strides=(row_step, step))
     return rows.reshape(-1)  # type: ignore[no-any-return]
+
+
+Header: Any
+PointCloud2: Any
+PointField: Any
+"""Programs take these from here; they are made when a program asks."""
+
+
+def __getattr__(name: str) -> Any:
+    if name not in ("Header", "PointCloud2", "PointField"):
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    return message_class(f"{'std_msgs' if name == 'Header' else 'sensor_msgs'}/msg/{name}")
 
 
 def _numpy() -> Any:

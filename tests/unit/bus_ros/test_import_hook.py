@@ -272,6 +272,24 @@ def test_installing_twice_does_nothing_more(tmp_path: Path) -> None:
     assert run(code, tmp_path) == ["0"]
 
 
+def test_what_perception_nodes_import(tmp_path: Path) -> None:
+    """Each under its own name, the same module as ours, and nothing heavy with it."""
+    code = """
+        import sys
+        import ament_index_python.packages, cv_bridge, diagnostic_updater, laser_geometry, message_filters
+        from ament_index_python.packages import get_package_share_directory
+        from cv_bridge.core import CvBridge
+        from laser_geometry.laser_geometry import LaserProjection
+        from message_filters import ApproximateTimeSynchronizer, Subscriber
+        from sensor_msgs.msg import PointField
+        from sensor_msgs_py import point_cloud2
+        print(cv_bridge.CvBridge is CvBridge, point_cloud2.PointField is PointField)
+        print(message_filters is sys.modules["bus_ros.message_filters"])
+        print({"numpy", "cv2"} & sys.modules.keys())
+    """
+    assert run(code, tmp_path) == ["True True", "True", "set()"]
+
+
 def test_it_imports_little(tmp_path: Path) -> None:
     code = """
         import sys
