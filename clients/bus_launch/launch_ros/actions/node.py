@@ -211,7 +211,11 @@ class Node(ExecuteProcess):
         return name, namespace
 
     def execute(self, context: LaunchContext) -> Sequence[LaunchDescriptionEntity] | None:
-        super().execute(context)
+        try:
+            super().execute(context)
+        except BaseException:
+            self.__files.remove()
+            raise
         future = self.get_asyncio_future()
         if future is None:
             self.__files.remove()

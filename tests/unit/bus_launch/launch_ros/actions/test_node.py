@@ -242,6 +242,16 @@ def test_parameters_by_themselves() -> None:
             Node(executable="a", parameters=wrong)  # type: ignore[arg-type]
 
 
+def test_no_parameter_file_stays_where_there_is_no_program(
+    prefix: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (prefix / "temporary").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(prefix / "temporary"))
+    with pytest.raises(SubstitutionFailure):
+        Node(package="my_robot", executable="driv", parameters=[{"a": 1}]).execute(LaunchContext())
+    assert list((prefix / "temporary").iterdir()) == []
+
+
 def test_what_is_no_name(prefix: Path) -> None:
     with pytest.raises(ConfigurationError, match="node name must not contain characters other than"):
         prepared(Node(package="my_robot", executable="drive", name="a b"))
