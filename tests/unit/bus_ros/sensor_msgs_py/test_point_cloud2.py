@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from bus.msg import sensor_msgs
 from bus_ros.rosidl import message_class
 from bus_ros.sensor_msgs_py import numpy_compat
 from bus_ros.sensor_msgs_py.point_cloud2 import (
@@ -80,6 +81,15 @@ def test_what_is_read_is_a_view() -> None:
     cloud = mixed()
     read_points(cloud)["x"] = 9
     assert read_points(cloud)["x"].tolist() == [9, 9]
+
+
+def test_a_cloud_of_the_native_class_is_read_in_place() -> None:
+    data: Any = memoryview(np.float32([3, 4]).tobytes())
+    field = sensor_msgs.PointField(name="x", datatype=FLOAT32, count=1)
+    cloud = sensor_msgs.PointCloud2(height=1, width=2, fields=[field], point_step=4, row_step=8, data=data)
+    points = read_points(cloud, skip_nans=False)
+    assert points.tolist() == [(3,), (4,)]
+    assert not points.flags.writeable
 
 
 def test_another_byte_order_is_read_into_this_machines() -> None:
