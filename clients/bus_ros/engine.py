@@ -90,7 +90,7 @@ class Engine:
             waiter = Waiter(self, context)
             task = self.loop.create_task(function())
             task.add_done_callback(waiter.set)
-            waiter.wait(deadline_ns)
+            waiter.wait(deadline_ns, is_eager=True)  # calls like this come in series: a node's endpoints
             is_done = task.done()
             if not is_done:
                 task.cancel()

@@ -1,10 +1,12 @@
 """Nodes and contexts of the facade: names, the graph, what they make and destroy."""
 
+import asyncio
 from typing import Any
 
 import pytest
 
 import bus_ros.rclpy as rclpy
+from bus_ros.engine import Waiter, engine
 from bus_ros.rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from bus_ros.rclpy.context import Context
 from bus_ros.rclpy.exceptions import (
@@ -329,3 +331,21 @@ class TestGraph:
         with_it.get_logger().info("heard")
         world.spin_until(lambda: heard, with_it)
         assert [(one.name, one.msg) for one in heard] == [("with_it", "heard")]
+
+
+def test_calls_in_series_change_threads_once(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The thread that makes a node's endpoints runs the loop itself from the second on."""
+    mover = engine()
+    world.node()
+    wait_until(lambda: mover._runner is mover)  # the keeper runs it
+    blocked: list[Waiter] = []
+    block = Waiter.block
+
+    def count(self: Waiter, timeout_s: float | None) -> None:
+        blocked.append(self)
+        block(self, timeout_s)
+
+    monkeypatch.setattr(Waiter, "block", count)
+    for _ in range(20):
+        mover.run(lambda: asyncio.sleep(0))
+    assert 1 <= len(blocked) <= 10
