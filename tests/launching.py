@@ -14,7 +14,7 @@ from bus_launch.launch.core import (
     normalize_to_list_of_substitutions,
     perform_substitutions,
 )
-from bus_launch.launch.description import LaunchDescription
+from bus_launch.launch.launch_description import LaunchDescription
 from bus_launch.launch.launch_service import LaunchService
 
 

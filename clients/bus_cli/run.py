@@ -152,32 +152,32 @@ def _export(call: Call) -> None:
 
 
 def _start(call: Call) -> int:
-    from bus_ros import launching
+    from bus_ros import running
 
     program = None if call.module is not None or _is_script(call.words) else _find(call.words)
-    is_plain_executable = program and program.entry_point is None and not launching.is_python(program.path)
+    is_plain_executable = program and program.entry_point is None and not running.is_python(program.path)
     front = _split(call.prefix)
     if program and is_plain_executable:
-        return launching.run_child([*front, program.path, *call.words[2:]], of_package=True)
+        return running.run_child([*front, program.path, *call.words[2:]], of_package=True)
     if front:
         # What Python runs has no command of its own: it is this tool again.
         again = ["--force"] if call.force else []
         again += ["-m", call.module] if call.module is not None else []
-        return launching.run_child([*front, sys.executable, "-m", "bus_cli", "run", *again, *call.words])
-    launching.fill_in(force=call.force)
+        return running.run_child([*front, sys.executable, "-m", "bus_cli", "run", *again, *call.words])
+    running.fill_in(force=call.force)
     return _run_here(call, program)
 
 
 def _run_here(call: Call, program: "Executable | None") -> NoReturn:
-    from bus_ros import launching
+    from bus_ros import running
 
     if call.module is not None:
-        launching.run_module(call.module, call.words)
+        running.run_module(call.module, call.words)
     if program is None:
-        launching.run_script(call.words[0], call.words[1:])
+        running.run_script(call.words[0], call.words[1:])
     if program.entry_point is not None:
-        launching.run_entry_point(program.entry_point, program.path, call.words[2:])
-    launching.run_script(program.path, call.words[2:], of_package=True)
+        running.run_entry_point(program.entry_point, program.path, call.words[2:])
+    running.run_script(program.path, call.words[2:], of_package=True)
 
 
 def _split(prefix: str | None) -> list[str]:
@@ -260,11 +260,11 @@ def _source(folders: "Sequence[str]") -> None:
 
 
 def _add_python(folders: "Sequence[str]") -> None:
-    from bus_ros import launching
+    from bus_ros import running
 
     missing = [folder for folder in folders if folder not in sys.path[1:]]
     if missing:
-        launching.add_paths(missing)
+        running.add_paths(missing)
 
 
 def _package_hint(package: str, source: "Path | None") -> str | None:

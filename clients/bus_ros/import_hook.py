@@ -64,7 +64,6 @@ _ALIASES: Final = {
         "bus_launch.launch.core",
     ),
     "launch.invalid_launch_file_error": "bus_launch.launch.errors",
-    "launch.launch_description": "bus_launch.launch.description",
     "launch.launch_description_source": "bus_launch.launch.launch_description_sources",
     "launch_ros.parameter_descriptions": "bus_launch.launch_ros.descriptions",
     "launch_ros.remap_rule_type": "bus_launch.launch_ros.parameters_type",

@@ -26,8 +26,8 @@ from bus_launch.launch.core import (
     SomeSubstitutionsType_types_tuple,
     Substitution,
 )
-from bus_launch.launch.description import LaunchDescription
 from bus_launch.launch.errors import InvalidLaunchFileError
+from bus_launch.launch.launch_description import LaunchDescription
 from bus_launch.launch.launch_description_sources import LaunchDescriptionSource
 from bus_launch.launch.launch_introspector import LaunchIntrospector
 from bus_launch.launch.launch_service import LaunchService

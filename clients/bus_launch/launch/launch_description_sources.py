@@ -12,9 +12,9 @@ from bus_launch.launch.core import (
     normalize_to_list_of_substitutions,
     perform_substitutions,
 )
-from bus_launch.launch.description import LaunchDescription
 from bus_launch.launch.errors import InvalidLaunchFileError, describe
 from bus_launch.launch.frontend import InvalidFrontendLaunchFileError, Parser
+from bus_launch.launch.launch_description import LaunchDescription
 
 __all__ = [
     "AnyLaunchDescriptionSource",

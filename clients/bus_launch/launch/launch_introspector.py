@@ -10,7 +10,7 @@ from bus_launch.launch.core import (
     normalize_to_list_of_entities,
     normalize_to_list_of_substitutions,
 )
-from bus_launch.launch.description import LaunchDescription
+from bus_launch.launch.launch_description import LaunchDescription
 
 __all__ = ["LaunchIntrospector"]
 

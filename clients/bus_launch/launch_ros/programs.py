@@ -84,20 +84,20 @@ def find_share(package: str) -> str:
 
 def _program(one: packages.Executable) -> Program:
     if one.entry_point is not None:
-        return Program(one.path, [*_CHILD, one.path, one.entry_point, "--"])
+        return Program(one.path, [*_START, one.path, one.entry_point, "--"])
     return Program(one.path, _python(one.path, one.python_folders) or [one.path])
 
 
-_CHILD = (sys.executable, "-m", "bus_launch.child")
+_START = (sys.executable, "-m", "bus_launch.python_program")
 
 
 def _python(path: str, folders: tuple[str, ...] = ()) -> list[str] | None:
-    from bus_ros import launching
+    from bus_ros import running
 
-    if not launching.is_python(path):
+    if not running.is_python(path):
         return None
     paths = [f"--path={folder}" for folder in folders]
-    return [*_CHILD, *paths, path, "--"]
+    return [*_START, *paths, path, "--"]
 
 
 def _no_package(package: str) -> str:
@@ -118,9 +118,9 @@ def with_sourced_workspace() -> None:
     new = [prefix for prefix in packages.prefixes() if not prefix.is_sourced]
     if not new:
         return
-    from bus_ros import launching
+    from bus_ros import running
 
     old = os.environ.get("AMENT_PREFIX_PATH")
     os.environ["AMENT_PREFIX_PATH"] = os.pathsep.join([str(one.path) for one in new] + ([old] if old else []))
     folders = [folder for prefix in new for folder in packages.python_folders(prefix)]
-    launching.add_paths([folder for folder in folders if folder not in sys.path[1:]])
+    running.add_paths([folder for folder in folders if folder not in sys.path[1:]])

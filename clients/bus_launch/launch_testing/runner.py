@@ -11,8 +11,8 @@ from typing import Any
 
 from bus_launch.launch.actions import RegisterEventHandler, SetLaunchConfiguration
 from bus_launch.launch.core import EventHandler, LaunchDescriptionEntity
-from bus_launch.launch.description import LaunchDescription
 from bus_launch.launch.events.process import ProcessIO, RunningProcessEvent
+from bus_launch.launch.launch_description import LaunchDescription
 from bus_launch.launch.launch_description_sources import load_python_launch_file_as_module
 from bus_launch.launch.launch_service import LaunchService
 from bus_launch.launch_testing.actions import ReadyToTest

@@ -37,8 +37,8 @@ from bus_launch.launch.core import (
     LaunchDescriptionEntity,
     Substitution,
 )
-from bus_launch.launch.description import LaunchDescription
 from bus_launch.launch.event_handlers import OnExecutionComplete, OnShutdown
+from bus_launch.launch.launch_description import LaunchDescription
 from bus_launch.launch.launch_description_sources import (
     AnyLaunchDescriptionSource,
     PythonLaunchDescriptionSource,

@@ -98,7 +98,7 @@ def test_a_node_with_all_that_it_may_have(prefix: Path) -> None:
         + "".join(f"--params-file {prefix_of(word)}P " for word in shown if "launch_params_" in word)
         + "-r a:=b -r cmd:=/cmd5"
     )
-    start = [sys.executable, "-m", "bus_launch.child", f"{prefix}/lib/my_robot/drive", "--"]
+    start = [sys.executable, "-m", "bus_launch.python_program", f"{prefix}/lib/my_robot/drive", "--"]
     assert executed == ["nice", "-n", "5", *start, *shown[4:]]
     assert parameters == {
         "/fleet/one/wheels/d5": {

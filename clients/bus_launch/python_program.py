@@ -1,14 +1,13 @@
-"""`python -m bus_launch.child [--path=FOLDER] PATH [MODULE:FUNCTION] -- ARGUMENTS`: a node in Python.
+"""`python -m bus_launch.python_program [--path=FOLDER] PATH [MODULE:FUNCTION] -- ARGUMENTS`
 
-How a launch starts it. `--path`: a folder that its modules are imported from.
-
-With ROS 2's modules filled in where they are missing, as `bus run` has it; errors are the program's own.
+How a launch starts a program in Python: with ROS 2's modules filled in where they are missing, as `bus run`
+has it. `--path`: a folder that its modules are imported from. Errors are the program's own.
 """
 
 import sys
 
 from bus.process.termination import say_nothing_of_signals
-from bus_ros import launching
+from bus_ros import running
 
 __all__ = ["main"]
 
@@ -21,11 +20,11 @@ def main() -> None:
     folders = [word.removeprefix(_PATH) for word in words if word.startswith(_PATH)]
     path, *target = words[len(folders) :]
     if folders:
-        launching.add_paths(folders)
-    launching.fill_in(force=False)
+        running.add_paths(folders)
+    running.fill_in(force=False)
     if target:
-        launching.run_entry_point(target[0], path, arguments, of_package=False)
-    launching.run_script(path, arguments)
+        running.run_entry_point(target[0], path, arguments, of_package=False)
+    running.run_script(path, arguments)
 
 
 if __name__ == "__main__":
