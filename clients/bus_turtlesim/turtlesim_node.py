@@ -1,0 +1,122 @@
+"""`bus run turtlesim turtlesim_node`: turtles that move as they are told, and draw.
+
+Owns: the node, its services and parameters, and the period. With a display there is a window, too.
+"""
+
+from contextlib import suppress
+from typing import Any
+
+import bus_ros.rclpy as rclpy
+from bus_ros.rclpy.exceptions import InvalidTopicNameException, ParameterException
+from bus_ros.rclpy.executors import ExternalShutdownException
+from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger
+from bus_ros.rclpy.node import Node
+from bus_turtlesim.canvas import Colour
+from bus_turtlesim.messages import Empty, IntegerRange, Kill, ParameterDescriptor, Spawn
+from bus_turtlesim.turtle_ends import TurtleEnds
+from bus_turtlesim.window import NoWindow, Window
+from bus_turtlesim.world import PERIOD_S, SIZE, World
+
+__all__ = ["TurtleSim", "main"]
+
+_NAME = "turtlesim"
+_BACKGROUND = {"Red": 0x45, "Green": 0x56, "Blue": 0xFF}
+
+
+class TurtleSim(Node):
+    """The node. `window`: None where nothing is drawn."""
+
+    def __init__(self, window: Window | None = None, **options: Any) -> None:
+        super().__init__(_NAME, **options)
+        self.world = World()
+        self._ends: dict[str, TurtleEnds] = {}
+        self._window = window
+        for colour, value in _BACKGROUND.items():
+            described = ParameterDescriptor(
+                description=f"{colour} channel of the background color",
+                integer_range=[IntegerRange(from_value=0, to_value=255, step=1)],
+            )
+            self.declare_parameter(f"background_{colour[0].lower()}", value, described)
+        described = ParameterDescriptor(description="If true, then turtles will be holonomic")
+        self.declare_parameter("holonomic", False, described)
+        self.get_logger().info(f"Starting turtlesim with node name {self.get_fully_qualified_name()}")
+        self._spawn_first()
+        self.create_service(Empty, "clear", self._clear)
+        self.create_service(Empty, "reset", self._reset)
+        self.create_service(Spawn, "spawn", self._serve_spawn)
+        self.create_service(Kill, "kill", self._kill)
+        self.create_timer(PERIOD_S, self._step)
+
+    def _step(self) -> None:
+        now_ns = self.get_clock().now().nanoseconds
+        background = self._background()
+        for ends in self._ends.values():
+            ends.step(now_ns, background)
+        if self._window is not None:
+            self._window.show(self.world, background)
+            if self._window.is_closed:
+                raise ExternalShutdownException
+
+    def _background(self) -> Colour:
+        red, green, blue = (self.get_parameter(f"background_{colour}").value for colour in "rgb")
+        return red, green, blue
+
+    def _spawn_first(self) -> None:
+        self._spawn("", SIZE / 2, SIZE / 2, 0.0)
+
+    def _spawn(self, name: str, x: float, y: float, theta: float) -> str:
+        """Raises ValueError, with a text for its user."""
+        name = self.world.spawn(x, y, theta, self.get_clock().now().nanoseconds, name)
+        try:
+            self._ends[name] = TurtleEnds(self, name, self.world.turtles[name])
+        except InvalidTopicNameException as error:
+            self.world.kill(name)
+            raise ValueError(f"Can't spawn a turtle named [{name}]: {error}") from None
+        self.get_logger().info(f"Spawning turtle [{name}] at x=[{x:f}], y=[{y:f}], theta=[{theta:f}]")
+        return name
+
+    def _serve_spawn(self, request: Any, response: Any) -> Any:
+        try:
+            response.name = self._spawn(request.name, request.x, request.y, request.theta)
+        except ValueError as error:
+            self.get_logger().error(str(error))
+        return response
+
+    def _kill(self, request: Any, response: Any) -> Any:
+        try:
+            self.world.kill(request.name)
+        except ValueError as error:
+            self.get_logger().error(str(error))
+        else:
+            self._ends.pop(request.name).destroy()
+        return response
+
+    def _clear(self, _: Any, response: Any) -> Any:
+        self.get_logger().info("Clearing turtlesim.")
+        self.world.canvas.clear()
+        return response
+
+    def _reset(self, _: Any, response: Any) -> Any:
+        self.get_logger().info("Resetting turtlesim.")
+        self.world.reset()
+        for name in list(self._ends):
+            self._ends.pop(name).destroy()
+        self._spawn_first()
+        return response
+
+
+def main() -> int:
+    with rclpy.init(), suppress(KeyboardInterrupt, ExternalShutdownException):
+        logger = RcutilsLogger(_NAME)
+        try:
+            window = Window()
+        except NoWindow as error:
+            window = None
+            logger.info(f"No window: {error}")
+        try:
+            node = TurtleSim(window)
+        except ParameterException as error:
+            logger.fatal(str(error))
+            return 1
+        rclpy.spin(node)
+    return 0

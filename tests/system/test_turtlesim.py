@@ -1,0 +1,159 @@
+"""turtlesim's programs as their users run them, without a display."""
+
+import asyncio
+import re
+import signal
+from contextlib import AsyncExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cli import Result, bus
+from programs import Program, on_one_loop, running
+
+RUN = ("-m", "bus_cli", "run", "turtlesim")
+
+pytestmark = pytest.mark.usefixtures("daemon")
+
+
+class Sim:
+    """turtlesim_node, and programs beside it."""
+
+    def __init__(self, stack: AsyncExitStack, folder: Path) -> None:
+        self._stack, self._folder = stack, folder
+        self.node: Program
+
+    async def run(self, *words: str) -> Program:
+        return await self._stack.enter_async_context(running(self._folder, *RUN, *words, DISPLAY=""))
+
+    async def begin(self, *words: str) -> None:
+        self.node = await self.run("turtlesim_node", *words)
+        await self.node.line(r"\[turtlesim\]: Spawning turtle \[turtle1\] at x=\[5.544445\], y=\[5.544445\]")
+
+    async def bus(self, *words: str) -> Result:
+        return await asyncio.to_thread(bus, *words)
+
+    async def call(self, service: str, kind: str, request: str = "{}") -> str:
+        said = await self.bus("service", "call", service, kind, request)
+        return said.out.partition("response:\n")[2].strip()
+
+    async def pose(self, turtle: str = "turtle1") -> dict[str, float]:
+        said = await self.bus("topic", "echo", "--once", f"/{turtle}/pose")
+        return {name: float(value) for name, value in re.findall(r"(\w+): (\S+)", said.out)}
+
+    async def colour(self, turtle: str = "turtle1") -> list[int]:
+        said = await self.bus("topic", "echo", "--once", f"/{turtle}/color_sensor")
+        return [int(value) for value in re.findall(r"\w: (\d+)", said.out)]
+
+    async def end(self, program: Program) -> None:
+        program.process.send_signal(signal.SIGINT)
+        assert await program.end() == 0
+        assert not [line for line in program.lines if "Traceback" in line]
+
+
+@pytest.fixture
+async def sim(tmp_path: Path) -> Any:
+    async with AsyncExitStack() as stack:
+        yield Sim(stack, tmp_path)
+
+
+@on_one_loop
+async def test_a_turtle_moves_and_draws(sim: Sim) -> None:
+    await sim.begin()
+    assert "[turtlesim]: No window: " in sim.node.lines[0]
+    assert await sim.pose() == {
+        **dict.fromkeys(("x", "y"), 5.544444561004639),
+        **dict.fromkeys(("theta", "linear_velocity", "angular_velocity"), 0.0),
+    }
+    assert await sim.colour() == [0x45, 0x56, 0xFF]
+    twist = "{linear: {x: 2.0, y: 1.0}, angular: {z: 1.8}}"
+    await sim.bus("topic", "pub", "--once", "/turtle1/cmd_vel", "geometry_msgs/msg/Twist", twist)
+    while (pose := await sim.pose())["y"] < 5.6:
+        assert pose["linear_velocity"] in (0.0, 2.0)
+    await sim.call("/turtle1/set_pen", "turtlesim/srv/SetPen", "{r: 9, g: 8, b: 7, width: 5}")
+    await sim.call("/turtle1/teleport_absolute", "turtlesim/srv/TeleportAbsolute", "{x: 20, y: 3}")
+    await sim.node.line(
+        r"\[WARN\] \S+ \[turtlesim\]: Oh no! I hit the wall! \(Clamping from \[x=2\d\.\d{6}, y="
+    )
+    assert (await sim.pose())["x"] == 11.088889122009277
+    assert await sim.colour() == [9, 8, 7]
+    await sim.call("/turtle1/set_pen", "turtlesim/srv/SetPen", "{off: 1}")
+    await sim.call("/clear", "std_srvs/srv/Empty")
+    assert (await sim.bus("param", "set", "/turtlesim", "background_r", "150")).code == 0
+    assert await sim.colour() == [150, 0x56, 0xFF]
+    said = await sim.bus("param", "set", "/turtlesim", "background_r", "300")
+    assert said.code == 1
+    assert "doesn't comply with integer range." in said.out + said.err
+    await sim.end(sim.node)
+
+
+@on_one_loop
+async def test_turtles_come_and_go(sim: Sim) -> None:
+    await sim.begin()
+    spawn = "turtlesim/srv/Spawn"
+    assert await sim.call("/spawn", spawn, "{x: 2, y: 3, theta: 0.2}") == (
+        "turtlesim.srv.Spawn_Response(name='turtle2')"
+    )
+    assert (await sim.pose("turtle2"))["y"] == 3.0
+    await sim.call("/spawn", spawn, "{name: turtle2}")
+    await sim.node.line(r"\[ERROR\] \S+ \[turtlesim\]: A turtle named \[turtle2\] already exists$")
+    await sim.call("/spawn", spawn, "{name: 'no name'}")
+    await sim.node.line(r"Can't spawn a turtle named \[no name\]: ")
+    await sim.call("/spawn", spawn, "{x: .nan}")
+    await sim.node.line(r"Can't spawn a turtle at x=\[nan\]")
+    await sim.call("/kill", "turtlesim/srv/Kill", "{name: turtle2}")
+    await sim.call("/kill", "turtlesim/srv/Kill", "{name: turtle2}")
+    await sim.node.line(
+        r"\[ERROR\] \S+ \[turtlesim\]: Tried to kill turtle \[turtle2\], which does not exist$"
+    )
+    assert "/turtle2" not in (await sim.bus("topic", "list")).out
+    await sim.bus(
+        "topic", "pub", "--once", "/turtle1/cmd_vel", "geometry_msgs/msg/Twist", "linear: {x: .inf}"
+    )
+    await sim.node.line(r"Ignored a velocity for \[turtle1\] that is not finite: \[x=inf, ")
+    await sim.call("/reset", "std_srvs/srv/Empty")
+    assert (await sim.pose())["x"] == 5.544444561004639
+    await sim.end(sim.node)
+
+
+@on_one_loop
+async def test_it_turns_to_a_heading(sim: Sim) -> None:
+    await sim.begin()
+    words = ("action", "send_goal", "-f", "/turtle1/rotate_absolute", "turtlesim/action/RotateAbsolute")
+    said = await sim.bus(*words, "{theta: 0.5}")
+    assert "Feedback:\n    remaining: 0.5\n" in said.out
+    delta = re.search(r"Result:\n    delta: (\S+)\n", said.out)
+    assert delta is not None
+    assert -0.52 < float(delta[1]) < -0.48
+    assert said.out.endswith("Goal finished with status: SUCCEEDED\n")
+    await sim.node.line("Rotation goal completed successfully$")
+    first = asyncio.create_task(sim.bus(*words, "{theta: -1}"))
+    while (await sim.pose())["angular_velocity"] != -1.0:
+        pass
+    await sim.bus(*words, "{theta: 0.5}")
+    assert (await first).out.endswith("Goal finished with status: ABORTED\n")
+    await sim.node.line("Rotation goal received before a previous goal finished. Aborting previous goal$")
+    first = asyncio.create_task(sim.bus(*words, "{theta: -1}"))
+    while (await sim.pose())["angular_velocity"] != -1.0:
+        pass
+    await sim.bus("topic", "pub", "--once", "/turtle1/cmd_vel", "geometry_msgs/msg/Twist")
+    assert (await first).out.endswith("Goal finished with status: ABORTED\n")
+    await sim.node.line("Velocity command received during rotation goal. Aborting goal$")
+    await sim.end(sim.node)
+
+
+@on_one_loop
+async def test_others_move_it(sim: Sim) -> None:
+    await sim.begin()
+    await sim.call("/spawn", "turtlesim/srv/Spawn", "{x: 2, y: 2}")
+    square = await sim.run("draw_square")
+    await sim.node.line("Resetting turtlesim.$")
+    await square.line(r"\[draw_square\]: New goal \[7.544445 5.544445, 0.000000\]$")
+    await sim.call("/spawn", "turtlesim/srv/Spawn", "{x: 2, y: 2}")
+    renamed = ("-r", "input/pose:=/turtle1/pose", "-r", "output/cmd_vel:=/turtle2/cmd_vel")
+    mimic = await sim.run("mimic", "--ros-args", *renamed)
+    while (await sim.pose("turtle2"))["x"] == 2.0:
+        pass
+    for program in (mimic, square, sim.node):
+        await sim.end(program)
