@@ -36,6 +36,7 @@ class Sim:
 
     async def call(self, service: str, kind: str, request: str = "{}") -> str:
         said = await self.bus("service", "call", service, kind, request)
+        assert said.code == 0, said.err
         return said.out.partition("response:\n")[2].strip()
 
     async def pose(self, turtle: str = "turtle1") -> dict[str, float]:
@@ -78,13 +79,13 @@ async def test_a_turtle_moves_and_draws(sim: Sim) -> None:
     )
     assert (await sim.pose())["x"] == 11.088889122009277
     assert await sim.colour() == [9, 8, 7]
-    await sim.call("/turtle1/set_pen", "turtlesim/srv/SetPen", "{off: 1}")
+    await sim.call("/turtle1/set_pen", "turtlesim/srv/SetPen", "{'off': 1}")
     await sim.call("/clear", "std_srvs/srv/Empty")
     assert (await sim.bus("param", "set", "/turtlesim", "background_r", "150")).code == 0
     assert await sim.colour() == [150, 0x56, 0xFF]
     said = await sim.bus("param", "set", "/turtlesim", "background_r", "300")
     assert said.code == 1
-    assert "doesn't comply with integer range." in said.out + said.err
+    assert "Parameter background_r out of range. Min: 0, Max: 255, value: 300" in said.err
     await sim.end(sim.node)
 
 
