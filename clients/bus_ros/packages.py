@@ -42,7 +42,10 @@ _BUILT_IN = {
         "tf2_monitor": "bus_tf2.programs.tf2_monitor:main",
     },
     "tf2_tools": {"view_frames": "bus_tf2.programs.view_frames:main"},
-    "turtlesim": {name: f"bus_turtlesim.{name}:main" for name in ("draw_square", "mimic", "turtlesim_node")},
+    "turtlesim": {
+        name: f"bus_turtlesim.{name}:main"
+        for name in ("draw_square", "mimic", "turtle_teleop_key", "turtlesim_node")
+    },
 }
 """Programs that come with busd, where no installed package has them: entry points, by package and name."""
 

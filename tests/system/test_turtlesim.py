@@ -1,9 +1,14 @@
 """turtlesim's programs as their users run them, without a display."""
 
 import asyncio
+import os
+import pty
 import re
 import signal
-from contextlib import AsyncExitStack
+import sys
+import termios
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -158,3 +163,63 @@ async def test_others_move_it(sim: Sim) -> None:
         pass
     for program in (mimic, square, sim.node):
         await sim.end(program)
+
+
+@on_one_loop
+async def test_keys_steer_it(sim: Sim) -> None:
+    await sim.begin()
+    async with teleop() as (program, keyboard):
+        assert program.stdout is not None
+        said = [await program.stdout.readline() for _ in range(5)]
+        assert said[0] == b"Reading from keyboard\n"
+        assert said[-1] == b"'Q' to quit.\n"
+        while (await sim.pose())["x"] < 5.6:
+            os.write(keyboard, b"\x1b[A")
+        while (await sim.pose())["angular_velocity"] != -1.0:
+            os.write(keyboard, b"c")
+        os.write(keyboard, b"f")
+        await sim.node.line("Rotation goal canceled$")
+        os.write(keyboard, b"q")
+        assert await program.wait() == 0
+    await sim.end(sim.node)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@on_one_loop
+async def test_a_signal_ends_it_and_the_terminal_is_as_before(number: int) -> None:
+    async with teleop() as (program, _):
+        assert program.stdout is not None
+        while await program.stdout.readline() != b"'Q' to quit.\n":
+            pass
+        program.send_signal(number)
+        assert await program.wait() == 0
+        assert await program.stdout.read() == b""
+
+
+@asynccontextmanager
+async def teleop() -> AsyncIterator[tuple[asyncio.subprocess.Process, int]]:
+    """turtle_teleop_key on a terminal, and what writes to that; at the end the terminal must be as before."""
+    keyboard, terminal = pty.openpty()
+    before = termios.tcgetattr(terminal)
+    program = await asyncio.create_subprocess_exec(
+        *(sys.executable, *RUN, "turtle_teleop_key"),
+        stdin=terminal,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.STDOUT,
+    )
+    try:
+        yield program, keyboard
+        assert termios.tcgetattr(terminal) == before
+    finally:
+        if program.returncode is None:
+            program.kill()
+            await program.wait()
+        os.close(keyboard)
+        os.close(terminal)
+
+
+@on_one_loop
+async def test_keys_need_a_terminal(sim: Sim) -> None:
+    program = await sim.run("turtle_teleop_key")
+    assert await program.end() == 1
+    assert program.lines[0] == "turtle_teleop_key reads keys from a terminal, and stdin is none"
