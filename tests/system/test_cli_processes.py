@@ -12,10 +12,16 @@ WORLD = """
 import asyncio, bus
 from bus.msg.std_msgs import String
 from bus.srv.std_srvs import Trigger
+from bus_actions import ActionServer, find_action
+Fibonacci = find_action("example_interfaces/action/Fibonacci")
+async def turn(goal):
+    return Fibonacci.Result(sequence=[0, 1])
 async def main():
     async with bus.Node("world") as node:
         await node.create_publisher(String, "topic", 10)
         await node.create_service(Trigger, "ask", lambda request: Trigger.Response(success=True))
+        server = ActionServer(node, Fibonacci, "turn", turn)
+        await server.open()
         await node.declare_parameter("speed", 42)
         await node.declare_parameter("extra", 1, dynamic_typing=True)
         print("ready", flush=True)
@@ -36,6 +42,17 @@ LINES = {
     "param list": "",
     "param load": "/world FOLDER/world.yaml",
     "param set": "/world speed 43",
+    "action info": "/turn",
+    "action list": "",
+    "action send_goal": "/turn example_interfaces/action/Fibonacci {}",
+    "action type": "/turn",
+    "lifecycle get": "--help",
+    "lifecycle list": "--help",
+    "lifecycle nodes": "--help",
+    "lifecycle set": "--help",
+    "tf2 echo": "--help",
+    "tf2 frames": "--help",
+    "tf2 monitor": "--help",
     "interface list": "",
     "interface package": "std_msgs",
     "interface packages": "",
@@ -61,9 +78,9 @@ LINES = {
 """In this order, for each command."""
 ELSEWHERE = {
     *(f"topic {verb}" for verb in COMMANDS["topic"][1]),
-    *("node info", "node list", "daemon status", "metrics", "run"),
+    *("node info", "node list", "daemon status", "metrics", "run", "launch", "test"),
 }
-"""Other tests start processes of these: `tests/system/test_cli_{tool,metrics,run}.py`."""
+"""Other tests start processes of these: `tests/system/test_cli_{tool,metrics,run}.py`, `test_launch*.py`."""
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ Owns the parameter that switches it on, and its answers. Must not know how servi
 
 from typing import Any
 
-from bus.errors import ConfigurationError
+from bus.errors import AccessDenied, ConfigurationError
 from bus.types.support import TypeSupport, type_support
 from bus_ros.rclpy.exceptions import InvalidParameterTypeException
 from bus_ros.rclpy.parameter import Parameter, parameter_message
@@ -39,7 +39,11 @@ class TypeDescriptionService:
         if parameter.type_ is not Parameter.Type.BOOL:
             raise InvalidParameterTypeException(parameter, Parameter.Type.BOOL.name)
         if parameter.value:
-            self._start()
+            # A node goes on without its own services.
+            try:
+                self._start()
+            except AccessDenied as denied:
+                node.get_logger().warning(f"nobody else can ask what types this node uses: {denied}")
 
     def destroy(self) -> None:
         """Answer no more."""
