@@ -20,6 +20,7 @@ from bus_actions.goal_table import Goal
 
 __all__ = ["Action", "ActionSupport", "action_support", "find_action", "make_action"]
 
+_NS: Final = 1_000_000_000
 _PLAIN: Final[dict[str, tuple[Any, Any]]] = {"bool": (bool, False), "int8": (int8, 0)}
 
 
@@ -99,15 +100,16 @@ class ActionSupport:
                 f"__type_name__ of {action_type!r:.80} must have three parts, like "
                 f"'example_interfaces/action/Fibonacci'; it is {self.name!r}"
             )
+        # Of every action: no program sees them, and messages of the classes of rosidl take ten times as long.
+        self.status_array: Any = message_class("action_msgs/msg/GoalStatusArray")
+        self.status: Any = message_class("action_msgs/msg/GoalStatus")
         if hasattr(action_type, "Impl"):  # made by rosidl, or as rosidl does it
             ready = action_type.Impl
             self.send_goal: Any = ready.SendGoalService
             self.get_result: Any = ready.GetResultService
             self.feedback_message: Any = ready.FeedbackMessage
             self.cancel_goal: Any = ready.CancelGoalService
-            self.status_array: Any = ready.GoalStatusMessage
-            self.status: Any = self.status_array.__nested__["status_list"]
-            self.goal_info: Any = self.status.__nested__["goal_info"]
+            self.goal_info: Any = self.cancel_goal.Request.__nested__["goal_info"]
             self.uuid: Any = self.goal_info.__nested__["goal_id"]
             self._id_of: Any = list
             return
@@ -121,8 +123,6 @@ class ActionSupport:
         )
         self.feedback_message = made["FeedbackMessage"]
         self.cancel_goal = service_class("action_msgs/srv/CancelGoal")
-        self.status_array = message_class("action_msgs/msg/GoalStatusArray")
-        self.status = message_class("action_msgs/msg/GoalStatus")
         self.goal_info = message_class("action_msgs/msg/GoalInfo")
         self.uuid = message_class("unique_identifier_msgs/msg/UUID")
         self._id_of = bytes
@@ -134,7 +134,7 @@ class ActionSupport:
     def info_of(self, goal: Goal) -> Any:
         """A GoalInfo."""
         info = self.goal_info(goal_id=self.goal_id(goal.id))
-        info.stamp.sec, info.stamp.nanosec = divmod(goal.stamp_ns, 1_000_000_000)
+        info.stamp.sec, info.stamp.nanosec = divmod(goal.stamp_ns, _NS)
         return info
 
     def status_of(self, goals: Iterable[Goal]) -> Any:
@@ -142,7 +142,10 @@ class ActionSupport:
         found: list[Any] = []
         for goal in goals:
             if goal.message is None:
-                goal.message = self.status(goal_info=self.info_of(goal))
+                goal.message = self.status()
+                info = goal.message.goal_info
+                info.goal_id.uuid = goal.id
+                info.stamp.sec, info.stamp.nanosec = divmod(goal.stamp_ns, _NS)
             goal.message.status = int(goal.status)
             found.append(goal.message)
         return self.status_array(status_list=found)

@@ -37,6 +37,7 @@ _GRACE_S: Final = 0.5
 """So long after a goal has ended its result may take; then it was lost with busd, and is asked for again."""
 _LEFT: Final = "its server has left before it answered"
 _UNKNOWN: Final = int(State.UNKNOWN)
+_ENDS: Final = frozenset(int(state) for state in State if state.is_end)
 
 
 class ClientGoalHandle:
@@ -325,9 +326,13 @@ class ActionClient(ActionEntity):
         self._apply_status(message)
 
     def _apply_status(self, message: Any) -> None:
+        asked = {key for _, key in tuple(self._pending_result_requests.values())}
+        if not asked and not self._goal_handles:
+            return
         for one in message.status_list:
-            key = bytes(one.goal_info.goal_id.uuid)
-            if State(one.status).is_end:
+            key = one.goal_info.goal_id.uuid
+            is_end = one.status in _ENDS
+            if is_end and key in asked:
                 self._look_later(key)
             reference = self._goal_handles.get(key)
             if reference is None:
@@ -335,18 +340,17 @@ class ActionClient(ActionEntity):
             goal_handle = reference()
             if goal_handle is not None:
                 goal_handle._status = one.status
-            if goal_handle is None or State(one.status).is_end:
+            if goal_handle is None or is_end:
                 del self._goal_handles[key]
 
     # --- inside, without the guard
 
     def _look_later(self, key: bytes) -> None:
         with self._engine.loop:
-            if any(key == other for _, other in self._pending_result_requests.values()):
-                if not self._overdue:
-                    self._engine.loop.call_later(_GRACE_S, self._ask_again)
-                    self._engine.settle()
-                self._overdue.add(key)
+            if not self._overdue:
+                self._engine.loop.call_later(_GRACE_S, self._ask_again)
+                self._engine.settle()
+            self._overdue.add(key)
 
     def _ask_again(self) -> None:
         """For results that did not come: by the socket, busd may have died with question or answer."""
