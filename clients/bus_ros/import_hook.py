@@ -93,8 +93,7 @@ _PACKAGES: Final = {
 
 _MISSING: Final = frozenset(
     (
-        *("ament_package", "domain_coordinator", "image_geometry"),
-        "launch_pytest",
+        *("ament_package", "domain_coordinator", "image_geometry", "launch_pytest"),
         *("nav2_simple_commander", "ros2bag", "ros2cli", "ros2launch", "ros2node", "ros2param", "ros2pkg"),
         *("ros2run", "ros2service", "ros2topic", "rosbag2_py", "rosidl_adapter", "rosidl_generator_py"),
         *("rpyutils", "rqt_gui", "rqt_gui_py", "sros2", "tf2_kdl", "turtle_tf2_py"),
@@ -221,7 +220,7 @@ def _refuse(name: str) -> None:
     if root in _SAME:
         if not rest or not _is_same(root):
             return
-        text = f"busd has no '{name}': it isn't built yet, or {root} has no such module either"
+        text = f"busd has no '{name}', and perhaps {root} has none in ROS 2 either"
     elif rest:
         return
     elif root in _MISSING:

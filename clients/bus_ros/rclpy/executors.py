@@ -15,7 +15,6 @@ from typing import Any, Protocol, TypeAlias
 from bus_ros.engine import Waiter, deadline_after, engine
 from bus_ros.entity import Entity, Owner, Work
 from bus_ros.rclpy.context import Context, get_default_context
-from bus_ros.rclpy.impl.worker_threads import WorkerThreads
 from bus_ros.rclpy.subscription import Subscription
 from bus_ros.rclpy.task import UNFINISHED, Future, Step, Task
 from bus_ros.rclpy.timer import NEVER_NS, Timer
@@ -463,6 +462,8 @@ class MultiThreadedExecutor(Executor):
     asks_always = True  # a thread must be free
 
     def __init__(self, num_threads: int | None = None, *, context: Context | None = None) -> None:
+        from bus_ros.rclpy.impl.worker_threads import WorkerThreads  # late: most programs have one thread
+
         super().__init__(context=context)
         if num_threads is None:
             num_threads = len(os.sched_getaffinity(0))

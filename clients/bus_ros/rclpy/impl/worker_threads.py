@@ -1,11 +1,12 @@
-"""Threads that make calls for an executor. One that has made a call stays for a while, and gets the next one
-by a queue: the futures of a pool cost more than most calls.
+"""Threads that make calls for an executor.
 
-Owns the threads, which of them are in a call, and how many wait. Must not know what is called, groups, or the
-event loop.
+A thread that has made a call stays for a while, and gets the next one by a queue: the futures of a pool cost
+more than most calls. Owns the threads, which of them are in a call, and how many wait. Must not know what is
+called, groups, or the event loop.
 """
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from queue import Empty, SimpleQueue
 from threading import get_ident
@@ -27,8 +28,6 @@ class WorkerThreads(Generic[C]):
     def __init__(
         self, number: int, work: Callable[[C], object], guard: AbstractContextManager[object], *, name: str
     ) -> None:
-        from concurrent.futures import ThreadPoolExecutor  # late: most programs have no use for it
-
         self._pool = ThreadPoolExecutor(number, thread_name_prefix=name)
         self._work = work
         self._guard = guard
