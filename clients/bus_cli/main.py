@@ -162,8 +162,10 @@ def main() -> NoReturn:
     _open_closed_streams()
     try:
         code = run(sys.argv[1:])
-    except SystemExit as end:  # argparse has said what it had to
-        code = end.code if isinstance(end.code, int) else EXIT_ERROR
+    except SystemExit as end:  # argparse, which has said what it had to; or a launch file
+        code = end.code or 0 if isinstance(end.code, int | None) else EXIT_ERROR
+        if isinstance(end.code, str):
+            print(end.code, file=sys.stderr)
     try:
         sys.stdout.flush()
         sys.stderr.flush()

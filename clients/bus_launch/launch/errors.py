@@ -1,8 +1,11 @@
 """Errors of launch files."""
 
 from collections.abc import Sequence
+from typing import Final
 
-__all__ = ["InvalidLaunchFileError", "describe"]
+__all__ = ["InvalidLaunchFileError", "describe", "short"]
+
+_LONGEST: Final = 60
 
 
 class InvalidLaunchFileError(Exception):
@@ -21,7 +24,7 @@ class InvalidLaunchFileError(Exception):
         kind = f" of format [{self._extension}]" if self._extension else ""
         if len(self._likely_errors) == 1:
             return f"Caught exception when trying to load file{kind}: {describe(self._likely_errors[0])}"
-        listed = "".join(f"\n - {type(one).__name__}: {describe(one)}" for one in self._likely_errors)
+        listed = "".join(f"\n - {describe(one)}" for one in self._likely_errors)
         return f"Caught multiple exceptions when trying to load file{kind}:{listed}"
 
 
@@ -31,3 +34,9 @@ def describe(error: BaseException) -> str:
         return str(error) or type(error).__name__
     text = str(error)
     return text if type(error) is not KeyError else f"KeyError: {text}"
+
+
+def short(value: object) -> str:
+    """How Python writes it, its first 60 characters."""
+    text = repr(value)
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."

@@ -49,6 +49,8 @@ class LaunchDescription(LaunchDescriptionEntity):
 
     def add_entity(self, entity: LaunchDescriptionEntity) -> None:
         _check(entity)
+        if entity is self:
+            raise ValueError("a launch description can't be an entity of itself")
         self.__entities.append(entity)
 
     def visit(self, context: LaunchContext) -> Sequence[LaunchDescriptionEntity]:

@@ -12,7 +12,7 @@ from bus_launch.launch.core import (
     normalize_to_list_of_substitutions,
     perform_substitutions,
 )
-from bus_launch.launch.errors import InvalidLaunchFileError, describe
+from bus_launch.launch.errors import InvalidLaunchFileError, describe, short
 from bus_launch.launch.frontend import InvalidFrontendLaunchFileError, Parser
 from bus_launch.launch.launch_description import LaunchDescription
 
@@ -68,7 +68,9 @@ def get_launch_description_from_python_launch_file(python_launch_file_path: str)
     made = make()
     if made is None:
         raise TypeError("generate_launch_description() returned None: does it lack a return?")
-    return made  # type: ignore[no-any-return]
+    if not isinstance(made, LaunchDescription):
+        raise TypeError(f"generate_launch_description() returned no LaunchDescription, but {short(made)}")
+    return made
 
 
 def get_launch_description_from_frontend_launch_file(

@@ -100,7 +100,9 @@ class LaunchService:
             self.__loop = loop
             self.__task = asyncio.current_task()
         self.__context._set_asyncio_loop(loop)
-        logging.launch_config.on_closed_screen = lambda: self.__shut_down("nobody reads stdout")
+        logging.launch_config.on_closed_screen = self.__on_closed_screen
+        if logging.launch_config.is_screen_closed:
+            self.__on_closed_screen()
         restore = self.__catch_signals(loop)
         try:
             while True:
@@ -212,6 +214,9 @@ class LaunchService:
         child.signal_all(signal.SIGSTOP)
         os.kill(os.getpid(), signal.SIGSTOP)
         child.signal_all(signal.SIGCONT)
+
+    def __on_closed_screen(self) -> None:
+        self.__shut_down("nobody reads stdout")
 
     def __on_signal(self, number: signal.Signals) -> None:
         if not self.__is_shutting_down:

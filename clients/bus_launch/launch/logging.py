@@ -53,6 +53,7 @@ class LaunchConfig:
     def __init__(self) -> None:
         self.level = logging.INFO
         self.on_closed_screen: Callable[[], None] | None = None
+        self.is_screen_closed = False
         self._log_dir: Path | None = None
         self._can_write = True
         self._screens: dict[str, logging.Handler] = {}
@@ -106,6 +107,7 @@ class LaunchConfig:
 
     def close_screen(self) -> None:
         """Nobody reads stdout any more."""
+        self.is_screen_closed = True
         for handler in self._screens.values():
             handler.setLevel(logging.CRITICAL + 1)
         nowhere = os.open(os.devnull, os.O_WRONLY)

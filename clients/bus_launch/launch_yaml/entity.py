@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from bus_launch.launch.errors import short
 from bus_launch.launch.frontend import Entity as BaseEntity
 from bus_launch.launch.frontend.entity import coerce, is_list_of_entities, name_of, refuse_unknown
 
@@ -16,7 +17,7 @@ class Entity(BaseEntity):
     def __init__(self, element: Any, type_name: str | None = None, *, parent: "Entity | None" = None) -> None:
         if type_name is None:
             if not isinstance(element, dict) or len(element) != 1:
-                raise RuntimeError(f"Expected a len 1 dictionary, got {_short(element)}")
+                raise RuntimeError(f"Expected a len 1 dictionary, got {short(element)}")
             ((type_name, element),) = element.items()
         self._name = str(type_name)
         self._element = {} if element is None else element
@@ -43,7 +44,7 @@ class Entity(BaseEntity):
             self._read.add(_CHILDREN)
             found = found[_CHILDREN]
         if not isinstance(found, list):
-            raise TypeError(f"Expected a list of what is in `{self._name}`, got {_short(found)}")
+            raise TypeError(f"Expected a list of what is in `{self._name}`, got {short(found)}")
         return [Entity(one, parent=self) for one in found]
 
     def assert_entity_completely_parsed(self) -> None:
@@ -52,7 +53,7 @@ class Entity(BaseEntity):
                 raise ValueError(f"Unexpected list found in `{self._name}`: it has attributes only")
             return
         if not isinstance(self._element, dict):
-            raise ValueError(f"Expected attributes of `{self._name}`, got {_short(self._element)}")
+            raise ValueError(f"Expected attributes of `{self._name}`, got {short(self._element)}")
         unknown = {str(key) for key in self._element} - self._read
         refuse_unknown("key(s)", unknown, self._name, self._asked)
 
@@ -86,10 +87,5 @@ class Entity(BaseEntity):
         except ValueError:
             raise TypeError(
                 f"Attribute '{name}' of Entity '{self._name}' expected to be of type "
-                f"'{name_of(data_type)}', got '{value}'"
+                f"'{name_of(data_type)}', got {short(value)}"
             ) from None
-
-
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:60]}..."

@@ -1,11 +1,13 @@
 """From a file in YAML to its root entity."""
 
-from typing import Any, TextIO
+from typing import Any, Final, TextIO
 
 from bus_launch.launch.frontend import Parser as BaseParser
 from bus_launch.launch_yaml.entity import Entity
 
 __all__ = ["Parser"]
+
+_MOST_VALUES: Final = 100_000
 
 
 class Parser(BaseParser):
@@ -23,8 +25,24 @@ class Parser(BaseParser):
             mark = error.problem_mark
             place = f": line {mark.line + 1}, column {mark.column + 1}" if mark else ""
             raise ValueError(f"{error.problem}{place}") from None
+        values = _count(root, {})
+        if values > _MOST_VALUES:
+            raise ValueError(f"more than {_MOST_VALUES:,} values, once its aliases are filled in")
         return Entity(root), cls()
 
     @classmethod
     def get_file_extensions(cls) -> list[str]:
         return ["yaml", "yml"]
+
+
+def _count(value: object, known: dict[int, int]) -> int:
+    """The values in it, those of an alias each time; raises ValueError where they have no end."""
+    if not isinstance(value, list | dict):
+        return 1
+    if id(value) not in known:
+        known[id(value)] = 0
+        inside = value.values() if isinstance(value, dict) else value
+        known[id(value)] = 1 + sum(_count(one, known) for one in inside)
+    elif not known[id(value)]:
+        raise ValueError("an alias is used inside what it stands for")
+    return known[id(value)]

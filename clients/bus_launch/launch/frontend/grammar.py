@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Final
 
 from bus_launch.launch.core import Substitution, TextSubstitution
+from bus_launch.launch.errors import short
 
 __all__ = ["parse_if_substitutions", "parse_substitution", "replace_escaped_characters"]
 
@@ -84,18 +85,18 @@ class _Reader:
         start = self._at
         self._depth += 1
         if self._depth > _DEEPEST:
-            raise ValueError(f"more than {_DEEPEST} substitutions inside each other in '{self._text}'")
+            raise ValueError(f"more than {_DEEPEST} substitutions inside each other in {short(self._text)}")
         self._at += 2
         self._skip_blanks()
         name = _NAME.match(self._text, self._at)
         if name is None:
-            raise ValueError(f"'$(' is not followed by a substitution's name in '{self._text}'")
+            raise ValueError(f"'$(' is not followed by a substitution's name in {short(self._text)}")
         self._at = name.end()
         arguments: list[list[Substitution]] = []
         while True:
             self._skip_blanks()
             if self._at >= len(self._text):
-                raise ValueError(f"'{self._text[start:]}' is not closed by ')'")
+                raise ValueError(f"{short(self._text[start:])} is not closed by ')'")
             if self._text[self._at] == ")":
                 break
             arguments.append(self._argument())
@@ -110,7 +111,7 @@ class _Reader:
         self._at += 1
         found, _ = self.read(quote)
         if self._at >= len(self._text):
-            raise ValueError(f"a {quote} is not closed in '{self._text}'")
+            raise ValueError(f"a {quote} is not closed in {short(self._text)}")
         self._at += 1
         return found or [TextSubstitution(text="")]
 

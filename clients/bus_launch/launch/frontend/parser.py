@@ -90,11 +90,11 @@ class Parser:
     def load(cls, file: str | TextIO) -> tuple[Entity, "Parser"]:
         """Read a file, in the language of its name's end, or in the one that can read it.
 
-        Raises OSError, and InvalidFrontendLaunchFileError with what is wrong with it.
+        Raises OSError, UnicodeDecodeError, and InvalidFrontendLaunchFileError with what is wrong with it.
         """
         if isinstance(file, str | Path):
             name = str(file)
-            text = Path(file).read_text("utf-8", errors="surrogateescape")
+            text = Path(file).read_text("utf-8")
         else:
             name = getattr(file, "name", "")
             text = file.read()

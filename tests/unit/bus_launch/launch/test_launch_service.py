@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from bus_launch.launch import LaunchService
+from bus_launch.launch import LaunchService, logging
 from bus_launch.launch.action import Action
 from bus_launch.launch.actions import (
     AppendEnvironmentVariable,
@@ -149,6 +149,17 @@ def test_shutdown_ends_what_waits() -> None:
     )
     assert code == 0
     assert sorted(found) == ["cancelled", "enough"]
+
+
+def test_nobody_has_read_stdout_before_the_launch_began(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in `bus launch ... | head -1`."""
+    found: list[Any] = []
+    monkeypatch.setattr(logging.launch_config, "is_screen_closed", True)
+    code = run(
+        TimerAction(period=1000.0, actions=[]),
+        RegisterEventHandler(OnShutdown(on_shutdown=lambda event, _: found.append(event.reason))),
+    )
+    assert (code, found) == (0, ["nobody reads stdout"])
 
 
 def test_actions_and_substitutions_of_users(capsys: pytest.CaptureFixture[str]) -> None:

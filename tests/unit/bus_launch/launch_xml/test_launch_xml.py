@@ -8,6 +8,11 @@ from bus_launch.launch.errors import InvalidLaunchFileError
 from bus_launch.launch.launch_description_sources import get_launch_description_from_any_launch_file
 from rows import for_each
 
+_LAUGHS = "a: &a [x, x]\n" + "".join(
+    f"{name}: &{name} [{', '.join(10 * ['*' + before])}]\n"
+    for before, name in zip("abcdef", "bcdefg", strict=True)
+)
+
 
 @for_each(
     ("text", "problem"),
@@ -69,6 +74,12 @@ from rows import for_each
         ("launch: 5", "Expected a list of what is in `launch`, got 5"),
         ("launch: [node: [a", "expected ',' or ']', but got '<stream end>': line 1, column 18"),
         ("", "Expected a len 1 dictionary, got None"),
+        ("launch: &a [group: *a]", "an alias is used inside what it stands for"),
+        (_LAUGHS, "more than 100,000 values, once its aliases are filled in"),
+        (
+            f"""<launch><log message="{"$(var " * 1000}"/></launch>""",
+            "more than 50 substitutions inside each other in '$(var $(var $(var",
+        ),
     ],
 )
 def test_mistakes(text: str, problem: str, tmp_path: Path) -> None:
@@ -84,6 +95,14 @@ def test_mistakes(text: str, problem: str, tmp_path: Path) -> None:
     assert "\n" not in said
 
 
+def test_bytes_that_are_no_text(tmp_path: Path) -> None:
+    for path in (tmp_path / "bad.launch.xml", tmp_path / "bad.launch.yaml"):
+        path.write_bytes(b"<launch>\xff</launch>")
+        with pytest.raises(InvalidLaunchFileError) as caught:
+            get_launch_description_from_any_launch_file(str(path))
+        assert f"can't decode byte 0xff in position 8: invalid start byte ({path.name})" in str(caught.value)
+
+
 def test_a_file_of_any_name(tmp_path: Path) -> None:
     """It is read as what it can be read as."""
     (tmp_path / "a").write_text("<launch/>")
@@ -91,7 +110,13 @@ def test_a_file_of_any_name(tmp_path: Path) -> None:
     (tmp_path / "b").write_text("what")
     with pytest.raises(InvalidLaunchFileError) as caught:
         get_launch_description_from_any_launch_file(str(tmp_path / "b"))
-    assert str(caught.value).startswith("Caught multiple exceptions when trying to load file:\n - ")
+    first, *others = str(caught.value).splitlines()
+    assert first == "Caught multiple exceptions when trying to load file:"
+    assert others == [
+        " - NameError: name 'what' is not defined (b)",
+        " - ParseError: syntax error: line 1, column 0 (b)",
+        " - Expected a len 1 dictionary, got 'what' (b)",
+    ]
 
 
 @for_each(
@@ -103,6 +128,10 @@ def test_a_file_of_any_name(tmp_path: Path) -> None:
         (
             "def generate_launch_description():\n    return nobody",
             "NameError: name 'nobody' is not defined (bad.launch.py, line 2)",
+        ),
+        (
+            "def generate_launch_description(): return []",
+            "generate_launch_description() returned no LaunchDescription, but []",
         ),
         (
             "import nosuchmodule",
