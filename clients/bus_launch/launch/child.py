@@ -14,6 +14,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
+from bus_launch import warm
+
 __all__ = ["Child", "end_all", "running", "signal_all"]
 
 _CHUNK: Final = 1 << 16
@@ -37,7 +39,9 @@ class Child:
         """`command`: words, or a line for the shell. `emulate_tty`: it writes to terminals."""
         ours, theirs = _terminals() if emulate_tty else _pipes()
         try:
-            self._process = subprocess.Popen(
+            self._process: warm.Forked | subprocess.Popen[bytes] = self._fork(
+                command, cwd, env, theirs
+            ) or subprocess.Popen(
                 command,
                 shell=isinstance(command, str),
                 cwd=cwd,
@@ -59,6 +63,14 @@ class Child:
         self.stderr = _Stream(ours[1])
         _guard.add(self.pid)
         running.add(self)
+
+    @staticmethod
+    def _fork(
+        command: Sequence[str] | str, cwd: str | None, env: Mapping[str, str] | None, outputs: Sequence[int]
+    ) -> warm.Forked | None:
+        if isinstance(command, str) or cwd is not None:
+            return None
+        return warm.fork(command, env, *outputs)
 
     async def wait(self) -> int:
         """Until it has ended; returns its exit code, or minus the number of the signal that ended it."""
@@ -199,6 +211,7 @@ _guard: Final = _Guard()
 
 async def end_all() -> None:
     """At the end of a launch: processes whose leader has gone end now, too, in 5 s at most."""
+    warm.end()
     await _guard.end()
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bus_launch.launch.core import SubstitutionFailure
+from bus_launch.warm import START
 from bus_ros import packages
 
 __all__ = ["Program", "find", "find_share", "outside", "package_prefix", "with_sourced_workspace"]
@@ -84,11 +85,8 @@ def find_share(package: str) -> str:
 
 def _program(one: packages.Executable) -> Program:
     if one.entry_point is not None:
-        return Program(one.path, [*_START, one.path, one.entry_point, "--"])
+        return Program(one.path, [*START, one.path, one.entry_point, "--"])
     return Program(one.path, _python(one.path, one.python_folders) or [one.path])
-
-
-_START = (sys.executable, "-m", "bus_launch.python_program")
 
 
 def _python(path: str, folders: tuple[str, ...] = ()) -> list[str] | None:
@@ -97,7 +95,7 @@ def _python(path: str, folders: tuple[str, ...] = ()) -> list[str] | None:
     if not running.is_python(path):
         return None
     paths = [f"--path={folder}" for folder in folders]
-    return [*_START, *paths, path, "--"]
+    return [*START, *paths, path, "--"]
 
 
 def _no_package(package: str) -> str:
