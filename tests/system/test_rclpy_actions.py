@@ -105,6 +105,24 @@ def test_feedback_and_result(ends: Ends, route: str) -> None:
     assert ends.done(goal_handle.cancel_goal_async()).return_code == 3  # it has ended
 
 
+def test_the_answer_to_a_goal_is_told_before_its_feedback(ends: Ends) -> None:
+    """Also where both wait when the client is spun: callbacks for feedback may use the goal's handle."""
+    ended: list[ServerGoalHandle] = []
+
+    def run(goal_handle: ServerGoalHandle) -> Any:
+        ended.append(goal_handle)
+        return execute(goal_handle)
+
+    ends.serve(run)
+    told: list[str] = []
+    client, server = ends.world.executor(ends.node), ends.world.executor(ends.server_node)
+    future = ends.client.send_goal_async(Fibonacci.Goal(order=1), lambda _: told.append("feedback"))
+    future.add_done_callback(lambda _: told.append("accepted"))
+    ends.world.spin_executor_until(lambda: ended and not ended[0].is_active and ends.client._calls, server)
+    ends.world.spin_executor_until(lambda: len(told) == 2, client)
+    assert told == ["accepted", "feedback"]
+
+
 def test_an_async_callback_and_a_cancellation(ends: Ends) -> None:
     is_asked = Future[bool]()
     handles: list[ServerGoalHandle] = []

@@ -279,8 +279,12 @@ class ActionClient(ActionEntity):
             waiter.set()
 
     def take(self, most: int) -> Work | None:
+        self.is_single = False
         if self._calls and self._calls[0][0] != self._finish_result:
-            return self._calls.popleft()
+            call = self._calls.popleft()
+            # Back in line only behind the callbacks of the goal's future: they come before its feedback.
+            self.is_single = call[0] == self._finish_goal
+            return call
         if (taken := self._ends.feedback.take()) is not None:  # which was published before the result
             return self._take_feedback, taken[:1]
         if (taken := self._ends.status.take()) is not None:
@@ -290,6 +294,13 @@ class ActionClient(ActionEntity):
     # --- calls of the executor, or of a thread that waits
 
     async def _finish_goal(self, number: int, outcome: Any) -> None:
+        try:
+            await self._answer_goal(number, outcome)
+        finally:
+            with self._engine.loop:
+                self.notify()
+
+    async def _answer_goal(self, number: int, outcome: Any) -> None:
         future, goal_id = self._pending_goal_requests.pop(number)
         key = bytes(goal_id.uuid)
         if isinstance(outcome, BusError):
