@@ -60,7 +60,7 @@ class Entity:
     """
 
     is_async = False
-    """Its work returns a coroutine."""
+    """Its work may return a coroutine, which holds the group until it ends."""
     is_single = False
     """After one `take` there is nothing more to take for now."""
     is_timer = False

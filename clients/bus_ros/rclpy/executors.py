@@ -9,7 +9,7 @@ import warnings
 from collections import deque
 from collections.abc import Callable, Coroutine, Iterable
 from time import monotonic_ns
-from types import TracebackType
+from types import CoroutineType, TracebackType
 from typing import Any, Protocol, TypeAlias
 
 from bus_ros.engine import Waiter, deadline_after, engine
@@ -411,10 +411,11 @@ class Executor:
     def _run(self, entity: Ready, work: Work) -> bool:
         """Make a call; returns whether it has ended, or is a coroutine that goes on later."""
         function, arguments = work
-        if entity.is_async:
+        result = function(*arguments)
+        if isinstance(result, CoroutineType) and entity.is_async:
             assert isinstance(entity, Entity)
-            return self._step(function, arguments, {}, entity).run() is not UNFINISHED
-        return function(*arguments) is not UNFINISHED
+            return self._step(result, (), {}, entity).run() is not UNFINISHED
+        return result is not UNFINISHED
 
 
 async def await_or_execute(callback: Callable[..., Any], *args: Any) -> Any:
@@ -434,7 +435,7 @@ class SingleThreadedExecutor(Executor):
                 entity, work = found
                 group = entity.held_group
                 # In one thread, calls exclude each other anyway.
-                holds_group = entity.is_async or (group is not None and group.is_shared)
+                holds_group = group is not None and group.is_shared
                 if holds_group:
                     self._begin(entity)
         if loop.is_interrupted:
@@ -442,8 +443,12 @@ class SingleThreadedExecutor(Executor):
         if found is None:
             return
         if not holds_group and not isinstance(entity, Step):
-            work[0](*work[1])
-            return
+            result = work[0](*work[1])
+            if not entity.is_async or not isinstance(result, CoroutineType):
+                return
+            with loop:
+                self._begin(entity)
+            work = self._step(result, (), {}, entity).run, ()
         has_ended = True
         try:
             has_ended = self._run(entity, work)

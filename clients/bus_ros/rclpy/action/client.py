@@ -25,7 +25,6 @@ from bus_ros.rclpy.action.entity import (
 )
 from bus_ros.rclpy.callback_groups import CallbackGroup
 from bus_ros.rclpy.exceptions import InvalidHandle
-from bus_ros.rclpy.executors import await_or_execute
 from bus_ros.rclpy.node import Node
 from bus_ros.rclpy.qos import QoSProfile, qos_profile_action_status_default, qos_profile_services_default
 from bus_ros.rclpy.task import Future
@@ -255,7 +254,7 @@ class ActionClient(ActionEntity):
         try:
             end._check_served()
         except ServiceUnavailable:
-            self._put(_set_exception, future, self._unavailable())
+            self._put(future.set_exception, self._unavailable())
             return False
         return True
 
@@ -285,27 +284,29 @@ class ActionClient(ActionEntity):
             # Back in line only behind the callbacks of the goal's future: they come before its feedback.
             self.is_single = call[0] == self._finish_goal
             return call
-        if (taken := self._ends.feedback.take()) is not None:  # which was published before the result
-            return self._take_feedback, taken[:1]
+        while (taken := self._ends.feedback.take()) is not None:  # which was published before the result
+            callback = self._feedback_callbacks.get(bytes(taken[0].goal_id.uuid))
+            if callback is not None:
+                return callback, taken[:1]
         if (taken := self._ends.status.take()) is not None:
-            return self._take_status, taken[:1]
+            return self._apply_status, taken[:1]
         return super().take(most)
 
     # --- calls of the executor, or of a thread that waits
 
-    async def _finish_goal(self, number: int, outcome: Any) -> None:
+    def _finish_goal(self, number: int, outcome: Any) -> None:
         try:
-            await self._answer_goal(number, outcome)
+            self._answer_goal(number, outcome)
         finally:
             with self._engine.loop:
                 self.notify()
 
-    async def _answer_goal(self, number: int, outcome: Any) -> None:
+    def _answer_goal(self, number: int, outcome: Any) -> None:
         future, goal_id = self._pending_goal_requests.pop(number)
         key = bytes(goal_id.uuid)
         if isinstance(outcome, BusError):
             self._feedback_callbacks.pop(key, None)
-            await _set_exception(future, outcome)
+            future.set_exception(outcome)
             return
         goal_handle = ClientGoalHandle(self, goal_id, outcome)
         if goal_handle.accepted:
@@ -320,21 +321,13 @@ class ActionClient(ActionEntity):
             self._feedback_callbacks.pop(key, None)
         future.set_result(goal_handle)
 
-    async def _finish_cancel(self, number: int, outcome: Any) -> None:
-        await _finish(self._pending_cancel_requests.pop(number), outcome)
+    def _finish_cancel(self, number: int, outcome: Any) -> None:
+        _finish(self._pending_cancel_requests.pop(number), outcome)
 
-    async def _finish_result(self, number: int, outcome: Any) -> None:
+    def _finish_result(self, number: int, outcome: Any) -> None:
         future, key = self._pending_result_requests.pop(number)
         self._feedback_callbacks.pop(key, None)
-        await _finish(future, outcome)
-
-    async def _take_feedback(self, message: Any) -> None:
-        callback = self._feedback_callbacks.get(bytes(message.goal_id.uuid))
-        if callback is not None:
-            await await_or_execute(callback, message)
-
-    async def _take_status(self, message: Any) -> None:
-        self._apply_status(message)
+        _finish(future, outcome)
 
     def _apply_status(self, message: Any) -> None:
         asked = {key for _, key in tuple(self._pending_result_requests.values())}
@@ -386,7 +379,7 @@ class ActionClient(ActionEntity):
                     if call is None:
                         waiter.wait(deadline_after(None))
                 if call is not None:
-                    _run(call[0](*call[1]))
+                    call[0](*call[1])
         finally:
             with mover.loop:
                 self._waiters.remove(waiter)
@@ -400,21 +393,11 @@ class ActionClient(ActionEntity):
         return self._calls.popleft() if self._calls else None
 
 
-def _run(coroutine: Any) -> None:
-    """To its end: what finishes futures awaits nothing."""
-    with suppress(StopIteration):
-        coroutine.send(None)
-
-
-async def _finish(future: Future[Any], outcome: Any) -> None:
+def _finish(future: Future[Any], outcome: Any) -> None:
     if isinstance(outcome, BusError):
         future.set_exception(outcome)
     else:
         future.set_result(outcome)
-
-
-async def _set_exception(future: Future[Any], error: BusError) -> None:
-    future.set_exception(error)
 
 
 def _check_handle(goal_handle: object) -> None:

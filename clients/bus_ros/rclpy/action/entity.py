@@ -4,7 +4,7 @@ Owns: the queue. Must not know: goals, messages.
 """
 
 from collections import deque
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from typing import Any, Final
 
 from bus.errors import ConfigurationError
@@ -24,8 +24,6 @@ __all__ = ["FEEDBACK_QOS", "ActionEntity", "action_qos", "check_action_name", "c
 FEEDBACK_QOS: Final = QoSProfile(depth=10)
 """The default of feedback."""
 
-Call = tuple[Callable[..., Coroutine[Any, Any, None]], tuple[Any, ...]]
-
 
 class ActionEntity(Entity):
     """Base of ActionServer and ActionClient: one entity, in one callback group, as in rclpy."""
@@ -34,7 +32,7 @@ class ActionEntity(Entity):
 
     def __init__(self, node: Node, callback_group: CallbackGroup | None) -> None:
         self._engine: Engine = engine()
-        self._calls: deque[Call] = deque()
+        self._calls: deque[Work] = deque()
         self._node = node
         super().__init__(node, callback_group or node.default_callback_group)
         self._logger = node.get_logger()
@@ -46,7 +44,7 @@ class ActionEntity(Entity):
     def take(self, most: int) -> Work | None:
         return self._calls.popleft() if self._calls else None
 
-    def _put(self, function: Callable[..., Coroutine[Any, Any, None]], *arguments: Any) -> None:
+    def _put(self, function: Callable[..., object], *arguments: Any) -> None:
         """Under the guard: have an executor call it."""
         self._calls.append((function, arguments))
         self.notify()

@@ -383,7 +383,7 @@ class ActionServer(ActionEntity):
             self._logger.warning("Goal request callback did not return a GoalResponse type. Rejecting goal.")
         return response is GoalResponse.ACCEPT
 
-    async def _begin_goal(
+    def _begin_goal(
         self, execute_callback: Callable[[ServerGoalHandle], Any], goal_handle: ServerGoalHandle
     ) -> None:
         """Have it executed as a task, which does not hold the server's group."""
@@ -435,14 +435,14 @@ class ActionServer(ActionEntity):
             return False
         return True
 
-    async def _execute_get_result_request(self, request: Any, request_id: RequestId) -> None:
+    def _execute_get_result_request(self, request: Any, request_id: RequestId) -> None:
         future = self._result_futures.get(bytes(request.goal_id.uuid))
         if future is None:
             self._respond(self._ends.result, request_id, self._support.get_result.Response())
             return
         future.call_when_done(lambda: self._respond(self._ends.result, request_id, future.result()))
 
-    async def _execute_expire_goals(self, expired: list[bytes]) -> None:
+    def _execute_expire_goals(self, expired: list[bytes]) -> None:
         for goal_id in expired:
             goal_handle = self._goal_handles.pop(goal_id, None)
             if goal_handle is not None:
