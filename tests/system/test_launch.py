@@ -257,3 +257,14 @@ async def test_whoever_reads_it_is_gone(here: Path) -> None:
     )
     out, _ = await done.communicate()
     assert len(out.splitlines()) == 5
+
+
+@on_one_loop
+async def test_a_launch_file_ends_the_program(here: Path) -> None:
+    write(here, enough__launch__py="import sys\nsys.exit('enough')\n")
+    words = (sys.executable, "-m", "bus_cli", "launch", "enough.launch.py")
+    done = await asyncio.create_subprocess_exec(
+        *words, stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.PIPE
+    )
+    _, err = await done.communicate()
+    assert (done.returncode, err) == (1, b"enough\n")
