@@ -8,6 +8,7 @@ import pytest
 
 import bus_ros.rclpy as rclpy
 from bus.errors import ServiceError
+from bus.shm import has_core
 from bus_actions import ActionUnavailable, GoalStatus
 from bus_ros.rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from bus_ros.rclpy.action.graph import (
@@ -21,6 +22,7 @@ from bus_ros.rclpy.exceptions import InvalidHandle, RCLError
 from bus_ros.rclpy.executors import Executor, MultiThreadedExecutor
 from bus_ros.rclpy.task import Future
 from bus_ros.rosidl import action_class, message_class
+from callcount import CallCounter
 from cli import script
 from conftest import WAIT_S, Daemon
 from rclpy_world import World, arguments, every_kind, world
@@ -469,3 +471,17 @@ def test_a_server_of_the_bus_that_dies(ends: Ends, route: str) -> None:
         ends.done(future)
     with pytest.raises(ActionUnavailable):
         ends.done(goal_handle.get_result_async())
+
+
+@pytest.mark.skipif(not has_core(), reason="the native core was not built")
+def test_calls_of_an_action(ends: Ends, route: str) -> None:
+    """Of client and server together: goal, ten feedbacks, result; each status has the 20 goals that ended."""
+    if route != "shm":
+        pytest.skip("by the socket it depends on what comes together")
+    ends.serve()
+    counted: list[int] = []
+    for _ in range(30):
+        with CallCounter() as counter:
+            ends.done(ends.send(10).get_result_async())
+        counted.append(counter.python)
+    assert 500 <= min(counted[20:]) <= 930

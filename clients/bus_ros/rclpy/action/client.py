@@ -284,11 +284,13 @@ class ActionClient(ActionEntity):
             # Back in line only behind the callbacks of the goal's future: they come before its feedback.
             self.is_single = call[0] == self._finish_goal
             return call
-        while (taken := self._ends.feedback.take()) is not None:  # which was published before the result
+        while (
+            taken := self._ends.feedback._receiver.take()
+        ) is not None:  # which was published before the result
             callback = self._feedback_callbacks.get(bytes(taken[0].goal_id.uuid))
             if callback is not None:
                 return callback, taken[:1]
-        if (taken := self._ends.status.take()) is not None:
+        if (taken := self._ends.status._receiver.take()) is not None:
             return self._apply_status, taken[:1]
         return super().take(most)
 
@@ -315,7 +317,7 @@ class ActionClient(ActionEntity):
             self._goal_handles[key] = weakref.ref(goal_handle)
             # As in rclpy, where a status has come together with the answer it is known from the start.
             with self._engine.loop:
-                while (taken := self._ends.status.take()) is not None:
+                while (taken := self._ends.status._receiver.take()) is not None:
                     self._apply_status(taken[0])
         else:
             self._feedback_callbacks.pop(key, None)

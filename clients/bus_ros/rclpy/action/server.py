@@ -116,7 +116,7 @@ class ServerGoalHandle:
 
     def publish_feedback(self, feedback: Any) -> None:
         """Raises TypeError for another class than the action's Feedback."""
-        if not isinstance(feedback, self._action_server.action_type.Feedback):
+        if not isinstance(feedback, self._action_server._action_type.Feedback):
             raise TypeError
         if self._goal_handle is not None:
             self._action_server._publish_feedback(self._goal_info.goal_id, feedback)
@@ -297,8 +297,11 @@ class ActionServer(ActionEntity):
 
     def _publish_feedback(self, goal_id: Any, feedback: Any) -> None:
         message = self._support.feedback_message(goal_id=goal_id, feedback=feedback)
-        with self._engine.loop:
+        loop = self._engine.loop
+        with loop.guard:
             self._publish(self._ends.feedback, message)
+        if loop.is_interrupted:
+            loop.check()
 
     # --- requests, under the guard
 
