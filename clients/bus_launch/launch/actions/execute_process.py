@@ -2,7 +2,7 @@
 
 import shlex
 from collections.abc import Iterable, Mapping
-from typing import Any, List  # noqa: UP035 (the genuine one's `data_type`)
+from typing import Any, Final, List  # noqa: UP035 (the genuine one's `data_type`)
 
 from bus_launch.launch.action import Action
 from bus_launch.launch.actions.process import ExecuteLocal
@@ -11,6 +11,24 @@ from bus_launch.launch.descriptions import Executable
 from bus_launch.launch.frontend import Entity, Parser, expose_action
 
 __all__ = ["ExecuteProcess"]
+
+_TEXTS: Final = {
+    "cwd": "cwd",
+    "name": "name",
+    "prefix": "launch-prefix",
+    "output": "output",
+    "sigterm_timeout": "sigterm_timeout",
+    "sigkill_timeout": "sigkill_timeout",
+}
+"""Arguments that are texts, and the attributes that give them."""
+_VALUES: Final = (
+    ("shell", bool, False),
+    ("emulate_tty", bool, False),
+    ("respawn", bool, True),
+    ("respawn_delay", float, False),
+    ("respawn_max_retries", int, False),
+)
+"""Other arguments, the types of their attributes, and whether a text with substitutions will do."""
 
 
 @expose_action("executable")
@@ -67,52 +85,23 @@ class ExecuteProcess(ExecuteLocal):
         skipped = set(ignore)
         if "cmd" not in skipped:
             kwargs["cmd"] = cls._parse_cmdline(entity.get_attr("cmd"), parser)
-        texts = {
-            "cwd": "cwd",
-            "name": "name",
-            "launch-prefix": "prefix",
-            "output": "output",
-            "sigterm_timeout": "sigterm_timeout",
-            "sigkill_timeout": "sigkill_timeout",
-        }
-        for attribute, argument in texts.items():
-            value = None if argument in skipped else entity.get_attr(attribute, optional=True)
-            if value is not None:
+        for argument, attribute in _TEXTS.items():
+            if argument not in skipped and (value := entity.get_attr(attribute, optional=True)) is not None:
                 kwargs[argument] = parser.parse_substitution(str(value))
-        for attribute in ("shell", "emulate_tty", "respawn"):
-            value = (
-                None
-                if attribute in skipped
-                else entity.get_attr(
-                    attribute, data_type=bool, optional=True, can_be_str=attribute == "respawn"
-                )
-            )
+        for name, kind, can_be_text in _VALUES:
+            if name in skipped:
+                continue
+            value = entity.get_attr(name, data_type=kind, optional=True, can_be_str=can_be_text)
             if value is not None:
-                kwargs[attribute] = parser.parse_if_substitutions(value)
-        kinds = {"respawn_delay": float, "respawn_max_retries": int}
-        for attribute, kind in kinds.items():
-            value = (
-                None
-                if attribute in skipped
-                else entity.get_attr(attribute, data_type=kind, optional=True, can_be_str=False)
+                kwargs[name] = parser.parse_if_substitutions(value) if kind is bool else value
+        if kwargs.get("respawn_delay", 0) < 0:
+            raise ValueError(
+                "Attribute respawn_delay of Entity node expected to be a non-negative value but got "
+                f"`{kwargs['respawn_delay']}`"
             )
-            if value is not None:
-                if attribute == "respawn_delay" and value < 0:
-                    raise ValueError(
-                        "Attribute respawn_delay of Entity node expected to be a non-negative value but got "
-                        f"`{value}`"
-                    )
-                kwargs[attribute] = value
         variables = entity.get_attr("env", data_type=List[Entity], optional=True)  # noqa: UP006
         if variables is not None:
-            kwargs["additional_env"] = {
-                tuple(parser.parse_substitution(one.get_attr("name"))): parser.parse_substitution(
-                    one.get_attr("value")
-                )
-                for one in variables
-            }
-            for one in variables:
-                one.assert_entity_completely_parsed()
+            kwargs["additional_env"] = _variables(variables, parser)
         return cls, kwargs
 
     @classmethod
@@ -135,3 +124,16 @@ class ExecuteProcess(ExecuteLocal):
             words += parts
             is_open = not one.text[-1].isspace()
         return words
+
+
+def _variables(
+    entities: Iterable[Entity], parser: Parser
+) -> dict[tuple[Substitution, ...], list[Substitution]]:
+    """Of `<env name= value=>`."""
+    made: dict[tuple[Substitution, ...], list[Substitution]] = {}
+    for one in entities:
+        made[tuple(parser.parse_substitution(one.get_attr("name")))] = parser.parse_substitution(
+            one.get_attr("value")
+        )
+        one.assert_entity_completely_parsed()
+    return made
