@@ -154,11 +154,14 @@ def test_shutdown_ends_what_waits() -> None:
 def test_nobody_has_read_stdout_before_the_launch_began(monkeypatch: pytest.MonkeyPatch) -> None:
     """As in `bus launch ... | head -1`."""
     found: list[Any] = []
-    monkeypatch.setattr(logging.launch_config, "is_screen_closed", True)
+    # Closed behind the reset with which `run` begins.
+    monkeypatch.setattr(logging, "reset", lambda: setattr(logging.launch_config, "is_screen_closed", True))
     code = run(
         TimerAction(period=1000.0, actions=[]),
         RegisterEventHandler(OnShutdown(on_shutdown=lambda event, _: found.append(event.reason))),
     )
+    monkeypatch.undo()
+    logging.reset()
     assert (code, found) == (0, ["nobody reads stdout"])
 
 
