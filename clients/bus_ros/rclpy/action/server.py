@@ -376,8 +376,10 @@ class ActionServer(ActionEntity):
             self._result_futures[bytes(goal_id.uuid)] = Future(executor=self.node.own_executor)
         self._respond(self._ends.goal, request_id, response)
         if goal_handle is not None:
-            with self._engine.loop:
-                self._publish_status()
+            if self._handle_accepted_callback is not default_handle_accepted_callback:
+                with self._engine.loop:
+                    self._publish_status()
+            # The default executes it at once, which publishes what would replace this status.
             await await_or_execute(self._handle_accepted_callback, goal_handle)
 
     async def _is_wanted(self, goal: Any) -> bool:
