@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+import shlex
 import signal
 from contextlib import AsyncExitStack
 from pathlib import Path
@@ -35,7 +36,7 @@ class Terminals:
         if words[0] in PROGRAMS:
             (self._folder / words[0]).write_text(PROGRAMS[words[0]])
             words = (str(self._folder / words[0]), *words[1:])
-        return await self._stack.enter_async_context(running(self._folder, *RUN, *words))
+        return await self._stack.enter_async_context(running(self._folder, *RUN, *words, DISPLAY=""))
 
 
 @pytest.mark.usefixtures("daemon")
@@ -57,9 +58,7 @@ async def test_a_frame_that_stays(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("daemon")
 @on_one_loop
 async def test_one_turtle_follows_another(tmp_path: Path) -> None:
-    assert list(PROGRAMS) == [
-        *("turtles.py", "static_frame.py", "turtle_frame.py", "follower.py", "carrot.py", "past.py")
-    ]
+    assert list(PROGRAMS) == [*("static_frame.py", "turtle_frame.py", "follower.py", "carrot.py", "past.py")]
     async with AsyncExitStack() as stack:
         terminals = Terminals(stack, tmp_path)
         follower = await terminals.run("follower.py", "--ros-args", "-p", "target_frame:=carrot1")
@@ -68,7 +67,13 @@ async def test_one_turtle_follows_another(tmp_path: Path) -> None:
             "target_frame "
             "does not exist. $"
         )
-        await terminals.run("turtles.py")
+        sim = await terminals.run("turtlesim", "turtlesim_node")
+        await sim.line(r"Spawning turtle \[turtle1\]")
+        spawn, circle = map(
+            shlex.split, re.findall(r"^\$ bus (service call .*|topic pub .*)$", CHAPTER, re.MULTILINE)
+        )
+        assert "Spawn_Response(name='turtle2')" in (await asyncio.to_thread(bus, *spawn)).out
+        await stack.enter_async_context(running(tmp_path, "-m", "bus_cli", *circle))
         await terminals.run("turtle_frame.py", "--ros-args", "-p", "turtlename:=turtle1")
         other = ("-p", "turtlename:=turtle2", "-r", "__node:=other")
         await terminals.run("turtle_frame.py", "--ros-args", *other)
