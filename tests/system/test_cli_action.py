@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import msgspec
 import pytest
 
+from bus_actions.client import ActionClient
 from bus_cli.action.definitions import action_types, actions
 from bus_cli.main import make_parser
 from cli import Result, bus, script, start, words
@@ -150,6 +151,15 @@ def test_what_can_not_be(server: None) -> None:
     with start("action", "send_goal", "fibonaci", TYPE, "{}") as sending:
         assert sending.line() == "Waiting for an action server to become available..."
         assert sending.error_line() == "nobody serves '/fibonaci'; did you mean '/fibonacci'?"
+
+
+def test_a_server_that_is_up_is_no_mistake(daemon: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though its client, just opened, is not ready yet, and another action has a similar name."""
+    monkeypatch.setattr(ActionClient, "server_is_ready", lambda _: False)
+    with script(OWN.replace('"move", execute)', '"m1", execute), ActionServer(node, Move, "m2", execute)')):
+        for action in ("/m1", "/m2"):
+            result = bus("action", "send_goal", action, "demo/Move", "{to: 2}")
+            assert (result.err, result.code) == ("", 0)
 
 
 def test_a_goal(server: None) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 from bus.types.support import type_support
 from bus_actions.client import ActionClient, ClientGoal
 from bus_actions.errors import GoalAborted, GoalCanceled, GoalRejected
+from bus_actions.graph import action_servers_of
 from bus_cli.action.definitions import action_types, actions, find_action_type, full_action_type
 from bus_cli.completion import completed_by
 from bus_cli.documents import load
@@ -46,7 +47,8 @@ async def _send(args: Namespace, action: str, name: str, values: Any) -> int:
         async with ActionClient(node, definition, action) as client:
             if not args.json:
                 say("Waiting for an action server to become available...")
-            if not client.server_is_ready():
+            # A client that was just opened may not be ready yet, though its server is up: ask the graph, too.
+            if not (client.server_is_ready() or action_servers_of(graph, action)):
                 from bus_cli.suggestions import near_action
 
                 if near := near_action(action, graph):
