@@ -51,7 +51,7 @@ class EnvironmentVariable(Substitution):
         return self.__default
 
     def describe(self) -> str:
-        return f"EnvironmentVariable({described(self.__name)})"
+        return f"EnvVar({described(self.__name)})"
 
     def perform(self, context: LaunchContext) -> str:
         name = perform_substitutions(context, self.__name)
@@ -106,7 +106,7 @@ class FindExecutable(Substitution):
         return self.__name
 
     def describe(self) -> str:
-        return f"FindExecutable({described(self.__name)})"
+        return f"FindExec({described(self.__name)})"
 
     def perform(self, context: LaunchContext) -> str:
         name = perform_substitutions(context, self.__name)

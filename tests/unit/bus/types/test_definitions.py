@@ -28,6 +28,7 @@ SHIPPED = [
     for path in sorted((Path(definitions.__file__).parents[1] / "share").glob("*/*/*"))
 ]
 HASHES_OF_ROS = {
+    "actionlib_msgs/msg/GoalStatus": "c90c64230954d90ee079cbdd22a14bca3650b3d403f5cc3faf0eee992c6ae9ff",
     "type_description_interfaces/msg/FieldType": (
         "a70b6dd919645a03a3586f7f821defbc886ea3e531a1d95cc0f380a3973ccaa6"
     ),

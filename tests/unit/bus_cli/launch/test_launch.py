@@ -25,7 +25,7 @@ Arguments (pass arguments as '<name>:=<value>'):
 
     'mode':
         One of: ['a', 'b']
-        (default: 'a' + EnvironmentVariable('HOME'))
+        (default: 'a' + EnvVar('HOME'))
 
     'more':*
         no description given

@@ -1,6 +1,7 @@
 """Matrices of 4 x 4: each against what it is to do."""
 
 import math
+import sys
 from typing import Any
 
 import numpy as np
@@ -122,3 +123,10 @@ def test_vectors() -> None:
     assert np.allclose(np.linalg.norm(values, axis=1), 1)
     assert list(tft.unit_vector([])) == []
     assert tft.random_vector(5).shape == (5,)
+
+
+def test_without_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "numpy", None)
+    with pytest.raises(ModuleNotFoundError) as caught:
+        tft.euler_matrix  # noqa: B018
+    assert str(caught.value) == "tf_transformations needs NumPy: pip install numpy"
