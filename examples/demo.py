@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import bus
-from launch import START_S, Failure, Launch, run
+from processes import START_S, Failure, Launch, run
 from transcript import Transcript
 
 EXAMPLES = Path(__file__).parent

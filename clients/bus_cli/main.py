@@ -165,7 +165,7 @@ def main() -> NoReturn:
     except SystemExit as end:  # argparse, which has said what it had to; or a launch file
         code = end.code or 0 if isinstance(end.code, int | None) else EXIT_ERROR
         if isinstance(end.code, str):
-            print(end.code, file=sys.stderr)
+            complain(end.code)
     try:
         sys.stdout.flush()
         sys.stderr.flush()

@@ -17,7 +17,7 @@ from common import HEALTH_TOPIC, TOPICS, Health
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from launch import START_S, Failure, Launch, run
+from processes import START_S, Failure, Launch, run
 
 LAYERS = ("perception", "cognition", "actuation", "monitoring")
 LEAST_SHARE = 0.8

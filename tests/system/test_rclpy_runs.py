@@ -35,13 +35,13 @@ def test_threads_take_runs_of_exclusive_callbacks(
     heard: list[int] = []
     fill(node, node.create_subscription(Int64, "t", lambda message: heard.append(message.data), COUNT))
     executor: Any = world.executor(node, kind=lambda: MultiThreadedExecutor(2))
-    changes, submit = [0], executor._pool.submit
+    changes, hand = [0], executor._pool.hand
 
     def count(*work: Any) -> None:
         changes[0] += 1
-        submit(*work)
+        hand(*work)
 
-    monkeypatch.setattr(executor._pool, "submit", count)
+    monkeypatch.setattr(executor._pool, "hand", count)
     trigger(node, lambda: None)
     with world.spinning(kind=lambda: executor):
         wait_until(lambda: len(heard) == COUNT)
