@@ -18,6 +18,18 @@ from cli import Result, bus
 from programs import Program, on_one_loop, running
 
 RUN = ("-m", "bus_cli", "run", "turtlesim")
+LAUNCH = ("-m", "bus_cli", "launch")
+MIMIC = """
+<launch>
+  <node pkg="turtlesim" exec="turtlesim_node" name="sim" namespace="turtlesim1"/>
+  <node pkg="turtlesim" exec="turtlesim_node" name="sim" namespace="turtlesim2"/>
+  <node pkg="turtlesim" exec="mimic" name="mimic">
+    <remap from="/input/pose" to="/turtlesim1/turtle1/pose"/>
+    <remap from="/output/cmd_vel" to="/turtlesim2/turtle1/cmd_vel"/>
+  </node>
+</launch>
+"""
+"""As ROS 2's tutorial on launch files has it."""
 
 pytestmark = pytest.mark.usefixtures("daemon")
 
@@ -31,6 +43,13 @@ class Sim:
 
     async def run(self, *words: str) -> Program:
         return await self._stack.enter_async_context(running(self._folder, *RUN, *words, DISPLAY=""))
+
+    async def launch(self, *words: str) -> Program:
+        """A launch file whose first two nodes are simulators."""
+        program = await self._stack.enter_async_context(running(self._folder, *LAUNCH, *words, DISPLAY=""))
+        for number in (1, 2):
+            await program.line(rf"^\[turtlesim_node-{number}\] .* Spawning turtle \[turtle1\]")
+        return program
 
     async def begin(self, *words: str) -> None:
         self.node = await self.run("turtlesim_node", *words)
@@ -52,9 +71,9 @@ class Sim:
         said = await self.bus("topic", "echo", "--once", f"/{turtle}/color_sensor")
         return [int(value) for value in re.findall(r"\w: (\d+)", said.out)]
 
-    async def end(self, program: Program) -> None:
+    async def end(self, program: Program, status: int = 0) -> None:
         program.process.send_signal(signal.SIGINT)
-        assert await program.end() == 0
+        assert await program.end() == status
         assert not [line for line in program.lines if "Traceback" in line]
 
 
@@ -163,6 +182,26 @@ async def test_others_move_it(sim: Sim) -> None:
         pass
     for program in (mimic, square, sim.node):
         await sim.end(program)
+
+
+@on_one_loop
+async def test_a_launch_file_with_a_mimic(sim: Sim, tmp_path: Path) -> None:
+    (tmp_path / "mimic_launch.xml").write_text(MIMIC)
+    launch = await sim.launch(str(tmp_path / "mimic_launch.xml"))
+    circle = ("-r", "20", "/turtlesim1/turtle1/cmd_vel", "geometry_msgs/msg/Twist", "linear: {x: 2}")
+    async with running(tmp_path, "-m", "bus_cli", "topic", "pub", *circle):
+        while (await sim.pose("turtlesim2/turtle1"))["linear_velocity"] != 2.0:
+            pass
+    await sim.end(launch, -signal.SIGINT)
+
+
+@on_one_loop
+async def test_the_launch_file_that_comes_with_it(sim: Sim) -> None:
+    launch = await sim.launch("turtlesim", "multisim.launch.py")
+    for number in (1, 2):
+        assert (await sim.pose(f"turtlesim{number}/turtle1"))["x"] == 5.544444561004639
+    assert (await sim.bus("node", "list")).out == "/turtlesim1/turtlesim\n/turtlesim2/turtlesim\n"
+    await sim.end(launch, -signal.SIGINT)
 
 
 @on_one_loop

@@ -34,7 +34,10 @@ def test_every_folder_with_sources_is_packaged() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     roots = [(ROOT / "busd", ROOT), *((path, ROOT / "clients") for path in (ROOT / "clients").iterdir())]
     folders = {
-        ".".join(path.parent.relative_to(base).parts) for root, base in roots for path in root.rglob("*.py")
+        ".".join(path.parent.relative_to(base).parts)
+        for root, base in roots
+        for path in root.rglob("*.py")
+        if "share" not in path.parts  # launch files, which are data
     }
     assert set(project["tool"]["setuptools"]["packages"]) == folders
 

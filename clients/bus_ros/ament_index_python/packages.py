@@ -2,7 +2,7 @@
 
 Owns: the search. A package is found below a prefix (`search_paths`); where its source is, for one that was
 installed with `pip install --editable` or lies, not installed, around the current folder; and among what
-comes with busd: programs, and definitions of messages. Must not know what packages are for.
+comes with busd: share folders, and programs. Must not know what packages are for.
 """
 
 import re
@@ -24,8 +24,8 @@ __all__ = [
 ]
 
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]+")
-_DEFINITIONS: Final = Path(str(bus.__file__)).parent
-"""The prefix of the definitions that come with busd."""
+_SHIPPED: Final = Path(str(bus.__file__)).parent
+"""The prefix of the share folders that come with busd: definitions, and turtlesim's launch file."""
 
 
 class PackageNotFoundError(KeyError):
@@ -43,10 +43,12 @@ def get_packages_with_prefixes() -> dict[str, str]:
             for entry in folder.iterdir() if folder.is_dir() else ():
                 if not entry.name.startswith(".") and (entry / only).is_file():
                     found.setdefault(entry.name, prefix)
-    for name in (*packages.names(), *packages.built_in()):
+    for name in packages.names():
         found.setdefault(name, sys.prefix)
-    for entry in (_DEFINITIONS / "share").iterdir():
-        found.setdefault(entry.name, str(_DEFINITIONS))
+    for entry in (_SHIPPED / "share").iterdir():
+        found.setdefault(entry.name, str(_SHIPPED))
+    for name in packages.built_in():
+        found.setdefault(name, sys.prefix)
     return found
 
 
@@ -86,8 +88,8 @@ def _find(name: str) -> tuple[str, Path]:
             return prefix, share
     if (source := packages.editable_folder(name) or packages.source_folder(name)) is not None:
         return sys.prefix, source
+    if (share := _SHIPPED / "share" / name).is_dir():
+        return str(_SHIPPED), share
     if name in packages.built_in():
         return sys.prefix, Path(sys.prefix, "share", name)
-    if (definitions := _DEFINITIONS / "share" / name).is_dir():
-        return str(_DEFINITIONS), definitions
     raise PackageNotFoundError(f"package '{name}' not found, searching: {paths}")

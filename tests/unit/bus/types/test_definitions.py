@@ -26,6 +26,7 @@ READY_MADE = [
 SHIPPED = [
     f"{path.parent.parent.name}/{path.parent.name}/{path.stem}"
     for path in sorted((Path(definitions.__file__).parents[1] / "share").glob("*/*/*"))
+    if path.parent.name != "launch"
 ]
 HASHES_OF_ROS = {
     "actionlib_msgs/msg/GoalStatus": "c90c64230954d90ee079cbdd22a14bca3650b3d403f5cc3faf0eee992c6ae9ff",

@@ -58,8 +58,12 @@ def test_what_comes_with_busd() -> None:
     share = ament.get_package_share_path("sensor_msgs")
     assert (share / "msg" / "Image.msg").is_file()
     assert share == Path(ament.get_package_prefix("sensor_msgs"), "share", "sensor_msgs")
+    turtlesim = ament.get_package_share_path("turtlesim")  # it has programs, too
+    assert (turtlesim / "launch" / "multisim.launch.py").is_file()
+    assert (turtlesim / "msg" / "Pose.msg").is_file()
     found = ament.get_packages_with_prefixes()
-    assert (found["tf2_ros"], found["sensor_msgs"]) == (sys.prefix, ament.get_package_prefix("sensor_msgs"))
+    assert found["tf2_ros"] == sys.prefix
+    assert found["turtlesim"] == found["sensor_msgs"] == ament.get_package_prefix("sensor_msgs")
 
 
 def test_what_is_no_package() -> None:

@@ -1,0 +1,15 @@
+"""Two simulators, each in a namespace of its own."""
+
+from launch_ros.actions import Node
+
+from launch import LaunchDescription
+
+
+def generate_launch_description() -> LaunchDescription:
+    """What `bus launch` runs."""
+    return LaunchDescription(
+        [
+            Node(package="turtlesim", executable="turtlesim_node", namespace=f"turtlesim{number}")
+            for number in (1, 2)
+        ]
+    )
