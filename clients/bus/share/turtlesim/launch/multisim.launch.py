@@ -1,8 +1,7 @@
 """Two simulators, each in a namespace of its own."""
 
-from launch_ros.actions import Node
-
 from launch import LaunchDescription
+from launch_ros.actions import Node
 
 
 def generate_launch_description() -> LaunchDescription:
