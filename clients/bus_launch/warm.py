@@ -16,7 +16,8 @@ import subprocess
 import sys
 import threading
 from collections.abc import Mapping, Sequence
-from typing import Final
+from io import TextIOWrapper
+from typing import Final, cast
 
 __all__ = ["START", "Forked", "end", "fork"]
 
@@ -191,6 +192,9 @@ def _become_node() -> None:
         for number, fd in enumerate(fds[:3]):
             os.dup2(fd, number)
             os.close(fd)
+        stdout = cast(TextIOWrapper, sys.stdout)
+        if os.isatty(1) and not stdout.write_through:  # Python looks once, when it starts
+            stdout.reconfigure(line_buffering=True)
         return _dress(json.loads(message))
 
 

@@ -94,7 +94,8 @@ def test_a_forked_node_finds_what_a_started_one_does(tmp_path: Path, emulate_tty
 
 def test_ends_of_forked_nodes(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """Exit codes, signals and tracebacks are those of a node that was started anew."""
-    program = look(tmp_path, "import os; print('here'); os.kill(os.getpid(), 9) if END2 else 1 / 0")
+    end = "import os; print('here', flush=True); os.kill(os.getpid(), 9) if END2 else 1 / 0"
+    program = look(tmp_path, end)
     text = program.read_text().replace("END2", "sys.argv[1].endswith('killed')")
     program.write_text(text)
     nodes = [node(program, name, output="screen") for name in ("0", "1", "killed")]
