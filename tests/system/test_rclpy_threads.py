@@ -150,7 +150,7 @@ except KeyboardInterrupt:
 """
 
 
-def test_an_interrupt_amid_a_flood(route: str, tmp_path: Path) -> None:
+def test_an_interrupt_amid_a_flood(daemon: object, route: str, tmp_path: Path) -> None:
     import subprocess
 
     script = tmp_path / "busy.py"

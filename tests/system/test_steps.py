@@ -116,6 +116,9 @@ async def test_calls_of_a_publisher_that_is_made(route: str, most: int) -> None:
     async with bus.Node("maker", rosout=False, arguments=[]) as node:
         for number in range(3):
             await node.create_publisher(String, f"warm_up_{number}", 10)
-        with CallCounter() as counter:
-            await node.create_publisher(String, "made", 10)
-    assert 40 <= counter.python <= most
+        calls = []
+        for number in range(3):  # on a busy machine a heartbeat may fall into one
+            with CallCounter() as counter:
+                await node.create_publisher(String, f"made_{number}", 10)
+            calls.append(counter.python)
+    assert 40 <= min(calls) <= most
