@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from itertools import count
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from bus import names
 from bus.base.version import RELEASE
@@ -26,6 +26,9 @@ from bus.wire.answers import expect
 from bus.wire.layout import PROTOCOL_VERSION
 from bus.wire.session import Role, Session
 from bus_cli.output import CommandError
+
+if TYPE_CHECKING:
+    from bus.types.definitions import Kind
 
 A = TypeVar("A", bound=m.Message)
 
@@ -175,14 +178,15 @@ def full_topic_name(name: str) -> str:
     return names.expand_topic_name(name, "_bus_cli", "/")
 
 
-def full_type_name(text: str) -> str:
+def full_type_name(text: str, kind: "Kind" = "msg") -> str:
     """`std_msgs/String` as `std_msgs/msg/String`. Raises CommandError for what is no type's name."""
     parts = text.split("/")
     if len(parts) not in (2, 3) or not all(parts):
         from bus_cli.suggestions import near_type
 
-        raise CommandError(f"The passed message type is invalid{near_type(text)}")
-    return text if len(parts) == 3 else f"{parts[0]}/msg/{parts[1]}"
+        what = {"msg": "message", "srv": "service", "action": "action"}[kind]
+        raise CommandError(f"The passed {what} type is invalid{near_type(text, kind)}")
+    return text if len(parts) == 3 else f"{parts[0]}/{kind}/{parts[1]}"
 
 
 def _connect(path: Path) -> socket.socket | None:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, get_type_hints
 
 from bus.errors import ConfigurationError
 from bus_cli.output import CommandError
+from bus_cli.query import full_type_name
 
 if TYPE_CHECKING:
     from bus.graph import Graph
@@ -18,15 +19,11 @@ def full_action_type(text: str) -> str:
 
     Raises CommandError for what is no action's type.
     """
-    parts = text.split("/")
-    if len(parts) not in (2, 3) or not all(parts):
-        from bus_cli.suggestions import near_type
-
-        raise CommandError(f"The passed action type is invalid{near_type(text, 'action')}")
-    if len(parts) == 3 and parts[1] != "action":
-        what = {"msg": "a message", "srv": "a service"}.get(parts[1], f"a definition of kind {parts[1]!r}")
+    name = full_type_name(text, "action")
+    if (kind := name.split("/")[1]) != "action":
+        what = {"msg": "a message", "srv": "a service"}.get(kind, f"a definition of kind {kind!r}")
         raise CommandError(f"The passed action type is invalid: {text} is {what}, not an action")
-    return text if len(parts) == 3 else f"{parts[0]}/action/{parts[1]}"
+    return name
 
 
 def actions(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:

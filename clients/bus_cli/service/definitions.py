@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from bus.errors import ConfigurationError
 from bus.names import is_hidden_topic, reply_topic
 from bus_cli.output import CommandError
+from bus_cli.query import full_type_name
 
 if TYPE_CHECKING:
     from bus.graph import Graph
@@ -16,14 +17,10 @@ __all__ = ["find_service_type", "full_service_type", "services"]
 
 def full_service_type(text: str) -> str:
     """`std_srvs/SetBool` as `std_srvs/srv/SetBool`. Raises CommandError for what is no service's type."""
-    parts = text.split("/")
-    if len(parts) not in (2, 3) or not all(parts):
-        from bus_cli.suggestions import near_type
-
-        raise CommandError(f"The passed service type is invalid{near_type(text, 'srv')}")
-    if len(parts) == 3 and parts[1] == "msg":
+    name = full_type_name(text, "srv")
+    if name.split("/")[1] == "msg":
         raise CommandError(f"The passed service type is invalid: {text} is a message, not a service")
-    return text if len(parts) == 3 else f"{parts[0]}/srv/{parts[1]}"
+    return name
 
 
 def services(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
