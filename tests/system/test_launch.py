@@ -77,10 +77,11 @@ def generate_launch_description():
         Node(executable=os.path.join(HERE, "listener"), output="screen", remappings=[("chatter", "/talk")]),
     ])
 """
+# Handlers write by `os`: one that comes before the `print` of "ready" has returned may not print.
 STUBBORN = """
-import signal, time
+import os, signal, time
 for number in (signal.SIGINT, signal.SIGTERM):
-    signal.signal(number, lambda number, frame: print("ignored", number, flush=True))
+    signal.signal(number, lambda number, frame: os.write(1, b"ignored %d\\n" % number))
 print("ready", flush=True)
 while True:
     time.sleep(60)
@@ -176,12 +177,12 @@ async def test_signals_escalate(here: Path) -> None:
 
 
 SLOW = """
-import signal, sys
+import os, signal, sys
 count = 0
 def hear(number, frame):
     global count
     count += 1
-    print("interrupted", count, flush=True)
+    os.write(1, b"interrupted %d\\n" % count)
     if count == 2:
         sys.exit()
 signal.signal(signal.SIGINT, hear)
