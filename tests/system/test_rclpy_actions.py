@@ -125,6 +125,24 @@ def test_the_answer_to_a_goal_is_told_before_its_feedback(ends: Ends) -> None:
     assert told == ["accepted", "feedback"]
 
 
+def test_feedback_that_overtakes_the_answer_waits_for_it(ends: Ends, monkeypatch: pytest.MonkeyPatch) -> None:
+    ends.serve(execute)
+    held: list[tuple[Any, ...]] = []
+    put = ends.client._put_answer
+    monkeypatch.setattr(ends.client, "_put_answer", lambda *answer: held.append(answer))
+    told: list[str] = []
+    client, server = ends.world.executor(ends.node), ends.world.executor(ends.server_node)
+    future = ends.client.send_goal_async(Fibonacci.Goal(order=1), lambda _: told.append("feedback"))
+    future.add_done_callback(lambda _: told.append("accepted"))
+    ends.world.spin_executor_until(lambda: held, server)
+    ends.world.spin_executor_until(lambda: ends.client._early_feedback, client)
+    assert told == []
+    with ends.client._engine.loop:
+        put(*held[0])
+    ends.world.spin_executor_until(lambda: len(told) == 2, client)
+    assert told == ["accepted", "feedback"] and not ends.client._early_feedback
+
+
 def test_an_async_callback_and_a_cancellation(ends: Ends) -> None:
     is_asked = Future[bool]()
     handles: list[ServerGoalHandle] = []

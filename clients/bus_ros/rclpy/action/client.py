@@ -5,6 +5,7 @@ Owns: the futures of goals, results and cancellations, and the program's callbac
 
 import uuid
 import weakref
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Final
@@ -124,6 +125,7 @@ class ActionClient(ActionEntity):
         self._goal_handles: dict[bytes, weakref.ref[ClientGoalHandle]] = {}
         self._feedback_callbacks: dict[bytes, Callable[[Any], Any]] = {}
         self._pending_goal_requests: dict[int, tuple[Future[Any], Any]] = {}
+        self._early_feedback: dict[bytes, deque[Any]] = {}  # of goals whose answers are still on their way
         self._pending_cancel_requests: dict[int, Future[Any]] = {}
         self._pending_result_requests: dict[int, tuple[Future[Any], bytes]] = {}
         self._waiters: list[Waiter] = []  # threads in calls that wait
@@ -287,20 +289,33 @@ class ActionClient(ActionEntity):
         while (
             taken := self._ends.feedback._receiver.take()
         ) is not None:  # which was published before the result
-            callback = self._feedback_callbacks.get(bytes(taken[0].goal_id.uuid))
+            key = bytes(taken[0].goal_id.uuid)
+            if self._pending_goal_requests and self._is_pending(key):
+                self._early_feedback.setdefault(key, deque(maxlen=FEEDBACK_QOS.depth)).append(taken[0])
+                continue
+            callback = self._feedback_callbacks.get(key)
             if callback is not None:
                 return callback, taken[:1]
         if (taken := self._ends.status._receiver.take()) is not None:
             return self._apply_status, taken[:1]
         return super().take(most)
 
+    def _is_pending(self, key: bytes) -> bool:
+        """Whether the goal's answer is still on its way: its feedback, on another topic, may overtake it."""
+        return any(bytes(goal_id.uuid) == key for _, goal_id in self._pending_goal_requests.values())
+
     # --- calls of the executor, or of a thread that waits
 
     def _finish_goal(self, number: int, outcome: Any) -> None:
+        key = bytes(self._pending_goal_requests[number][1].uuid)
         try:
             self._answer_goal(number, outcome)
         finally:
             with self._engine.loop:
+                callback = self._feedback_callbacks.get(key)
+                for message in self._early_feedback.pop(key, ()):
+                    if callback is not None:
+                        self._put(callback, message)
                 self.notify()
 
     def _answer_goal(self, number: int, outcome: Any) -> None:
