@@ -19,7 +19,7 @@ from bus.base.ids import EndpointId
 from bus.wire.bounds import MOST_REMEMBERED
 from bus.wire.messages import AbsentRecord, Dropped
 from busd.core.effects import Effect, Note, Send
-from busd.core.entities import Owed, Publisher, Subscription, User, keeps_history
+from busd.core.entities import Owed, Publisher, Subscription, User
 from busd.core.timers import Timers
 
 KEEP_NS = 600_000_000_000
@@ -169,7 +169,7 @@ class Absentees:
         self._take(key)  # not before: it may be lost again while this is done
         subscription.dropped_before = absentee.dropped
         # What may come again is not yet dropped for good.
-        comes_again = keeps_history(subscription.qos) or subscription.is_lossless
+        comes_again = subscription.takes_history or subscription.is_lossless
         explained = {} if comes_again else absentee.dropped
         if missed or explained:
             out.append(_dropped(subscription, missed, explained))

@@ -297,6 +297,8 @@ class Subscription(Endpoint):
     expected_besides: int = 0
     """Samples expected of matches that have ended, and of those sent to this subscription alone."""
     is_drop_report_due: bool = False
+    takes_history: bool = False
+    """Late or not, it gets what a publisher keeps; from the others what is new."""
     flush: Flush = field(init=False)
     """The effect for a queue that is no longer empty; made once, because each run needs it."""
 
@@ -310,7 +312,7 @@ class Subscription(Endpoint):
         """All samples from `first_seq` on are for it."""
         owed = self.owed.get(publisher.gid)
         if owed is None:
-            is_wanted = keeps_history(self.qos) or (self.is_lossless and publisher.is_lossless)
+            is_wanted = self.takes_history or (self.is_lossless and publisher.is_lossless)
             is_kept = publisher.history is not None and is_wanted
             self.owed[publisher.gid] = Owed(first_seq, is_kept)
         else:

@@ -9,7 +9,9 @@ from collections.abc import Callable
 from operator import attrgetter
 from typing import Any
 
-from bus.qos import check_compatible, describe_incompatibilities
+from msgspec import structs
+
+from bus.qos import QoSProfile, check_compatible, describe_incompatibilities
 from bus.wire.messages import (
     Credit,
     Incompatible,
@@ -21,7 +23,7 @@ from bus.wire.messages import (
 )
 from bus.wire.runs import RunQueue
 from busd.core.effects import Effect, Note, Send
-from busd.core.entities import SHM, SOCKET, Match, Publisher, Subscription, keeps_history
+from busd.core.entities import SHM, SOCKET, Match, Publisher, Subscription
 from busd.core.graph import Graph
 
 _ACKED_SEQ = attrgetter("acked_seq")
@@ -56,13 +58,18 @@ def make_match(
     graph.add_match(match, is_shared=is_shared)
     route = SHM if is_shared else SOCKET
     ring: tuple[Any, ...] = (publisher.ring, publisher.node.peer.doorbell) if is_shared else ()
-    for mine, other, brings in ((publisher, subscription, ()), (subscription, publisher, ring)):
+    offered, requested = publisher.qos, subscription.qos
+    if subscription.takes_history and requested.durability is not offered.durability:
+        requested = _as_offered(requested, offered)
+    ends: tuple[tuple[Any, Any, QoSProfile, tuple[Any, ...]], ...]
+    ends = ((publisher, subscription, requested, ()), (subscription, publisher, offered, ring))
+    for mine, other, qos, brings in ends:
         message = Matched(
             endpoint=mine.id,
             other=other.id,
             node=other.node.full_name,
             gid=other.gid,
-            qos=other.qos,
+            qos=qos,
             route=route,
             next_seq=publisher.next_seq,
             at_ns=now_ns,
@@ -78,6 +85,11 @@ def make_match(
     if not is_shared:
         last_seq = _replayed_from(match) if publisher.history is not None else None
         _begin_routing(now_ns, match, last_seq, out)
+
+
+def _as_offered(qos: QoSProfile, offered: QoSProfile) -> QoSProfile:
+    """What a subscription that takes any history requests of the publisher that offers this."""
+    return structs.replace(qos, durability=offered.durability)
 
 
 def can_share(publisher: Publisher, subscription: Subscription) -> bool:
@@ -192,7 +204,7 @@ def _replayed_from(match: Match) -> int | None:
     """The number after which a new match gets the publisher's history, or None if it gets none."""
     subscription = match.subscription
     received_seq = subscription.last_seqs.get(match.publisher.gid)
-    if keeps_history(subscription.qos):
+    if subscription.takes_history:
         return received_seq or 0
     # Of the others only a lossless one, which was there before, has missed something.
     return received_seq if match.is_lossless else None

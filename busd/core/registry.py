@@ -15,7 +15,7 @@ from msgspec import structs
 from bus import names
 from bus.base.ids import EndpointId, NodeId
 from bus.errors import ConfigurationError, RemoteProtocolError
-from bus.qos import History, QoSProfile
+from bus.qos import Durability, History, QoSProfile, check_offer
 from bus.wire import messages as m
 from bus.wire.runs import RunQueue
 from busd.core.absent import Absentees
@@ -175,6 +175,7 @@ class Registry:
             max_message_bytes=max_message_bytes,
             queue=RunQueue(depth, peer.queued, number),
             last_seqs=message.last_seqs,
+            takes_history=message.takes_history or keeps_history(qos),
         )
         publishers = topic.publishers
         there = tuple(publishers.values())
@@ -282,6 +283,8 @@ class Registry:
         if kind not in peer.types:
             self._quotas.check_type(peer)  # then it was declared, and there was no room for it
             raise RemoteProtocolError(f"type {message.type_name} was not declared on this connection")
+        if message.qos.durability is Durability.BEST_AVAILABLE:
+            check_offer(message.qos)  # subscriptions say `takes_history`
         limits, caps = self._quotas.limits, rules_for(topic.name, self.rules)
         qos = _within(limits.depth, topic.name, caps.cap(message.qos))
         return node, topic, kind, qos, caps.max_message_bytes or limits.message_bytes

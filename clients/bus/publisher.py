@@ -21,7 +21,7 @@ from bus.diagnostics.provoked import warn
 from bus.endpoint import Endpoint, NodeContext
 from bus.errors import BusError, ConnectionClosed, PayloadTooLarge, again
 from bus.events import LivelinessLost, PublisherEvents
-from bus.qos import History, QoSProfile
+from bus.qos import History, QoSProfile, check_offer
 from bus.transport.memory import LARGE_BYTES, keep_freed_memory
 from bus.types.large_fields import (
     encode_around,
@@ -91,6 +91,7 @@ class Publisher(Endpoint[M]):
         *,
         by_socket: bool = False,
     ) -> None:
+        check_offer(qos)
         super().__init__(node, topic, support, qos, events)
         self._encode = support.encode
         self._max_bytes = MAX_MESSAGE_BYTES

@@ -31,6 +31,7 @@ __all__ = [
     "Reliability",
     "action_status_default",
     "check_compatible",
+    "check_offer",
     "default",
     "describe_incompatibilities",
     "describe_profile",
@@ -89,6 +90,8 @@ class Durability(StrEnum):
     """They don't."""
     TRANSIENT_LOCAL = "transient_local"
     """They do, where both sides say so."""
+    BEST_AVAILABLE = "best_available"
+    """For subscriptions: they do from each publisher that keeps some, and match all others too."""
 
 
 class Liveliness(StrEnum):
@@ -265,6 +268,14 @@ def check_compatible(offered: QoSProfile, requested: QoSProfile) -> list[Incompa
     return found
 
 
+def check_offer(offered: QoSProfile) -> None:
+    """Raises ConfigurationError for what a publisher can't offer."""
+    if offered.durability is Durability.BEST_AVAILABLE:
+        raise ConfigurationError(
+            "a publisher's QoS durability is volatile or transient_local; best_available is for subscriptions"
+        )
+
+
 def describe_incompatibilities(found: list[Incompatibility]) -> str:
     """All reasons as one text, joined as rmw_dds_common does."""
     return "".join(reason.text for reason in found)
@@ -290,7 +301,7 @@ def in_words(qos: QoSProfile) -> str:
     kept = "keep all" if qos.history is History.KEEP_ALL else f"keep last {qos.depth}"
     words = [kept, qos.reliability.replace("_", " ")]
     if qos.durability is not Durability.VOLATILE:
-        words.append("transient local")
+        words.append(qos.durability.replace("_", " "))
     if qos.liveliness is not Liveliness.AUTOMATIC:
         words.append("liveliness manual by topic")
     durations = {"deadline": qos.deadline, "lifespan": qos.lifespan, "lease": qos.liveliness_lease_duration}

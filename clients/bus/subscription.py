@@ -22,7 +22,7 @@ from bus.delivery.shm_receiver import ShmReceiver
 from bus.endpoint import Endpoint, NodeContext
 from bus.errors import BusError, ConnectionClosed, again
 from bus.events import LivelinessChanged, MessageLost, SubscriptionEvents
-from bus.qos import History, QoSProfile
+from bus.qos import Durability, History, QoSProfile
 from bus.types.large_fields import view_type
 from bus.types.support import TypeSupport
 from bus.wire import messages as m
@@ -222,15 +222,19 @@ class Subscription(Endpoint[M]):
             self._tell_lost()
 
     def _declaration(self, request: int, node: int) -> m.Message:
+        takes = None
+        if self.qos.durability is Durability.BEST_AVAILABLE:  # which an older busd does not know
+            takes = msgspec.structs.replace(self.qos, durability=Durability.VOLATILE)
         return m.CreateSubscription(
             request=request,
             node=node,
             topic=self.topic_name,
             type_name=self._support.name,
             type_hash=self._support.hash,
-            qos=self.qos,
+            qos=self.qos if takes is None else takes,
             gid=self.gid,
             last_seqs=self._receiver.tracker.last_seqs,
+            takes_history=takes is not None,
         )
 
     def _declared(self, answer: m.Created) -> None:

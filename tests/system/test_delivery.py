@@ -252,6 +252,20 @@ class TestLateJoiners:
         assert [one for one in heard if one < 100] == [5, 6, 7, 50]
         assert [one for one in heard if one >= 100] == [105, 106, 107]
 
+    async def test_best_available_gives_what_each_publisher_keeps(self, node: bus.Node) -> None:
+        offers = LATCHED, bus.QoSProfile(10, reliability="best_effort")
+        publishers = [await node.create_publisher(Int32, "t", offer) for offer in offers]
+        for index, publisher in enumerate(publishers):
+            publisher.publish(Int32(data=index))
+        qos = bus.QoSProfile(10, reliability="best_effort", durability="best_available")
+        late = await node.create_subscription(Int32, "t", qos)
+        await publishers[1].wait_for_subscriptions()
+        publishers[1].publish(Int32(data=2))
+        assert {(await late.receive())[0].data for _ in range(2)} == {0, 2}
+        assert late.statistics().expected == 2
+        with pytest.raises(bus.ConfigurationError, match="best_available is for subscriptions"):
+            await node.create_publisher(Int32, "t", bus.QoSProfile(durability="best_available"))
+
     async def test_volatile_late_joiners_get_only_what_is_new(self, node: bus.Node) -> None:
         publisher = await node.create_publisher(Int32, "t", LATCHED)
         publisher.publish(Int32(data=1))

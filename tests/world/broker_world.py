@@ -394,6 +394,7 @@ class Node:
         kind: tuple[str, str] = TEXT,
         gid: bytes | None = None,
         last_seqs: dict[bytes, int] | None = None,
+        takes_history: bool = False,
     ) -> "Subscription":
         gid = gid or next(self.process.world.gids).to_bytes(16, "big")
         self.process.declare_type(kind)
@@ -406,6 +407,7 @@ class Node:
             qos=qos or QoSProfile(),
             gid=gid,
             last_seqs=last_seqs or {},
+            takes_history=takes_history,
         )
         return Subscription(self.process, self.process.request(message, m.Created), gid)
 

@@ -123,7 +123,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
         if matched.route != "socket":
             return proxy
         has_history = matched.qos.durability is Durability.TRANSIENT_LOCAL
-        is_volatile = qos.durability is Durability.VOLATILE
+        is_volatile = not has_history or qos.durability is Durability.VOLATILE
         if received_seq is None:
             if has_history and not is_volatile and matched.next_seq > 1:
                 proxy.replayed_seq = 0

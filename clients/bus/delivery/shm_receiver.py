@@ -38,7 +38,7 @@ class ShmReceiver:
         self._shm_context = shm_context
         self._owner = owner
         self._on_missed = on_missed
-        self._wants_history = qos.durability is Durability.TRANSIENT_LOCAL
+        self._wants_history = qos.durability is not Durability.VOLATILE
         self._is_lossless = qos.is_lossless
         self._feeds: dict[bytes, Feed] = {}
         self._positions: dict[bytes, int] = {}  # the next numbers of publishers whose rings were left

@@ -114,7 +114,10 @@ class CreatePublisher(Message, frozen=True, tag="pub+"):
 
 
 class CreateSubscription(Message, frozen=True, tag="sub+"):
-    """`last_seqs`: by publisher gid, what has been received already (after a reconnection)."""
+    """`last_seqs`: by publisher gid, what has been received already (after a reconnection).
+
+    `takes_history`: the history of each publisher that keeps one, whatever the durability of `qos`.
+    """
 
     request: int
     node: int
@@ -124,6 +127,7 @@ class CreateSubscription(Message, frozen=True, tag="sub+"):
     qos: QoSProfile
     gid: bytes
     last_seqs: LastSeqs = field(default_factory=dict)
+    takes_history: bool = False
 
 
 class DestroyEndpoint(Message, frozen=True, tag="end-"):

@@ -582,4 +582,4 @@ def _make_native(
 
 def service_qos(profile: QoSProfile) -> NativeProfile:
     """With ROS's default depth of 10, a burst of calls would lose some without a word."""
-    return SERVICE_QOS if profile == qos_profile_services_default else to_native(profile)
+    return SERVICE_QOS if profile == qos_profile_services_default else to_native(profile, for_both=True)

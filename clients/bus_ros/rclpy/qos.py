@@ -395,18 +395,23 @@ _BEST_OFFER = (
 )
 _LEAST_REQUEST = (
     native.Reliability.BEST_EFFORT,
-    native.Durability.VOLATILE,
+    native.Durability.BEST_AVAILABLE,
     native.Liveliness.AUTOMATIC,
 )
+_BOTH = (native.Reliability.BEST_EFFORT, native.Durability.VOLATILE, native.Liveliness.AUTOMATIC)
 
 
-def to_native(profile: QoSProfile | int, *, for_publisher: bool = False) -> native.QoSProfile:
-    """What the profile means on the bus; `for_publisher` matters for "best available" only.
+def to_native(
+    profile: QoSProfile | int, *, for_publisher: bool = False, for_both: bool = False
+) -> native.QoSProfile:
+    """What the profile means on the bus: for a publisher, both ends of a service, or else a subscription.
+
+    Which one matters for "best available" only.
 
     Raises InvalidQoSProfileException for a policy that is unknown, ValueError for values out of range.
     """
     profile = profile_of(profile)
-    best = _BEST_OFFER if for_publisher else _LEAST_REQUEST
+    best = _BOTH if for_both else _BEST_OFFER if for_publisher else _LEAST_REQUEST
     try:
         return native.QoSProfile(
             depth=profile.depth if profile.depth or profile.history is HistoryPolicy.KEEP_ALL else 10,

@@ -191,7 +191,10 @@ class Client(_Source):
         self._answers: deque[tuple[int, Any]] = deque()
         self._native: Any = engine().run(
             lambda: native_node.create_client(
-                srv_type, srv_name, to_native(qos_profile.profile), on_response=self._on_response
+                srv_type,
+                srv_name,
+                to_native(qos_profile.profile, for_both=True),
+                on_response=self._on_response,
             )
         )
         super().__init__(self._native.close)
@@ -238,7 +241,10 @@ class Service(_Source):
         self._requests: deque[tuple[Any, Any]] = deque()
         self._native: Any = engine().run(
             lambda: native_node.create_service(
-                srv_type, srv_name, qos=to_native(qos_profile.profile), on_request=self._on_request
+                srv_type,
+                srv_name,
+                qos=to_native(qos_profile.profile, for_both=True),
+                on_request=self._on_request,
             )
         )
         super().__init__(self._native.close)

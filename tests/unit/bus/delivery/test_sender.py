@@ -153,6 +153,28 @@ class TestHistory:
         assert closes(late)
 
     @by_either
+    @pytest.mark.parametrize(("offered", "got"), [(HISTORY, [*range(1, 7)]), (LAST_10, [6])])
+    def test_one_that_takes_any_history(self, route: str, offered: QoSProfile, got: list[int]) -> None:
+        pair = Pair(route, offered, LAST_10)
+        pair.publish(5)
+        late = pair.listener.subscription(QoSProfile(10, durability="best_available"))
+        pair.world.settle()
+        pair.publish(1)
+        assert heard(pair.listener, late) == got
+        assert closes(late)
+
+    @by_either
+    @pytest.mark.parametrize("offered", [HISTORY, LAST_10])
+    def test_one_that_takes_any_history_and_a_new_broker(self, route: str, offered: QoSProfile) -> None:
+        pair = Pair(route, offered, QoSProfile(10, durability="best_available"))
+        pair.publish(5)
+        assert pair.heard() == [1, 2, 3, 4, 5]
+        pair.world.restart_broker()
+        pair.world.connect_all()
+        pair.publish(1)
+        assert pair.heard() == [6]
+
+    @by_either
     def test_a_late_one_that_wants_none_gets_none(self, route: str) -> None:
         pair = Pair(route, HISTORY, LAST_10)
         pair.publish(5)

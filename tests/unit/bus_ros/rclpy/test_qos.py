@@ -144,6 +144,10 @@ def test_best_available_matches_every_peer() -> None:
     assert not native.check_compatible(offered, demanding)
     assert not native.check_compatible(modest, requested)
     assert requested.deadline is requested.liveliness_lease_duration is None
+    assert requested.durability is native.Durability.BEST_AVAILABLE
+    both = to_native(best, for_both=True)
+    assert not native.check_compatible(both, both)
+    assert both.durability is native.Durability.VOLATILE
 
 
 def test_unknown_is_no_choice() -> None:

@@ -3,7 +3,7 @@
 import pytest
 
 from broker_endpoints import Publisher
-from broker_world import Process, World
+from broker_world import Process, Refusal, World
 from bus.qos import QoSProfile
 from bus.wire import messages as m
 from busd.core.limits import Limits
@@ -62,6 +62,27 @@ class TestTable:
         assert [sample.seq for sample in late.samples] == list(range(published - number + 1, published + 2))
         assert [sample.is_replay for sample in late.samples] == [True] * number + [False]
         assert late.statistics().dropped == {}
+
+    @for_each(("offered", "got"), [(KEPT, [*"abc", "new"]), (VOLATILE, ["new"])])
+    def test_one_that_takes_any_history(self, offered: QoSProfile, got: list[str]) -> None:
+        """As transient local of those that keep some; it matches the others too."""
+        world = World()
+        (publisher,) = publishers(world, offered, "abc")
+        late = world.process().subscription("/topic", takes_history=True)
+        publisher.publish("new")
+        assert late.payloads == got
+        assert late.got(m.Matched)[0].qos.durability == offered.durability
+        assert publisher.got(m.Matched)[0].qos.durability == offered.durability
+
+    @for_each("takes_history", [False, True])
+    def test_best_available_is_not_for_the_wire(self, takes_history: bool) -> None:
+        world = World()
+        with pytest.raises(Refusal, match="best_available is for subscriptions"):
+            world.process().subscription(
+                "/topic", QoSProfile(durability="best_available"), takes_history=takes_history
+            )
+        with pytest.raises(Refusal, match="best_available is for subscriptions"):
+            world.process().publisher("/topic", QoSProfile(durability="best_available"))
 
     def test_keep_all(self) -> None:
         world = World()
