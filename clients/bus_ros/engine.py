@@ -112,8 +112,11 @@ class Engine:
         return get_ident() == self._main_thread
 
     def settle(self) -> None:
-        """Under the guard: have the keeper run the loop now, where there is work and no thread runs it."""
-        if self._runner is None and self.loop.has_work():
+        """Under the guard: have the keeper run the loop now, where there is work and no thread runs it.
+
+        What the loop has put off can wait for the next run: the caller's, if it is a callback.
+        """
+        if self._runner is None and self.loop.is_due:
             self.nudge()
 
     def interrupt(self) -> None:

@@ -147,10 +147,6 @@ class GuardedLoop(asyncio.SelectorEventLoop):
                 _hear(_NOBODY, instead_of=self._signals)
             self._signals = _NOBODY
 
-    def has_work(self) -> bool:
-        """Whether callbacks wait to be called."""
-        return bool(self._ready or self.deferred)
-
     @property
     def is_due(self) -> bool:
         """Whether something waits to be called, timers and descriptors apart."""

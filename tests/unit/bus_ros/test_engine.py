@@ -143,6 +143,16 @@ class TestKeeper:
         wait_until(lambda: len(told) == 2)
         assert told == ["soon", "later"]
 
+    def test_what_is_put_off_does_not_wake_it(self, engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
+        nudges: list[int] = []
+        monkeypatch.setattr(engine, "nudge", lambda: nudges.append(1))
+        for _ in range(20):
+            engine.run(lambda: doubled(3))  # the keeper has left the loop to this thread
+            with engine.loop:
+                engine.loop.deferred.append((int, ()))
+                engine.settle()
+        assert nudges == []
+
     def test_it_takes_over_again_and_again(self, engine: Engine) -> None:
         """As under a program that spins now and then, and is long in its callbacks."""
         told: list[int] = []

@@ -224,10 +224,11 @@ class TestRunning:
         told: list[int] = []
         with loop:
             loop.deferred.append((told.append, (1,)))
-            assert loop.has_work() and told == []
+            assert not loop.is_due and told == []
             loop.call_soon(loop.stop)
+            assert loop.is_due
             loop.run()
-            assert told == [1] and not loop.has_work()
+            assert told == [1] and not loop.is_due
 
     def test_many_cancelled_timers(self, loop: GuardedLoop) -> None:
         told: list[int] = []
