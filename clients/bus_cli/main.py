@@ -207,8 +207,6 @@ def _run(words: Sequence[str]) -> int:
     if args.version:
         say(f"bus {RELEASE}")
         return 0
-    if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:  # while we started
-        signal.signal(signal.SIGINT, signal.default_int_handler)
     code: int = args.main(args) or 0
     return code
 

@@ -4,6 +4,7 @@ from argparse import ArgumentParser, Namespace
 from importlib import import_module
 from typing import Any
 
+from bus.process.termination import heed_interrupts
 from bus_cli.launch.arguments import given_arguments
 from bus_cli.launch.bus import export
 from bus_cli.output import CommandError
@@ -23,6 +24,7 @@ def main(args: Namespace) -> int:
     given_arguments(args.arguments)
     if not args.test_file.endswith(".py"):
         raise CommandError(f"bus test: '{args.test_file}' is no Python file")
+    heed_interrupts()  # a test file may have something to tidy up
     export(args)
     import_module("bus_ros.import_hook")
     from bus_launch import inheritance

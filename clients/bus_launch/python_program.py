@@ -4,7 +4,12 @@ How a launch starts a program in Python: with ROS 2's modules filled in where th
 has it. `--path`: a folder that its modules are imported from. Errors are the program's own.
 """
 
+import _signal  # type: ignore[import-not-found] # there without loading anything
 import sys
+
+# As in bus_cli.entry: while modules load, a Ctrl-C ends it at once.
+if __name__ == "__main__" and _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
+    _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
 
 from bus.process.termination import say_nothing_of_signals
 from bus_ros import running

@@ -15,7 +15,7 @@ from types import ModuleType, TracebackType
 from typing import Any, NoReturn
 
 from bus.errors import BrokerUnavailable
-from bus.process.termination import die_at_interrupt, is_dying
+from bus.process.termination import die_at_interrupt, heed_interrupts, is_dying
 
 __all__ = [
     "add_paths",
@@ -57,7 +57,13 @@ def run_script(path: str, arguments: Sequence[str], *, of_package: bool = False)
 
     _set_first_path(os.path.dirname(os.path.realpath(full)))
     main = _new_main(__file__=full, __cached__=None, __loader__=SourceFileLoader("__main__", full))
-    _run(lambda: exec(compile(source, full, "exec", dont_inherit=True), main), of_package=of_package)
+
+    def call() -> None:
+        code = compile(source, full, "exec", dont_inherit=True)
+        heed_interrupts()
+        exec(code, main)
+
+    _run(call, of_package=of_package)
 
 
 def run_module(name: str, arguments: Sequence[str]) -> NoReturn:
@@ -75,11 +81,16 @@ def run_entry_point(target: str, path: str, arguments: Sequence[str], *, of_pack
     _new_main(__file__=path)
 
     def call() -> Any:
+        is_ours = module.startswith("bus_")  # it begins only when it is called
+        if not is_ours:
+            heed_interrupts()
         # Of a failing import statement Python shows no frame of the import system; of import_module it does.
         __import__(module)
         found: Any = sys.modules[module]
         for name in function.split("."):
             found = getattr(found, name)
+        if is_ours:
+            heed_interrupts()
         return found()
 
     _run(call, of_package=of_package)
@@ -164,6 +175,7 @@ def _run_as_main(name: str, *, alter_argv: bool) -> None:
     import runpy
 
     _new_main()
+    heed_interrupts()
     runpy._run_module_as_main(name, alter_argv)  # type: ignore[attr-defined]
 
 

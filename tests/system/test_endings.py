@@ -219,3 +219,45 @@ def test_another_threads_shutdown_is_an_error_as_in_rclpy(tmp_path: Path) -> Non
     done = result_of(tmp_path, RUN, SHUTS_DOWN.format(executor="SingleThreadedExecutor", how=how))
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.splitlines()[-1].endswith("ExternalShutdownException: Context has been shutdown")
+
+
+# --- while it is still loading
+
+LOADING = """
+import os, signal, sys
+
+class Interrupt:
+    left = int(sys.argv.pop(1))
+    is_near = False
+
+    def find_spec(self, name, path=None, target=None):
+        self.is_near |= "bus_cli.entry" in sys.modules or name == "bus.process.termination"
+        self.left -= self.is_near
+        if self.is_near and not self.left:
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupt())
+"""
+STARTS = {
+    "bus": "from bus_cli.entry import main; main()",
+    "launched": "import runpy; runpy._run_module_as_main('bus_launch.python_program', alter_argv=False)",
+}
+
+
+@pytest.mark.parametrize(
+    ("modules", "start", "line"),
+    [
+        (1, "bus", "topic list"),
+        (12, "bus", "topic echo /topic"),
+        (20, "bus", "run tf2_ros tf2_echo a b"),
+        (60, "bus", "run turtlesim mimic"),
+        (60, "bus", "launch turtlesim multisim.launch.py"),
+        (1, "launched", "program.py --"),
+        (4, "launched", "program.py --"),
+    ],
+)
+def test_while_modules_load(tmp_path: Path, modules: int, start: str, line: str) -> None:
+    """It dies by Ctrl-C without a word, with whichever module it has just begun."""
+    command = [sys.executable, "-c", LOADING + STARTS[start], str(modules), *line.split()]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=WAIT_S, cwd=tmp_path, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (-signal.SIGINT, "", "")

@@ -14,6 +14,7 @@ __all__ = [
     "die_at_exit",
     "die_at_interrupt",
     "die_now",
+    "heed_interrupts",
     "is_dying",
     "say_nothing_of_signals",
 ]
@@ -46,6 +47,14 @@ def die_at_interrupt() -> None:
 
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def heed_interrupts() -> None:
+    """Undo `die_at_interrupt`: a Ctrl-C raises KeyboardInterrupt again, for those who must tidy up."""
+    import signal
+
+    if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def die_at_exit(number: int) -> None:
