@@ -34,6 +34,7 @@ __all__ = [
     "event_of",
     "parse_action",
     "parse_message",
+    "parse_part",
     "parse_service",
 ]
 
@@ -69,6 +70,7 @@ _SHORT_NAMES: Final = {
 _LOWER: Final = re.compile(r"[a-z](_?[a-z0-9])*")
 _UPPER: Final = re.compile(r"[A-Z](_?[A-Z0-9])*")
 _CAMEL: Final = re.compile(r"[A-Z][A-Za-z0-9]*")
+_PART: Final = re.compile(r"[A-Z][A-Za-z0-9]*_[A-Z][A-Za-z0-9_]*")
 _TYPE: Final = re.compile(r"([A-Za-z][\w/]*)(?:<=(\d+))?(?:\[(<=)?(\d*)\])?", re.ASCII)
 _QUOTED: Final = r'"(?:\\.|[^"\\])*"|' + r"'(?:\\.|[^'\\])*'"
 _CODE: Final = re.compile(rf"(?:(?<=[\s=,\[])(?:{_QUOTED})|[^#])*")
@@ -180,12 +182,25 @@ def carriers(action: Action) -> dict[str, Message]:
     }
 
 
+def parse_part(text: str, name: str) -> Message:
+    """One type of a text that holds a type and all that it needs, as bag files do.
+
+    It may be a part of a service or an action, `std_srvs/srv/SetBool_Event`, and so may those that it names.
+    Errors as those of `parse_message`.
+    """
+    return _parse_parts(text, name, name.split("/")[1], ("",))[0]
+
+
 class _Wrong(Exception):
     """What is wrong with a line."""
 
 
 def _parse(text: str, name: str, kind: str, parts: tuple[str, ...]) -> list[Message]:
     _check_name(name, kind)
+    return _parse_parts(text, name, kind, parts)
+
+
+def _parse_parts(text: str, name: str, kind: str, parts: tuple[str, ...]) -> list[Message]:
     package = name.partition("/")[0]
     messages = [Message(f"{name}_{part}" if part else name) for part in parts]
     fields: list[list[Field]] = [[] for _ in parts]
@@ -303,6 +318,8 @@ def _base(text: str, package: str) -> str:
         parts.insert(0, package)
     if len(parts) == 3 and parts[1] == "msg":
         del parts[1]
+    if len(parts) == 3 and parts[1] in PARTS and _LOWER.fullmatch(parts[0]) and _PART.fullmatch(parts[2]):
+        return text
     if len(parts) == 2 and _LOWER.fullmatch(parts[0]) and _CAMEL.fullmatch(parts[1]):
         return f"{parts[0]}/msg/{parts[1]}"
     raise _Wrong(f"'{text}' is not a known type{_meant(text)}")

@@ -1,0 +1,134 @@
+"""One type as CDR has it: its definition, and messages both ways.
+
+Owns: `Codec`, one for each type in a process. What does the work is made when it is first needed.
+"""
+
+import struct
+from collections.abc import Callable
+from typing import Any, Final
+
+import msgspec
+
+from bus.errors import BusError
+from bus.schema import MessageSchema
+from bus.types.hash import schema_hash
+from bus.types.schema import build
+from bus.wire.runs import Buffer
+from bus_ros.cdr.decoder import REPRESENTATIONS, decoder
+from bus_ros.cdr.definition import parse, write
+from bus_ros.cdr.encoder import LONG, encoder
+from bus_ros.cdr.shapes import describe
+
+__all__ = ["CdrError", "Codec", "codec_of", "schema_of_definition"]
+
+_MOST_CODECS: Final = 1024
+_MOST_PADDING: Final = 3
+_WRONG: Final = (struct.error, ValueError, TypeError, OverflowError, RecursionError, MemoryError)
+
+
+class CdrError(BusError, ValueError):
+    """Bytes that are no message of the type."""
+
+
+class Codec:
+    """Turns MessagePack payloads of one type into CDR messages, and back; `codec_of` has it.
+
+    codec = codec_of(subscription.schema)
+    parts = codec.encode(payload)
+    assert codec.decode(b"".join(parts)) == payload
+    """
+
+    type_name: str
+    """As ROS 2 can call it: `sensor_msgs/msg/Imu`. Types of one's own may get another name than here."""
+    type_hash: str
+    """RIHS01 of `definition`: the schema's own, where ROS 2 can describe the type."""
+    definition: str
+    """The text of the type and of all that it needs, as bag files have it ("ros2msg")."""
+    as_json: tuple[str, ...]
+    """The fields that ROS 2 can't describe, such as `local/msg/Wheel.extra`: texts of JSON here."""
+
+    def __init__(self, schema: MessageSchema) -> None:
+        description = schema.description
+        build(description)  # raises for what is malformed or too large
+        described = describe(description)
+        self.type_name = described.schema["root"]
+        self.type_hash = schema_hash(described.schema)
+        self.definition = write(described.schema)
+        self.as_json = described.as_json
+        self._description = description
+        self._shape = described.shape
+        self._decoders: dict[bytes, Callable[[Buffer], tuple[Any, int]]] = {}
+        self._encode_short: Callable[[Buffer], list[Buffer]] = self._first_short
+        self._encode_long: Callable[[Buffer], list[Buffer]] = self._first_long
+
+    def __repr__(self) -> str:
+        return f"Codec({self.type_name})"
+
+    def encode(self, payload: Buffer) -> list[Buffer]:
+        """The parts of a CDR message: little-endian XCDR1, its encapsulation first.
+
+        Long fields of bytes and text are parts of their own, views of the payload. Raises CdrError for a
+        payload that is no message of the type, or has a number that CDR can't hold.
+        """
+        try:
+            return self._encode_short(payload) if len(payload) < LONG else self._encode_long(payload)
+        except _WRONG as error:
+            raise CdrError(f"no payload of {self._shape.name}: {error}") from None
+
+    def decode(self, data: Buffer) -> bytes:
+        """The MessagePack payload of a CDR message, as `publish_encoded` takes it.
+
+        Takes both byte orders, XCDR1 and XCDR2, plain and delimited, and up to 3 bytes of padding at the end.
+        Raises CdrError for what is malformed.
+        """
+        body = memoryview(data)[4:] if len(data) >= LONG else bytes(data)[4:]
+        decode = self._decoders.get(bytes(data[:2])) or self._decoder(data)
+        try:
+            value, size = decode(body)
+            if not 0 <= len(body) - size <= _MOST_PADDING:
+                raise ValueError(f"{len(body)} bytes, not {size}")
+            return msgspec.msgpack.encode(value)
+        except _WRONG as error:
+            raise CdrError(f"no CDR message of {self.type_name}: {error}") from None
+
+    def _first_short(self, payload: Buffer) -> list[Buffer]:
+        self._encode_short = encoder(self._description, self._shape, False)
+        return self._encode_short(payload)
+
+    def _first_long(self, payload: Buffer) -> list[Buffer]:
+        self._encode_long = encoder(self._description, self._shape, True)
+        return self._encode_long(payload)
+
+    def _decoder(self, data: Buffer) -> Callable[[Buffer], tuple[Any, int]]:
+        head = bytes(data[:2])
+        representation = REPRESENTATIONS.get(head)
+        if representation is None or len(data) < 4:
+            raise CdrError(
+                f"no CDR message of {self.type_name}: it begins with {bytes(data[:4]).hex(' ') or 'nothing'}"
+            )
+        made = self._decoders[head] = decoder(self._description, self._shape, representation)
+        return made
+
+
+_codecs: Final[dict[bytes, Codec]] = {}
+
+
+def codec_of(schema: MessageSchema) -> Codec:
+    """The codec of a type, made once.
+
+    Raises ConfigurationError for a type that can't be written as CDR (a `wstring`), and for a schema that is
+    malformed or too large.
+    """
+    if (known := _codecs.get(schema.encoded)) is None:
+        if len(_codecs) >= _MOST_CODECS:
+            del _codecs[next(iter(_codecs))]
+        known = _codecs[schema.encoded] = Codec(schema)
+    return known
+
+
+def schema_of_definition(type_name: str, definition: str) -> MessageSchema:
+    """The type that a bag file describes: the text of the type, and of all that it needs.
+
+    Raises ConfigurationError for a text that is malformed, or names a type that isn't there.
+    """
+    return MessageSchema.of(parse(type_name, definition))

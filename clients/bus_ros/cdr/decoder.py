@@ -1,0 +1,376 @@
+"""From CDR to MessagePack payloads: a function for each type and encapsulation, made as source and compiled.
+
+Owns: both byte orders, XCDR1, XCDR2 plain and delimited. Must not know: definitions, the other way.
+
+What comes from elsewhere is not trusted: a count is compared with the bytes that are left before anything is
+made of it. `p` is the position, `end` where the message (or a delimited part of it) ends.
+"""
+
+from collections.abc import Callable, Mapping
+from struct import unpack_from
+from typing import Any, Final, NamedTuple
+
+import msgspec
+from msgspec import UNSET
+
+from bus.wire.runs import Buffer
+from bus_ros.cdr.layout import CODES, lay_out
+from bus_ros.cdr.payload import json_annotation
+from bus_ros.cdr.shapes import SIZES, Bytes, Dict, Item, Json, Maybe, Message, One, Several, Shape, least
+from bus_ros.cdr.source import Source
+
+__all__ = ["REPRESENTATIONS", "Malformed", "Representation", "decoder"]
+
+_MOST_INLINE: Final = 32
+_MOST_LINES: Final = 4000
+_MOST_LOOPS: Final = 6
+"""Beyond these a message in a message gets a function of its own: Python has its limits, too."""
+
+
+class Representation(NamedTuple):
+    """How a CDR message is encoded, as its first two bytes say."""
+
+    order: str
+    """Of the bytes, as the module struct calls it."""
+    is_second: bool = False
+    """XCDR2: nothing is aligned to more than 4, and what has no fixed size says its length."""
+    is_delimited: bool = False
+    """Each message says its length, too."""
+
+
+REPRESENTATIONS: Final = {
+    b"\x00\x00": Representation(">"),
+    b"\x00\x01": Representation("<"),
+    b"\x00\x06": Representation(">", True),
+    b"\x00\x07": Representation("<", True),
+    b"\x00\x08": Representation(">", True, True),
+    b"\x00\x09": Representation("<", True, True),
+}
+
+
+class Malformed(ValueError):
+    """Bytes that are no message of the type."""
+
+
+def decoder(
+    description: Mapping[str, Any], shape: Message, representation: Representation
+) -> Callable[[Buffer], tuple[Any, int]]:
+    """A function that gives what stands for a message in MessagePack, and how many bytes it took.
+
+    It takes the bytes behind the encapsulation, and raises ValueError, struct.error, OverflowError or
+    TypeError for what is no message of the type.
+    """
+    writer = _Writer(description, representation)
+    writer.root(shape)
+    decode: Callable[[Buffer], tuple[Any, int]] = writer.source.compile(shape.name)["decode"]
+    return decode
+
+
+class _Writer:
+    def __init__(self, description: Mapping[str, Any], representation: Representation) -> None:
+        self.source = Source(
+            unpack_from=unpack_from, text=_text, short=_short, many=_many, UNSET=UNSET, without=_without
+        )
+        self._description = description
+        self._order, self._is_second, self._is_delimited = representation
+        self._alignment = 4 if self._is_second else 8
+        self._functions: dict[Shape, str] = {}
+        self._offset: int | None = 0
+        """Of what is read next, modulo 8; None: only `p` says."""
+        self._codes: list[tuple[str, int]] = []
+        self._values: list[str] = []
+        self._loops = 0
+        self._end = "end"
+
+    def root(self, shape: Message) -> None:
+        self.source.begin("def decode(data)")
+        self.source.line("end = len(data)")
+        self.source.line("p = 0")
+        value = self._message(shape)
+        self._flush()
+        self.source.line(f"return {value}, p")
+        self.source.end()
+
+    # Runs.
+
+    def _add(self, code: str, count: int = 1) -> str:
+        """Something to be read: the expression for it, which holds when all of the run has been read."""
+        self._codes.append((code, count))
+        name = self.source.variable()
+        self._values.append(name)
+        return name
+
+    def _skip(self) -> None:
+        self._codes.append(("x", 1))
+
+    def _flush(self) -> None:
+        """Read what was added."""
+        if not self._codes:
+            return
+        codes, values = self._codes, self._values
+        self._codes, self._values = [], []
+        line = self.source.line
+
+        def lay(offset: int) -> Any:
+            return lay_out(codes, offset, self._order, self._alignment)
+
+        if self._offset is not None:
+            run = lay(self._offset)
+            unpack, moved = self.source.constant(run.struct.unpack_from), str(run.size)
+            self._offset = (self._offset + run.size) % 8
+        else:
+            runs = [lay(offset) for offset in range(8)]
+            sizes = [run.size for run in runs]
+            same = len(set(sizes)) == 1
+            unpack = self.source.constant(tuple(run.struct.unpack_from for run in runs)) + "[p & 7]"
+            moved = str(sizes[0]) if same else self.source.constant(tuple(sizes)) + "[p & 7]"
+            ends = {(offset + size) % 8 for offset, size in enumerate(sizes)}
+            if len(ends) == 1:
+                self._offset = ends.pop()
+        if any(count > 1 for _, count in codes):
+            line(f"t = {unpack}(data, p)")
+            at = 0
+            counts = [count for code, count in codes if code != "x"]
+            for value, count in zip(values, counts, strict=True):
+                line(f"{value} = t[{at}]" if count == 1 else f"{value} = t[{at}:{at + count}]")
+                at += count
+        elif values:
+            line(f"{', '.join(values)}, = {unpack}(data, p)")
+        else:
+            line(f"{unpack}(data, p)")
+        line(f"p += {moved}")
+
+    # Shapes.
+
+    def _get(self, shape: Shape) -> str:
+        """Read a value; the expression for it, which holds after the next `_flush`."""
+        match shape:
+            case One("string"):
+                return self._string()
+            case One(kind):
+                return self._add(CODES[kind])
+            case Bytes(size, most):
+                return self._bytes(size, most)
+            case Several(One(kind), size, most) if kind != "string":
+                return self._numbers(kind, size, most)
+            case Several(item, size, most):
+                return self._each(item, size, most)
+            case Dict(key, item):
+                return self._pairs(key, item)
+            case Maybe(item, can_be_absent):
+                return self._maybe(item, "UNSET" if can_be_absent else "None")
+            case Item(item):
+                return self._delimited(lambda: self._get(item))
+            case Json(node):
+                decode = msgspec.json.Decoder(json_annotation(self._description, node)).decode
+                function = self.source.constant(decode)
+                return f"{function}({self._delimited(self._string)})"
+            case Message():
+                return self._message(shape)
+        raise AssertionError(shape)
+
+    def _count(self, least: int, most: int | None = None) -> str:
+        """A count of elements, each of which takes `least` bytes or more."""
+        name = self._add("I")
+        self._flush()
+        product = name if least == 1 else f"{name} * {least}"
+        self.source.line(f"if {product} > {self._end} - p: short({name})")
+        if most is not None:
+            self.source.line(f"if {name} > {most}: many({name}, {most})")
+        return name
+
+    def _moved(self) -> None:
+        self._offset = None
+
+    def _string(self) -> str:
+        size = self._count(1)
+        name = self.source.variable()
+        self.source.line(f"{name} = text(data, p, {size})")
+        self.source.line(f"p += {size}")
+        self._moved()
+        return name
+
+    def _bytes(self, size: int | None, most: int | None) -> str:
+        if size is None:
+            count = self._count(1, most)
+        else:
+            self._flush()
+            count = str(size)
+            self.source.line(f"if {count} > {self._end} - p: short({count})")
+        name = self.source.variable()
+        self.source.line(f"{name} = data[p : p + {count}]")
+        self.source.line(f"p += {count}")
+        self._moved()
+        return name
+
+    def _numbers(self, kind: str, size: int | None, most: int | None) -> str:
+        code, width = CODES[kind], SIZES[kind]
+        if size is not None and size <= 64:
+            if size > 1:
+                return self._add(code, size)
+            return f"({self._add(code)},)"
+        name = self.source.variable()
+        line = self.source.line
+        if size is None:
+            count = self._count(width, most)
+        else:
+            self._flush()
+            count = str(size)
+        boundary = min(width, self._alignment)
+        if boundary > 1 and (size is not None or boundary > 4):
+            line(f"if {count}: p += -p % {boundary}")
+        line(f"if {count} * {width} > {self._end} - p: short({count})")
+        line(f"{name} = unpack_from(f'{self._order}{{{count}}}{code}', data, p)")
+        line(f"p += {count} * {width}")
+        self._moved()
+        return name
+
+    def _each(self, item: Shape, size: int | None, most: int | None) -> str:
+        def get() -> str:
+            if size is None:
+                count = self._count(least(item), most)
+            else:
+                self._flush()
+                count = str(size)
+                self.source.line(f"if {size * least(item)} > {self._end} - p: short({size})")
+            self._moved()
+            found = self.source.variable()
+            self.source.line(f"{found} = []")
+            self.source.line(f"for _ in range({count}):")
+            self._loops += 1
+            self._block(item, f"{found}.append({{}})")
+            self._loops -= 1
+            return found
+
+        return self._with_length(get)
+
+    def _pairs(self, key: Shape, item: Shape) -> str:
+        def get() -> str:
+            count = self._count(least(key) + least(item))
+            self._moved()
+            found = self.source.variable()
+            self.source.line(f"{found} = {{}}")
+            self.source.line(f"for _ in range({count}):")
+            self._loops += 1
+            self.source.indent()
+
+            def pair() -> str:
+                first = self._one(key)
+                second = self._one(item)
+                return f"{found}[{first}] = {second}"
+
+            text = self._delimited(pair)
+            self._flush()
+            self.source.line(text)
+            self._moved()
+            self.source.indent(-1)
+            self._loops -= 1
+            return found
+
+        return self._with_length(get)
+
+    def _maybe(self, item: Shape, nothing: str) -> str:
+        def get() -> str:
+            count = self._count(least(item), 1)
+            self._moved()
+            found = self.source.variable()
+            self.source.line(f"{found} = {nothing}")
+            self.source.line(f"if {count}:")
+            self._block(item, f"{found} = {{}}")
+            return found
+
+        return get() if isinstance(item, One) and item.kind != "string" else self._with_length(get)
+
+    def _block(self, item: Shape, use: str) -> None:
+        self.source.indent()
+        value = self._one(item)
+        self._flush()
+        self.source.line(use.format(value))
+        self._moved()
+        self.source.indent(-1)
+
+    def _one(self, shape: Shape) -> str:
+        is_large = isinstance(shape, Message) and (
+            shape.leaves > _MOST_INLINE or self.source.length > _MOST_LINES
+        )
+        if is_large or (self._loops >= _MOST_LOOPS and not isinstance(shape, One | Bytes | Json)):
+            return self._call(shape)
+        return self._get(shape)
+
+    def _message(self, shape: Message) -> str:
+        def get() -> str:
+            if not shape.shapes:
+                self._skip()
+            return self._made(shape, [self._one(part) for part in shape.shapes])
+
+        return self._delimited(get)
+
+    def _made(self, shape: Message, values: list[str]) -> str:
+        tag = self.source.constant(shape.tag) if shape.tag is not None else None
+        if shape.is_array:
+            values = values if tag is None else [tag, *values]
+            return f"({', '.join(values)}{',' * (len(values) == 1)})"
+        keys = [self.source.constant(key) for key in shape.keys]
+        if tag is not None:
+            keys, values = [self.source.constant(shape.tag_field or "type"), *keys], [tag, *values]
+        made = "{" + ", ".join(f"{key}: {value}" for key, value in zip(keys, values, strict=True)) + "}"
+        absent = any(isinstance(part, Maybe) and part.can_be_absent for part in shape.shapes)
+        return f"without({made})" if absent else made
+
+    def _delimited(self, get: Callable[[], str]) -> str:
+        return self._limited(get) if self._is_delimited else get()
+
+    def _with_length(self, get: Callable[[], str]) -> str:
+        return self._limited(get) if self._is_second else get()
+
+    def _limited(self, get: Callable[[], str]) -> str:
+        """What says its length first; of what is behind the fields that are known nothing is read."""
+        size = self._count(1)
+        end, outer = self.source.variable(), self._end
+        self.source.line(f"{end} = p + {size}")
+        self._end = end
+        value = get()
+        self._flush()
+        self.source.line(f"if p > {end}: short(p - {end})")
+        self.source.line(f"p = {end}")
+        self._moved()
+        self._end = outer
+        return value
+
+    def _call(self, shape: Shape) -> str:
+        self._flush()
+        if shape not in self._functions:
+            self._functions[shape] = function = self.source.variable()
+            before = self._offset, self._loops, self._end
+            self._offset, self._loops, self._end = None, 0, "end"
+            self.source.begin(f"def {function}(data, p, end)")
+            value = self._get(shape)
+            self._flush()
+            self.source.line(f"return {value}, p")
+            self.source.end()
+            self._offset, self._loops, self._end = before
+        name = self.source.variable()
+        self.source.line(f"{name}, p = {self._functions[shape]}(data, p, {self._end})")
+        self._moved()
+        return name
+
+
+def _text(data: Buffer, start: int, size: int) -> str:
+    """A text of `size` bytes, of which the last should be zero; what is no UTF-8 is replaced, as in rclpy."""
+    end = start + size
+    if size and not data[end - 1]:
+        end -= 1
+    return str(data[start:end], "utf-8", "replace")
+
+
+def _without(fields: dict[str, Any]) -> dict[str, Any]:
+    """A map without those fields that are not set."""
+    return {key: value for key, value in fields.items() if value is not UNSET}
+
+
+def _short(count: int) -> None:
+    raise Malformed(f"it ends before {count} elements or bytes that it announces")
+
+
+def _many(count: int, most: int) -> None:
+    raise Malformed(f"a sequence of at most {most} elements has {count}")

@@ -1,0 +1,318 @@
+"""From MessagePack payloads to CDR: one function for each type, made as source and compiled.
+
+Owns: little-endian XCDR1, which is what ROS 2 sends. Must not know: definitions, the other way.
+
+Primitives that follow one another, in nested messages too, are packed by one call; where they begin at an
+offset that only the message knows (behind a string), by one of eight. `p` is then the position, modulo 8.
+"""
+
+import sys
+from array import array
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+import msgspec
+from msgspec import UNSET, Raw
+
+from bus.wire.runs import Buffer
+from bus_ros.cdr.layout import CODES, lay_out
+from bus_ros.cdr.payload import Annotations, field_name
+from bus_ros.cdr.shapes import SIZES, Bytes, Dict, Item, Json, Maybe, Message, One, Several, Shape
+from bus_ros.cdr.source import Source
+
+__all__ = ["LONG", "encoder"]
+
+LONG: Final = 16 << 10
+"""From this length on a field is a part of its own, a view of the payload."""
+
+_HEADER: Final = b"\x00\x01\x00\x00"
+_MOST_ARGUMENTS: Final = 64
+"""Arrays of a fixed size that are longer are no part of a run."""
+
+_MOST_INLINE: Final = 32
+_MOST_LINES: Final = 4000
+_MOST_LOOPS: Final = 6
+"""Beyond these a message in a message gets a function of its own: Python has its limits, too."""
+
+
+def encoder(description: Mapping[str, Any], shape: Message, views: bool) -> Callable[[Buffer], list[Buffer]]:
+    """A function that gives the parts of a CDR message for a payload.
+
+    With `views` long fields are parts of their own, views of the payload; without, there is one part. It
+    raises ValueError (msgspec.DecodeError), struct.error, OverflowError or TypeError for what is no message
+    of the type.
+    """
+    decoder: Any = msgspec.msgpack.Decoder(Annotations(description, views).of(shape))
+    writer = _Writer(views)
+    writer.root(shape)
+    made = writer.source.compile(shape.name)
+    made["unpack"] = decoder.decode
+    encode: Callable[[Buffer], list[Buffer]] = made["encode"]
+    return encode
+
+
+class _Writer:
+    def __init__(self, views: bool) -> None:
+        self.source = Source(
+            array=_array if sys.byteorder == "big" else array,
+            join=b"".join,
+            HEADER=_HEADER,
+            json=msgspec.json.encode,
+            text=_text,
+            LONG=LONG,
+            UNSET=UNSET,
+        )
+        self._views = views
+        self._functions: dict[Shape, str] = {}
+        self._offset: int | None = 0
+        """Of what is written next, modulo 8; None: it is in `p`."""
+        self._codes: list[tuple[str, int]] = []
+        self._values: list[str] = []
+        self._loops = 0
+
+    def root(self, shape: Message) -> None:
+        line = self.source.line
+        self.source.begin("def encode(payload)")
+        line("v = unpack(payload)")
+        line("out = [HEADER]")
+        line("append = out.append")
+        if self._views:
+            line("parts = []")
+            self.source.line("def cut(view):")
+            self.source.line(" parts.append(join(out))")
+            self.source.line(" out.clear()")
+            self.source.line(" parts.append(view)")
+        else:
+            line("cut = None")
+        self._message(shape, "v")
+        self._flush()
+        if self._views:
+            line("if out: parts.append(join(out))")
+            line("return parts")
+        else:
+            line("return [join(out)]")
+        self.source.end()
+
+    # Runs.
+
+    def _add(self, code: str, value: str, count: int = 1) -> None:
+        self._codes.append((code, count))
+        if value:
+            self._values.append(value)
+
+    def _flush(self) -> None:
+        """Write what was added."""
+        if not self._codes:
+            return
+        codes, values = self._codes, ", ".join(self._values)
+        self._codes, self._values = [], []
+        if self._offset is not None:
+            run = lay_out(codes, self._offset)
+            self._append(f"{self.source.constant(run.struct.pack)}({values})")
+            self._offset = (self._offset + run.size) % 8
+            return
+        runs = [lay_out(codes, offset) for offset in range(8)]
+        packs = self.source.constant(tuple(run.struct.pack for run in runs))
+        self._append(f"{packs}[p & 7]({values})")
+        ends = [(offset + run.size) % 8 for offset, run in enumerate(runs)]
+        if len(set(ends)) == 1:
+            self._offset = ends[0]
+        elif len({run.size for run in runs}) == 1:
+            self.source.line(f"p += {runs[0].size}")
+        else:
+            self.source.line(f"p = {self.source.constant(tuple(ends))}[p & 7]")
+
+    def _append(self, value: str) -> None:
+        self.source.line(f"append({value})")
+
+    def _into_p(self) -> None:
+        """The position is in `p` from here on."""
+        if self._offset is not None:
+            self.source.line(f"p = {self._offset}")
+            self._offset = None
+
+    def _moved(self, by: str) -> None:
+        """What was appended last is that long."""
+        if self._offset is None:
+            self.source.line(f"p += {by}")
+        else:
+            self.source.line(f"p = {self._offset} + {by}" if self._offset else f"p = {by}")
+            self._offset = None
+
+    # Shapes.
+
+    def _put(self, shape: Shape, value: str) -> None:
+        match shape:
+            case One("string"):
+                name = self.source.variable()
+                self.source.line(f"{name} = text({value})" if self._views else f"{name} = {value}.encode()")
+                self._string(name)
+            case One(kind):
+                self._add(CODES[kind], value)
+            case Bytes(size):
+                self._bytes(size, value)
+            case Several(One(kind), size) if kind != "string":
+                self._numbers(kind, size, value)
+            case Several(item, size):
+                if size is None:
+                    self._add("I", f"len({value})")
+                self._each(item, value)
+            case Dict(key, item):
+                self._add("I", f"len({value})")
+                self._pairs(key, item, value)
+            case Maybe(item, can_be_absent):
+                self._maybe(item, "UNSET" if can_be_absent else "None", value)
+            case Item(item):
+                self._put(item, value)
+            case Json():
+                name = self.source.variable()
+                self.source.line(f"{name} = json({value})")
+                self._string(name)
+            case Message():
+                self._message(shape, value)
+
+    def _string(self, name: str) -> None:
+        """Append a text that is bytes already. The zero at its end goes with what comes next."""
+        self._add("I", f"len({name}) + 1")
+        self._flush()
+        self._blob(name)
+        self._moved(f"len({name})")
+        self._add("x", "")
+
+    def _bytes(self, size: int | None, value: str) -> None:
+        if size is None:
+            self._add("I", f"len({value})")
+        self._flush()
+        self._blob(value)
+        if size is None or self._offset is None:
+            self._moved(f"len({value})")
+        else:
+            self._offset = (self._offset + size) % 8
+
+    def _blob(self, value: str) -> None:
+        if self._views:
+            self.source.line(f"(append if len({value}) < LONG else cut)({value})")
+        else:
+            self._append(value)
+
+    def _numbers(self, kind: str, size: int | None, value: str) -> None:
+        code, width = CODES[kind], SIZES[kind]
+        packed = f"bytes({value})" if kind == "bool" else f"array({code!r}, {value})"
+        if size is not None and size <= _MOST_ARGUMENTS:
+            self._add(code, f"*{value}", size)
+            return
+        if size is None:
+            self._add("I", f"len({value})")
+        self._flush()
+        self._into_p()
+        line = self.source.line
+        line(f"if {value}:")
+        self.source.indent()
+        if width == 8 or (size is not None and width > 1):
+            paddings = self.source.constant(tuple(bytes(-offset % width) for offset in range(8)))
+            self._append(f"{paddings}[p & 7]")
+        packed = f"bytes({value})" if kind == "bool" else f"array({code!r}, {value})"
+        if self._views:
+            name = self.source.variable()
+            line(f"{name} = memoryview({packed}).cast('B')")
+            packed = name
+        self._blob(packed)
+        line("p = 0" if width == 8 else f"p += -p % {width} + len({value}) * {width}")
+        self.source.indent(-1)
+
+    def _each(self, item: Shape, value: str) -> None:
+        self._flush()
+        self._into_p()
+        name = self.source.variable()
+        self.source.line(f"for {name} in {value}:")
+        self._loops += 1
+        self._block((item, name))
+        self._loops -= 1
+
+    def _pairs(self, key: Shape, item: Shape, value: str) -> None:
+        self._flush()
+        self._into_p()
+        first, second = self.source.variable(), self.source.variable()
+        self.source.line(f"for {first}, {second} in {value}.items():")
+        self._loops += 1
+        self._block((key, first), (item, second))
+        self._loops -= 1
+
+    def _maybe(self, item: Shape, nothing: str, value: str) -> None:
+        self._flush()
+        self._into_p()
+        name = self.source.variable()
+        self.source.line(f"{name} = {value}")
+        self.source.line(f"if {name} is {nothing}:")
+        self._add("I", "0")
+        self._block()
+        self.source.line("else:")
+        self._add("I", "1")
+        self._block((item, name))
+
+    def _block(self, *values: tuple[Shape, str]) -> None:
+        """What stands in a loop or a branch: the position is in `p` before and behind it."""
+        self.source.indent()
+        for shape, value in values:
+            self._one(shape, value)
+        self._flush()
+        self._into_p()
+        self.source.indent(-1)
+
+    def _message(self, shape: Message, value: str) -> None:
+        if not shape.shapes:
+            self._add("x", "")
+            return
+        names = [self.source.variable() for _ in shape.shapes]
+        if shape.is_array:
+            tag = ["_"] if shape.tag is not None else []
+            self.source.line(f"{', '.join([*tag, *names])}, = {value}")
+        else:
+            for index, name in enumerate(names):
+                self.source.line(f"{name} = {value}.{field_name(index)}")
+        for name, part in zip(names, shape.shapes, strict=True):
+            self._one(part, name)
+
+    def _one(self, shape: Shape, value: str) -> None:
+        is_large = isinstance(shape, Message) and (
+            shape.leaves > _MOST_INLINE or self.source.length > _MOST_LINES
+        )
+        if is_large or (self._loops >= _MOST_LOOPS and not isinstance(shape, One | Bytes | Json)):
+            self._call(shape, value)
+        else:
+            self._put(shape, value)
+
+    def _call(self, shape: Shape, value: str) -> None:
+        self._flush()
+        self._into_p()
+        if shape not in self._functions:
+            self._functions[shape] = name = self.source.variable()
+            loops, self._loops = self._loops, 0
+            self.source.begin(f"def {name}(v, append, cut, p)")
+            self._put(shape, "v")
+            self._flush()
+            self._into_p()
+            self.source.line("return p")
+            self.source.end()
+            self._loops = loops
+        self.source.line(f"p = {self._functions[shape]}({value}, append, cut, p)")
+
+
+def _array(code: str, values: list[Any]) -> "array[Any]":
+    made = array(code, values)
+    if sys.byteorder == "big":
+        made.byteswap()
+    return made
+
+
+def _text(value: Raw | str | bytes) -> Buffer:
+    """The bytes of a text: a view of the payload."""
+    if isinstance(value, str):
+        return value.encode()
+    view = memoryview(value)
+    head = view[0]
+    if 0xA0 <= head <= 0xBF:
+        return view[1:]
+    if 0xD9 <= head <= 0xDB:
+        return view[1 + (1 << (head - 0xD9)) :]
+    raise TypeError("Expected `str`")

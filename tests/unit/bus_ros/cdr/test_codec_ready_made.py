@@ -1,0 +1,49 @@
+"""Every type that comes with busd: the same bytes, definitions and hashes as rosbags has."""
+
+from functools import cache
+from typing import Any
+
+import pytest
+
+import bus
+from bus.types.classes import message_class
+from bus.types.definitions import names
+from bus_ros.cdr import codec_of, schema_of_definition
+from payloads import payload
+from rows import for_each
+
+typesys = pytest.importorskip("rosbags.typesys", reason="rosbags is not installed: pip install rosbags")
+
+MESSAGES = [name for name in names("msg") if name != "example_interfaces/msg/WString"]
+"""All but the one that is refused."""
+
+
+@cache
+def known_as(definition: str, name: str) -> Any:
+    """A store of rosbags that has the type, and all that it needs, from the definition alone."""
+    store = typesys.get_typestore(typesys.Stores.EMPTY)
+    store.register(typesys.get_types_from_msg(definition, name))
+    return store
+
+
+@for_each("name", MESSAGES)
+def test_the_definition_has_the_hash_of_the_type_here_and_elsewhere(name: str) -> None:
+    schema = bus.MessageSchema.of(message_class(name))
+    codec = codec_of(schema)
+    assert (codec.type_name, codec.type_hash, codec.as_json) == (name, schema.type_hash, ())
+    assert schema_of_definition(name, codec.definition).type_hash == schema.type_hash
+    assert known_as(codec.definition, name).hash_rihs01(name) == schema.type_hash
+
+
+@for_each("name", MESSAGES)
+def test_bytes_are_those_of_rosbags_both_ways(name: str) -> None:
+    schema = bus.MessageSchema.of(message_class(name))
+    codec = codec_of(schema)
+    store = known_as(codec.definition, name)
+    for seed in range(3):
+        sent = payload(schema.description, seed)
+        cdr = b"".join(codec.encode(sent))
+        assert bytes(store.serialize_cdr(store.deserialize_cdr(cdr, name), name)) == cdr
+        assert codec.decode(cdr) == sent
+        big = bytes(store.serialize_cdr(store.deserialize_cdr(cdr, name), name, little_endian=False))
+        assert codec.decode(big) == sent
