@@ -24,7 +24,10 @@ TEXT = (DOCS / "rclpy.md").read_text()
 
 INSIDE = {
     "rclpy.clock": {"ANY_JUMP", "CHANGES_OF_SOURCE"},
-    "rclpy.event_handler": {"publisher_events", "subscription_events"},
+    "rclpy.event_handler": {
+        *("PUBLISHER_EVENTS", "SUBSCRIPTION_EVENTS", "publisher_events", "subscription_events"),
+        "watch_event",
+    },
     "rclpy.parameter": {"ValueType", "parameter_message"},
     "rclpy.task": {"UNFINISHED", "Step"},
     "rclpy.qos": {"from_native", "profile_of", "to_native"},

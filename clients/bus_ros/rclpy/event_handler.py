@@ -8,13 +8,18 @@ from collections.abc import Callable, Mapping
 from enum import IntEnum
 from typing import Any, NamedTuple, TypeAlias
 
+from msgspec.structs import replace
+
 from bus import events
 from bus.base.callbacks import ignore
 from bus_ros.rclpy.exceptions import UnsupportedEventTypeError
+from bus_ros.rclpy.impl.executor_parts import await_or_execute
 from bus_ros.rclpy.qos import QoSPolicyKind
-from bus_ros.rclpy.waitable import Waitable
+from bus_ros.rclpy.waitable import NumberOfEntities, Waitable
 
 __all__ = [
+    "PUBLISHER_EVENTS",
+    "SUBSCRIPTION_EVENTS",
     "EventHandler",
     "IncompatibleTypeInfo",
     "PublisherEventCallbacks",
@@ -34,6 +39,7 @@ __all__ = [
     "UnsupportedEventTypeError",
     "publisher_events",
     "subscription_events",
+    "watch_event",
 ]
 
 
@@ -130,13 +136,49 @@ class QoSSubscriptionMatchedInfo(NamedTuple):
     current_count_change: int
 
 
+Kinds: TypeAlias = Mapping[str, tuple[IntEnum, Any]]
+PUBLISHER_EVENTS: Kinds = {
+    "deadline": (
+        QoSPublisherEventType.RCL_PUBLISHER_OFFERED_DEADLINE_MISSED,
+        QoSOfferedDeadlineMissedInfo,
+    ),
+    "liveliness": (QoSPublisherEventType.RCL_PUBLISHER_LIVELINESS_LOST, QoSLivelinessLostInfo),
+    "incompatible_qos": (
+        QoSPublisherEventType.RCL_PUBLISHER_OFFERED_INCOMPATIBLE_QOS,
+        QoSOfferedIncompatibleQoSInfo,
+    ),
+    "incompatible_type": (QoSPublisherEventType.RCL_PUBLISHER_INCOMPATIBLE_TYPE, IncompatibleTypeInfo),
+    "matched": (QoSPublisherEventType.RCL_PUBLISHER_MATCHED, QoSPublisherMatchedInfo),
+}
+"""By the name of their callback: the number of an event, and the class of its value."""
+SUBSCRIPTION_EVENTS: Kinds = {
+    "deadline": (
+        QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_DEADLINE_MISSED,
+        QoSRequestedDeadlineMissedInfo,
+    ),
+    "incompatible_qos": (
+        QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS,
+        QoSRequestedIncompatibleQoSInfo,
+    ),
+    "liveliness": (
+        QoSSubscriptionEventType.RCL_SUBSCRIPTION_LIVELINESS_CHANGED,
+        QoSLivelinessChangedInfo,
+    ),
+    "message_lost": (QoSSubscriptionEventType.RCL_SUBSCRIPTION_MESSAGE_LOST, QoSMessageLostInfo),
+    "incompatible_type": (QoSSubscriptionEventType.RCL_SUBSCRIPTION_INCOMPATIBLE_TYPE, IncompatibleTypeInfo),
+    "matched": (QoSSubscriptionEventType.RCL_SUBSCRIPTION_MATCHED, QoSSubscriptionMatchedInfo),
+}
+
 Callback: TypeAlias = Callable[[Any], object] | None
 Enqueue: TypeAlias = Callable[[Callable[[Any], object], object], object]
 """`enqueue(callback, info)` has the executor call `callback(info)`."""
 
 
 class EventHandler(Waitable):
-    """A callback and what it is for, as rclpy lists them. It waits for nothing: the bus calls back."""
+    """A callback and what it is for, as rclpy lists them.
+
+    Nobody need wait for it: the bus calls back. One in a program's own wait set hears of the event besides.
+    """
 
     def __init__(
         self, *, callback_group: Any, callback: Callable[[Any], object], event_type: IntEnum, parent_impl: Any
@@ -145,6 +187,29 @@ class EventHandler(Waitable):
         self.callback = callback
         self.event_type = event_type
         self.parent = parent_impl
+        self._event: Any = None
+        self._index: int | None = None
+
+    def get_num_entities(self) -> NumberOfEntities:
+        return NumberOfEntities(num_events=1)
+
+    def add_to_wait_set(self, wait_set: Any) -> None:
+        if self._event is None:
+            from bus_ros.rclpy.impl.events import EventHandle  # late: few programs have wait sets
+
+            self._event = EventHandle(self.parent, self.event_type)
+        self._index = wait_set.add_event(self._event)
+
+    def is_ready(self, wait_set: Any) -> bool:
+        return self._index is not None and bool(wait_set.is_ready("event", self._index))
+
+    def take_data(self) -> Any:
+        """The event's value."""
+        return self._event.take_event()
+
+    async def execute(self, taken_data: Any) -> None:
+        """Call back with the value."""
+        await await_or_execute(self.callback, taken_data)
 
     def destroy(self) -> None:
         """Its endpoint's end ends it."""
@@ -162,9 +227,9 @@ class _Callbacks:
 
     use_default_callbacks: bool
 
-    def _handlers(self, types: Mapping[str, IntEnum], group: Any, parent: Any) -> list[EventHandler]:
+    def _handlers(self, kinds: Kinds, group: Any, parent: Any) -> list[EventHandler]:
         found = []
-        for name, event_type in types.items():
+        for name, (event_type, _) in kinds.items():
             callback = getattr(self, name)
             if callback is None and self.use_default_callbacks and name.startswith("incompatible"):
                 callback = _warn
@@ -206,16 +271,7 @@ class SubscriptionEventCallbacks(_Callbacks):
         self, callback_group: Any, subscription: Any, topic_name: str
     ) -> list[EventHandler]:
         """One for each callback, and for what is warned of."""
-        kinds = QoSSubscriptionEventType
-        types: dict[str, IntEnum] = {
-            "deadline": kinds.RCL_SUBSCRIPTION_REQUESTED_DEADLINE_MISSED,
-            "incompatible_qos": kinds.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS,
-            "liveliness": kinds.RCL_SUBSCRIPTION_LIVELINESS_CHANGED,
-            "message_lost": kinds.RCL_SUBSCRIPTION_MESSAGE_LOST,
-            "incompatible_type": kinds.RCL_SUBSCRIPTION_INCOMPATIBLE_TYPE,
-            "matched": kinds.RCL_SUBSCRIPTION_MATCHED,
-        }
-        return self._handlers(types, callback_group, subscription)
+        return self._handlers(SUBSCRIPTION_EVENTS, callback_group, subscription)
 
 
 class PublisherEventCallbacks(_Callbacks):
@@ -245,15 +301,7 @@ class PublisherEventCallbacks(_Callbacks):
         self, callback_group: Any, publisher: Any, topic_name: str
     ) -> list[EventHandler]:
         """One for each callback, and for what is warned of."""
-        kinds = QoSPublisherEventType
-        types: dict[str, IntEnum] = {
-            "deadline": kinds.RCL_PUBLISHER_OFFERED_DEADLINE_MISSED,
-            "liveliness": kinds.RCL_PUBLISHER_LIVELINESS_LOST,
-            "incompatible_qos": kinds.RCL_PUBLISHER_OFFERED_INCOMPATIBLE_QOS,
-            "incompatible_type": kinds.RCL_PUBLISHER_INCOMPATIBLE_TYPE,
-            "matched": kinds.RCL_PUBLISHER_MATCHED,
-        }
-        return self._handlers(types, callback_group, publisher)
+        return self._handlers(PUBLISHER_EVENTS, callback_group, publisher)
 
 
 def subscription_events(callbacks: SubscriptionEventCallbacks, enqueue: Enqueue) -> events.SubscriptionEvents:
@@ -279,6 +327,40 @@ def publisher_events(callbacks: PublisherEventCallbacks, enqueue: Enqueue) -> ev
         deadline_missed=_on(callbacks.deadline, enqueue, lambda e: QoSOfferedDeadlineMissedInfo(*e)),
         liveliness_lost=_on(callbacks.liveliness, enqueue, lambda e: QoSLivelinessLostInfo(*e)),
     )
+
+
+def watch_event(native: Any, event_type: IntEnum, enqueue: Enqueue) -> Any:
+    """Under the guard: have an endpoint that is there give each event of a kind to `enqueue` besides.
+
+    Returns the value until now: of matches, for other events are known from now on. Raises TypeError where
+    the kind is not one of the endpoint's.
+    """
+    is_publisher = native._kind == "publisher"
+    kinds = PUBLISHER_EVENTS if is_publisher else SUBSCRIPTION_EVENTS
+    # Numbers are not enough: both kinds of endpoints have the same.
+    found = [(name, info) for name, (one, info) in kinds.items() if one is event_type]
+    if not found:
+        raise TypeError(f"{event_type!r} is no event of a {native._kind}")
+    ((name, info),) = found
+    callbacks: dict[str, Any] = {name: ignore}
+    wanted: Any = (
+        publisher_events(PublisherEventCallbacks(**callbacks), enqueue)
+        if is_publisher
+        else subscription_events(SubscriptionEventCallbacks(**callbacks), enqueue)
+    )
+    field, tell = next((one, call) for one in wanted.__struct_fields__ if (call := getattr(wanted, one)))
+    before = getattr(native._events, field)
+
+    def both(event: Any) -> None:
+        tell(event)
+        if before is not None:
+            before(event)
+
+    native._events = replace(native._events, **{field: both})
+    if name == "matched":
+        total, now = native._total_matches, len(native.matches)
+        return info(total, total, now, now)
+    return info(*(QoSPolicyKind.INVALID if one == "last_policy_kind" else 0 for one in info._fields))
 
 
 def _on(

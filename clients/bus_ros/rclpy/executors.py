@@ -15,6 +15,7 @@ from typing import Any, Protocol, TypeAlias
 from bus_ros.engine import Waiter, deadline_after, engine
 from bus_ros.entity import Entity, Owner, Work
 from bus_ros.rclpy.context import Context, get_default_context
+from bus_ros.rclpy.impl.executor_parts import TimeoutObject, WakeGuard, await_or_execute
 from bus_ros.rclpy.subscription import Subscription
 from bus_ros.rclpy.task import UNFINISHED, Future, Step, Task
 from bus_ros.rclpy.timer import NEVER_NS, Timer
@@ -28,6 +29,7 @@ __all__ = [
     "ShutdownException",
     "SingleThreadedExecutor",
     "TimeoutException",
+    "TimeoutObject",
     "await_or_execute",
 ]
 
@@ -94,6 +96,7 @@ class Executor:
         self._is_shutdown = False
         self._only: list[_Node] | None = None  # the nodes that are asked for, where not all are
         self._until: Future[Any] | None = None  # the future that an executor of a program's own spins for
+        self._guard: WakeGuard | None = WakeGuard(self.wake)
         with self._engine.loop:
             self._context.wake_at_end(self)
 
@@ -165,6 +168,7 @@ class Executor:
         """Stop spinning. Returns whether all calls had ended by then."""
         with self._engine.loop:
             self._is_shutdown = True
+            self._guard = None
             self.wake_up()
         for node in self.get_nodes():
             self.remove_node(node)
@@ -213,7 +217,7 @@ class Executor:
 
     def wait_for_ready_callbacks(
         self,
-        timeout_sec: float | None = None,
+        timeout_sec: "float | TimeoutObject | None" = None,
         nodes: list[_Node] | None = None,
         condition: Callable[[], bool] = lambda: False,
     ) -> tuple[Task[Any], Entity | None, Owner | None]:
@@ -226,6 +230,7 @@ class Executor:
         Raises TimeoutException, ShutdownException, ExternalShutdownException, and ConditionReachedException.
         """
         until = self._until
+        timeout_s = timeout_sec.timeout if isinstance(timeout_sec, TimeoutObject) else timeout_sec
 
         def is_over() -> bool:
             return condition() or (until is not None and until.done())
@@ -235,7 +240,7 @@ class Executor:
         with self._engine.loop:
             self._only, self.asks_always = nodes, nodes is not None or type(self).asks_always
             try:
-                found = self._next(deadline_after(timeout_sec), 1, is_over)
+                found = self._next(deadline_after(timeout_s), 1, is_over)
             finally:
                 self._only, self.asks_always = None, type(self).asks_always
             if found is not None:
@@ -416,12 +421,6 @@ class Executor:
             assert isinstance(entity, Entity)
             return self._step(result, (), {}, entity).run() is not UNFINISHED
         return result is not UNFINISHED
-
-
-async def await_or_execute(callback: Callable[..., Any], *args: Any) -> Any:
-    """Call it, and await what it returns where that is a coroutine."""
-    result = callback(*args)
-    return await result if isinstance(result, Coroutine) else result
 
 
 class SingleThreadedExecutor(Executor):

@@ -1,5 +1,6 @@
 """Publishers of the facade: a native one, used under the guard from whichever thread publishes."""
 
+from enum import IntEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -113,6 +114,11 @@ class Publisher(Destroyable, Generic[M]):
         self.node.destroy_publisher(self)
 
     # --- inside
+
+    def _watch_event(self, event_type: IntEnum, enqueue: Any) -> Any:
+        from bus_ros.rclpy.event_handler import watch_event  # late: few programs have wait sets
+
+        return watch_event(self.native, event_type, enqueue)
 
     def _publish_other(self, msg: Any) -> None:
         """Bytes, or a message of a class of the user's own below the topic's."""

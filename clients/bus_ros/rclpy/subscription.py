@@ -1,7 +1,7 @@
 """Subscriptions of the facade: a native one, whose messages an executor takes when it has time for them."""
 
 from collections.abc import Callable, Sequence
-from enum import Enum
+from enum import Enum, IntEnum
 from functools import cached_property
 from time import monotonic_ns
 from typing import TYPE_CHECKING, Any, Generic, TypedDict, TypeVar
@@ -168,6 +168,11 @@ class Subscription(Entity, Destroyable, Generic[M]):
         cls: Any = self.msg_type
         decode = type_support(cls).decode
         return lambda data: passes(decode(data))
+
+    def _watch_event(self, event_type: IntEnum, enqueue: Any) -> Any:
+        from bus_ros.rclpy.event_handler import watch_event  # late: few programs have wait sets
+
+        return watch_event(self.native, event_type, enqueue)
 
     # --- for the executor
 

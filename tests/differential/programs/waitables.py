@@ -1,7 +1,9 @@
-"""Waitables of a program's own: a guard condition, a timer, a subscription, a client and a service in one."""
+"""Waitables of a program's own, and events and actions in wait sets."""
 
 import rclpy
+from rclpy.action import ActionClient, ActionServer
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.event_handler import PublisherEventCallbacks, QoSPublisherEventType, QoSSubscriptionEventType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.qos import QoSProfile
@@ -9,6 +11,7 @@ from rclpy.task import Future
 from rclpy.type_support import check_for_type_support
 from rclpy.waitable import NumberOfEntities, Waitable
 from show import attempt, until
+from test_msgs.action import Fibonacci
 from test_msgs.msg import BasicTypes
 from test_msgs.srv import BasicTypes as BasicService
 
@@ -133,4 +136,98 @@ print(
     wait_set.is_ready("guard_condition", 0),
     wait_set.get_ready_entities("guard_condition") == [waitable.guard.pointer],
 )
+
+talker = rclpy.create_node("talker")
+matches = []
+sending = talker.create_publisher(
+    BasicTypes, "events", 10, event_callbacks=PublisherEventCallbacks(matched=matches.append)
+)
+with sending.handle:
+    event = _rclpy.EventHandle(sending.handle, QoSPublisherEventType.RCL_PUBLISHER_MATCHED)
+deadline = _rclpy.EventHandle(
+    sending.handle, QoSPublisherEventType.RCL_PUBLISHER_OFFERED_DEADLINE_MISSED
+).take_event()
+print(deadline.total_count, deadline.total_count_change)
+
+
+def counts(one):
+    return one.total_count, one.total_count_change, one.current_count, one.current_count_change
+
+
+print(counts(event.take_event()))
+listening = talker.create_subscription(BasicTypes, "events", lambda message: None, 10)
+wait_set = _rclpy.WaitSet(0, 0, 0, 0, 0, 1, talker.context.handle)
+index = wait_set.add_event(event)
+wait_set.wait(5_000_000_000)
+print(index, wait_set.is_ready("event", index), counts(event.take_event()), counts(event.take_event()))
+wait_set.clear_entities()
+index = wait_set.add_event(event)
+wait_set.wait(1_000_000)
+print(wait_set.is_ready("event", index))
+for parent, kind in (
+    (sending, QoSSubscriptionEventType.RCL_SUBSCRIPTION_MATCHED),
+    (listening, QoSPublisherEventType.RCL_PUBLISHER_MATCHED),
+):
+    try:
+        _rclpy.EventHandle(parent.handle, kind)
+    except TypeError:
+        print("TypeError")
+
+handler = next(
+    one for one in sending.event_handlers if one.event_type == QoSPublisherEventType.RCL_PUBLISHER_MATCHED
+)
+print(handler.get_num_entities())
+wait_set = _rclpy.WaitSet(0, 0, 0, 0, 0, 1, talker.context.handle)
+handler.add_to_wait_set(wait_set)
+also = talker.create_subscription(BasicTypes, "events", lambda message: None, 10)
+wait_set.wait(5_000_000_000)
+print(handler.is_ready(wait_set))
+
+
+def complete(coroutine):
+    try:
+        coroutine.send(None)
+    except StopIteration:
+        return
+    print("it waits")
+
+
+complete(handler.execute(handler.take_data()))
+print([(one.total_count, one.current_count) for one in matches])
+
+acting = rclpy.create_node("acting")
+
+
+def fulfil(goal_handle):
+    goal_handle.succeed()
+    return Fibonacci.Result(sequence=[goal_handle.request.order])
+
+
+server = ActionServer(acting, Fibonacci, "fibonacci", fulfil)
+client = ActionClient(talker, Fibonacci, "fibonacci")
+print(isinstance(client, Waitable), isinstance(server, Waitable))
+print(client in talker.waitables, server in acting.waitables, client in acting.waitables)
+serving = SingleThreadedExecutor()
+serving.add_node(acting)
+print(client.wait_for_server(timeout_sec=10))
+
+
+def look():
+    wait_set = _rclpy.WaitSet(2, 0, 0, 3, 0, 0, talker.context.handle)
+    serving.spin_once(timeout_sec=0.01)
+    client.add_to_wait_set(wait_set)
+    wait_set.wait(10_000_000)
+    if client.is_ready(wait_set):
+        complete(client.execute(client.take_data()))
+
+
+sent = client.send_goal_async(Fibonacci.Goal(order=3))
+until(sent.done, look)
+print(sent.result().accepted)
+result = sent.result().get_result_async()
+until(result.done, look)
+print(result.result().status, list(result.result().result.sequence))
+client.destroy()
+print(client in talker.waitables)
+server.destroy()
 rclpy.shutdown()

@@ -154,8 +154,11 @@ class ActionClient(ActionEntity):
             ),
         )
         with self._engine.loop:
-            self._ends.feedback._on_arrival = self._ends.status._on_arrival = self.notify
+            self._begin_to_hear()
             self.notify()  # for what has come before
+
+    def _begin_to_hear(self) -> None:
+        self._ends.feedback._on_arrival = self._ends.status._on_arrival = self.notify
 
     def get_num_entities(self) -> NumberOfEntities:
         """Of rclpy's wait sets: two subscriptions and three clients."""

@@ -14,10 +14,12 @@ from bus_actions.endpoints import ActionQoS
 from bus_ros.engine import Engine, engine
 from bus_ros.entity import Entity, Work
 from bus_ros.rclpy.callback_groups import CallbackGroup
+from bus_ros.rclpy.impl.executor_parts import await_or_execute
 from bus_ros.rclpy.node import Node
 from bus_ros.rclpy.node import service_qos as native_service_qos
 from bus_ros.rclpy.qos import QoSProfile, profile_of, to_native
 from bus_ros.rclpy.type_support import check_for_type_support
+from bus_ros.rclpy.waitable import Waitable
 
 __all__ = ["FEEDBACK_QOS", "ActionEntity", "action_qos", "check_action_name", "check_action_type"]
 
@@ -25,8 +27,11 @@ FEEDBACK_QOS: Final = QoSProfile(depth=10)
 """The default of feedback."""
 
 
-class ActionEntity(Entity):
-    """Base of ActionServer and ActionClient: one entity, in one callback group, as in rclpy."""
+class ActionEntity(Entity, Waitable):
+    """Base of ActionServer and ActionClient: one entity, in one callback group, as in rclpy.
+
+    An executor takes its calls; a program that has a wait set of its own may do that instead.
+    """
 
     is_async = True
 
@@ -37,6 +42,9 @@ class ActionEntity(Entity):
         super().__init__(node, callback_group or node.default_callback_group)
         self._logger = node.get_logger()
         self.is_queued = True  # until it is open: no executor takes what comes before
+        self._futures: list[Any] = []
+        self._source: Any = None  # for wait sets
+        self._index: int | None = None
 
     def destroy(self) -> None:
         raise NotImplementedError
@@ -48,6 +56,39 @@ class ActionEntity(Entity):
         """Under the guard: have an executor call it."""
         self._calls.append((function, arguments))
         self.notify()
+
+    # --- as a waitable
+
+    def add_to_wait_set(self, wait_set: Any) -> None:
+        if self._source is None:
+            from bus_ros.rclpy.impl.wait_set import Calls  # late: few programs have wait sets
+
+            self._source = Calls(self)
+            with self._engine.loop:
+                self.notify = self._notify_both  # type: ignore[method-assign]
+                self._begin_to_hear()
+        self._index = wait_set.add_action(self._source)
+
+    def is_ready(self, wait_set: Any) -> bool:
+        return self._index is not None and bool(wait_set.is_ready("action", self._index))
+
+    def take_data(self) -> Work | None:
+        """The next call, for `execute`."""
+        found: Work | None = self._source.take_call()
+        return found
+
+    async def execute(self, taken_data: Work | None) -> None:
+        """Make the call."""
+        if taken_data is not None:
+            function, arguments = taken_data
+            await await_or_execute(function, *arguments)
+
+    def _notify_both(self) -> None:
+        Entity.notify(self)
+        self._source.come()
+
+    def _begin_to_hear(self) -> None:
+        """Have what comes without a call of its own told by `notify`."""
 
     def __enter__(self) -> "ActionEntity":
         return self

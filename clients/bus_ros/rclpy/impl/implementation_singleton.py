@@ -9,7 +9,10 @@ from bus_ros.rclpy.impl.transition_callback_return import TransitionCallbackRetu
 
 __all__ = ["rclpy_implementation"]
 
-_ENTITIES = ("Client", "GuardCondition", "Publisher", "Service", "Subscription", "Timer", "WaitSet")
+_ENTITIES = (
+    *("Client", "EventHandle", "GuardCondition", "Publisher", "Service", "Subscription", "Timer"),
+    "WaitSet",
+)
 
 
 class _Implementation(SimpleNamespace):
@@ -17,9 +20,9 @@ class _Implementation(SimpleNamespace):
 
     def __getattr__(self, name: str) -> Any:
         if name in _ENTITIES:
-            from bus_ros.rclpy.impl import wait_set
+            from bus_ros.rclpy.impl import events, wait_set
 
-            return getattr(wait_set, name)
+            return getattr(events if name == "EventHandle" else wait_set, name)
         raise AttributeError(f"rclpy_implementation has no {name}")
 
 

@@ -1,6 +1,6 @@
 """The waitables of a node: what programs add that waits for several entities at once."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from bus_ros.entity import Entity
@@ -19,9 +19,16 @@ class NodeWaitables:
         self.__remove = remove
         self.__waitables: list[tuple[Waitable, Entity]] = []
 
+    def own_entities(self) -> Iterable[Entity]:
+        raise NotImplementedError
+
     @property
     def waitables(self) -> Iterator["Waitable"]:
-        return iter([waitable for waitable, _ in self.__waitables])
+        """Those that were added, action servers and action clients."""
+        from bus_ros.rclpy.waitable import Waitable  # late: few programs ask
+
+        actions = [one for one in self.own_entities() if isinstance(one, Waitable)]
+        return iter([*(waitable for waitable, _ in self.__waitables), *actions])
 
     def add_waitable(self, waitable: "Waitable") -> None:
         """Have the executor of this node work for it, too."""

@@ -22,6 +22,7 @@ __all__ = [
     "GuardCondition",
     "Publisher",
     "Service",
+    "Source",
     "Subscription",
     "Timer",
     "WaitSet",
@@ -38,7 +39,7 @@ _INFO = (
 """What is told of a message, as to a callback of two arguments."""
 
 
-class _Source(Handle):
+class Source(Handle):
     """Something that becomes ready. Listeners are called under the engine's guard, and once."""
 
     def __init__(self, close: Callable[[], Any] | None = None) -> None:
@@ -66,7 +67,7 @@ class _Source(Handle):
             engine().run(self._close_native)
 
 
-class GuardCondition(_Source):
+class GuardCondition(Source):
     """Ready from `trigger_guard_condition` until a wait set has seen it."""
 
     def __init__(self, context: Handle) -> None:
@@ -83,7 +84,7 @@ class GuardCondition(_Source):
         return was_triggered
 
 
-class Timer(_Source):
+class Timer(Source):
     """Ready each `period_ns` of the clock, until it is called."""
 
     def __init__(self, clock: Handle, context: Handle, period_ns: int, autostart: bool = True) -> None:
@@ -136,7 +137,7 @@ class Publisher(Handle):
 
     def __init__(self, node: Handle, msg_type: Any, topic: str, qos_profile: Any) -> None:
         self._publisher = node.owner.create_publisher(msg_type, topic, qos_profile.profile)
-        super().__init__(lambda: self._publisher.is_destroyed, self._publisher.destroy)
+        super().__init__(lambda: self._publisher.is_destroyed, self._publisher.destroy, self._publisher)
 
     def publish(self, message: Any) -> None:
         self._publisher.publish(message)
@@ -150,22 +151,22 @@ class Publisher(Handle):
         return self._publisher.topic_name  # type: ignore[no-any-return]
 
 
-class Subscription(_Source):
+class Subscription(Source):
     """Ready while messages wait."""
 
     def __init__(self, node: Handle, msg_type: Any, topic: str, qos_profile: Any) -> None:
         native_node = node.owner.native
-        self._native: Any = engine().run(
+        self.native: Any = engine().run(
             lambda: native_node.create_subscription(msg_type, topic, to_native(qos_profile.profile))
         )
-        super().__init__(self._native.close)
+        super().__init__(self.native.close)
         self._next: Any = None
         with engine().loop:
-            self._native._on_arrival = self._tell
+            self.native._on_arrival = self._tell
 
     def is_ready(self) -> bool:
         with engine().loop:
-            self._next = self._next or self._native.take()
+            self._next = self._next or self.native.take()
         return self._next is not None
 
     def take_message(self, msg_type: Any, raw: bool) -> tuple[Any, dict[str, int]] | None:
@@ -177,13 +178,13 @@ class Subscription(_Source):
 
     def get_publisher_count(self) -> int:
         with engine().loop:
-            return self._native.get_publisher_count()  # type: ignore[no-any-return]
+            return self.native.get_publisher_count()  # type: ignore[no-any-return]
 
     def get_topic_name(self) -> str:
-        return self._native.topic_name  # type: ignore[no-any-return]
+        return self.native.topic_name  # type: ignore[no-any-return]
 
 
-class Client(_Source):
+class Client(Source):
     """Ready while answers wait."""
 
     def __init__(self, node: Handle, srv_type: Any, srv_name: str, qos_profile: Any) -> None:
@@ -233,7 +234,7 @@ class Client(_Source):
         self._tell()
 
 
-class Service(_Source):
+class Service(Source):
     """Ready while requests wait."""
 
     def __init__(self, node: Handle, srv_type: Any, srv_name: str, qos_profile: Any) -> None:
@@ -273,20 +274,44 @@ class Service(_Source):
         self._tell()
 
 
+class Calls(Source):
+    """Ready while an entity has calls to make, which no executor makes: those of actions."""
+
+    def __init__(self, entity: Entity) -> None:
+        super().__init__()
+        self._entity = entity
+        self._next: Any = None
+
+    def is_ready(self) -> bool:
+        with engine().loop:
+            self._next = self._next or self._entity.take(1)
+        return self._next is not None
+
+    def take_call(self) -> Any:
+        """The next call, a function and its arguments; None where there is none."""
+        self.is_ready()
+        found, self._next = self._next, None
+        return found
+
+    def come(self) -> None:
+        """Under the guard: the entity may have calls."""
+        self._tell()
+
+
 class WaitSet(Handle):
     """What is waited for; arguments say how many of each kind, which nothing here needs."""
 
     def __init__(self, *_: Any) -> None:
         super().__init__(lambda: self._is_closed, self._close)
         self._is_closed = False
-        self._sources: dict[str, list[_Source]] = {}
-        self._ready: dict[_Source, bool] = {}
+        self._sources: dict[str, list[Source]] = {}
+        self._ready: dict[Source, bool] = {}
 
     def _close(self) -> None:
         self._is_closed = True
 
     def _add(self, kind: str, source: Any) -> int:
-        if not isinstance(source, _Source):
+        if not isinstance(source, Source):
             raise TypeError(f"a wait set takes entities of rclpy_implementation, not {type(source).__name__}")
         if source._is_closed:
             raise InvalidHandle("cannot use Destroyable because destruction was requested")
@@ -309,6 +334,12 @@ class WaitSet(Handle):
 
     def add_service(self, service: Any) -> int:
         return self._add("service", service)
+
+    def add_event(self, event: Any) -> int:
+        return self._add("event", event)
+
+    def add_action(self, calls: "Calls") -> int:
+        return self._add("action", calls)
 
     def clear_entities(self) -> None:
         self._sources, self._ready = {}, {}

@@ -5,8 +5,11 @@ does. What a remote side asks for wrongly is an answer to it, never an error her
 """
 
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Any
 
+from bus.errors import ConnectionClosed
+from bus_ros.engine import engine
 from bus_ros.rclpy.exceptions import RCLError
 from bus_ros.rclpy.impl.transition_callback_return import TransitionCallbackReturnType
 from bus_ros.rclpy.lifecycle.state_machine import (
@@ -16,6 +19,7 @@ from bus_ros.rclpy.lifecycle.state_machine import (
     Transition,
 )
 from bus_ros.rclpy.node import Node
+from bus_ros.rclpy.qos import profile_of, to_native
 from bus_ros.rosidl import message_class, service_class
 
 __all__ = ["LifecycleServices"]
@@ -35,8 +39,10 @@ class LifecycleServices:
         self._state: Any = message_class("lifecycle_msgs/msg/State")
         self._event: Any = message_class("lifecycle_msgs/msg/TransitionEvent")
         self._description: Any = message_class("lifecycle_msgs/msg/TransitionDescription")
-        # Node's own: a program's node may make others, managed ones, say.
-        self._events = Node.create_publisher(node, self._event, self._name("transition_event"), EVENTS_DEPTH)
+        # None of the node's publishers, as in rclpy: it is not listed, and no program destroys it.
+        native, topic = node.native, self._name("transition_event")
+        qos = to_native(profile_of(EVENTS_DEPTH), for_publisher=True)
+        self._events: Any = engine().run(lambda: native.create_publisher(self._event, topic, qos))
 
     def begin(self, machine: LifecycleStateMachine) -> None:
         """Serve what `machine` says."""
@@ -49,19 +55,19 @@ class LifecycleServices:
             ("GetAvailableTransitions", "get_transition_graph", self._get_graph),
         ):
             definition = service_class(f"lifecycle_msgs/srv/{srv_type}")
-            Node.create_service(
+            served = Node.create_service(
                 self._node, definition, self._name(name), callback, callback_group=self._callback_group
             )
+            setattr(self._node, f"_service_{name}", served)
 
     def tell(self, transition: Transition) -> None:
         """Publish that the node has made it; a destroyed node makes transitions that nobody hears of."""
-        if self._events.is_destroyed:
-            return
         event = self._event(timestamp=self._node.get_clock().now().nanoseconds)
         event.transition.id, event.transition.label = transition.id, transition.label
         event.start_state = self._state(id=transition.start, label=STATES[transition.start])
         event.goal_state = self._state(id=transition.goal, label=STATES[transition.goal])
-        self._events.publish(event)
+        with suppress(ConnectionClosed):
+            engine().call(self._events.publish, event)
 
     def _name(self, name: str) -> str:
         return f"{self._node.get_fully_qualified_name()}/{name}"

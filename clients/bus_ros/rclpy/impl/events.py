@@ -1,0 +1,52 @@
+"""Events of publishers and subscriptions for wait sets: `rclpy_implementation.EventHandle`.
+
+Owns how several events become one value until a program takes it. What an event's value is comes from the
+endpoint.
+"""
+
+from enum import IntEnum
+from typing import Any
+
+from bus_ros.engine import engine
+from bus_ros.rclpy.destroyable import Handle
+from bus_ros.rclpy.impl.wait_set import Source
+
+__all__ = ["EventHandle"]
+
+
+class EventHandle(Source):
+    """Ready from an event of this kind until it is taken.
+
+    `parent` is the handle of a publisher or a subscription. Raises TypeError where the kind is not one of the
+    endpoint's. Incompatible endpoints are not warned of any more: a program with this is told.
+    """
+
+    def __init__(self, parent: Handle, event_type: IntEnum) -> None:
+        super().__init__()
+        watch: Any = getattr(parent.owner, "_watch_event", None)
+        if watch is None:
+            raise TypeError(f"events are of publishers and subscriptions, not of {parent.owner or parent!r}")
+        with engine().loop:
+            self._value = watch(event_type, self._come)
+            self._is_new = any(getattr(self._value, name) for name in _changes(self._value))
+
+    def is_ready(self) -> bool:
+        return self._is_new
+
+    def take_event(self) -> Any:
+        """The counts, and their changes since they were taken before."""
+        self.check()
+        with engine().loop:
+            value, self._is_new = self._value, False
+            self._value = value._replace(**dict.fromkeys(_changes(value), 0))
+        return value
+
+    def _come(self, callback: object, value: Any) -> None:
+        """Under the guard."""
+        added = {name: getattr(self._value, name) + getattr(value, name) for name in _changes(value)}
+        self._value, self._is_new = value._replace(**added), True
+        self._tell()
+
+
+def _changes(value: Any) -> list[str]:
+    return [name for name in value._fields if name.endswith("_change")]

@@ -1,0 +1,33 @@
+"""Attributes of rclpy's nodes that bear an underscore, and are read all the same: `node._parameters`.
+
+Looked up where a node has no such attribute: a program may have others by these names. What comes is a copy,
+but for the lists of callbacks.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+__all__ = ["PRIVATE_NAMES"]
+
+
+def _store(node: Any) -> Any:
+    return vars(node)["_NodeParameters__store"]
+
+
+def _descriptors(node: Any) -> dict[str, Any]:
+    return {name: node.describe_parameter(name) for name in tuple(_store(node).declared)}
+
+
+PRIVATE_NAMES: Final[Mapping[str, Callable[[Any], Any]]] = {
+    "_clients": lambda node: list(node.clients),
+    "_descriptors": _descriptors,
+    "_guards": lambda node: list(node.guards),
+    "_on_set_parameters_callbacks": lambda node: _store(node).on_set,
+    "_parameters": lambda node: node.get_parameters_by_prefix(""),
+    "_post_set_parameters_callbacks": lambda node: _store(node).post_set,
+    "_pre_set_parameters_callbacks": lambda node: _store(node).pre_set,
+    "_publishers": lambda node: list(node.publishers),
+    "_services": lambda node: list(node.services),
+    "_subscriptions": lambda node: list(node.subscriptions),
+    "_timers": lambda node: list(node.timers),
+}
