@@ -14,8 +14,8 @@ places can't be anything else. In the same way a small integer is its own single
 
 from collections.abc import Callable, Mapping
 from enum import Flag
-from inspect import ismemberdescriptor
 from keyword import iskeyword
+from types import MemberDescriptorType
 from typing import Annotated, Any, Final
 
 import msgspec
@@ -80,7 +80,7 @@ class _Planner:
         for field in info.fields:
             slot = getattr(kind, prefix + field.name, None)
             value = self._value(field.type)
-            if value is None or not ismemberdescriptor(slot):
+            if value is None or not isinstance(slot, MemberDescriptorType):
                 return None
             fields.append((slot, b"" if info.array_like else _encode(field.encode_name), value))
         known[cls] = made = shm.native.Plan(kind, tuple(fields), info.array_like)

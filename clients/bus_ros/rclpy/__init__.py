@@ -19,6 +19,7 @@ from time import sleep
 from types import TracebackType
 from typing import Any
 
+from bus.base import lean_asyncio  # noqa: F401 - ahead of all that imports asyncio
 from bus.process.termination import die_at_exit
 from bus_ros import aliases
 from bus_ros import engine as engines

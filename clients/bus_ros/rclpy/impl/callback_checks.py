@@ -1,8 +1,8 @@
 """Whether a callback can be called as its entity will do it. Knows functions only."""
 
 from collections.abc import Callable
-from contextlib import suppress
-from inspect import signature
+
+from bus.base.callbacks import takes
 
 __all__ = ["check_arguments", "check_callback"]
 
@@ -14,14 +14,8 @@ def check_callback(callback: object) -> None:
 
 def check_arguments(callback: Callable[..., object]) -> None:
     """Of a subscription's callback. Raises RuntimeError, with rclpy's text."""
-    try:
-        taken = signature(callback)
-    except (TypeError, ValueError):  # some that are written in C have none
+    if takes(callback, 1) or takes(callback, 2):
         return
-    for given in ((None,), (None, None)):
-        with suppress(TypeError):
-            taken.bind(*given)
-            return
     raise RuntimeError(
         "Subscription.__init__(): callback should be either be callable with one argument"
         "(to get only the message) or two (to get message and message info)"

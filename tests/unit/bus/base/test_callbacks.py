@@ -5,7 +5,7 @@ from functools import partial, wraps
 from inspect import Parameter, Signature, iscoroutinefunction, signature
 from typing import Any
 
-from bus.base.callbacks import is_async, takes_info
+from bus.base.callbacks import is_async, takes, takes_info
 from rows import for_each
 
 
@@ -46,6 +46,12 @@ def defaults(message: object, info: object = None, other: object = None) -> None
 async def later(message: object, info: object) -> None: ...
 
 
+def strict(message: object, *, wanted: object) -> None: ...
+
+
+def lenient(*messages: object, wanted: object = None) -> None: ...
+
+
 def wrapped(callback: Callable[..., object]) -> Callable[..., object]:
     @wraps(callback)
     def call(*arguments: object) -> object:
@@ -67,6 +73,8 @@ PLAIN: list[Callable[..., Any]] = [
     many,
     first,
     named,
+    strict,
+    lenient,
     defaults,
     later,
     lambda message: None,
@@ -93,6 +101,16 @@ def test_it_is_as_inspect_says(callback: Callable[..., Any]) -> None:
     ]
     assert takes_info(callback) is (len(asked) >= 2)
     assert is_async(callback) is iscoroutinefunction(callback)
+    for count in range(4):
+        assert takes(callback, count) is _can_be_bound(callback, count)
+
+
+def _can_be_bound(callback: Callable[..., Any], count: int) -> bool:
+    try:
+        signature(callback).bind(*(None,) * count)
+    except TypeError:
+        return False
+    return True
 
 
 def test_parts_of_functions() -> None:

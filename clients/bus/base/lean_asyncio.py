@@ -1,0 +1,89 @@
+"""Imports asyncio without what it brings along for few programs, TLS and `inspect`; importing this is enough.
+
+These modules are there all the same, for asyncio and for everybody. Each is loaded when a name in it is first
+asked for: of what asyncio takes, in time and in memory, they are about a fifth. uvloop asks for such names at
+once, so this is for programs on other loops. Owns which modules these are, and how a module is loaded late:
+`importlib.util.LazyLoader` would load one as soon as it is imported again, and does not keep threads apart.
+"""
+
+import sys
+from collections.abc import Sequence
+from importlib.machinery import ModuleSpec, PathFinder
+from threading import RLock
+from types import ModuleType
+from typing import Any, Final
+
+__all__: list[str] = []
+
+_LATE: Final = frozenset(("asyncio.sslproto", "inspect", "ssl"))
+_NEEDED: Final = {"ssl": "_ssl"}
+"""What may be missing in a Python: then asyncio is to hear so at once."""
+
+_lock: Final = RLock()
+"""Held while a module is loaded: other threads wait for its names."""
+
+
+class _Late(ModuleType):
+    """A module that is not loaded yet; afterwards it is a plain one."""
+
+    def __getattr__(self, name: str) -> Any:
+        _load(self)
+        return ModuleType.__getattribute__(self, name)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        _load(self)  # else loading would undo it
+        ModuleType.__setattr__(self, name, value)
+
+    def __dir__(self) -> list[str]:
+        _load(self)
+        return sorted(vars(self))
+
+
+class _Loader:
+    """Leaves the work to `loader`, for later."""
+
+    def __init__(self, loader: Any) -> None:
+        self.loader = loader
+
+    def create_module(self, spec: ModuleSpec) -> None:
+        return None
+
+    def exec_module(self, module: ModuleType) -> None:
+        module.__class__ = _Late
+
+
+class _Finder:
+    @staticmethod
+    def find_spec(
+        name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        if name not in _LATE or (name in _NEEDED and PathFinder.find_spec(_NEEDED[name]) is None):
+            return None
+        spec = PathFinder.find_spec(name, path)
+        if spec is not None:
+            spec.loader = _Loader(spec.loader)  # type: ignore[assignment]
+        return spec
+
+
+def _load(module: ModuleType) -> None:
+    with _lock:
+        spec: Any = module.__spec__
+        late = spec.loader
+        if not isinstance(late, _Loader):
+            return  # it is loaded, or just being so by this thread
+        names = vars(module)
+        spec.loader = names["__loader__"] = late.loader
+        try:
+            late.loader.exec_module(module)
+        except BaseException:
+            spec.loader = names["__loader__"] = late
+            raise
+        module.__class__ = ModuleType
+
+
+if "asyncio" not in sys.modules:
+    sys.meta_path.insert(0, _Finder)
+    try:
+        import asyncio  # noqa: F401
+    finally:
+        sys.meta_path.remove(_Finder)
