@@ -1,0 +1,1 @@
+"""Bags: recordings of topics, in files that every tool of ROS 2 opens."""

@@ -1,0 +1,13 @@
+"""What can be wrong with a bag, as errors whose text is for the user."""
+
+from bus.errors import BusError
+
+__all__ = ["BagError", "BagFull"]
+
+
+class BagError(BusError):
+    """A bag can't be read, written or understood. The text names the file and what is wrong there."""
+
+
+class BagFull(BagError):
+    """Nothing more fits on the disk, or into the file. What was written before is kept, and can be closed."""

@@ -1,0 +1,246 @@
+"""metadata.yaml, both ways: what a bag has, without its messages. Pure.
+
+Written as version 9, in ROS 2's order of keys; versions 1 to 9 are read. The same, without its first line,
+is in the `rosbag2` records of MCAP files (`to_record`, `from_record`).
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+
+from bus.qos import QoSProfile
+from bus_bag.profiles import profile_to_yaml, profiles_from_yaml
+from bus_bag.yaml_text import load
+
+__all__ = [
+    "NAME",
+    "VERSION",
+    "BagMetadata",
+    "FileInformation",
+    "TopicInformation",
+    "TopicMetadata",
+    "from_record",
+    "from_yaml",
+    "profiles_to_text",
+    "to_record",
+    "to_yaml",
+]
+
+NAME = "metadata.yaml"
+VERSION = 9
+_KEY = "rosbag2_bagfile_information"
+_MAX_NS = 2**63 - 1
+
+
+class TopicMetadata(msgspec.Struct, frozen=True):
+    """A topic of a bag."""
+
+    name: str
+    type: str
+    """As `sensor_msgs/msg/Imu`."""
+    serialization_format: str = "cdr"
+    offered_qos_profiles: tuple[QoSProfile, ...] = ()
+    """One for each publisher that was seen."""
+    type_description_hash: str = ""
+
+
+class TopicInformation(msgspec.Struct, frozen=True):
+    """A topic, and how many messages of it a bag has."""
+
+    topic_metadata: TopicMetadata
+    message_count: int
+
+
+class FileInformation(msgspec.Struct, frozen=True):
+    """A file of a bag. Times are nanoseconds, of the first message's reception since 1970."""
+
+    path: str
+    """Within the bag's folder."""
+    starting_time: int
+    duration: int
+    message_count: int
+
+
+class BagMetadata(msgspec.Struct, frozen=True):
+    """All that metadata.yaml says. Times are nanoseconds."""
+
+    storage_identifier: str = "mcap"
+    starting_time: int = 0
+    """The earliest reception of a message, since 1970."""
+    duration: int = 0
+    message_count: int = 0
+    topics: tuple[TopicInformation, ...] = ()
+    files: tuple[FileInformation, ...] = ()
+    relative_file_paths: tuple[str, ...] = ()
+    compression_format: str = ""
+    compression_mode: str = ""
+    custom_data: Mapping[str, str] = {}
+    ros_distro: str = ""
+    version: int = VERSION
+
+
+def to_yaml(metadata: BagMetadata) -> str:
+    """The text of metadata.yaml."""
+    return _dump({_KEY: _as_map(metadata)})
+
+
+def to_record(metadata: BagMetadata) -> str:
+    """The text in a `rosbag2` record of an MCAP file."""
+    return _dump(_as_map(metadata))
+
+
+def profiles_to_text(profiles: tuple[QoSProfile, ...]) -> str:
+    """The text `offered_qos_profiles` of a channel."""
+    return _dump([profile_to_yaml(one) for one in profiles])
+
+
+def _as_map(metadata: BagMetadata) -> dict[str, object]:
+    return {
+        "version": VERSION,
+        "storage_identifier": metadata.storage_identifier,
+        "duration": {"nanoseconds": metadata.duration},
+        "starting_time": {"nanoseconds_since_epoch": metadata.starting_time},
+        "message_count": metadata.message_count,
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": one.topic_metadata.name,
+                    "type": one.topic_metadata.type,
+                    "serialization_format": one.topic_metadata.serialization_format,
+                    "offered_qos_profiles": [
+                        profile_to_yaml(profile) for profile in one.topic_metadata.offered_qos_profiles
+                    ],
+                    "type_description_hash": one.topic_metadata.type_description_hash,
+                },
+                "message_count": one.message_count,
+            }
+            for one in metadata.topics
+        ],
+        "compression_format": metadata.compression_format,
+        "compression_mode": metadata.compression_mode,
+        "relative_file_paths": list(metadata.relative_file_paths),
+        "files": [
+            {
+                "path": file.path,
+                "starting_time": {"nanoseconds_since_epoch": file.starting_time},
+                "duration": {"nanoseconds": file.duration},
+                "message_count": file.message_count,
+            }
+            for file in metadata.files
+        ],
+        "custom_data": dict(metadata.custom_data) or None,
+        "ros_distro": metadata.ros_distro,
+    }
+
+
+def _dump(value: object) -> str:
+    """As yaml-cpp writes it: lists are indented, nothing is `~`, and empty texts have double quotes."""
+    import yaml
+
+    class Dumper(yaml.SafeDumper):
+        def increase_indent(self, flow: bool = False, indentless: bool = False) -> None:
+            super().increase_indent(flow, False)
+
+        def ignore_aliases(self, data: object) -> bool:
+            return True
+
+    def represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+        return dumper.represent_scalar("tag:yaml.org,2002:str", text, None if text else '"')
+
+    def represent_none(dumper: yaml.SafeDumper, _: None) -> yaml.ScalarNode:
+        return dumper.represent_scalar("tag:yaml.org,2002:null", "~")
+
+    Dumper.add_representer(str, represent_text)
+    Dumper.add_representer(type(None), represent_none)
+    return str(yaml.dump(value, Dumper=Dumper, sort_keys=False, allow_unicode=True, width=1 << 16))
+
+
+def from_yaml(text: str) -> BagMetadata:
+    """What metadata.yaml says. Raises ValueError with the reason where `text` is none."""
+    document = load(text)
+    if not isinstance(document, dict) or not isinstance(document.get(_KEY), dict):
+        raise ValueError(f"it has no map '{_KEY}'")
+    return _of_map(document[_KEY])
+
+
+def from_record(text: str) -> BagMetadata:
+    """What a `rosbag2` record says. Raises ValueError with the reason where `text` is none."""
+    document = load(text)
+    if not isinstance(document, dict):
+        raise ValueError("it is no map")
+    return _of_map(document)
+
+
+def _of_map(fields: dict[Any, Any]) -> BagMetadata:
+    version = _number(fields, "version")
+    if not 1 <= version <= VERSION:
+        raise ValueError(f"version {version} is none of 1 to {VERSION}")
+    topics = []
+    for one in _list(fields, "topics_with_message_count"):
+        topics.append(TopicInformation(_topic(_map(one, "topic_metadata")), _number(one, "message_count")))
+    return BagMetadata(
+        storage_identifier=_text(fields, "storage_identifier"),
+        starting_time=_number(_map(fields, "starting_time"), "nanoseconds_since_epoch"),
+        duration=_number(_map(fields, "duration"), "nanoseconds"),
+        message_count=_number(fields, "message_count"),
+        topics=tuple(topics),
+        files=tuple(
+            FileInformation(
+                _text(one, "path"),
+                _number(_map(one, "starting_time"), "nanoseconds_since_epoch"),
+                _number(_map(one, "duration"), "nanoseconds"),
+                _number(one, "message_count"),
+            )
+            for one in _list(fields, "files")
+        ),
+        relative_file_paths=tuple(map(str, _list(fields, "relative_file_paths"))),
+        compression_format=_text(fields, "compression_format"),
+        compression_mode=_text(fields, "compression_mode"),
+        custom_data={str(key): str(value) for key, value in _map(fields, "custom_data").items()},
+        ros_distro=_text(fields, "ros_distro"),
+        version=version,
+    )
+
+
+def _topic(fields: dict[Any, Any]) -> TopicMetadata:
+    return TopicMetadata(
+        _text(fields, "name"),
+        _text(fields, "type"),
+        _text(fields, "serialization_format"),
+        profiles_from_yaml(fields.get("offered_qos_profiles")),
+        _text(fields, "type_description_hash"),
+    )
+
+
+def _text(fields: object, key: str) -> str:
+    value = fields.get(key) if isinstance(fields, dict) else None
+    return "" if value is None else str(value)
+
+
+def _number(fields: object, key: str) -> int:
+    """0 where there is none; rosbag2 writes the largest number for the start of a bag without messages."""
+    value = fields.get(key, 0) if isinstance(fields, dict) else 0
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise ValueError(f"'{key}' is {value!r}, not a whole number")
+    if not 0 <= value <= _MAX_NS:
+        raise ValueError(f"'{key}' is {value}, not between 0 and {_MAX_NS}")
+    return value
+
+
+def _list(fields: object, key: str) -> list[Any]:
+    value = fields.get(key) if isinstance(fields, dict) else None
+    if value is None:
+        return []
+    if not isinstance(value, list):
+        raise ValueError(f"'{key}' is no list")
+    return value
+
+
+def _map(fields: object, key: str) -> dict[Any, Any]:
+    value = fields.get(key) if isinstance(fields, dict) else None
+    if value is None:
+        return {}
+    if not isinstance(value, dict):
+        raise ValueError(f"'{key}' is no map")
+    return value

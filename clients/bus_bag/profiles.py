@@ -1,0 +1,150 @@
+"""QoS profiles as YAML has them: in the metadata of bags, and in files that override them. Pure.
+
+Since version 9 of the metadata policies are names, and the profiles a list. Up to version 8 they are
+numbers, and the list is a text that is YAML itself. MCAP files have such a text in each channel, in either
+form.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from bus.errors import ConfigurationError
+from bus.qos import MAX_DEPTH, History, QoSProfile
+from bus_bag.yaml_text import load
+
+__all__ = ["overrides_from_yaml", "profile_to_yaml", "profiles_from_yaml"]
+
+_NS_PER_S = 1_000_000_000
+_LONGEST_NS = 2**63 - 1
+_INFINITE = {"sec": 9223372036, "nsec": 854775807}
+_INFINITE_OF_FOXY = {(2147483647, 4294967295), (2147483647, 2147483647)}
+_DURATIONS = ("deadline", "lifespan", "liveliness_lease_duration")
+_NUMBERS: dict[str, dict[int, str]] = {
+    "history": {1: "keep_last", 2: "keep_all"},
+    "reliability": {1: "reliable", 2: "best_effort"},
+    "durability": {1: "transient_local", 2: "volatile"},
+    "liveliness": {1: "automatic", 3: "manual_by_topic"},
+}
+"""The values of rmw. What is not here (unknown, left to the system) is as the default."""
+_IGNORED = "avoid_ros_namespace_conventions"
+
+
+def profile_to_yaml(profile: QoSProfile) -> dict[str, object]:
+    """As version 9 has it, in its order of keys."""
+    return {
+        "history": profile.history.value,
+        "depth": profile.depth,
+        "reliability": profile.reliability.value,
+        "durability": profile.durability.value,
+        "deadline": _duration_to_yaml(profile.deadline_ns),
+        "lifespan": _duration_to_yaml(profile.lifespan_ns),
+        "liveliness": profile.liveliness.value,
+        "liveliness_lease_duration": _duration_to_yaml(profile.lease_ns),
+        _IGNORED: False,
+    }
+
+
+def _duration_to_yaml(duration_ns: int) -> dict[str, int]:
+    if not duration_ns:
+        return dict(_INFINITE)
+    seconds, nanoseconds = divmod(duration_ns, _NS_PER_S)
+    return {"sec": seconds, "nsec": nanoseconds}
+
+
+def profiles_from_yaml(value: object) -> tuple[QoSProfile, ...]:
+    """Profiles of either form: a list, or a YAML text of one; None and an empty text are none.
+
+    Unknown policies are as the default, and so is the depth of an unknown history: most bags of ROS 2 have
+    one.
+
+    Raises ValueError for what is no list of profiles.
+    """
+    if isinstance(value, str):
+        try:
+            value = load(value)
+        except ValueError as error:
+            raise ValueError(f"QoS profiles: {error}") from None
+    if value is None:
+        return ()
+    if not isinstance(value, list):
+        raise ValueError(f"QoS profiles must be a list, not {type(value).__name__}")
+    return tuple(_profile_of_bag(one) for one in value)
+
+
+def _profile_of_bag(value: object) -> QoSProfile:
+    if not isinstance(value, dict):
+        raise ValueError(f"a QoS profile must be a map, not {type(value).__name__}")
+    fields: dict[str, Any] = {}
+    for policy, numbers in _NUMBERS.items():
+        given = value.get(policy)
+        name = numbers.get(given) if isinstance(given, int) else given
+        if name in numbers.values():
+            fields[policy] = name
+    depth = value.get("depth")
+    if isinstance(depth, int) and 1 <= depth <= MAX_DEPTH and fields.get("history") == History.KEEP_LAST:
+        fields["depth"] = depth
+    for field in _DURATIONS:
+        fields[field] = _seconds_of_bag(value.get(field))
+    return QoSProfile(**fields)
+
+
+def _seconds_of_bag(value: object) -> float | None:
+    if not isinstance(value, dict):
+        return None
+    seconds, nanoseconds = value.get("sec"), value.get("nsec")
+    if not isinstance(seconds, int) or not isinstance(nanoseconds, int):
+        return None
+    if (seconds, nanoseconds) in _INFINITE_OF_FOXY:
+        return None
+    duration_ns = seconds * _NS_PER_S + nanoseconds
+    return duration_ns / _NS_PER_S if 0 < duration_ns < _LONGEST_NS - _NS_PER_S else None
+
+
+def overrides_from_yaml(document: object) -> dict[str, QoSProfile]:
+    """A file of QoS overrides, parsed: topic -> profile. What a profile does not name is as the default.
+
+    Raises ConfigurationError, in ROS 2's words where it has some.
+    """
+    if document is None:
+        return {}
+    if not isinstance(document, dict):
+        raise ConfigurationError("QoS overrides must be a map of topics to profiles")
+    profiles = {}
+    for topic, profile in document.items():
+        if not isinstance(profile, dict):
+            raise ConfigurationError(f"QoS profile of topic '{topic}' must be a map of policies")
+        profiles[str(topic)] = _override(profile)
+    return profiles
+
+
+def _override(profile: Mapping[object, object]) -> QoSProfile:
+    fields: dict[str, Any] = {}
+    for key, value in profile.items():
+        if key in _DURATIONS:
+            fields[str(key)] = _override_seconds(value)
+        elif key in _NUMBERS:
+            if value != "system_default":
+                fields[str(key)] = value
+        elif key in ("depth", _IGNORED):
+            if isinstance(value, int) and value < 0:
+                raise ConfigurationError(f"`{key}` may not be a negative value.")
+            if key == "depth":
+                fields["depth"] = value
+        else:
+            raise ConfigurationError(f"Unexpected key `{key}` for QoS profile.")
+    if fields.get("history") == History.KEEP_ALL:
+        fields.pop("depth", None)
+    return QoSProfile(**fields)
+
+
+def _override_seconds(value: object) -> float | None:
+    if value is None or value == {}:
+        return None
+    if not isinstance(value, dict) or not {"sec", "nsec"} <= value.keys():
+        raise ConfigurationError("Time overrides must include both seconds (sec) and nanoseconds (nsec).")
+    seconds, nanoseconds = value["sec"], value["nsec"]
+    if not isinstance(seconds, int) or not isinstance(nanoseconds, int):
+        raise ConfigurationError(f"Time overrides must be whole numbers, not {seconds!r} and {nanoseconds!r}")
+    if seconds < 0 or nanoseconds < 0:
+        raise ConfigurationError("Time duration may not be a negative value.")
+    return _seconds_of_bag(value)

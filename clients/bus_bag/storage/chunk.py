@@ -1,0 +1,133 @@
+"""Messages gathered into a chunk of an MCAP file. Pure.
+
+The hot path of recording: nothing is joined before the chunk is closed, and long parts never are.
+"""
+
+import zlib
+from array import array
+from collections.abc import Sequence
+
+from bus_bag.storage.mcap_format import CHUNK_HEAD, MESSAGE, RECORD, Opcode
+from bus_bag.storage.values import Buffer
+
+__all__ = ["Chunk", "ChunkBuilder"]
+
+LONG = 16 * 1024
+"""Parts from here on stay where they are; shorter ones are joined, because each costs a look of writev."""
+_HEAD = MESSAGE.size
+_pack = MESSAGE.pack
+
+
+class Chunk:
+    """Messages that are written together: records as buffers, in order."""
+
+    __slots__ = ("end", "has_long_parts", "index", "pieces", "size", "start")
+
+    def __init__(
+        self, pieces: list[Buffer], size: int, index: dict[int, "array[int]"], *, has_long_parts: bool
+    ) -> None:
+        self.pieces = pieces
+        self.size = size
+        self.index = index
+        """Channel -> log time and offset of each message, in turns."""
+        self.has_long_parts = has_long_parts
+        self.start = min(min(entries[::2]) for entries in index.values())
+        self.end = max(max(entries[::2]) for entries in index.values())
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """Channel -> messages."""
+        return {channel: len(entries) // 2 for channel, entries in self.index.items()}
+
+    def crc(self) -> int:
+        """Of all records."""
+        value = 0
+        for piece in self.pieces:
+            value = zlib.crc32(piece, value)
+        return value
+
+    def head(self, compression: str, stored: int, crc: int) -> bytes:
+        """The beginning of the chunk's record, where the records behind it take `stored` bytes."""
+        name = compression.encode()
+        length = CHUNK_HEAD.size + 4 + len(name) + 8 + stored
+        return b"".join(
+            (
+                RECORD.pack(Opcode.CHUNK, length),
+                CHUNK_HEAD.pack(self.start, self.end, self.size, crc),
+                len(name).to_bytes(4, "little"),
+                name,
+                stored.to_bytes(8, "little"),
+            )
+        )
+
+    def message_indexes(self, offset: int) -> tuple[list[bytes], dict[int, int]]:
+        """The records that tell where messages are, and where each of them is if the first is at `offset`."""
+        records, offsets = [], {}
+        for channel, entries in self.index.items():
+            content = entries.tobytes()
+            record = b"".join(
+                (
+                    RECORD.pack(Opcode.MESSAGE_INDEX, 6 + len(content)),
+                    channel.to_bytes(2, "little"),
+                    len(content).to_bytes(4, "little"),
+                    content,
+                )
+            )
+            records.append(record)
+            offsets[channel] = offset
+            offset += len(record)
+        return records, offsets
+
+
+class ChunkBuilder:
+    """Gathers messages. Parts that are added must not change before the chunk is written."""
+
+    __slots__ = ("_index", "_pieces", "_short", "size")
+
+    def __init__(self) -> None:
+        self._begin()
+
+    def _begin(self) -> None:
+        self.size = 0
+        self._pieces: list[Buffer] = []
+        self._short: list[Buffer] = []
+        self._index: dict[int, array[int]] = {}
+
+    def add(
+        self, channel: int, log_time: int, publish_time: int, sequence: int, parts: Sequence[Buffer]
+    ) -> int:
+        """Add a message; returns how many bytes it takes. Each part's length must be its number of bytes."""
+        length = 22
+        for part in parts:
+            length += len(part)
+        head = _pack(5, length, channel, sequence & 0xFFFFFFFF, log_time, publish_time)
+        entries = self._index.get(channel)
+        if entries is None:
+            entries = self._index[channel] = array("Q")
+        entries.append(log_time)
+        entries.append(self.size)
+        short = self._short
+        short.append(head)
+        if length < LONG:
+            short += parts
+        else:
+            for part in parts:
+                if len(part) < LONG:
+                    self._short.append(part)
+                else:
+                    self._pieces += (b"".join(self._short), part)
+                    self._short = []
+        length += 9
+        self.size += length
+        return length
+
+    def close(self) -> Chunk | None:
+        """What was gathered; None if nothing was. Then it begins anew."""
+        if not self._index:
+            return None
+        has_long_parts = bool(self._pieces)
+        if self._short:
+            self._pieces.append(b"".join(self._short))
+        chunk = Chunk(self._pieces, self.size, self._index, has_long_parts=has_long_parts)
+        self._begin()
+        return chunk

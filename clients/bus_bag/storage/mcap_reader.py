@@ -1,0 +1,508 @@
+"""One MCAP file, read: by its index, or where it has none or is cut off, by going through its records once.
+
+Whatever bytes a file has, reading it ends, raises nothing but BagError, and holds one chunk and what the
+index says in memory. What can't be read is a Problem, and is passed over.
+"""
+
+import os
+import struct
+import zlib
+from collections import Counter, OrderedDict
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from bus_bag.errors import BagError
+from bus_bag.metadata import BagMetadata, TopicMetadata, from_record
+from bus_bag.profiles import profiles_from_yaml
+from bus_bag.storage.mcap_format import CHUNK_HEAD, FOOTER_SIZE, MAGIC, MESSAGE, RECORD, Opcode, decode
+from bus_bag.storage.merge import Place, merge
+from bus_bag.storage.unpacking import unpack
+from bus_bag.storage.values import BagMessage, Buffer, Order, Problem, Summary
+
+__all__ = ["McapFile"]
+
+_MAX_RECORD = 64 << 20
+"""Of records that are neither messages nor chunks: more is not believed."""
+_RUN = 1 << 20
+"""Messages outside of chunks are read together up to so many bytes."""
+_LOADED = 64 << 20
+"""Chunks that wait for their turn are read again if they are more bytes together."""
+_MAX_PROBLEMS = 1000
+_WINDOW = 64 << 10
+_HEAD = MESSAGE.size
+_INDEX_HEAD = struct.Struct("<HI")
+
+
+class _Segment(msgspec.Struct):
+    """Messages that are read together: a chunk, or messages outside of chunks."""
+
+    offset: int
+    """Of the first record."""
+    length: int
+    start: int
+    end: int
+    channels: frozenset[int] | None
+    """Of which it has messages; None: not known."""
+    is_chunk: bool
+
+
+class McapFile:
+    """See `BagFile`. Raises BagError for what is no MCAP file, OSError where it can't be opened."""
+
+    def __init__(self, path: Path, descriptor: int | None = None) -> None:
+        self.path = path
+        self.summary = Summary()
+        self.topics: dict[str, TopicMetadata] = {}
+        self.extra: dict[str, dict[str, str]] = {}
+        self.definitions: dict[str, str] = {}
+        self.records: list[tuple[str, dict[str, str]]] = []
+        """The metadata records: name, texts."""
+        self.problems: list[Problem] = []
+        self.is_cut = False
+        self.has_index = False
+        self.compression = ""
+        """Of its chunks; of the last one where they differ."""
+        self._segments: list[_Segment] = []
+        self._schemas: dict[int, Any] = {}
+        self._channels: dict[int, str] = {}
+        """Channel -> topic; those that can be read."""
+        self._refused: set[int] = set()
+        self._loaded: OrderedDict[int, Buffer] = OrderedDict()
+        self._loaded_size = 0
+        self._window = b""
+        self._window_at = 0
+        self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC) if descriptor is None else descriptor
+        try:
+            self._open()
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+        self._loaded.clear()
+
+    def metadata(self) -> BagMetadata | None:
+        """What the last `rosbag2` record says of the whole bag."""
+        for name, texts in reversed(self.records):
+            if name == "rosbag2" and texts.get("serialized_metadata"):
+                try:
+                    return from_record(texts["serialized_metadata"])
+                except ValueError as error:
+                    self._problem(0, f"its rosbag2 record can't be read: {error}")
+        return None
+
+    def messages(self, start: int | None, topics: frozenset[str] | None, by: Order) -> Iterator[BagMessage]:
+        """Messages in order; `start`: from that time on; `topics`: of these."""
+        wanted = {
+            channel: topic for channel, topic in self._channels.items() if topics is None or topic in topics
+        }
+        segments = [
+            segment
+            for segment in self._segments
+            if segment.channels is None or not segment.channels.isdisjoint(wanted)
+        ]
+        if by == "log_time":
+            places = [
+                (segment.start, segment) for segment in segments if start is None or segment.end >= start
+            ]
+        else:
+            places = self._by_publish_time(segments, wanted, start)
+
+        def place(begin: int, segment: _Segment) -> Place:
+            return Place(begin, lambda: self._in_order(segment, wanted, start, by))
+
+        return merge([place(begin, segment) for begin, segment in places], by)
+
+    def _by_publish_time(
+        self, segments: list[_Segment], wanted: dict[int, str], start: int | None
+    ) -> list[tuple[int, _Segment]]:
+        """Nothing in a file says when the messages of a chunk were published, but they."""
+        places = []
+        for segment in segments:
+            times = [time for time, *_ in self._entries(segment, wanted, 5)]
+            if times and (start is None or max(times) >= start):
+                places.append((min(times), segment))
+        return places
+
+    def _in_order(
+        self, segment: _Segment, wanted: dict[int, str], start: int | None, by: Order
+    ) -> Iterator[BagMessage]:
+        at = 4 if by == "log_time" else 5
+        entries = self._entries(segment, wanted, at)
+        if start is not None:
+            entries = [entry for entry in entries if entry[0] >= start]
+        if any(after < before for (before, _), (after, _) in pairwise(entries)):
+            entries.sort()
+        unpack_head = MESSAGE.unpack_from
+        for _, position in entries:
+            data = self._load(segment)
+            _, length, channel, sequence, log_time, publish_time = unpack_head(data, position)
+            begin = position + _HEAD
+            content = memoryview(data)[begin : begin + length - 22]
+            yield BagMessage(wanted[channel], log_time, publish_time, sequence, content)
+
+    def _entries(self, segment: _Segment, wanted: dict[int, str], at: int) -> list[tuple[int, int]]:
+        """Time and position of each message that is wanted; `at` is where the time stands in its head."""
+        found = []
+        unpack_head = MESSAGE.unpack_from
+        for opcode, position, data in self._walk(segment):
+            if opcode != Opcode.MESSAGE:
+                continue
+            head = unpack_head(data, position)
+            if head[2] in wanted:
+                found.append((head[at], position))
+            elif head[2] not in self._channels and head[2] not in self._refused:
+                self._refused.add(head[2])
+                self._problem(segment.offset, f"messages of channel {head[2]}, which is not described")
+        return found
+
+    def _walk(self, segment: _Segment) -> Iterator[tuple[int, int, Buffer]]:
+        """The records of a segment: opcode, where it begins, and in what."""
+        data = self._load(segment)
+        position, size = 0, len(data)
+        unpack_record = RECORD.unpack_from
+        while position + 9 <= size:
+            opcode, length = unpack_record(data, position)
+            after = position + 9 + length
+            if after > size or (opcode == Opcode.MESSAGE and length < 22):
+                break
+            yield opcode, position, data
+            position = after
+        if position != size:
+            self._problem(segment.offset, f"a record in it, at {position}, does not end within it")
+
+    def _load(self, segment: _Segment) -> Buffer:
+        """The records of a segment; empty where they can't be read."""
+        data = self._loaded.get(segment.offset)
+        if data is not None:
+            return data
+        try:
+            data = (
+                self._read_chunk(segment) if segment.is_chunk else self._read(segment.offset, segment.length)
+            )
+        except (ValueError, OSError, MemoryError) as error:
+            self._problem(segment.offset, f"a chunk is passed over: {error or type(error).__name__}")
+            data = b""
+        self._loaded[segment.offset] = data
+        self._loaded_size += len(data)
+        while self._loaded_size > _LOADED and len(self._loaded) > 1:
+            self._loaded_size -= len(self._loaded.popitem(last=False)[1])
+        return data
+
+    def _read_chunk(self, segment: _Segment) -> Buffer:
+        """Raises ValueError for what is no whole chunk."""
+        content = self._read(segment.offset, segment.length)
+        if len(content) < segment.length or segment.length < 9:
+            raise ValueError("the file ends within it")
+        opcode, length = RECORD.unpack_from(content)
+        if opcode != Opcode.CHUNK or length != segment.length - 9:
+            raise ValueError("it is none")
+        compression, begin, size, crc = _chunk_head(content)
+        stored = int.from_bytes(content[begin - 8 : begin], "little")
+        if begin + stored > len(content):
+            raise ValueError("it is longer than its record")
+        data = unpack(compression, memoryview(content)[begin : begin + stored], size)
+        if crc and zlib.crc32(data) != crc:
+            raise ValueError("its CRC is wrong")
+        return data
+
+    def _read(self, offset: int, size: int) -> bytes:
+        """So much of the file, or less at its end."""
+        content = os.pread(self._file, min(size, max(self._size - offset, 0)), offset)
+        while len(content) < size and (
+            more := os.pread(self._file, size - len(content), offset + len(content))
+        ):
+            content += more
+        return content
+
+    def _problem(self, offset: int, text: str) -> None:
+        problem = Problem(str(self.path), offset, text)
+        if len(self.problems) < _MAX_PROBLEMS and problem not in self.problems:
+            self.problems.append(problem)
+
+    def _open(self) -> None:
+        self._size = os.fstat(self._file).st_size
+        if not self._size:
+            raise BagError(f"'{self.path}' is empty")
+        if self._read(0, len(MAGIC)) != MAGIC:
+            raise BagError(f"'{self.path}' is no MCAP file: it does not begin like one")
+        try:
+            self._read_index()
+            self.has_index = True
+        except ValueError as error:
+            self._forget()
+            if str(error):
+                self._problem(self._size, str(error))
+            self._scan()
+
+    def _forget(self) -> None:
+        self.summary = Summary()
+        for one in (self.topics, self.extra, self.definitions, self._schemas, self._channels):
+            one.clear()
+        self.records.clear()
+        self._segments.clear()
+
+    def _read_index(self) -> None:
+        """Raises ValueError where no index can be used; without a text where the file is meant so."""
+        begin = self._size - len(MAGIC) - FOOTER_SIZE
+        footer = self._read(begin, FOOTER_SIZE + len(MAGIC))
+        if (
+            begin < len(MAGIC)
+            or footer[FOOTER_SIZE:] != MAGIC
+            or footer[:9] != RECORD.pack(Opcode.FOOTER, 20)
+        ):
+            self.is_cut = True
+            raise ValueError("")
+        start = int.from_bytes(footer[9:17], "little")
+        if not start:
+            raise ValueError("")
+        if not len(MAGIC) <= start <= begin:
+            raise ValueError("its footer names no place in the file")
+        self._check_summary(start, begin, footer)
+        statistics = None
+        for opcode, _, content in self._records(start, begin):
+            if opcode == Opcode.STATISTICS:
+                statistics = decode("Statistics", content)
+            elif opcode == Opcode.CHUNK_INDEX:
+                self._add_index(decode("ChunkIndex", content))
+            elif opcode == Opcode.METADATA_INDEX:
+                index = decode("MetadataIndex", content)
+                self._read_metadata(index.offset)
+            else:
+                self._describe(opcode, content)
+        if statistics is None:
+            raise ValueError("")
+        if statistics.message_count and not self._segments:
+            raise ValueError("")
+        counts: Counter[str] = Counter()
+        for channel, count in statistics.channel_message_counts.items():
+            if channel in self._channels:
+                counts[self._channels[channel]] += count
+        self.summary = Summary(
+            statistics.message_count, statistics.message_start_time, statistics.message_end_time, dict(counts)
+        )
+
+    def _check_summary(self, start: int, end: int, footer: bytes) -> None:
+        expected = int.from_bytes(footer[25:29], "little")
+        if not expected:
+            return
+        crc, position = 0, start
+        while position < end:
+            piece = self._read(position, min(_RUN, end - position))
+            crc = zlib.crc32(piece, crc)
+            position += len(piece) or end
+        if zlib.crc32(footer[:25], crc) != expected:
+            raise ValueError("its index is damaged: its CRC is wrong")
+
+    def _records(self, position: int, end: int) -> Iterator[tuple[int, int, bytes]]:
+        """Opcode, offset and content of the records between two places. Raises ValueError for none."""
+        while position < end:
+            opcode, length = RECORD.unpack(self._read(position, 9)) if position + 9 <= end else (0, end)
+            if length > min(_MAX_RECORD, end - position - 9):
+                raise ValueError(f"its index is damaged at byte {position}")
+            yield opcode, position, self._read(position + 9, length)
+            position += 9 + length
+
+    def _add_index(self, index: Any) -> None:
+        self._segments.append(
+            _Segment(
+                index.chunk_start_offset,
+                index.chunk_length,
+                index.message_start_time,
+                index.message_end_time,
+                frozenset(index.message_index_offsets) or None,
+                True,
+            )
+        )
+        self.compression = index.compression
+
+    def _read_metadata(self, offset: int) -> None:
+        try:
+            opcode, length = RECORD.unpack(self._read(offset, 9))
+        except struct.error:
+            opcode, length = 0, 0
+        if opcode != Opcode.METADATA or length > _MAX_RECORD:
+            self._problem(offset, "no metadata record, but the index says so")
+            return
+        try:
+            self._describe(opcode, self._read(offset + 9, length))
+        except ValueError as error:
+            self._problem(offset, str(error))
+
+    def _describe(self, opcode: int, content: bytes) -> None:
+        """Take in a schema, a channel or a metadata record. Raises ValueError for one that is none."""
+        if opcode == Opcode.SCHEMA:
+            schema = decode("Schema", content)
+            self._schemas[schema.id] = schema
+        elif opcode == Opcode.CHANNEL:
+            self._add_channel(decode("Channel", content))
+        elif opcode == Opcode.METADATA:
+            record = decode("Metadata", content)
+            self.records.append((record.name, record.metadata))
+
+    def _add_channel(self, channel: Any) -> None:
+        if channel.id in self._channels or channel.id in self._refused:
+            return
+        schema = self._schemas.get(channel.schema_id)
+        type_name = schema.name if schema else ""
+        known = self.topics.get(channel.topic)
+        if known is not None and known.type != type_name:
+            self._refused.add(channel.id)
+            self._problem(
+                0, f"topic '{channel.topic}' has types {known.type} and {type_name}; only the first is read"
+            )
+            return
+        self._channels[channel.id] = channel.topic
+        texts = dict(channel.metadata)
+        profiles = texts.pop("offered_qos_profiles", "")
+        try:
+            offered = profiles_from_yaml(profiles)
+        except ValueError as error:
+            offered = ()
+            self._problem(0, f"topic '{channel.topic}': {error}")
+        if known is not None:
+            return
+        self.topics[channel.topic] = TopicMetadata(
+            channel.topic, type_name, channel.message_encoding, offered, texts.pop("topic_type_hash", "")
+        )
+        self.extra[channel.topic] = texts
+        if schema and schema.encoding == "ros2msg":
+            self.definitions.setdefault(schema.name, schema.data.decode(errors="replace"))
+
+    def _scan(self) -> None:
+        """Go through all records once, for there is no index of them."""
+        scan = _Scan()
+        position = len(MAGIC)
+        chunk: _Segment | None = None
+        while position + 9 <= self._size:
+            opcode, length = RECORD.unpack_from(self._peek(position, 9))
+            if length > self._size - position - 9 or not opcode or opcode == Opcode.DATA_END:
+                break
+            if opcode == Opcode.MESSAGE_INDEX and chunk is not None and length >= 6:
+                channel, size = _INDEX_HEAD.unpack(self._peek(position + 9, 6))
+                scan.indexed[channel] += size // 16
+            else:
+                self._settle(chunk, scan)
+                chunk = None
+                if opcode == Opcode.CHUNK:
+                    chunk = self._add_chunk(position, length)
+                elif opcode == Opcode.MESSAGE and length >= 22:
+                    self._add_message(position, length, scan)
+                elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA):
+                    self._describe_at(position, length)
+            position += 9 + length
+        scan.indexed.clear()  # those of the last chunk may be missing
+        self._settle(chunk, scan)
+        self._end_scan(position, scan)
+
+    def _end_scan(self, position: int, scan: "_Scan") -> None:
+        is_end = self._peek(position, 1) == bytes((Opcode.DATA_END,))
+        rest = self._size - position
+        if self.is_cut:
+            more = "" if is_end or not rest else f"; the last {rest:,} bytes are no whole record"
+            self._problem(position, f"the file was not closed{more}")
+        elif not is_end:
+            self._problem(position, "no record begins here; what follows is not read")
+        counts: Counter[str] = Counter()
+        for channel, count in scan.counts.items():
+            if channel in self._channels:
+                counts[self._channels[channel]] += count
+        times = [segment for segment in self._segments if segment.start <= segment.end]
+        self.summary = Summary(
+            counts.total(),
+            min((segment.start for segment in times), default=0),
+            max((segment.end for segment in times), default=0),
+            dict(counts),
+        )
+
+    def _add_chunk(self, position: int, length: int) -> _Segment:
+        content = self._peek(position + 9, min(length, CHUNK_HEAD.size))
+        start, end = struct.unpack("<QQ", content[:16]) if len(content) >= 16 else (0, 0)
+        segment = _Segment(position, 9 + length, start, end, None, True)
+        self._segments.append(segment)
+        return segment
+
+    def _add_message(self, position: int, length: int, scan: "_Scan") -> None:
+        _, _, channel, _, log_time, _ = MESSAGE.unpack(self._peek(position, _HEAD))
+        scan.counts[channel] += 1
+        last = self._segments[-1] if self._segments else None
+        if last is None or last.is_chunk or last.offset + last.length != position or last.length > _RUN:
+            self._segments.append(_Segment(position, 9 + length, log_time, log_time, None, False))
+        else:
+            last.length += 9 + length
+            last.start, last.end = min(last.start, log_time), max(last.end, log_time)
+
+    def _settle(self, chunk: _Segment | None, scan: "_Scan") -> None:
+        """Count the messages of a chunk: by its message indexes, or where there are none by what is in it.
+
+        It is looked into also where it has messages of a channel that was not described: that may stand in
+        it.
+        """
+        if chunk is None:
+            return
+        if scan.indexed and self._channels.keys() >= scan.indexed.keys():
+            chunk.channels = frozenset(scan.indexed)
+            scan.counts.update(scan.indexed)
+        else:
+            for opcode, position, data in self._walk(chunk):
+                if opcode == Opcode.MESSAGE:
+                    scan.counts[MESSAGE.unpack_from(data, position)[2]] += 1
+                elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                    _, length = RECORD.unpack_from(data, position)
+                    self._try_describe(
+                        chunk.offset, opcode, bytes(data[position + 9 : position + 9 + length])
+                    )
+            self._loaded.clear()
+            self._loaded_size = 0
+        scan.indexed = Counter()
+
+    def _describe_at(self, position: int, length: int) -> None:
+        if length > _MAX_RECORD:
+            self._problem(position, f"a record of {length:,} bytes is passed over")
+        else:
+            opcode = self._peek(position, 1)[0]
+            self._try_describe(position, opcode, self._read(position + 9, length))
+
+    def _try_describe(self, offset: int, opcode: int, content: bytes) -> None:
+        try:
+            self._describe(opcode, content)
+        except ValueError as error:
+            self._problem(offset, str(error))
+
+    def _peek(self, position: int, size: int) -> bytes:
+        """A few bytes; near ones are read together."""
+        begin = position - self._window_at
+        if not 0 <= begin <= len(self._window) - size:
+            self._window, self._window_at = self._read(position, _WINDOW), position
+            begin = 0
+        return self._window[begin : begin + size]
+
+
+class _Scan:
+    """What was counted while a file was gone through."""
+
+    def __init__(self) -> None:
+        self.counts: Counter[int] = Counter()
+        """Channel -> messages."""
+        self.indexed: Counter[int] = Counter()
+        """The same of the present chunk, by the message indexes behind it."""
+
+
+def _chunk_head(content: bytes) -> tuple[str, int, int, int]:
+    """Compression, where the records begin, their size unpacked, and their CRC. Raises ValueError."""
+    at = 9 + CHUNK_HEAD.size
+    if len(content) < at + 4:
+        raise ValueError("it is too short")
+    _, _, size, crc = CHUNK_HEAD.unpack_from(content, 9)
+    begin = at + 4 + int.from_bytes(content[at : at + 4], "little")
+    if begin + 8 > len(content):
+        raise ValueError("it is too short")
+    return content[at + 4 : begin].decode(errors="replace"), begin + 8, size, crc

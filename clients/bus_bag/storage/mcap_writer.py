@@ -1,0 +1,341 @@
+"""One MCAP file, written from its header to its footer.
+
+Everything is appended, so a file that was cut off anywhere is readable up to its last whole chunk. Where
+nothing more fits, the file ends behind its last whole record, and can still be closed: a part of the disk
+is kept for that (`_Reserve`), and where a limit of the file's size is the reason, its last chunks make
+room.
+"""
+
+import errno
+import os
+import zlib
+from collections import Counter, deque
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from bus.base.version import RELEASE
+from bus_bag.errors import BagFull
+from bus_bag.metadata import TopicMetadata, profiles_to_text
+from bus_bag.storage.chunk import Chunk
+from bus_bag.storage.mcap_format import MAGIC, Opcode, encode, package
+from bus_bag.storage.values import Buffer
+
+__all__ = ["PRESETS", "McapWriter", "Preset"]
+
+_FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
+_MAX_PIECES = 1024
+"""Of one call of writev (IOV_MAX)."""
+_RESERVE = 1 << 20
+_KEPT = 16
+"""So many chunks can still be taken back."""
+
+
+class Preset(msgspec.Struct, frozen=True):
+    """How a file is written."""
+
+    chunk_bytes: int = 1 << 20
+    """0: no chunks, and no index."""
+    compression: str = ""
+    """None, or `zstd`."""
+    level: int = 0
+
+
+PRESETS: Mapping[str, Preset] = {
+    "none": Preset(),
+    "fastwrite": Preset(chunk_bytes=0),
+    "zstd_fast": Preset(compression="zstd", level=-5),
+    "zstd_small": Preset(chunk_bytes=4 << 20, compression="zstd", level=19),
+}
+"""By rosbag2's names (`--storage-preset-profile`)."""
+
+
+class McapWriter:
+    """A file that is being written. Not for several threads at a time; but counters may be read from any.
+
+    Raises BagFull where nothing more fits: `write_metadata` and `close` still do then. OSError for other
+    faults.
+    """
+
+    def __init__(self, path: Path, preset: Preset) -> None:
+        package()
+        self.path = path
+        self.counts: Counter[int] = Counter()
+        """Channel -> messages in the file."""
+        self.size = 0
+        """Bytes in the file."""
+        self.starting_time = 0
+        self.end_time = 0
+        self._preset = preset
+        self._compressor = _compressor(preset)
+        self._schemas: dict[int, bytes] = {}
+        self._channels: dict[int, bytes] = {}
+        self._chunks: list[bytes] = []
+        self._last: deque[_Written] = deque(maxlen=_KEPT)
+        self._metadata: list[tuple[int, int, str]] = []
+        self._summary_size = 0
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        self._reserve = _Reserve(path.parent)
+        try:
+            self._append([MAGIC, encode(package().Header(profile="ros2", library=f"busd {RELEASE}"))])
+        except BaseException:
+            self.abandon()
+            raise
+
+    @property
+    def is_open(self) -> bool:
+        return self._descriptor >= 0
+
+    @property
+    def message_count(self) -> int:
+        return self.counts.total()
+
+    def write_schema(self, number: int, name: str, definition: str) -> None:
+        """A type, before the first channel of it."""
+        schema = package().Schema(id=number, name=name, encoding="ros2msg", data=definition.encode())
+        self._schemas[number] = encode(schema)
+        self._note(self._schemas[number])
+
+    def write_channel(self, number: int, schema: int, topic: TopicMetadata, extra: Mapping[str, str]) -> None:
+        """A topic, before its first message."""
+        channel = package().Channel(
+            id=number,
+            topic=topic.name,
+            message_encoding=topic.serialization_format,
+            metadata={
+                "offered_qos_profiles": profiles_to_text(topic.offered_qos_profiles),
+                "topic_type_hash": topic.type_description_hash,
+                **extra,
+            },
+            schema_id=schema,
+        )
+        self._channels[number] = encode(channel)
+        self._note(self._channels[number])
+
+    def _note(self, record: bytes) -> None:
+        self._summary_size += len(record)
+        self._reserve.hold(self._summary_size)
+        self._append([record])
+
+    def write_chunk(self, chunk: Chunk) -> None:
+        """Messages whose channels were written before."""
+        before = self.size
+        if not self._preset.chunk_bytes:
+            self._append(chunk.pieces)
+            self._count(_Written(before, chunk.counts, None, self.starting_time, self.end_time), chunk)
+            return
+        pieces: Sequence[Buffer] = chunk.pieces
+        stored = chunk.size
+        # A CRC costs a look at every byte: too much where images go by without being copied.
+        crc = 0 if chunk.has_long_parts else chunk.crc()
+        if self._compressor is not None:
+            pieces = [self._compressor.compress(pieces[0] if len(pieces) == 1 else b"".join(pieces))]
+            stored = len(pieces[0])
+        head = chunk.head(self._preset.compression, stored, crc)
+        length = len(head) + stored
+        indexes, offsets = chunk.message_indexes(before + length)
+        record = encode(
+            package().ChunkIndex(
+                message_start_time=chunk.start,
+                message_end_time=chunk.end,
+                chunk_start_offset=before,
+                chunk_length=length,
+                message_index_offsets=offsets,
+                message_index_length=sum(map(len, indexes)),
+                compression=self._preset.compression,
+                compressed_size=stored,
+                uncompressed_size=chunk.size,
+            )
+        )
+        self._reserve.hold(self._summary_size + len(record))
+        self._append([head, *pieces, *indexes])
+        self._count(_Written(before, chunk.counts, record, self.starting_time, self.end_time), chunk)
+
+    def _count(self, written: "_Written", chunk: Chunk) -> None:
+        if written.record is not None:
+            self._chunks.append(written.record)
+            self._summary_size += len(written.record)
+        self.starting_time = min(self.starting_time, chunk.start) if self.counts else chunk.start
+        self.end_time = max(self.end_time, chunk.end)
+        self.counts.update(written.counts)
+        self._last.append(written)
+
+    def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """A record of texts."""
+        record = encode(package().Metadata(name=name, metadata=dict(values)))
+        offset = self._append_surely([record])
+        self._metadata.append((offset, len(record), name))
+        self._summary_size += len(record) + 100
+
+    def close(self) -> None:
+        """Write the summary, so that the file is whole. The file is closed even if that fails."""
+        try:
+            self._reserve.give_back()
+            self._append_surely([], is_end=True)
+        finally:
+            self.abandon()
+
+    def abandon(self) -> None:
+        """Close the file as it is."""
+        self._reserve.give_back()
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+    def _end(self) -> bytes:
+        """All from the end of the data on, if that is here."""
+        records = package()
+        data_end = encode(records.DataEnd(data_section_crc=0))
+        start = self.size + len(data_end)
+        groups = [
+            (Opcode.SCHEMA, b"".join(self._schemas.values())),
+            (Opcode.CHANNEL, b"".join(self._channels.values())),
+            (Opcode.STATISTICS, encode(self._statistics())),
+            (Opcode.CHUNK_INDEX, b"".join(self._chunks)),
+            (
+                Opcode.METADATA_INDEX,
+                encode(
+                    *(
+                        records.MetadataIndex(offset=offset, length=length, name=name)
+                        for offset, length, name in self._metadata
+                    )
+                ),
+            ),
+        ]
+        offsets = []
+        position = start
+        for opcode, group in groups:
+            if group:
+                offset = records.SummaryOffset(
+                    group_opcode=opcode, group_start=position, group_length=len(group)
+                )
+                offsets.append(offset)
+                position += len(group)
+        summary = b"".join([group for _, group in groups])
+        summary_offsets = encode(*offsets)
+        footer = encode(records.Footer(summary_start=start, summary_offset_start=position, summary_crc=0))
+        crc = zlib.crc32(summary + summary_offsets + footer[:-4])
+        return b"".join((data_end, summary, summary_offsets, footer[:-4], crc.to_bytes(4, "little"), MAGIC))
+
+    def _statistics(self) -> object:
+        return package().Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts=dict(self.counts),
+            chunk_count=len(self._chunks),
+            message_count=self.message_count,
+            message_start_time=self.starting_time,
+            message_end_time=self.end_time,
+            metadata_count=len(self._metadata),
+            schema_count=len(self._schemas),
+        )
+
+    def _append_surely(self, pieces: Sequence[Buffer], *, is_end: bool = False) -> int:
+        """Append what must be there, and give up what would be nice to have; returns where it begins."""
+        while True:
+            try:
+                before = self.size
+                self._append([self._end()] if is_end else pieces)
+                return before
+            except BagFull:
+                if self._reserve.give_back():
+                    continue
+                if not self._take_back():
+                    raise
+
+    def _take_back(self) -> bool:
+        """Take the last chunk out of the file, with all behind it; False if there is none."""
+        if not self._last:
+            return False
+        written = self._last.pop()
+        self.counts.subtract(written.counts)
+        self.counts = +self.counts
+        self.starting_time, self.end_time = written.starting_time, written.end_time
+        if written.record is not None:
+            self._chunks.pop()
+        self._metadata = [one for one in self._metadata if one[0] < written.offset]
+        os.ftruncate(self._descriptor, written.offset)
+        os.lseek(self._descriptor, written.offset, os.SEEK_SET)
+        self.size = written.offset
+        return True
+
+    def _append(self, pieces: Sequence[Buffer]) -> None:
+        """Write all, or nothing at all."""
+        before = self.size
+        try:
+            for first in range(0, len(pieces), _MAX_PIECES):
+                self.size += _write_all(self._descriptor, pieces[first : first + _MAX_PIECES])
+        except OSError as error:
+            self.size = before
+            os.ftruncate(self._descriptor, before)
+            os.lseek(self._descriptor, before, os.SEEK_SET)
+            if error.errno not in _FULL:
+                raise
+            raise BagFull(f"{self.path} can't grow beyond {before:,} bytes: {error.strerror}") from None
+
+
+class _Written(msgspec.Struct):
+    """A chunk in the file, and how things were before it."""
+
+    offset: int
+    counts: dict[int, int]
+    record: bytes | None
+    starting_time: int
+    end_time: int
+
+
+class _Reserve:
+    """Space on the disk for the end of the file: a file without a name, which no crash leaves behind."""
+
+    def __init__(self, folder: Path) -> None:
+        self._size = 0
+        try:
+            self._descriptor = os.open(folder, os.O_TMPFILE | os.O_WRONLY | os.O_CLOEXEC, 0o600)
+        except OSError:
+            self._descriptor = -1  # no file system for that: its last chunks make room
+        self.hold(0)
+
+    def hold(self, size: int) -> None:
+        """Have room for a summary of `size` bytes, and for the metadata, which is as long as a part of it."""
+        wanted = -(-3 * size // _RESERVE) * _RESERVE or _RESERVE
+        if self._descriptor < 0 or wanted <= self._size:
+            return
+        try:
+            os.posix_fallocate(self._descriptor, 0, wanted)
+        except OSError:
+            return
+        self._size = wanted
+
+    def give_back(self) -> bool:
+        """Free it; False where there was none."""
+        if self._descriptor < 0:
+            return False
+        os.close(self._descriptor)
+        self._descriptor = -1
+        return self._size > 0
+
+
+def _write_all(descriptor: int, pieces: Sequence[Buffer]) -> int:
+    total = sum(map(len, pieces))
+    left = total
+    while True:
+        written = os.writev(descriptor, pieces)
+        left -= written
+        if not left:
+            return total
+        rest: list[Buffer] = []
+        for piece in pieces:
+            if written >= len(piece):
+                written -= len(piece)
+            else:
+                rest.append(memoryview(piece)[written:])
+                written = 0
+        pieces = rest
+
+
+def _compressor(preset: Preset) -> Any:
+    if not preset.compression:
+        return None
+    return package("zstandard").ZstdCompressor(level=preset.level, write_checksum=True)

@@ -1,0 +1,189 @@
+"""A bag that is read: a folder, or a file alone."""
+
+import re
+from collections import Counter
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+from bus_bag.errors import BagError
+from bus_bag.metadata import (
+    NAME,
+    BagMetadata,
+    FileInformation,
+    TopicInformation,
+    TopicMetadata,
+    from_yaml,
+)
+from bus_bag.storage.mcap_reader import McapFile
+from bus_bag.storage.merge import Place, merge
+from bus_bag.storage.values import BagFile, BagMessage, Order, Problem
+
+__all__ = ["BagReader", "open_bag"]
+
+_SUFFIXES = {".mcap": "mcap", ".db3": "sqlite3"}
+_MAX_METADATA = 64 << 20
+
+
+def open_bag(path: Path) -> "BagReader":
+    """The bag in a folder, or of a lone file, complete or cut.
+
+    Its files are opened, and what they say of themselves is read; messages are not. Raises BagError with
+    one sentence where there is no bag, or nothing of it can be read; OSError where that can't be opened.
+    """
+    if not path.exists():
+        raise BagError(f"Bag path '{path}' does not exist!")
+    return BagReader(path)
+
+
+class BagReader:
+    """An open bag, made by `open_bag`.
+
+    What can't be read is passed over, and is in `problems`.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.files: list[BagFile] = []
+        self.topics: dict[str, TopicMetadata] = {}
+        """By name, in the order of their names."""
+        self.extra: dict[str, dict[str, str]] = {}
+        """Topic -> what else the files say of it: `busd.type_hash`, `busd.schema`."""
+        self.definitions: dict[str, str] = {}
+        """Type -> its definition, in the language of .msg files, with those of all that it needs."""
+        self._problems: list[Problem] = []
+        self._said: BagMetadata | None = None
+        try:
+            self._open_files(self._find_files() if path.is_dir() else [path])
+        except BaseException:
+            self.close()
+            raise
+        self.metadata = self._metadata()
+        """Of the files as they are; custom data and the like as metadata.yaml or the files say."""
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether a file was not closed: its recorder was killed, or its end is missing."""
+        return any(file.is_cut for file in self.files)
+
+    @property
+    def problems(self) -> list[Problem]:
+        """All that could not be read until now."""
+        return [*self._problems, *(problem for file in self.files for problem in file.problems)]
+
+    def messages(
+        self, start: int | None = None, topics: Collection[str] | None = None, by: Order = "log_time"
+    ) -> Iterator[BagMessage]:
+        """Messages of all files in the order of that time; `start`: from then on; `topics`: only of these."""
+        wanted = None if topics is None else frozenset(topics)
+
+        def place(file: BagFile) -> Place:
+            # When messages were published is known once they are read.
+            begin = file.summary.starting_time if by == "log_time" else 0
+            return Place(begin, lambda: file.messages(start, wanted, by))
+
+        files = [
+            file for file in self.files if start is None or by != "log_time" or file.summary.end_time >= start
+        ]
+        return merge([place(file) for file in files], by)
+
+    def close(self) -> None:
+        """Close its files."""
+        for file in self.files:
+            file.close()
+
+    def __enter__(self) -> "BagReader":
+        return self
+
+    def __exit__(self, *exc_info: object) -> None:
+        self.close()
+
+    def _find_files(self) -> list[Path]:
+        """The files of a folder: those that metadata.yaml names, or all that may be meant."""
+        self._said = self._read_metadata(self.path / NAME)
+        if self._said is not None and self._said.relative_file_paths:
+            return [self._inside(name) for name in self._said.relative_file_paths]
+        found = [path for path in self.path.iterdir() if path.suffix in _SUFFIXES and path.is_file()]
+        if not found:
+            raise BagError(
+                f"'{self.path}' is no bag: there is neither a {NAME} nor a file .mcap or .db3 in it"
+            )
+        return sorted(found, key=_number_first)
+
+    def _inside(self, name: str) -> Path:
+        """Versions below 4 had the folder in the name."""
+        path = self.path / name
+        beside = self.path / Path(name).name
+        return beside if beside.exists() or not path.exists() else path
+
+    def _read_metadata(self, path: Path) -> BagMetadata | None:
+        try:
+            if path.stat().st_size > _MAX_METADATA:
+                raise ValueError(f"it is larger than {_MAX_METADATA:,} bytes")
+            return from_yaml(path.read_text(errors="replace"))
+        except FileNotFoundError:
+            self._problems.append(Problem(str(path), 0, "there is none; the files say what they have"))
+        except ValueError as error:
+            self._problems.append(Problem(str(path), 0, f"it can't be used: {error}"))
+        return None
+
+    def _open_files(self, paths: list[Path]) -> None:
+        reasons: list[Exception] = []
+        for path in paths:
+            try:
+                file = _open_file(path)
+            except (BagError, OSError) as error:
+                reasons.append(error)
+                self._problems.append(Problem(str(path), 0, str(error)))
+                continue
+            self.files.append(file)
+            for name, topic in file.topics.items():
+                known = self.topics.setdefault(name, topic)
+                if known.type != topic.type:
+                    text = f"topic '{name}' is {topic.type} here and {known.type} before"
+                    self._problems.append(Problem(str(path), 0, text))
+                self.extra.setdefault(name, dict(file.extra.get(name, {})))
+            for name, definition in file.definitions.items():
+                self.definitions.setdefault(name, definition)
+        if not self.files and reasons:
+            raise reasons[0]
+        self.topics = dict(sorted(self.topics.items()))
+
+    def _metadata(self) -> BagMetadata:
+        said = self._said
+        for file in self.files:
+            if said is None and isinstance(file, McapFile):
+                said = file.metadata()
+        said = said or BagMetadata()
+        counts: Counter[str] = Counter()
+        files = []
+        for file in self.files:
+            summary = file.summary
+            counts.update(summary.counts)
+            duration = max(summary.end_time - summary.starting_time, 0)
+            files.append(
+                FileInformation(file.path.name, summary.starting_time, duration, summary.message_count)
+            )
+        with_messages = [file for file in files if file.message_count]
+        start = min((file.starting_time for file in with_messages), default=0)
+        end = max((file.starting_time + file.duration for file in with_messages), default=0)
+        return BagMetadata(
+            storage_identifier=_SUFFIXES.get(self.files[0].path.suffix, "mcap") if self.files else "mcap",
+            starting_time=start,
+            duration=end - start,
+            message_count=counts.total(),
+            topics=tuple(TopicInformation(topic, counts[name]) for name, topic in self.topics.items()),
+            files=tuple(files),
+            relative_file_paths=tuple(file.path for file in files),
+            custom_data=said.custom_data,
+            ros_distro=said.ros_distro,
+            version=said.version,
+        )
+
+
+def _open_file(path: Path) -> BagFile:
+    return McapFile(path)
+
+
+def _number_first(path: Path) -> tuple[int, str]:
+    number = re.search(r"_(\d{1,18})$", path.stem)
+    return (int(number[1]) if number else -1, path.name)

@@ -1,0 +1,45 @@
+"""Compressed data of anybody, unpacked: never to more than it says, and never to gigabytes."""
+
+from bus_bag.storage.mcap_format import package
+from bus_bag.storage.values import Buffer
+
+__all__ = ["MAX_SIZE", "unpack"]
+
+MAX_SIZE = 256 << 20
+"""What claims to be larger is not unpacked."""
+
+
+def unpack(compression: str, data: Buffer, size: int) -> Buffer:
+    """`data` as it was, which is `size` bytes. Raises ValueError where it is not."""
+    if not compression:
+        unpacked: Buffer = data
+    elif size > MAX_SIZE:
+        raise ValueError(f"it would be {size:,} bytes, more than {MAX_SIZE:,}")
+    elif compression == "zstd":
+        unpacked = _unpack_zstd(data, size)
+    elif compression == "lz4":
+        unpacked = _unpack_lz4(data, size)
+    else:
+        raise ValueError(f"its compression is '{compression}', neither 'zstd' nor 'lz4'")
+    if len(unpacked) != size:
+        raise ValueError(f"it has {len(unpacked):,} bytes, not {size:,}")
+    return unpacked
+
+
+def _unpack_zstd(data: Buffer, size: int) -> bytes:
+    zstd = package("zstandard")
+    try:
+        told = zstd.frame_content_size(data)
+        if told not in (-1, size):
+            raise ValueError(f"it would be {told:,} bytes, not {size:,}")
+        return bytes(zstd.ZstdDecompressor().decompress(data, max_output_size=size or 1))
+    except zstd.ZstdError as error:
+        raise ValueError(str(error)) from None
+
+
+def _unpack_lz4(data: Buffer, size: int) -> bytes:
+    lz4 = package("lz4.frame")
+    try:
+        return bytes(lz4.LZ4FrameDecompressor().decompress(bytes(data), max_length=size + 1))
+    except (RuntimeError, EOFError, ValueError) as error:
+        raise ValueError(str(error)) from None

@@ -1,0 +1,71 @@
+"""What readers of bags give, and what all files of bags have in common."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Literal, Protocol, TypeAlias
+
+import msgspec
+
+from bus_bag.metadata import TopicMetadata
+
+__all__ = ["BagFile", "BagMessage", "Buffer", "Order", "Problem", "Summary"]
+
+Buffer: TypeAlias = bytes | bytearray | memoryview
+Order: TypeAlias = Literal["log_time", "publish_time"]
+
+
+class BagMessage(msgspec.Struct, gc=False):
+    """A message of a bag. Times are nanoseconds since 1970."""
+
+    topic: str
+    log_time: int
+    """When the recorder received it."""
+    publish_time: int
+    """When it was published; in files that don't say so the same as `log_time`."""
+    sequence: int
+    """The publisher's number of it, 32 bits of it; 0 in files that don't say so."""
+    data: Buffer
+    """As it is encoded. A view of a larger piece of the file, which it keeps in memory."""
+
+
+class Problem(msgspec.Struct, frozen=True):
+    """Something in a file that can't be read, and was passed over."""
+
+    path: str
+    offset: int
+    """Where in the file, in bytes."""
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.path}, at byte {self.offset}: {self.text}"
+
+
+class Summary(msgspec.Struct):
+    """What a file has, without reading its messages."""
+
+    message_count: int = 0
+    starting_time: int = 0
+    end_time: int = 0
+    counts: dict[str, int] = {}
+    """Topic -> messages."""
+
+
+class BagFile(Protocol):
+    """One file of a bag, open."""
+
+    path: Path
+    summary: Summary
+    topics: dict[str, TopicMetadata]
+    extra: dict[str, dict[str, str]]
+    """Topic -> what else the file says of it."""
+    definitions: dict[str, str]
+    """Type -> its definition, in the language of .msg files, with those of all that it needs."""
+    problems: list[Problem]
+    is_cut: bool
+    """Whether it was not closed: its recorder was killed, or its end is missing."""
+
+    def messages(
+        self, start: int | None, topics: frozenset[str] | None, by: Order
+    ) -> Iterator[BagMessage]: ...
+
+    def close(self) -> None: ...

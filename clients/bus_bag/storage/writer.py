@@ -1,0 +1,206 @@
+"""A bag that is being written: a folder of files, and metadata.yaml when it is closed."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TypeAlias
+
+from bus_bag.errors import BagError
+from bus_bag.metadata import (
+    NAME,
+    BagMetadata,
+    FileInformation,
+    TopicInformation,
+    TopicMetadata,
+    to_record,
+    to_yaml,
+)
+from bus_bag.storage.chunk import ChunkBuilder
+from bus_bag.storage.mcap_writer import PRESETS, McapWriter
+from bus_bag.storage.values import Buffer
+
+__all__ = ["BagWriter"]
+
+Job: TypeAlias = Callable[[], None]
+_UNCHUNKED = 1 << 20
+"""So many bytes are written at once where a file has no chunks."""
+_MAX_CHANNELS = 1 << 16
+
+
+class BagWriter:
+    """Writes a bag: `<folder>/<folder>_0.mcap` and so on, then metadata.yaml.
+
+    Messages are gathered in the caller's thread. What touches files are jobs, which are given to `run`: by
+    default they run at once; a recorder hands them to a thread, which must run them one at a time, in
+    order. A job raises BagFull where nothing more fits, and OSError for other faults; after both
+    `write_metadata` and `close` are still to be called, so that what was written becomes a readable bag.
+
+    `preset` is one of rosbag2's profiles. Raises BagError if the folder exists, for an unknown preset, and
+    where the package `mcap` is missing; OSError if the folder can't be made.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        preset: str = "none",
+        custom_data: Mapping[str, str] | None = None,
+        ros_distro: str = "jazzy",
+        run: Callable[[Job], None] | None = None,
+    ) -> None:
+        if preset not in PRESETS:
+            valid = ", ".join(f"'{name}'" for name in PRESETS)
+            raise BagError(f"unknown MCAP storage preset profile (valid options are {valid}): {preset}")
+        self.folder = folder
+        self._preset = PRESETS[preset]
+        self._custom_data = dict(custom_data or {})
+        self._ros_distro = ros_distro
+        self._run = run or _run_at_once
+        self._builder = ChunkBuilder()
+        self._limit = self._preset.chunk_bytes or _UNCHUNKED
+        self._topics: list[tuple[int, TopicMetadata, Mapping[str, str]]] = []
+        self._schemas: dict[tuple[str, str], int] = {}
+        # Of the jobs, from here on:
+        self._files: list[FileInformation] = []
+        self._past: Counter[int] = Counter()
+        self._past_size = 0
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            raise BagError(f"Output folder '{folder}' already exists.") from None
+        self._file = self._open(0)
+
+    def add_topic(self, topic: TopicMetadata, definition: str, extra: Mapping[str, str] | None = None) -> int:
+        """A topic to be recorded; returns its channel, for `write`.
+
+        `definition` is of its type, in the language of .msg files, with those of all that it needs. `extra`
+        is kept with the topic.
+        """
+        if len(self._topics) == _MAX_CHANNELS:
+            raise BagError(f"a bag has {_MAX_CHANNELS} topics at most")
+        schema = self._schemas.setdefault((topic.type, definition), len(self._schemas) + 1)
+        entry = (schema, topic, dict(extra or {}))
+        self._topics.append(entry)
+        channel = len(self._topics) - 1
+        is_new = schema == len(self._schemas) and not any(one[0] == schema for one in self._topics[:-1])
+
+        def add() -> None:
+            if is_new:
+                self._file.write_schema(schema, topic.type, definition)
+            self._file.write_channel(channel, *entry)
+
+        self._run(add)
+        return channel
+
+    def write(
+        self, channel: int, log_time: int, publish_time: int, sequence: int, parts: Sequence[Buffer]
+    ) -> int:
+        """Add a message, in parts whose `len` is their number of bytes; returns the bytes that it takes.
+
+        The parts must not change until the job that writes them has run. Times are nanoseconds since 1970.
+        """
+        taken = self._builder.add(channel, log_time, publish_time, sequence, parts)
+        if self._builder.size >= self._limit:
+            self.flush()
+        return taken
+
+    def flush(self) -> None:
+        """Have written what was gathered."""
+        chunk = self._builder.close()
+        if chunk is not None:
+            self._run(lambda: self._file.write_chunk(chunk))
+
+    def split(self) -> None:
+        """Go on in the next file."""
+        self.flush()
+        topics, schemas = list(self._topics), dict(self._schemas)
+
+        def split() -> None:
+            self._close_file()
+            self._file = self._open(len(self._files))
+            for (name, definition), number in schemas.items():
+                self._file.write_schema(number, name, definition)
+            for channel, entry in enumerate(topics):
+                self._file.write_channel(channel, *entry)
+
+        self._run(split)
+
+    def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Add a record of texts to the present file, behind what was written."""
+        self.flush()
+        kept = dict(values)
+        self._run(lambda: self._file.write_metadata(name, kept))
+
+    def close(self) -> None:
+        """Close the last file and write metadata.yaml."""
+        self.flush()
+
+        def close() -> None:
+            self._close_file()
+            path = self.folder / NAME
+            beside = path.with_suffix(".yaml.tmp")
+            beside.write_text(to_yaml(self.metadata()))
+            beside.replace(path)
+
+        self._run(close)
+
+    @property
+    def size(self) -> int:
+        """Bytes in all files, without what is still gathered or waits for a job."""
+        return self._past_size + (self._file.size if self._file.is_open else 0)
+
+    def counts(self) -> dict[str, int]:
+        """Topic -> messages that are in the files; what is gathered, waits or was lost is not in it."""
+        present = self._file.counts if self._file.is_open else {}
+        counts: Counter[str] = Counter()
+        for channel, (_, topic, _) in enumerate(list(self._topics)):
+            counts[topic.name] += self._past[channel] + present.get(channel, 0)
+        return dict(counts)
+
+    def metadata(self) -> BagMetadata:
+        """Of all that is in the files. For jobs, or once all jobs have run."""
+        files = [*self._files, *([self._information()] if self._file.is_open else [])]
+        with_messages = [file for file in files if file.message_count]
+        start = min((file.starting_time for file in with_messages), default=0)
+        end = max((file.starting_time + file.duration for file in with_messages), default=0)
+        counts = self.counts()
+        topics: dict[str, TopicInformation] = {}
+        for _, topic, _ in list(self._topics):
+            topics.setdefault(topic.name, TopicInformation(topic, counts[topic.name]))
+        return BagMetadata(
+            storage_identifier="mcap",
+            starting_time=start,
+            duration=end - start,
+            message_count=sum(file.message_count for file in files),
+            topics=tuple(topics.values()),
+            files=tuple(files),
+            relative_file_paths=tuple(file.path for file in files),
+            custom_data=self._custom_data,
+            ros_distro=self._ros_distro,
+        )
+
+    def _open(self, number: int) -> McapWriter:
+        file = McapWriter(self.folder / f"{self.folder.name}_{number}.mcap", self._preset)
+        self._file = file
+        file.write_metadata("rosbag2", {"serialized_metadata": to_record(self.metadata())})
+        return file
+
+    def _close_file(self) -> None:
+        file = self._file
+        file.write_metadata("rosbag2", {"serialized_metadata": to_record(self.metadata())})
+        try:
+            file.close()
+        finally:
+            self._files.append(self._information())
+            self._past.update(file.counts)
+            self._past_size += file.size
+
+    def _information(self) -> FileInformation:
+        file = self._file
+        return FileInformation(
+            file.path.name, file.starting_time, file.end_time - file.starting_time, file.message_count
+        )
+
+
+def _run_at_once(job: Job) -> None:
+    job()

@@ -1,0 +1,143 @@
+"""metadata.yaml both ways."""
+
+import pytest
+
+from bags import CHATTER, LATCHED, START
+from bus_bag.metadata import (
+    BagMetadata,
+    FileInformation,
+    TopicInformation,
+    from_record,
+    from_yaml,
+    to_record,
+    to_yaml,
+)
+from rows import for_each
+
+BAG = BagMetadata(
+    starting_time=START,
+    duration=5,
+    message_count=3,
+    topics=(TopicInformation(CHATTER, 2), TopicInformation(LATCHED, 1)),
+    files=(FileInformation("walk_0.mcap", START, 5, 3),),
+    relative_file_paths=("walk_0.mcap",),
+    ros_distro="jazzy",
+)
+TEXT = """\
+rosbag2_bagfile_information:
+  version: 9
+  storage_identifier: mcap
+  duration:
+    nanoseconds: 5
+  starting_time:
+    nanoseconds_since_epoch: 1795342862882115714
+  message_count: 1
+  topics_with_message_count:
+    - topic_metadata:
+        name: /chatter
+        type: std_msgs/msg/String
+        serialization_format: cdr
+        offered_qos_profiles:
+          - history: keep_last
+            depth: 10
+            reliability: reliable
+            durability: volatile
+            deadline:
+              sec: 9223372036
+              nsec: 854775807
+            lifespan:
+              sec: 9223372036
+              nsec: 854775807
+            liveliness: automatic
+            liveliness_lease_duration:
+              sec: 9223372036
+              nsec: 854775807
+            avoid_ros_namespace_conventions: false
+        type_description_hash: RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18
+      message_count: 1
+  compression_format: ""
+  compression_mode: ""
+  relative_file_paths:
+    - walk_0.mcap
+  files:
+    - path: walk_0.mcap
+      starting_time:
+        nanoseconds_since_epoch: 1795342862882115714
+      duration:
+        nanoseconds: 5
+      message_count: 1
+  custom_data: ~
+  ros_distro: jazzy
+"""
+OF_HUMBLE = """\
+rosbag2_bagfile_information:
+  compression_format: ''
+  compression_mode: ''
+  duration: {nanoseconds: 4531096768}
+  message_count: 20
+  relative_file_paths: [talker.db3]
+  starting_time: {nanoseconds_since_epoch: 1585866235112411371}
+  storage_identifier: sqlite3
+  topics_with_message_count:
+  - message_count: 10
+    topic_metadata:
+      name: /chatter
+      offered_qos_profiles: "- {history: 3, depth: 0, reliability: 1, durability: 1}"
+      serialization_format: cdr
+      type: std_msgs/msg/String
+  version: 4
+"""
+
+
+def test_the_text_is_rosbag2s() -> None:
+    one = BagMetadata(
+        starting_time=START,
+        duration=5,
+        message_count=1,
+        topics=(TopicInformation(CHATTER, 1),),
+        files=(FileInformation("walk_0.mcap", START, 5, 1),),
+        relative_file_paths=("walk_0.mcap",),
+        ros_distro="jazzy",
+    )
+    assert to_yaml(one) == TEXT
+    body = TEXT.split("\n", 1)[1]
+    assert to_record(one) == "".join(f"{line[2:]}\n" for line in body.splitlines())
+
+
+def test_both_ways() -> None:
+    assert from_yaml(to_yaml(BAG)) == BAG
+    assert from_record(to_record(BAG)) == BAG
+    own = BagMetadata(custom_data={"robot": "7", "note": '1.5: "a"\nb', "": ""}, ros_distro="")
+    assert from_yaml(to_yaml(own)) == own
+
+
+def test_an_old_version() -> None:
+    bag = from_yaml(OF_HUMBLE)
+    assert (bag.version, bag.storage_identifier, bag.message_count) == (4, "sqlite3", 20)
+    topic = bag.topics[0].topic_metadata
+    assert (topic.name, topic.type_description_hash) == ("/chatter", "")
+    assert (topic.offered_qos_profiles[0].depth, topic.offered_qos_profiles[0].durability) == (
+        10,
+        "transient_local",
+    )
+
+
+@for_each(
+    ("text", "reason"),
+    [
+        ("", "it has no map 'rosbag2_bagfile_information'"),
+        ("[1", "it is no YAML, line "),
+        ("rosbag2_bagfile_information: 3", "it has no map"),
+        ("rosbag2_bagfile_information: {version: 10}", "version 10 is none of 1 to 9"),
+        ("rosbag2_bagfile_information: {version: 9, message_count: -1}", "'message_count' is -1"),
+        ("rosbag2_bagfile_information: {version: 9, message_count: x}", "'message_count' is 'x'"),
+        ("rosbag2_bagfile_information: {version: 9, files: 1}", "'files' is no list"),
+        ("rosbag2_bagfile_information: {version: 9, duration: 1}", "'duration' is no map"),
+        ("[" * 50_000, "it is nested too deeply"),
+        ("- " * 50_000, "it is nested too deeply"),
+        ("a: 2026-13-45", "it is no YAML: month must be"),
+    ],
+)
+def test_no_metadata(text: str, reason: str) -> None:
+    with pytest.raises(ValueError, match=f"^{reason.replace('[', '.')}"):
+        from_yaml(text)
