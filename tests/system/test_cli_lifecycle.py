@@ -1,5 +1,6 @@
 """`bus lifecycle`, against the texts of the real `ros2`."""
 
+import re
 from collections.abc import Iterator
 
 import pytest
@@ -126,6 +127,18 @@ def test_a_node_that_dies_of_it(daemon: object) -> None:
         assert result.err.endswith(f"{why}\n")
         died = broken.end()
         assert (died.err.rstrip().endswith(why), died.code) == (True, 1)
+
+
+def test_two_that_serve_one_name(nodes: None) -> None:
+    """Neither makes the transition."""
+    with script(NODES):
+        result = bus("lifecycle", "set", "/ns/lc", "configure")
+        assert (result.out, result.code) == ("", 1)
+        one = r"/ns/lc \(pid \d+\)"
+        assert re.fullmatch(
+            rf"'/ns/lc/change_state' is served 2 times, by {one}, {one}: rename one\n", result.err
+        )
+        assert bus("lifecycle", "get", "/ns/lc").out == "unconfigured [1]\n"
 
 
 def test_completion(nodes: None) -> None:
