@@ -94,6 +94,11 @@ class ServerEndpoints:
         """The full name."""
         return self.goal.service_name.removesuffix(f"{_HIDDEN}send_goal")
 
+    def answer_result(self, request_id: RequestId, response: Any, error: str = "") -> None:
+        """As `respond` of the service, behind the feedback that was published before."""
+        self.feedback._hand_over()  # by the socket it would wait for the end of this turn
+        self.result.respond(request_id, response, error)
+
     async def close(self) -> None:
         await _close(self, ("goal", "cancel", "result", "feedback", "status"))
 

@@ -479,7 +479,7 @@ class ActionServer:
         if self._ends is None:
             return
         try:
-            self._ends.result.respond(request_id, response)
+            self._ends.answer_result(request_id, response)
         except ConnectionClosed:
             pass
         except PayloadTooLarge as error:

@@ -24,7 +24,9 @@ async def _set(args: Namespace, name: str) -> int:
         servers = (await node.graph()).servers_of(f"{name}/change_state")
         if len(servers) > 1:  # all would do it, and the first answer would count
             where = ", ".join(f"{one.node.full_name} (pid {one.node.pid})" for one in servers)
-            raise CommandError(f"'{name}/change_state' is served {len(servers)} times, by {where}: rename one")
+            raise CommandError(
+                f"'{name}/change_state' is served {len(servers)} times, by {where}: rename one"
+            )
         answer = await call(node, name, "get_available_transitions", "GetAvailableTransitions")
         possible = [one.transition for one in answer.available_transitions]
         wanted = [one for one in possible if args.transition == one.label]

@@ -311,14 +311,14 @@ class ActionServer(ActionEntity):
         else:
             self._put(function, request, request_id)
 
-    def _respond(self, end: Any, request_id: RequestId, response: Any) -> None:
+    def _respond(self, respond: Callable[..., object], request_id: RequestId, response: Any) -> None:
         with self._engine.loop:
             try:
-                end.respond(request_id, response)
+                respond(request_id, response)
             except ConnectionClosed:
                 pass  # destroyed meanwhile: its clients are told
             except BusError as error:
-                end.respond(request_id, None, f"{type(error).__name__}: {error}")
+                respond(request_id, None, f"{type(error).__name__}: {error}")
 
     @contextmanager
     def _telling(self, end: Any, request_id: RequestId) -> Iterator[None]:
@@ -374,7 +374,7 @@ class ActionServer(ActionEntity):
         if goal_handle is not None:
             self._goal_handles[bytes(goal_id.uuid)] = goal_handle
             self._result_futures[bytes(goal_id.uuid)] = Future(executor=self.node.own_executor)
-        self._respond(self._ends.goal, request_id, response)
+        self._respond(self._ends.goal.respond, request_id, response)
         if goal_handle is not None:
             if self._handle_accepted_callback is not default_handle_accepted_callback:
                 with self._engine.loop:
@@ -429,7 +429,7 @@ class ActionServer(ActionEntity):
                 answer = await await_or_execute(self._cancel_callback, goal_handle)
             if answer == CancelResponse.ACCEPT and self._cancel(goal_handle):
                 response.goals_canceling.append(self._support.info_of(goal))
-        self._respond(self._ends.cancel, request_id, response)
+        self._respond(self._ends.cancel.respond, request_id, response)
 
     def _cancel(self, goal_handle: ServerGoalHandle) -> bool:
         """Whether it is canceled: it may have ended while the program was asked."""
@@ -443,9 +443,9 @@ class ActionServer(ActionEntity):
     def _execute_get_result_request(self, request: Any, request_id: RequestId) -> None:
         future = self._result_futures.get(bytes(request.goal_id.uuid))
         if future is None:
-            self._respond(self._ends.result, request_id, self._support.get_result.Response())
+            self._respond(self._ends.answer_result, request_id, self._support.get_result.Response())
             return
-        future.call_when_done(lambda: self._respond(self._ends.result, request_id, future.result()))
+        future.call_when_done(lambda: self._respond(self._ends.answer_result, request_id, future.result()))
 
     def _execute_expire_goals(self, expired: list[bytes]) -> None:
         for goal_id in expired:
