@@ -11,12 +11,12 @@ from typing import Any, Final
 from bus.errors import ConfigurationError
 from bus.types.definitions import check_size
 from bus.types.idl import Field, Message, Type, parse_part
-from bus.types.schema_form import Node, Schema
+from bus.types.schema_form import Node, Schema, is_type_name
 
 __all__ = ["parse", "write"]
 
 _LINE: Final = "=" * 80
-_PART: Final = re.compile(r"^={80}[ \t]*\nMSG: *(\S+)[ \t]*$", re.MULTILINE)
+_PART: Final = re.compile(r"^={80}[ \t]*\nMSG: *(\S+)[ \t]*(?:\n|\Z)", re.MULTILINE)
 _NO_FIELD: Final = "structure_needs_at_least_one_member"
 
 
@@ -31,6 +31,9 @@ def write(schema: Schema) -> str:
 
 def parse(type_name: str, text: str) -> Schema:
     """The schema of a type and its text. Raises ConfigurationError, which says what is wrong."""
+    type_name = _full_name(type_name)
+    if not is_type_name(type_name):
+        raise ConfigurationError(f"'{type_name}' is no name of a type: they are like std_msgs/msg/String")
     first, *others = _PART.split(text.replace("\r\n", "\n"))
     parts = {type_name: first}
     for name, part in zip(others[::2], others[1::2], strict=True):

@@ -197,7 +197,7 @@ class _Writer:
 
     def _numbers(self, kind: str, size: int | None, value: str) -> None:
         code, width = CODES[kind], SIZES[kind]
-        packed = f"bytes({value})" if kind == "bool" else f"array({code!r}, {value})"
+        packed = {"bool": f"bytes({value})", "byte": f"join({value})"}.get(kind, f"array({code!r}, {value})")
         if size is not None and size <= _MOST_ARGUMENTS:
             self._add(code, f"*{value}", size)
             return
@@ -211,7 +211,7 @@ class _Writer:
         if width == 8 or (size is not None and width > 1):
             paddings = self.source.constant(tuple(bytes(-offset % width) for offset in range(8)))
             self._append(f"{paddings}[p & 7]")
-        packed = f"bytes({value})" if kind == "bool" else f"array({code!r}, {value})"
+        packed = {"bool": f"bytes({value})", "byte": f"join({value})"}.get(kind, f"array({code!r}, {value})")
         if self._views:
             name = self.source.variable()
             line(f"{name} = memoryview({packed}).cast('B')")

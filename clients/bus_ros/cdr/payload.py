@@ -19,7 +19,7 @@ __all__ = ["Annotations", "field_name", "json_annotation"]
 _KINDS: Final[dict[str, Any]] = {
     **dict.fromkeys(("float32", "float64"), float),
     "bool": bool,
-    "byte": bytes,
+    "byte": Annotated[bytes, Meta(min_length=1, max_length=1)],
     "string": str,
 }
 
