@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from functools import cache
 from typing import Any, ClassVar, Final
 
-from msgspec import defstruct, field
+from msgspec import Raw, defstruct, field, msgpack
 
 from bus.errors import ConfigurationError, MessageTypeError
 from bus.msg import Message, int8
@@ -21,6 +21,7 @@ from bus_actions.goal_table import Goal
 __all__ = ["Action", "ActionSupport", "action_support", "find_action", "make_action"]
 
 _NS: Final = 1_000_000_000
+_encode: Final = msgpack.Encoder().encode
 _PLAIN: Final[dict[str, tuple[Any, Any]]] = {"bool": (bool, False), "int8": (int8, 0)}
 
 
@@ -137,18 +138,16 @@ class ActionSupport:
         info.stamp.sec, info.stamp.nanosec = divmod(goal.stamp_ns, _NS)
         return info
 
-    def status_of(self, goals: Iterable[Goal]) -> Any:
-        """A GoalStatusArray. What of a goal does not change is made once: all are sent at each change."""
-        found: list[Any] = []
-        for goal in goals:
-            if goal.message is None:
-                goal.message = self.status()
-                info = goal.message.goal_info
+    def encoded_status(self, goals: Iterable[Goal]) -> bytes:
+        """A GoalStatusArray. All goals are told of at each change of one: the others are encoded already."""
+        for goal in (goals := tuple(goals)):
+            if goal.told is None:
+                status = self.status(status=int(goal.status))
+                info = status.goal_info
                 info.goal_id.uuid = goal.id
                 info.stamp.sec, info.stamp.nanosec = divmod(goal.stamp_ns, _NS)
-            goal.message.status = int(goal.status)
-            found.append(goal.message)
-        return self.status_array(status_list=found)
+                goal.told = Raw(_encode(status))
+        return _encode(self.status_array(status_list=[goal.told for goal in goals]))
 
 
 @cache

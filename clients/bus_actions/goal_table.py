@@ -55,16 +55,19 @@ class TooManyGoals(LocalProtocolError):
 
 
 class Goal:
-    """One goal. `status` is changed by its table only; `message` is what its server tells others of it."""
+    """One goal. Its table alone changes `status`; `told` is what its server tells others of it, encoded.
 
-    __slots__ = ("ended_ns", "id", "message", "stamp_ns", "status")
+    `told` is None where that is to be encoded anew.
+    """
+
+    __slots__ = ("ended_ns", "id", "stamp_ns", "status", "told")
 
     def __init__(self, goal_id: bytes, stamp_ns: int) -> None:
         self.id = goal_id
         self.stamp_ns = stamp_ns
         self.status = GoalStatus.ACCEPTED
         self.ended_ns = 0
-        self.message: Any = None
+        self.told: Any = None
 
 
 class GoalTable:
@@ -90,6 +93,7 @@ class GoalTable:
     def advance(self, goal: Goal, event: GoalEvent, now_ns: int) -> None:
         """Raises InvalidTransition."""
         goal.status = next_status(goal.status, event)
+        goal.told = None
         if goal.status.is_end:
             goal.ended_ns = now_ns
             self._ended[goal.id] = self._active.pop(goal.id)
@@ -136,6 +140,11 @@ class GoalTable:
         if self._keep_ns < 0 or not self._ended:
             return None
         return next(iter(self._ended.values())).ended_ns + self._keep_ns
+
+    @property
+    def is_overfull(self) -> bool:
+        """Whether more results are kept than may be, until `expire`."""
+        return len(self._ended) > MOST_ENDED
 
     def active(self) -> list[Goal]:
         return list(self._active.values())

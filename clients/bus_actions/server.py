@@ -535,7 +535,7 @@ class ActionServer:
         self._is_status_due = False
         if self._ends is not None:
             with suppress(ConnectionClosed):  # the node has gone, and all who would read it were told
-                self._ends.status.publish(self._support.status_of(self._table.shown()))
+                self._ends.status.publish_encoded(self._support.encoded_status(self._table.shown()))
 
 
 def _end_of(goal: ServerGoal) -> GoalEvent:

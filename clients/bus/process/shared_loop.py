@@ -92,10 +92,11 @@ class GuardedLoop(asyncio.SelectorEventLoop):
             super().__del__()
 
     def __enter__(self) -> None:
-        self.acquire()
+        if not self.guard.acquire(False):
+            self.acquire()
 
     def __exit__(self, *_: object) -> None:
-        self.release()
+        self.guard.release()
         if self.is_interrupted:
             self.check()
 

@@ -199,23 +199,30 @@ def _numeric(name: str, type_: Type, expected: type) -> Check:
     text = _text(name, type_, expected)
     code = numbers.CODES[type_.base]
     only = frozenset((expected,))
-    is_fixed = type_.array == "fixed"
+    is_fixed, is_unbounded = type_.array == "fixed", type_.array == "unbounded"
     of_numbers = memoryview, array, bytes, bytearray
 
-    def made_of(value: object) -> object:
+    def looked_at(value: object) -> Iterable[Any]:
         if not numbers.is_array(value) and not _is_collection(value):
             raise AssertionError(text)
         given: Iterable[Any] = value
+        is_plain = numbers.is_array(value) or isinstance(value, of_numbers)
+        if not (is_plain or only.issuperset(map(type, given))):
+            given = [numbers.plain(item) for item in given]
+            if not all(isinstance(item, expected) for item in given):
+                raise AssertionError(text)
+        return list(given) if isinstance(given, Set) else given
+
+    def made_of(value: object) -> object:
+        given: Iterable[Any]
         try:
-            is_plain = numbers.is_array(value) or isinstance(value, of_numbers)
-            if not (is_plain or only.issuperset(map(type, given))):
-                given = [numbers.plain(item) for item in given]
-                if not all(isinstance(item, expected) for item in given):
-                    raise AssertionError(text)
-            made = numbers.sequence(code, list(given) if isinstance(given, Set) else given)
+            if value.__class__ is list and only.issuperset(map(type, value)):  # as most are
+                given, made = value, array(code, value)
+            else:
+                made = numbers.sequence(code, given := looked_at(value))
         except (OverflowError, TypeError, ValueError):
             raise AssertionError(text) from None
-        if not _fits(type_, len(made)) or (code == "f" and _has_overflowed(made, given)):
+        if not (is_unbounded or _fits(type_, len(made))) or (code == "f" and _has_overflowed(made, given)):
             raise AssertionError(text)
         return numbers.fixed(code)(made) if is_fixed else made
 

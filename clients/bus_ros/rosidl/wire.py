@@ -93,7 +93,8 @@ class _Source:
         limit = "" if type_.array == "unbounded" else f", {type_.size}"
         if type_.base in numbers.CODES:
             if type_.array == "fixed":
-                value = f"exactly({value}{limit})"
+                plain = self._variable()
+                value = f"({plain} if len({plain} := {value}) == {type_.size} else exactly({plain}{limit}))"
                 return f"bytes({value})" if type_.base == "uint8" else f"{value}.tolist()"
             value = f"at_most({value}{limit})" if limit else value
             return f"memoryview({value})" if type_.base == "uint8" else f"{value}.tolist()"

@@ -73,6 +73,7 @@ class ServerGoalHandle:
         self._action_server = action_server
         self._goal_info = goal_info
         self._goal_request = goal_request
+        self._feedback_message: Any = None
         self._lock = RLock()
 
     def __eq__(self, other: object) -> bool:
@@ -119,7 +120,7 @@ class ServerGoalHandle:
         if not isinstance(feedback, self._action_server._action_type.Feedback):
             raise TypeError
         if self._goal_handle is not None:
-            self._action_server._publish_feedback(self._goal_info.goal_id, feedback)
+            self._action_server._publish_feedback(self, feedback)
 
     # These raise RCLError where the goal's state does not allow it.
 
@@ -190,6 +191,7 @@ class ActionServer(ActionEntity):
         super().__init__(node, callback_group)
         self._logger = self._logger.get_child("action_server")
         self._action_type = action_type
+        self._clock = node.get_clock()
         self._support: ActionSupport = action_support(action_type)
         self._table = GoalTable(round(result_timeout * _NS))
         self._goal_handles: dict[bytes, ServerGoalHandle] = {}
@@ -263,8 +265,9 @@ class ActionServer(ActionEntity):
             executor.create_task(self._execute_goal, callback, goal_handle)
 
     def notify_goal_done(self) -> None:
-        """A goal has ended: its result expires after its time."""
-        self._engine.call(self._expire)
+        """A goal has ended: its result expires after its time, and after those that ended before."""
+        if self._expiry is None or self._table.is_overfull:
+            self._engine.call(self._expire)
 
     def destroy(self) -> None:
         """Leave the graph; what goals do from now on does nothing."""
@@ -295,11 +298,18 @@ class ActionServer(ActionEntity):
         if goal.status.is_end:
             self.notify_goal_done()
 
-    def _publish_feedback(self, goal_id: Any, feedback: Any) -> None:
-        message = self._support.feedback_message(goal_id=goal_id, feedback=feedback)
+    def _publish_feedback(self, goal_handle: ServerGoalHandle, feedback: Any) -> None:
         loop = self._engine.loop
         with loop.guard:
-            self._publish(self._ends.feedback, message)
+            message = goal_handle._feedback_message
+            if message is None:  # one for all, which is encoded at once
+                message = self._support.feedback_message(goal_id=goal_handle.goal_id)
+                goal_handle._feedback_message = message
+            message._feedback = feedback  # its class was checked
+            try:
+                self._ends.feedback.publish(message)
+            except ConnectionClosed:
+                self._check_open()
         if loop.is_interrupted:
             loop.check()
 
@@ -330,28 +340,31 @@ class ActionServer(ActionEntity):
                 end.respond(request_id, None, f"{type(error).__name__}: {error}")
             raise
 
-    def _publish(self, publisher: Any, message: Any) -> None:
-        try:
-            publisher.publish(message)
-        except ConnectionClosed:
-            if not self.is_destroyed:
-                raise InvalidHandle("cannot use Destroyable because destruction was requested") from None
-
     def _publish_status(self) -> None:
-        self._publish(self._ends.status, self._support.status_of(self._table.shown()))
+        try:
+            self._ends.status.publish_encoded(self._support.encoded_status(self._table.shown()))
+        except ConnectionClosed:
+            self._check_open()
+
+    def _check_open(self) -> None:
+        """After ConnectionClosed: nothing happens where the server was destroyed, but not with its node."""
+        if not self.is_destroyed:
+            raise InvalidHandle("cannot use Destroyable because destruction was requested") from None
 
     def _now_ns(self) -> int:
-        return self._node.get_clock().now().nanoseconds
+        return self._clock.now().nanoseconds
 
     def _expire(self) -> None:
-        gone = self._table.expire(self._now_ns())
+        now_ns = self._now_ns()
+        gone = self._table.expire(now_ns)
         if gone:
             self._put(self._execute_expire_goals, [goal.id for goal in gone])
         due_ns = self._table.next_expiry_ns()
         if self._expiry is not None:
             self._expiry.cancel()
+            self._expiry = None
         if due_ns is not None and not self.is_destroyed:
-            delay_s = max(due_ns - self._now_ns(), 0) / _NS
+            delay_s = max(due_ns - now_ns, 0) / _NS
             self._expiry = self._engine.loop.call_later(delay_s, self._expire)
 
     # --- calls of the executor
@@ -365,7 +378,7 @@ class ActionServer(ActionEntity):
         with self._telling(self._ends.goal, request_id):
             is_wanted = is_new and await self._is_wanted(request.goal)
         if is_wanted:
-            info.stamp = self._node.get_clock().now().to_msg()
+            info.stamp = self._clock.now().to_msg()
             try:
                 goal_handle = ServerGoalHandle(self, info, request.goal)
             except RuntimeError as error:
