@@ -5,6 +5,8 @@ from collections import Counter
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
+import msgspec
+
 from bus_bag.errors import BagError
 from bus_bag.metadata import (
     NAME,
@@ -16,6 +18,9 @@ from bus_bag.metadata import (
 )
 from bus_bag.storage.mcap_reader import McapFile
 from bus_bag.storage.merge import Place, merge
+from bus_bag.storage.packed import SUFFIX as PACKED
+from bus_bag.storage.packed import open_packed, unpack_messages
+from bus_bag.storage.sqlite_reader import SqliteFile
 from bus_bag.storage.values import BagFile, BagMessage, Order, Problem
 
 __all__ = ["BagReader", "open_bag"]
@@ -84,7 +89,10 @@ class BagReader:
         files = [
             file for file in self.files if start is None or by != "log_time" or file.summary.end_time >= start
         ]
-        return merge([place(file) for file in files], by)
+        messages = merge([place(file) for file in files], by)
+        if self.metadata.compression_mode.upper() == "MESSAGE":
+            return unpack_messages(messages, self.path, self._problems)
+        return messages
 
     def close(self) -> None:
         """Close its files."""
@@ -102,7 +110,7 @@ class BagReader:
         self._said = self._read_metadata(self.path / NAME)
         if self._said is not None and self._said.relative_file_paths:
             return [self._inside(name) for name in self._said.relative_file_paths]
-        found = [path for path in self.path.iterdir() if path.suffix in _SUFFIXES and path.is_file()]
+        found = [path for path in self.path.iterdir() if _kind(path) and path.is_file()]
         if not found:
             raise BagError(
                 f"'{self.path}' is no bag: there is neither a {NAME} nor a file .mcap or .db3 in it"
@@ -146,12 +154,15 @@ class BagReader:
                 self.definitions.setdefault(name, definition)
         if not self.files and reasons:
             raise reasons[0]
-        self.topics = dict(sorted(self.topics.items()))
+        said = (
+            {one.topic_metadata.name: one.topic_metadata for one in self._said.topics} if self._said else {}
+        )
+        self.topics = {name: _filled(self.topics[name], said.get(name)) for name in sorted(self.topics)}
 
     def _metadata(self) -> BagMetadata:
         said = self._said
         for file in self.files:
-            if said is None and isinstance(file, McapFile):
+            if said is None:
                 said = file.metadata()
         said = said or BagMetadata()
         counts: Counter[str] = Counter()
@@ -167,23 +178,49 @@ class BagReader:
         start = min((file.starting_time for file in with_messages), default=0)
         end = max((file.starting_time + file.duration for file in with_messages), default=0)
         return BagMetadata(
-            storage_identifier=_SUFFIXES.get(self.files[0].path.suffix, "mcap") if self.files else "mcap",
+            storage_identifier="sqlite3" if isinstance(self.files[0], SqliteFile) else "mcap",
             starting_time=start,
             duration=end - start,
             message_count=counts.total(),
             topics=tuple(TopicInformation(topic, counts[name]) for name, topic in self.topics.items()),
             files=tuple(files),
             relative_file_paths=tuple(file.path for file in files),
+            compression_format=said.compression_format,
+            compression_mode=said.compression_mode,
             custom_data=said.custom_data,
             ros_distro=said.ros_distro,
             version=said.version,
         )
 
 
+def _filled(topic: TopicMetadata, said: TopicMetadata | None) -> TopicMetadata:
+    """With what only metadata.yaml says: files of older versions and of others lack some."""
+    if said is None or said.type != topic.type:
+        return topic
+    return msgspec.structs.replace(
+        topic,
+        offered_qos_profiles=topic.offered_qos_profiles or said.offered_qos_profiles,
+        type_description_hash=topic.type_description_hash or said.type_description_hash,
+    )
+
+
 def _open_file(path: Path) -> BagFile:
-    return McapFile(path)
+    """By its name, or where that says nothing, by how it begins."""
+    if path.suffix == PACKED:
+        return open_packed(path)
+    if path.suffix not in _SUFFIXES:
+        with path.open("rb") as file:
+            if file.read(6) == b"SQLite":
+                return SqliteFile(path)
+    return SqliteFile(path) if path.suffix == ".db3" else McapFile(path)
+
+
+def _kind(path: Path) -> str:
+    """What kind of a file its name says that it is, if any of a bag."""
+    inner = path.with_suffix("") if path.suffix == PACKED else path
+    return _SUFFIXES.get(inner.suffix, "")
 
 
 def _number_first(path: Path) -> tuple[int, str]:
-    number = re.search(r"_(\d{1,18})$", path.stem)
+    number = re.search(r"_(\d{1,18})$", path.name.partition(".")[0])
     return (int(number[1]) if number else -1, path.name)

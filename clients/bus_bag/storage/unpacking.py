@@ -3,7 +3,7 @@
 from bus_bag.storage.mcap_format import package
 from bus_bag.storage.values import Buffer
 
-__all__ = ["MAX_SIZE", "unpack"]
+__all__ = ["MAX_SIZE", "unpack", "unpack_frame"]
 
 MAX_SIZE = 256 << 20
 """What claims to be larger is not unpacked."""
@@ -24,6 +24,18 @@ def unpack(compression: str, data: Buffer, size: int) -> Buffer:
     if len(unpacked) != size:
         raise ValueError(f"it has {len(unpacked):,} bytes, not {size:,}")
     return unpacked
+
+
+def unpack_frame(data: Buffer) -> bytes:
+    """A frame of zstd that says how large it is. Raises ValueError for none."""
+    zstd = package("zstandard")
+    try:
+        size = zstd.frame_content_size(data)
+    except zstd.ZstdError as error:
+        raise ValueError(str(error)) from None
+    if size < 0:
+        raise ValueError("it does not say its size")
+    return bytes(unpack("zstd", data, size))
 
 
 def _unpack_zstd(data: Buffer, size: int) -> bytes:

@@ -6,7 +6,7 @@ from typing import Literal, Protocol, TypeAlias
 
 import msgspec
 
-from bus_bag.metadata import TopicMetadata
+from bus_bag.metadata import BagMetadata, TopicMetadata
 
 __all__ = ["BagFile", "BagMessage", "Buffer", "Order", "Problem", "Summary"]
 
@@ -63,6 +63,12 @@ class BagFile(Protocol):
     problems: list[Problem]
     is_cut: bool
     """Whether it was not closed: its recorder was killed, or its end is missing."""
+    has_index: bool
+    """Whether it can be read from any time on without going through it first."""
+    records: list[tuple[str, dict[str, str]]]
+    """Records of texts that are no messages: name, texts."""
+
+    def metadata(self) -> BagMetadata | None: ...
 
     def messages(
         self, start: int | None, topics: frozenset[str] | None, by: Order
