@@ -117,9 +117,14 @@ def add_arguments(parser: "ArgumentParser") -> None:
     parser.add_argument(
         "--prefix", metavar="COMMAND", help="what goes before the program, as one word: 'gdb --args'"
     )
-    parser.add_argument(
+    words = parser.add_argument(
         "words", nargs=REMAINDER, metavar="script.py | PKG EXE", help="the program, its arguments"
     )
+    if "_ARGCOMPLETE" in os.environ:
+        from bus_cli.completion import completed_by
+        from bus_cli.launch.completers import complete_run_words
+
+        completed_by(words, complete_run_words)
     parser.set_defaults(usage=parser.error)
 
 

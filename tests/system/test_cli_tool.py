@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+from bus import Durability, QoSProfile, connect
+from bus.types.classes import message_class
 from cli import BUS, LISTENER, TALKER, Result, bus, script, start, without_hint
 from conftest import WAIT_S
 
@@ -180,6 +182,30 @@ def test_the_shell_completes_from_the_live_graph(daemon: object, tmp_path: Path)
         assert complete("bus node info /m", tmp_path) == ["/minimal_publisher"]
         assert complete("bus topic find std_msgs/msg/Str", tmp_path) == ["std_msgs/msg/String"]
         assert "--once" in complete("bus topic echo --on", tmp_path)
+
+
+def offered(line: str, tmp_path: Path) -> list[str]:
+    return [word for word in complete(line, tmp_path) if not word.startswith("-")]
+
+
+def test_the_shell_completes_launch_files_and_programs(tmp_path: Path) -> None:
+    pytest.importorskip("argcomplete")
+    assert offered("bus launch turtlesim ", tmp_path) == ["multisim.launch.py"]
+    assert offered("bus run turtlesim mi", tmp_path) == ["mimic"]
+
+
+def test_the_shell_completes_frames(daemon: object, tmp_path: Path) -> None:
+    pytest.importorskip("argcomplete")
+    with connect("frames") as node:
+        kind = message_class("tf2_msgs/msg/TFMessage")
+        latched = QoSProfile(1, durability=Durability.TRANSIENT_LOCAL)
+        publisher = node.create_publisher(kind, "/tf_static", latched)
+        message: Any = kind()
+        message.transforms.append(message_class("geometry_msgs/msg/TransformStamped")())
+        message.transforms[0].header.frame_id = "world"
+        message.transforms[0].child_frame_id = "robot"
+        publisher.publish(message)
+        assert offered("bus tf2 echo ", tmp_path) == ["robot", "world"]
 
 
 def test_completion_starts_no_daemon(

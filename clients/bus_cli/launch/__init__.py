@@ -12,7 +12,8 @@ from bus_cli.completion import completed_by
 from bus_cli.exitcodes import EXIT_ERROR
 from bus_cli.launch.arguments import given_arguments, misspelt
 from bus_cli.launch.bus import export
-from bus_cli.launch.files import complete_files, find_launch_file
+from bus_cli.launch.completers import complete_file_or_package, complete_launch_words
+from bus_cli.launch.files import find_launch_file
 from bus_cli.output import CommandError, say
 
 
@@ -46,9 +47,12 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     completed_by(
         parser.add_argument("package_or_file", metavar="FILE | PKG FILE", help="a path, or a package"),
-        complete_files,
+        complete_file_or_package,
     )
-    parser.add_argument("words", nargs="*", metavar="name:=value", help="arguments of the launch file")
+    completed_by(
+        parser.add_argument("words", nargs="*", metavar="name:=value", help="arguments of the launch file"),
+        complete_launch_words,
+    )
 
 
 def main(args: Namespace) -> int:

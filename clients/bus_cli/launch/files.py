@@ -1,16 +1,15 @@
 """Which launch file a command line means."""
 
 import os
-from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from bus_cli.output import CommandError
 
-__all__ = ["complete_files", "find_launch_file"]
+__all__ = ["ENDS", "find_launch_file", "launch_files"]
 
-_ENDS: Final = ("launch.py", "launch.xml", "launch.yaml", "launch.yml")
+ENDS: Final = ("launch.py", "launch.xml", "launch.yaml", "launch.yml")
 
 
 def find_launch_file(first: str, others: Sequence[str]) -> tuple[str, list[str]]:
@@ -26,17 +25,18 @@ def find_launch_file(first: str, others: Sequence[str]) -> tuple[str, list[str]]
     return str(_in_package(first, rest[0])), rest[1:]
 
 
-def complete_files(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
-    """Packages, and launch files in the folder of what was typed."""
-    from bus_ros import packages
+def launch_files(package: str) -> list[Path]:
+    """Those of an installed package; none where there is no such package."""
+    from bus_ros import ament_index_python
 
-    folder = Path(prefix).parent if prefix else Path()
-    files = [str(path) for path in _listed(folder) if path.name.endswith(_ENDS) or path.is_dir()]
-    return [*packages.names(), *files]
+    try:
+        return list(_launch_files(ament_index_python.get_package_share_path(package, print_warning=False)))
+    except (ament_index_python.PackageNotFoundError, ValueError):
+        return []
 
 
 def _is_path(first: str) -> bool:
-    return os.sep in first or first.endswith(_ENDS)
+    return os.sep in first or first.endswith(ENDS)
 
 
 def _looks_like_path(first: str) -> bool:
@@ -81,7 +81,7 @@ def _only_a_package(package: str) -> str:
 
 
 def _launch_files(share: Path) -> Iterator[Path]:
-    return (path for path in share.rglob("*") if path.name.endswith(_ENDS))
+    return (path for path in share.rglob("*") if path.name.endswith(ENDS))
 
 
 def _near_file(path: Path) -> str:

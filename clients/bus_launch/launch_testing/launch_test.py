@@ -25,6 +25,8 @@ def main(words: Sequence[str] | None = None) -> int:
         return 0 if run_file(path, given, verbosity=2 if args.verbose else 1) else 1
     except Exception as error:
         print(f"launch_test: {args.test_file}: {type(error).__name__}: {describe(error)}", file=sys.stderr)
+        if isinstance(error, ModuleNotFoundError) and error.name == "pytest":
+            print("the file needs pytest: pip install pytest", file=sys.stderr)
         return 1
 
 
