@@ -39,6 +39,7 @@ _SAME: Final = {
     "launch_xml": "bus_launch.launch_xml",
     "launch_yaml": "bus_launch.launch_yaml",
     "message_filters": "bus_ros.message_filters",
+    "nav2_common": "bus_launch.nav2_common",
     "rclpy": "bus_ros.rclpy",
     "sensor_msgs_py": "bus_ros.sensor_msgs_py",
     "tf2_geometry_msgs": "bus_tf2.tf2_geometry_msgs",
@@ -50,7 +51,8 @@ _SAME: Final = {
 """Packages whose modules, all of them, are those of one of ours."""
 
 _PARTS_OF: Final = dict.fromkeys(
-    ("launch_ros", "launch_testing", "launch_testing_ros", "launch_xml", "launch_yaml"), "launch"
+    ("launch_ros", "launch_testing", "launch_testing_ros", "launch_xml", "launch_yaml", "nav2_common"),
+    "launch",
 )
 """Packages that are of use only with ours of another name: a genuine one does not know them."""
 

@@ -203,6 +203,7 @@ class LaunchContext:
         self.__configurations_stack: list[dict[str, Any]] = []
         self.__environment_at_start = dict(os.environ)
         self.__environment_stack: list[dict[str, str]] = []
+        self._at_end: list[Callable[[], object]] = []  # called when all processes have ended
         self.__is_shutdown = False
         self.__asyncio_loop: asyncio.AbstractEventLoop | None = None
         self.__depth = 0

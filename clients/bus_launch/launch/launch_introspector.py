@@ -21,7 +21,8 @@ class LaunchIntrospector:
     """Writes what a launch description holds, as a tree."""
 
     def format_launch_description(self, launch_description: LaunchDescription) -> str:
-        lines = [repr(launch_description)]
+        # In ROS 2's words, by whichever name it was imported.
+        lines = [f"<launch.launch_description.LaunchDescription object at {id(launch_description):#x}>"]
         lines += _branches([_tree(one) for one in launch_description.entities])
         return "\n".join(lines)
 

@@ -115,6 +115,8 @@ class LaunchService:
             restore()
             logging.launch_config.on_closed_screen = None
             await child.end_all()
+            while self.__context._at_end:
+                self.__context._at_end.pop()()
             self.__context._set_asyncio_loop(None)
             with self.__lock:
                 self.__loop = self.__task = None

@@ -67,7 +67,7 @@ class LaunchConfiguration(Substitution):
         return self.__name
 
     def describe(self) -> str:
-        return f"LaunchConfiguration({described(self.__name)})"
+        return f"LaunchConfig({described(self.__name)})"
 
     def perform(self, context: LaunchContext) -> str:
         name = perform_substitutions(context, self.__name)

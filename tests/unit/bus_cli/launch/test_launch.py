@@ -67,9 +67,9 @@ def test_arguments_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
 def test_what_a_file_holds_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["launch", "mine.launch.xml", "--print"]) == 0
     first, second, third = capsys.readouterr().out.splitlines()
-    assert "LaunchDescription" in first
+    assert first.startswith("<launch.launch_description.LaunchDescription object at 0x")
     assert "DeclareLaunchArgument" in second
-    assert third == "└── LogInfo(LaunchConfiguration('x'))"
+    assert third == "└── LogInfo(LaunchConfig('x'))"
 
 
 def test_a_launch(capsys: pytest.CaptureFixture[str]) -> None:
