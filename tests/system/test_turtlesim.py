@@ -65,11 +65,11 @@ class Sim:
 
     async def pose(self, turtle: str = "turtle1") -> dict[str, float]:
         said = await self.bus("topic", "echo", "--once", f"/{turtle}/pose")
-        return {name: float(value) for name, value in re.findall(r"(\w+): (\S+)", said.out)}
+        return {name: float(value) for name, value in re.findall(r"^(\w+): (\S+)$", said.out, re.MULTILINE)}
 
     async def colour(self, turtle: str = "turtle1") -> list[int]:
         said = await self.bus("topic", "echo", "--once", f"/{turtle}/color_sensor")
-        return [int(value) for value in re.findall(r"\w: (\d+)", said.out)]
+        return [int(value) for value in re.findall(r"^\w: (\d+)$", said.out, re.MULTILINE)]
 
     async def end(self, program: Program, status: int = 0) -> None:
         program.process.send_signal(signal.SIGINT)

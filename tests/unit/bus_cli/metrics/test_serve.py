@@ -2,10 +2,10 @@
 
 import re
 import socket
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.client import HTTPConnection
-from threading import Thread
 
 import pytest
 
@@ -38,13 +38,16 @@ def registry() -> CollectorRegistry:
 @contextmanager
 def serving(text: str = "127.0.0.1:0") -> Iterator[Place]:
     with open_server(parse_place(text), registry()) as server:
-        thread = Thread(target=server.serve_forever, args=(0.01,))
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
         thread.start()
         try:
             yield server.place
         finally:
             server.shutdown()
             thread.join()
+            for answering in threading.enumerate():
+                if "process_request_thread" in answering.name:
+                    answering.join(WAIT_S)
 
 
 def ask(place: Place, host: str | None = None, verb: str = "GET") -> tuple[int, bytes]:
