@@ -7,14 +7,13 @@ made of it. `p` is the position, `end` where the message (or a delimited part of
 """
 
 from collections.abc import Callable, Mapping
-from struct import unpack_from
 from typing import Any, Final, NamedTuple
 
 import msgspec
 from msgspec import UNSET
 
 from bus.wire.runs import Buffer
-from bus_ros.cdr.layout import CODES, lay_out
+from bus_ros.cdr.layout import CODES, Arrays, lay_out
 from bus_ros.cdr.payload import json_annotation
 from bus_ros.cdr.shapes import SIZES, Bytes, Dict, Item, Json, Maybe, Message, One, Several, Shape, least
 from bus_ros.cdr.source import Source
@@ -68,9 +67,7 @@ def decoder(
 
 class _Writer:
     def __init__(self, description: Mapping[str, Any], representation: Representation) -> None:
-        self.source = Source(
-            unpack_from=unpack_from, text=_text, short=_short, many=_many, UNSET=UNSET, without=_without
-        )
+        self.source = Source(text=_text, short=_short, many=_many, UNSET=UNSET, without=_without)
         self._description = description
         self._order, self._is_second, self._is_delimited = representation
         self._alignment = 4 if self._is_second else 8
@@ -220,7 +217,8 @@ class _Writer:
         if boundary > 1 and (size is not None or boundary > 4):
             line(f"if {count}: p += -p % {boundary}")
         line(f"if {count} * {width} > {self._end} - p: short({count})")
-        line(f"{name} = unpack_from(f'{self._order}{{{count}}}{code}', data, p)")
+        arrays = self.source.constant(Arrays(self._order, code))
+        line(f"{name} = {arrays}[{count}](data, p)")
         line(f"p += {count} * {width}")
         self._moved()
         return name

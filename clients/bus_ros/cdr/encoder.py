@@ -6,8 +6,6 @@ Primitives that follow one another, in nested messages too, are packed by one ca
 offset that only the message knows (behind a string), by one of eight. `p` is then the position, modulo 8.
 """
 
-import sys
-from array import array
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
@@ -15,9 +13,9 @@ import msgspec
 from msgspec import UNSET, Raw
 
 from bus.wire.runs import Buffer
-from bus_ros.cdr.layout import CODES, lay_out
+from bus_ros.cdr.layout import CODES, Runs, lay_out
 from bus_ros.cdr.payload import Annotations, field_name
-from bus_ros.cdr.shapes import SIZES, Bytes, Dict, Item, Json, Maybe, Message, One, Several, Shape
+from bus_ros.cdr.shapes import Bytes, Dict, Item, Json, Maybe, Message, One, Several, Shape
 from bus_ros.cdr.source import Source
 
 __all__ = ["LONG", "encoder"]
@@ -25,9 +23,8 @@ __all__ = ["LONG", "encoder"]
 LONG: Final = 16 << 10
 """From this length on a field is a part of its own, a view of the payload."""
 
-_HEADER: Final = b"\x00\x01\x00\x00"
-_MOST_ARGUMENTS: Final = 64
-"""Arrays of a fixed size that are longer are no part of a run."""
+_ENCAPSULATION: Final = 0x0100
+"""As a little-endian number: 00 01 00 00."""
 
 _MOST_INLINE: Final = 32
 _MOST_LINES: Final = 4000
@@ -53,44 +50,40 @@ def encoder(description: Mapping[str, Any], shape: Message, views: bool) -> Call
 
 class _Writer:
     def __init__(self, views: bool) -> None:
-        self.source = Source(
-            array=_array if sys.byteorder == "big" else array,
-            join=b"".join,
-            HEADER=_HEADER,
-            json=msgspec.json.encode,
-            text=_text,
-            LONG=LONG,
-            UNSET=UNSET,
-        )
+        self.source = Source(json=msgspec.json.encode, text=_text, join=b"".join, adder=_adder, UNSET=UNSET)
         self._views = views
         self._functions: dict[Shape, str] = {}
-        self._offset: int | None = 0
+        self._offset: int | None = None
         """Of what is written next, modulo 8; None: it is in `p`."""
         self._codes: list[tuple[str, int]] = []
         self._values: list[str] = []
+        self._parts: list[str] = []
+        """What is made, and not in the list `out` yet."""
+        self._has_list = False
         self._loops = 0
 
     def root(self, shape: Message) -> None:
         line = self.source.line
         self.source.begin("def encode(payload)")
         line("v = unpack(payload)")
-        line("out = [HEADER]")
-        line("append = out.append")
         if self._views:
             line("parts = []")
-            self.source.line("def cut(view):")
-            self.source.line(" parts.append(join(out))")
-            self.source.line(" out.clear()")
-            self.source.line(" parts.append(view)")
-        else:
-            line("cut = None")
+            line("add = adder(parts, out)")
+            self._has_list = True
+        # The encapsulation is a part of the first run, and positions count from behind it.
+        self._offset = 4
+        self._add("I", str(_ENCAPSULATION))
         self._message(shape, "v")
         self._flush()
-        if self._views:
+        if self._has_list:
+            self._settle()
+            self.source.first("add = None")
+            self.source.first("out = []")
+        if not self._views:
+            line(f"return [join({'out' if self._has_list else self._taken()})]")
+        else:
             line("if out: parts.append(join(out))")
             line("return parts")
-        else:
-            line("return [join(out)]")
         self.source.end()
 
     # Runs.
@@ -106,24 +99,40 @@ class _Writer:
             return
         codes, values = self._codes, ", ".join(self._values)
         self._codes, self._values = [], []
+        name = self.source.variable()
         if self._offset is not None:
             run = lay_out(codes, self._offset)
-            self._append(f"{self.source.constant(run.struct.pack)}({values})")
+            self.source.line(f"{name} = {self.source.constant(run.struct.pack)}({values})")
             self._offset = (self._offset + run.size) % 8
-            return
-        runs = [lay_out(codes, offset) for offset in range(8)]
-        packs = self.source.constant(tuple(run.struct.pack for run in runs))
-        self._append(f"{packs}[p & 7]({values})")
-        ends = [(offset + run.size) % 8 for offset, run in enumerate(runs)]
-        if len(set(ends)) == 1:
-            self._offset = ends[0]
-        elif len({run.size for run in runs}) == 1:
-            self.source.line(f"p += {runs[0].size}")
         else:
-            self.source.line(f"p = {self.source.constant(tuple(ends))}[p & 7]")
+            runs = [lay_out(codes, offset) for offset in range(8)]
+            packs = self.source.constant(tuple(run.struct.pack for run in runs))
+            self.source.line(f"{name} = {packs}[p & 7]({values})")
+            ends = [(offset + run.size) % 8 for offset, run in enumerate(runs)]
+            if len(set(ends)) == 1:
+                self._offset = ends[0]
+            elif len({run.size for run in runs}) == 1:
+                self.source.line(f"p += {runs[0].size}")
+            else:
+                self.source.line(f"p = {self.source.constant(tuple(ends))}[p & 7]")
+        self._parts.append(name)
 
-    def _append(self, value: str) -> None:
-        self.source.line(f"append({value})")
+    def _pause(self) -> None:
+        """Leave nothing open: what comes next is a loop, a branch or a call, or their end."""
+        self._flush()
+        self._settle()
+        self._into_p()
+
+    def _taken(self) -> str:
+        """The parts that are in no list yet."""
+        parts, self._parts = self._parts, []
+        return f"({', '.join(parts)}{',' * (len(parts) == 1)})"
+
+    def _settle(self) -> None:
+        """All that was made is in `out` from here on."""
+        if self._parts:
+            self.source.line(f"out += {self._taken()}")
+            self._has_list = True
 
     def _into_p(self) -> None:
         """The position is in `p` from here on."""
@@ -132,7 +141,7 @@ class _Writer:
             self._offset = None
 
     def _moved(self, by: str) -> None:
-        """What was appended last is that long."""
+        """What was made last is that long."""
         if self._offset is None:
             self.source.line(f"p += {by}")
         else:
@@ -191,38 +200,27 @@ class _Writer:
 
     def _blob(self, value: str) -> None:
         if self._views:
-            self.source.line(f"(append if len({value}) < LONG else cut)({value})")
+            self._settle()
+            self.source.line(f"add({value})")
         else:
-            self._append(value)
+            self._parts.append(value)
 
     def _numbers(self, kind: str, size: int | None, value: str) -> None:
-        code, width = CODES[kind], SIZES[kind]
-        packed = {"bool": f"bytes({value})", "byte": f"join({value})"}.get(kind, f"array({code!r}, {value})")
-        if size is not None and size <= _MOST_ARGUMENTS:
-            self._add(code, f"*{value}", size)
+        if size is not None:
+            self._add(CODES[kind], f"*{value}", size)
             return
-        if size is None:
-            self._add("I", f"len({value})")
-        self._flush()
-        self._into_p()
-        line = self.source.line
-        line(f"if {value}:")
-        self.source.indent()
-        if width == 8 or (size is not None and width > 1):
-            paddings = self.source.constant(tuple(bytes(-offset % width) for offset in range(8)))
-            self._append(f"{paddings}[p & 7]")
-        packed = {"bool": f"bytes({value})", "byte": f"join({value})"}.get(kind, f"array({code!r}, {value})")
-        if self._views:
-            name = self.source.variable()
-            line(f"{name} = memoryview({packed}).cast('B')")
-            packed = name
-        self._blob(packed)
-        line("p = 0" if width == 8 else f"p += -p % {width} + len({value}) * {width}")
-        self.source.indent(-1)
+        count, pack, name = (self.source.variable() for _ in range(3))
+        self._add("I", count)
+        runs = self.source.constant(Runs(self._codes, CODES[kind]))
+        offset = "p & 7" if self._offset is None else self._offset
+        self.source.line(f"{count} = len({value})")
+        self.source.line(f"{pack}, p = {runs}[{count} << 3 | {offset}]")
+        self.source.line(f"{name} = {pack}({', '.join(self._values)}, *{value})")
+        self._codes, self._values, self._offset = [], [], None
+        self._blob(name)
 
     def _each(self, item: Shape, value: str) -> None:
-        self._flush()
-        self._into_p()
+        self._pause()
         name = self.source.variable()
         self.source.line(f"for {name} in {value}:")
         self._loops += 1
@@ -230,8 +228,7 @@ class _Writer:
         self._loops -= 1
 
     def _pairs(self, key: Shape, item: Shape, value: str) -> None:
-        self._flush()
-        self._into_p()
+        self._pause()
         first, second = self.source.variable(), self.source.variable()
         self.source.line(f"for {first}, {second} in {value}.items():")
         self._loops += 1
@@ -239,8 +236,7 @@ class _Writer:
         self._loops -= 1
 
     def _maybe(self, item: Shape, nothing: str, value: str) -> None:
-        self._flush()
-        self._into_p()
+        self._pause()
         name = self.source.variable()
         self.source.line(f"{name} = {value}")
         self.source.line(f"if {name} is {nothing}:")
@@ -255,8 +251,7 @@ class _Writer:
         self.source.indent()
         for shape, value in values:
             self._one(shape, value)
-        self._flush()
-        self._into_p()
+        self._pause()
         self.source.indent(-1)
 
     def _message(self, shape: Message, value: str) -> None:
@@ -283,26 +278,30 @@ class _Writer:
             self._put(shape, value)
 
     def _call(self, shape: Shape, value: str) -> None:
-        self._flush()
-        self._into_p()
+        self._pause()
         if shape not in self._functions:
             self._functions[shape] = name = self.source.variable()
             loops, self._loops = self._loops, 0
-            self.source.begin(f"def {name}(v, append, cut, p)")
+            self.source.begin(f"def {name}(v, out, add, p)")
             self._put(shape, "v")
-            self._flush()
-            self._into_p()
+            self._pause()
             self.source.line("return p")
             self.source.end()
             self._loops = loops
-        self.source.line(f"p = {self._functions[shape]}({value}, append, cut, p)")
+        self.source.line(f"p = {self._functions[shape]}({value}, out, add, p)")
 
 
-def _array(code: str, values: list[Any]) -> "array[Any]":
-    made = array(code, values)
-    if sys.byteorder == "big":
-        made.byteswap()
-    return made
+def _adder(parts: list[Buffer], out: list[Buffer]) -> Callable[[Buffer], None]:
+    def add(part: Buffer) -> None:
+        """What is long is a part of its own; what came before it is joined."""
+        if len(part) < LONG:
+            out.append(part)
+        else:
+            parts.append(b"".join(out))
+            out.clear()
+            parts.append(part)
+
+    return add
 
 
 def _text(value: Raw | str | bytes) -> Buffer:

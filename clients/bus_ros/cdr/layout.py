@@ -1,12 +1,13 @@
-"""Runs of primitives in CDR: the struct for each offset at which one can begin.
+"""Runs of primitives in CDR: the struct for each offset at which one can begin, and each length of a list.
 
 Owns: alignment. Must not know: shapes, payloads.
 """
 
+from collections.abc import Callable
 from struct import Struct
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
-__all__ = ["CODES", "Run", "lay_out"]
+__all__ = ["CODES", "Arrays", "Run", "Runs", "lay_out"]
 
 CODES: Final = {
     "bool": "?",
@@ -23,7 +24,9 @@ CODES: Final = {
     "float32": "f",
     "float64": "d",
 }
-"""The code of the module struct for each primitive; but for `bool` and `byte` also that of array.array."""
+"""The code of the module struct for each primitive."""
+
+_MOST_KEPT: Final = 256
 
 _SIZES: Final = {
     "x": 1,
@@ -62,3 +65,31 @@ def lay_out(codes: list[tuple[str, int]], offset: int, order: str = "<", alignme
         form += f"{padding}x{count}{code}" if padding else f"{count}{code}"
         position += padding + size * count
     return Run(Struct(form), position - offset)
+
+
+class Runs(dict[int, tuple[Callable[..., bytes], int]]):
+    """Runs that end with a list of numbers: by `length << 3 | offset` how to pack one, and where it ends."""
+
+    def __init__(self, codes: list[tuple[str, int]], code: str) -> None:
+        self._codes, self._code = codes, code
+
+    def __missing__(self, key: int) -> tuple[Callable[..., bytes], int]:
+        count, offset = key >> 3, key & 7
+        run = lay_out([*self._codes, (self._code, count)] if count else self._codes, offset)
+        if len(self) >= _MOST_KEPT:
+            self.clear()
+        made = self[key] = run.struct.pack, (offset + run.size) % 8
+        return made
+
+
+class Arrays(dict[int, Callable[[Any, int], tuple[Any, ...]]]):
+    """The numbers of a list, by its length how to unpack them."""
+
+    def __init__(self, order: str, code: str) -> None:
+        self._order, self._code = order, code
+
+    def __missing__(self, count: int) -> Callable[[Any, int], tuple[Any, ...]]:
+        if len(self) >= _MOST_KEPT:
+            self.clear()
+        made = self[count] = Struct(f"{self._order}{count}{self._code}").unpack_from
+        return made

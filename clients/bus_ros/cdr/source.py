@@ -23,6 +23,10 @@ class Source:
         self._open[-1].append(" " * self._indents[-1] + text)
         self.length += 1
 
+    def first(self, text: str) -> None:
+        """A line at the beginning of the function that is being written."""
+        self._open[-1].insert(1, f" {text}")
+
     def indent(self, by: int = 1) -> None:
         self._indents[-1] += by
 
