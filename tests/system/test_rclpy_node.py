@@ -349,3 +349,18 @@ def test_calls_in_series_change_threads_once(world: World, monkeypatch: pytest.M
     for _ in range(20):
         mover.run(lambda: asyncio.sleep(0))
     assert 1 <= len(blocked) <= 10
+
+
+def test_a_node_waits_for_busd_a_few_times(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its six services of parameters are declared with one wait, and both endpoints of each."""
+    waits = 0
+    run = type(engine()).run
+
+    def count(*arguments: Any, **options: Any) -> Any:
+        nonlocal waits
+        waits += 1
+        return run(*arguments, **options)
+
+    monkeypatch.setattr(type(engine()), "run", count)
+    node = world.keep(Node("starter"))
+    assert (waits, len(list(node.services))) == (4, 7)

@@ -51,14 +51,18 @@ class NodeEndpoints:
         self._sweep_at = _LEAST_SWEPT
 
     async def declare(self, *endpoints: "Publisher[Any] | Subscription[Any]") -> None:
-        """Make them known to busd, in this order: all, or none.
+        """Make them known to busd, in this order and with one wait for its answers: all, or none.
 
         Raises what busd refuses one with. Cancellation: none.
         """
         try:
-            for endpoint in endpoints:
-                await endpoint._link.declare(self._node, endpoint)
-                self._all.append(endpoint)
+            if len(endpoints) == 1:
+                await endpoints[0]._link.declare(self._node, endpoints[0])
+            else:
+                from bus.base.together import together  # late: few programs have services
+
+                await together(one._link.declare(self._node, one) for one in endpoints)
+            self._all += endpoints
         except BaseException as error:
             _end_open(endpoints, ConnectionClosed(f"not created: {error}"))
             raise

@@ -6,12 +6,13 @@ that rclpy has too: a program's own nodes may have any other.
 """
 
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from copy import copy
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
-from bus.errors import AccessDenied, BusError, ConfigurationError
+from bus.base.together import together
+from bus.errors import AccessDenied, BusError
 from bus.events import PublisherEvents, SubscriptionEvents
-from bus.node import SERVICE_QOS
 from bus.node import Node as NativeNode
 from bus.parameters import file
 from bus.parameters.messages import event_message
@@ -37,6 +38,7 @@ from bus_ros.rclpy.exceptions import (
 )
 from bus_ros.rclpy.guard_condition import GuardCondition
 from bus_ros.rclpy.impl.callback_checks import check_arguments, check_callback
+from bus_ros.rclpy.impl.native_node import make_native, service_qos
 from bus_ros.rclpy.impl.node_graph import NodeGraph
 from bus_ros.rclpy.impl.node_parameters import NodeParameters
 from bus_ros.rclpy.impl.node_waitables import NodeWaitables
@@ -60,8 +62,6 @@ from bus_ros.rclpy.type_description_service import TypeDescriptionService
 from bus_ros.rclpy.type_support import check_is_valid_msg_type, check_is_valid_srv_type
 from bus_ros.rclpy.validate_topic_name import (
     full_name,
-    validate_namespace,
-    validate_node_name,
     validate_topic_name,
 )
 
@@ -123,7 +123,7 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
         _, parameters = parse_arguments(own)
         # Its ROS arguments end where they end: what follows is the program's.
         words = [*own, "--", *context.arguments] if use_global_arguments else own
-        native = _make_native(node_name, namespace or "", words, context, enable_rosout)
+        native = make_native(node_name, namespace or "", words, context, enable_rosout)
         handle = Handle(lambda: self.__is_destroyed, self.destroy_node, self)
         NodeGraph.__init__(self, engine(), native, context, handle)
         self.__engine = engine()
@@ -135,6 +135,7 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
         self.__events = Calls(self, self._default_callback_group)
         self.__entities: tuple[Entity, ...] = (self.__events,)
         self.__publishers: tuple[Publisher[Any], ...] = ()
+        self.__unopened: list[Service] | None = None
         self.timers: tuple[Timer, ...] = ()
         self.own_executor: Executor | None = None
         """The executor that works for this node."""
@@ -346,13 +347,11 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
         profile = profile_of(qos_profile)
         group = callback_group or self._default_callback_group
         service = Service(self.__engine, srv_type, srv_name, callback, group, profile, self)
-        native = self.__engine.run(
-            lambda: self.__native.create_service(
-                srv_type, srv_name, qos=service_qos(profile), on_request=service.on_request
-            )
-        )
-        service.begin(native)
-        return self.__add(service)
+        if self.__unopened is None:
+            self.__open([service])
+        else:
+            self.__unopened.append(service)
+        return service
 
     def create_timer(
         self,
@@ -495,9 +494,43 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
         except AccessDenied as denied:
             self._logger.warning(f"changes of parameters are told to nobody: {denied}")
         try:
-            ParameterService(self)
+            with self.__at_once():
+                ParameterService(self)
         except AccessDenied as denied:
             self._logger.warning(f"nobody else can read or set this node's parameters: {denied}")
+
+    @contextmanager
+    def __at_once(self) -> Iterator[None]:
+        """Services that are made in the `with` are opened at its end, with one wait for busd."""
+        self.__unopened = unopened = list[Service]()
+        try:
+            yield
+        finally:
+            self.__unopened = None
+        self.__open(unopened)
+
+    def __open(self, services: Sequence[Service]) -> None:
+        """Where one is refused the others are there; raises the error."""
+
+        async def serve(service: Service) -> BaseException | None:
+            try:
+                native = await self.__native.create_service(
+                    service.srv_type,
+                    service.srv_name,
+                    qos=service_qos(service.qos_profile),
+                    on_request=service.on_request,
+                )
+            except BusError as error:
+                return error
+            service.begin(native)
+            return None
+
+        errors = self.__engine.run(lambda: together(map(serve, services)))
+        for service, error in zip(services, errors, strict=True):
+            if error is None:
+                self.__add(service)
+        for error in filter(None, errors):
+            raise error
 
     def __tell_parameters(self, change: Change[Parameter]) -> None:
         if self.__parameter_events is not None and not self.__is_destroyed:
@@ -561,28 +594,3 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
             for timer in self.timers:
                 timer.forget_clock()
             self.timers, self.__entities, self.__publishers = (), (), ()
-
-
-class _Native(NativeNode):
-    """Parameters are those of the facade's node; the one beneath has none."""
-
-    _takes_parameters = False
-
-
-def _make_native(
-    name: str, namespace: str, words: Sequence[str], context: Context, enable_rosout: bool
-) -> NativeNode:
-    validate_node_name(name)
-    try:
-        return _Native(
-            name, namespace=namespace, arguments=words, domain=context.domain_id, rosout=enable_rosout
-        )
-    except ConfigurationError:
-        if namespace:
-            validate_namespace(namespace if namespace.startswith("/") else f"/{namespace}")
-        raise
-
-
-def service_qos(profile: QoSProfile) -> NativeProfile:
-    """With ROS's default depth of 10, a burst of calls would lose some without a word."""
-    return SERVICE_QOS if profile == qos_profile_services_default else to_native(profile, for_both=True)

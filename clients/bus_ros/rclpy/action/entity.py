@@ -15,8 +15,8 @@ from bus_ros.engine import Engine, engine
 from bus_ros.entity import Entity, Work
 from bus_ros.rclpy.callback_groups import CallbackGroup
 from bus_ros.rclpy.impl.executor_parts import await_or_execute
+from bus_ros.rclpy.impl.native_node import service_qos as native_service_qos
 from bus_ros.rclpy.node import Node
-from bus_ros.rclpy.node import service_qos as native_service_qos
 from bus_ros.rclpy.qos import QoSProfile, profile_of, to_native
 from bus_ros.rclpy.type_support import check_for_type_support
 from bus_ros.rclpy.waitable import Waitable

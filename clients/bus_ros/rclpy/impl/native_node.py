@@ -1,0 +1,37 @@
+"""The node of the bus beneath one of rclpy: how it is made, and with which policies its services."""
+
+from collections.abc import Sequence
+
+from bus import qos as native
+from bus.errors import ConfigurationError
+from bus.node import SERVICE_QOS, Node
+from bus_ros.rclpy.context import Context
+from bus_ros.rclpy.qos import QoSProfile, qos_profile_services_default, to_native
+from bus_ros.rclpy.validate_topic_name import validate_namespace, validate_node_name
+
+__all__ = ["make_native", "service_qos"]
+
+
+class _Native(Node):
+    """Parameters are those of the facade's node; the one beneath has none."""
+
+    _takes_parameters = False
+
+
+def make_native(
+    name: str, namespace: str, words: Sequence[str], context: Context, enable_rosout: bool
+) -> Node:
+    validate_node_name(name)
+    try:
+        return _Native(
+            name, namespace=namespace, arguments=words, domain=context.domain_id, rosout=enable_rosout
+        )
+    except ConfigurationError:
+        if namespace:
+            validate_namespace(namespace if namespace.startswith("/") else f"/{namespace}")
+        raise
+
+
+def service_qos(profile: QoSProfile) -> native.QoSProfile:
+    """With ROS's default depth of 10, a burst of calls would lose some without a word."""
+    return SERVICE_QOS if profile == qos_profile_services_default else to_native(profile, for_both=True)
