@@ -172,7 +172,8 @@ class ServiceError(BusError):
 
 
 class ServiceUnavailable(BusError):
-    """Nobody serves the service, or all who were asked have left before they answered."""
+    """Nobody serves the service, or all who were asked have left before they answered, or busd has ended and
+    request or answer with it."""
 
     def __init__(self, service: str, why: str) -> None:
         super().__init__(f"service '{service}' is not available: {why}")

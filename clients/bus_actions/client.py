@@ -22,6 +22,7 @@ from bus.errors import (
 )
 from bus.names import validate_topic_name
 from bus.node import Node
+from bus.service.client import CallLost
 from bus_actions.action_type import ActionSupport, action_support
 from bus_actions.endpoints import ActionQoS, ClientEndpoints
 from bus_actions.errors import ActionUnavailable, GoalAborted, GoalCanceled, GoalRejected
@@ -32,8 +33,6 @@ __all__ = ["ActionClient", "ActionClientStatistics", "ClientGoal"]
 _ID_BYTES: Final = 16
 _MOST_FEEDBACK: Final = 1000
 """So much feedback of one goal waits for its reader; beyond, the oldest is dropped."""
-_GRACE_S: Final = 0.5
-"""So long after a goal has ended its result may take; then it was lost with busd, and is asked for again."""
 _LEFT: Final = "its server has left before the goal's end"
 
 
@@ -197,7 +196,6 @@ class ActionClient:
         self._sent: dict[int, _Sent] = {}
         self._results: dict[int, ClientGoal] = {}
         self._cancels: dict[int, asyncio.Future[Any]] = {}
-        self._look: asyncio.TimerHandle | None = None
         self._counts = dict.fromkeys(
             ("sent", "accepted", "rejected", "ended", "feedback", "feedback_dropped"), 0
         )
@@ -231,8 +229,6 @@ class ActionClient:
     async def close(self) -> None:
         """Leave the graph. Goals go on; who waits for them here gets ConnectionClosed. Twice is allowed."""
         ends, self._ends = self._ends, None
-        if self._look is not None:
-            self._look.cancel()
         if ends is not None:
             await ends.close()
 
@@ -259,9 +255,10 @@ class ActionClient:
     async def send_goal(self, goal: Any, *, goal_id: bytes | None = None) -> ClientGoal:
         """Send `goal` and wait until it is accepted; returns it, with feedback and result to come.
 
-        `goal_id` is 16 bytes, by default random ones. Raises ActionUnavailable where nobody serves or the
-        server leaves before it answers, GoalRejected where it does not take the goal, MessageTypeError for a
-        message of another class, LocalProtocolError where 1000 goals are on their way.
+        `goal_id` is 16 bytes, by default random ones. Raises ActionUnavailable where nobody serves, the
+        server leaves before it answers, or its answer was lost with busd; GoalRejected where it does not take
+        the goal, MessageTypeError for a message of another class, LocalProtocolError where 1000 goals are on
+        their way.
 
         Cancellation: a goal that is accepted nevertheless is canceled.
         """
@@ -285,6 +282,8 @@ class ActionClient:
         self._goals[goal_id] = sent.goal  # feedback may come before the answer
         self._counts["sent"] += 1
         outcome = await sent.answer
+        if isinstance(outcome, CallLost):
+            raise ActionUnavailable(self.name, "busd has ended meanwhile, and the goal or its answer is lost")
         if isinstance(outcome, ServiceUnavailable):
             raise ActionUnavailable(self.name, "its server has left before it answered")
         if isinstance(outcome, BusError):
@@ -319,6 +318,8 @@ class ActionClient:
         else:
             self._counts["rejected"] += not isinstance(outcome, BusError)
             del self._goals[goal.id]
+            if isinstance(outcome, CallLost):  # perhaps it is accepted, and nobody here would ever know
+                self._request_cancel(goal.id)
         if not sent.answer.done():
             sent.answer.set_result(outcome)
 
@@ -346,6 +347,15 @@ class ActionClient:
         return self._opened().cancel.send_request(support.cancel_goal.Request(goal_info=info))
 
     async def _cancel(self, goal_id: bytes) -> Any:
+        while isinstance(outcome := await self._ask_to_cancel(goal_id), CallLost):
+            pass  # asked for twice it is the same
+        if isinstance(outcome, ServiceUnavailable):
+            raise ActionUnavailable(self.name, "its server has left before it answered")
+        if isinstance(outcome, BusError):
+            raise again(outcome)
+        return outcome
+
+    async def _ask_to_cancel(self, goal_id: bytes) -> Any:
         ends = self._opened()
         try:
             ends.cancel._check_served()
@@ -355,15 +365,10 @@ class ActionClient:
             await ends.cancel._requests.wait_for_room()
         answer = self._cancels[number] = asyncio.get_running_loop().create_future()
         try:
-            outcome = await answer
+            return await answer
         finally:
             self._cancels.pop(number, None)
             ends.cancel.forget(number)
-        if isinstance(outcome, ServiceUnavailable):
-            raise ActionUnavailable(self.name, "its server has left before it answered")
-        if isinstance(outcome, BusError):
-            raise again(outcome)
-        return outcome
 
     def _take_canceled(self, number: int, outcome: Any) -> None:
         answer = self._cancels.pop(number, None)
@@ -373,6 +378,9 @@ class ActionClient:
     def _take_result(self, number: int, outcome: Any) -> None:
         goal = self._results.pop(number, None)
         if goal is None:
+            return
+        if isinstance(outcome, CallLost):  # the goal is not
+            self._request_result(goal)
             return
         if isinstance(outcome, ServiceUnavailable):
             outcome = self._without_result(goal)
@@ -405,14 +413,3 @@ class ActionClient:
             goal = self._goals.get(bytes(one.goal_info.goal_id.uuid))
             if goal is not None:
                 goal.status = max(goal.status, GoalStatus(one.status))
-                if goal.status.is_end and self._look is None and self._ends is not None:
-                    self._look = asyncio.get_running_loop().call_later(_GRACE_S, self._ask_again)
-
-    def _ask_again(self) -> None:
-        """For results that did not come: by the socket, busd may have died with question or answer."""
-        self._look = None
-        for number, goal in tuple(self._results.items()):
-            if goal.status.is_end and self._ends is not None:
-                del self._results[number]
-                self._ends.result.forget(number)
-                self._request_result(goal)

@@ -1,6 +1,7 @@
 """Actions of `bus_actions` on the test's daemon, by both routes and on both event loops."""
 
 import asyncio
+import signal
 from collections.abc import AsyncGenerator, AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
@@ -395,6 +396,51 @@ class TestBadEnds:
             may_end.set()
             assert (await goal.result()).reached == 5
             assert (await (await client.send_goal(Count.Goal())).result()).reached == 5
+
+    async def test_what_is_lost_with_busd(
+        self, daemon: Daemon, node: bus.Node, other: bus.Node, route: str
+    ) -> None:
+        """By the socket, when busd ends before it has read it: a goal, a cancellation, a result."""
+
+        may_end = asyncio.Event()
+
+        async def execute(goal: ServerGoal) -> AsyncGenerator[Any, None]:
+            yield Count.Feedback()
+            await may_end.wait()
+            yield Count.Result(reached=7)
+
+        @asynccontextmanager
+        async def losing(client: ActionClient) -> AsyncIterator[None]:
+            daemon.process.send_signal(signal.SIGSTOP)
+            yield
+            daemon.kill()
+            daemon.restart()
+            await client.wait_for_server()
+
+        async with serving(node, other, execute) as (server, client):
+            async with losing(client):
+                sending = asyncio.ensure_future(client.send_goal(Count.Goal()))
+                await until(lambda: client.statistics().sent == 1)
+            if route == "socket":
+                with pytest.raises(ActionUnavailable, match="busd has ended meanwhile, and the goal or its"):
+                    await sending
+                assert not server.goals
+            else:
+                assert await (await sending).cancel()
+            goal = await client.send_goal(Count.Goal())
+            await anext(goal)
+            async with losing(client):
+                canceling = asyncio.ensure_future(goal.cancel())
+                await until(lambda: client._cancels or canceling.done())
+            assert await canceling
+            with pytest.raises(GoalCanceled):
+                await goal.result()
+            goal = await client.send_goal(Count.Goal())
+            await anext(goal)
+            async with losing(client):
+                may_end.set()
+                await until(lambda: not server._running)
+            assert (await goal.result()).reached == 7
 
     async def test_the_server_closes(self, node: bus.Node, other: bus.Node) -> None:
         async with serving(node, other, wait, at_once=1) as (server, client):

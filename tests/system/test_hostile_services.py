@@ -47,7 +47,7 @@ _SHAPES: list[bytes] = [
     _encode([_GID, 1]),
     _encode({"client": _GID, "number": 1, "body": [1, 2]}),
 ]
-_BODIES: list[Any] = [None, 7, "x", ["a", "b"], [2**63, 0], {"a": 1}]
+_BODIES: list[Any] = [7, "x", ["a", "b"], [2**63, 0], {"a": 1}]
 
 BAD_REQUESTS = [
     *_SHAPES,
@@ -113,7 +113,8 @@ class TestLies:
     async def test_requests(self, node: bus.Node, other: bus.Node) -> None:
         service = await node.create_service(AddTwoInts, "add", add)
         client = await other.create_client(AddTwoInts, "add")
-        send(await liar(other, "/add/_request", _SUPPORT.requests), BAD_REQUESTS)
+        questions = [_SUPPORT.encode_question(_GID, number) for number in range(50)]  # of a stranger's calls
+        send(await liar(other, "/add/_request", _SUPPORT.requests), [*questions, *BAD_REQUESTS])
         await until(lambda: service.statistics().dropped == {"undecodable": len(BAD_REQUESTS)})
         assert (await client.call(asked(1, 2))).sum == 3
         assert service.statistics().requests == service.statistics().responses == 1
@@ -134,6 +135,7 @@ class TestLies:
         lies = bad_replies(client._gid)
         foreign = [_encode([_GID, 1, "", [4]]), _encode([_GID, 1, "it failed", None])]
         unasked = [_encode([client._gid, number, "", [5]]) for number in (0, 2, 2**64 - 1)]
+        unasked.append(_SUPPORT.encode_denial(client._gid, 3))
         send(await liar(other, "/add/_reply", _SUPPORT.replies(b"")), [*lies, *foreign, *unasked])
         await until(lambda: client.statistics().late == len(unasked))
         assert client._replies.statistics().dropped == {"undecodable": len(lies)}

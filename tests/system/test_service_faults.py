@@ -11,6 +11,7 @@ import pytest
 
 import bus
 from bus.msg import Message, string
+from bus.service import client as client_module
 from bus.srv.example_interfaces import AddTwoInts
 from bus.srv.std_srvs import Trigger
 from conftest import Daemon
@@ -290,3 +291,77 @@ class TestProcesses:
         assert (await client.call(asked(2))).sum == 2
         daemon.restart()
         await client.wait_for_service()
+
+
+class TestLostWithBusd:
+    """busd is stopped, then killed: what it had not read by then is lost by the socket, and only there."""
+
+    @pytest.fixture
+    async def ends(
+        self, node: bus.Node, other: bus.Node
+    ) -> tuple[bus.ServiceServer, bus.ServiceClient, list[bus.RequestId]]:
+        held: list[bus.RequestId] = []
+        service = await node.create_service(AddTwoInts, "add", on_request=lambda _, one: held.append(one))
+        client = await other.create_client(AddTwoInts, "add")
+        await client.wait_for_service()
+        return service, client, held
+
+    async def test_a_request(self, ends: Any, daemon: Daemon, route: str) -> None:
+        service, client, held = ends
+        daemon.process.send_signal(signal.SIGSTOP)
+        call = asyncio.ensure_future(client.call(asked(1)))
+        await until(lambda: client.statistics().pending == 1)
+        daemon.kill()
+        daemon.restart()
+        if route == "socket":
+            with pytest.raises(bus.ServiceUnavailable, match="busd has ended meanwhile, and the request or"):
+                await call
+            assert not held
+        else:
+            await until(lambda: held)
+            service.respond(held[0], AddTwoInts.Response(sum=1))
+            assert (await call).sum == 1
+
+    async def test_an_answer(self, ends: Any, daemon: Daemon, route: str) -> None:
+        service, client, held = ends
+        call = asyncio.ensure_future(client.call(asked(1)))
+        await until(lambda: held)
+        daemon.process.send_signal(signal.SIGSTOP)
+        service.respond(held[0], AddTwoInts.Response(sum=1))
+        daemon.kill()
+        daemon.restart()
+        if route == "socket":
+            with pytest.raises(bus.ServiceUnavailable, match="busd has ended meanwhile"):
+                await call
+        else:
+            assert (await call).sum == 1
+
+    async def test_what_is_still_at_work_is_not_lost(self, ends: Any, daemon: Daemon) -> None:
+        service, client, held = ends
+        call = asyncio.ensure_future(client.call(asked(1)))
+        await until(lambda: held)
+        daemon.kill()
+        second = asyncio.ensure_future(client.call(asked(2)))  # while busd is away
+        daemon.restart()
+        await until(lambda: len(held) == 2)
+        await client.wait_for_service()
+        await until(lambda: not any(one.is_doubtful for one in client._calls.values()))
+        for at, one in enumerate(held):
+            service.respond(one, AddTwoInts.Response(sum=at))
+        assert ((await call).sum, (await second).sum) == (0, 1)
+
+    async def test_a_server_that_ends_with_it(
+        self, other: bus.Node, daemon: Daemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(client_module, "RETURN_S", 0.5)
+        client = await other.create_client(AddTwoInts, "add")
+        async with server(tmp_path) as first:
+            await client.wait_for_service()
+            call = asyncio.ensure_future(client.call(asked(100)))
+            await first.line("asked 100")
+            daemon.kill()
+            first.process.send_signal(signal.SIGKILL)
+            await first.end()
+        daemon.restart()
+        with pytest.raises(bus.ServiceUnavailable, match="it has left while busd was away"):
+            await call

@@ -9,11 +9,13 @@ The subscription to replies is declared before the publisher of requests, so tha
 import asyncio
 from collections.abc import Callable
 from itertools import count
+from time import monotonic_ns
 from typing import Any, Final
 
 import msgspec
 
 from bus.base.awaited import done_anyway
+from bus.delivery.port import RETURN_S
 from bus.diagnostics.provoked import warn
 from bus.endpoint import NodeContext
 from bus.errors import BusError, LocalProtocolError, ServiceError, ServiceUnavailable, again
@@ -25,13 +27,16 @@ from bus.service.base import ServiceBase
 from bus.subscription import Subscription
 from bus.types.service import Reply
 
-__all__ = ["MAX_PENDING", "ServiceClient", "ServiceClientStatistics"]
+__all__ = ["MAX_PENDING", "CallLost", "ServiceClient", "ServiceClientStatistics"]
 
 MAX_PENDING: Final = 1000
 """Calls of one client that may wait for answers: as many as both sides keep by default."""
 
 # The news that a server has left may overtake its last answer: they travel by different queues.
 _GRACE_S: Final = 0.5
+
+_LOOK_S: Final = 1.0
+"""How often calls in doubt are looked after, where no server comes."""
 
 
 class ServiceClientStatistics(msgspec.Struct, frozen=True):
@@ -56,15 +61,24 @@ class ServiceClientStatistics(msgspec.Struct, frozen=True):
     """Servers matched now."""
 
 
+class CallLost(ServiceUnavailable):
+    """busd ended while the call was under way, and the request or the answer with it."""
+
+    def __init__(self, service: str) -> None:
+        super().__init__(service, "busd has ended meanwhile, and the request or its answer is lost")
+
+
 class _Call:
     """A pending call: the servers asked, and where the answer goes."""
 
-    __slots__ = ("asked", "deliver", "is_lost")
+    __slots__ = ("asked", "deliver", "is_doubtful", "is_lost")
 
     def __init__(self, asked: frozenset[bytes], deliver: Callable[[int, Any], object]) -> None:
         self.asked = asked
         self.deliver = deliver
         self.is_lost = False
+        self.is_doubtful = False
+        """busd has ended since, or was away: the server is to be asked whether it knows the call."""
 
 
 class ServiceClient(ServiceBase):
@@ -98,6 +112,9 @@ class ServiceClient(ServiceBase):
         self._calls: dict[int, _Call] = {}
         self._servers: frozenset[bytes] = frozenset()
         self._grace: asyncio.TimerHandle | None = None
+        self._doubts: asyncio.TimerHandle | None = None
+        self._back_ns = 0
+        """When the present busd was first seen, while there are doubts."""
         self._sent = self._answered = self._errors = self._late = 0
         self._requests = self._make_publisher(
             request_topic(service), self._support.requests, self._on_matched
@@ -114,9 +131,11 @@ class ServiceClient(ServiceBase):
     async def call(self, request: Any) -> Any:
         """Send `request` and wait for its answer, which may take for ever: use `asyncio.timeout`.
 
-        Raises ServiceUnavailable where nobody serves, or whoever does leaves before the answer; ServiceError
-        where the service's callback raised; LocalProtocolError where 1000 calls wait already; else as
-        `Publisher.publish`. Cancellation leaves nothing behind; the service may do its work all the same.
+        Raises ServiceUnavailable where nobody serves, whoever does leaves before the answer, or the call was
+        lost with busd; ServiceError where the service's callback raised; LocalProtocolError where 1000 calls
+        wait already; else as `Publisher.publish`.
+
+        Cancellation leaves nothing behind; the service may do its work all the same.
         """
         self._check_served()
         answer: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
@@ -196,7 +215,8 @@ class ServiceClient(ServiceBase):
             )
         number = next(self._numbers)
         payload = self._support.encode_request(self._gid, number, request)
-        self._calls[number] = _Call(self._servers, deliver)  # before it is sent: the answer may come at once
+        call = self._calls[number] = _Call(self._servers, deliver)  # the answer may come at once
+        call.is_doubtful = not self._requests._id
         is_sent = False
         try:
             is_sent = self._requests.publish_encoded(payload)
@@ -206,12 +226,14 @@ class ServiceClient(ServiceBase):
         if not is_sent:
             return 0
         self._sent += 1
+        if call.is_doubtful:
+            self._loop.call_soon_threadsafe(self._doubt)
         return number
 
     def _take(self, reply: Reply) -> None:
         if reply.client == self._gid:
             outcome = ServiceError(self.service_name, reply.error) if reply.error else reply.body
-            self._settle(reply.number, outcome)
+            self._settle(reply.number, CallLost(self.service_name) if outcome is None else outcome)
 
     def _settle(self, number: int, outcome: Any) -> None:
         call = self._calls.pop(number, None)
@@ -231,8 +253,15 @@ class ServiceClient(ServiceBase):
                 "last one: each gets every request, and the first answer counts",
             )
         gone = before - self._servers
-        if not gone or not self._requests._id:
-            return  # with busd away the servers are perhaps still there
+        if not self._requests._id:  # busd is away, the servers are perhaps still there
+            for call in tuple(self._calls.values()):
+                call.is_doubtful = True
+            self._doubt()
+            return
+        if self._doubts is not None:
+            self._ask()
+        if not gone:
+            return
         for call in tuple(self._calls.values()):
             if call.asked & gone:
                 call.asked -= gone
@@ -250,9 +279,52 @@ class ServiceClient(ServiceBase):
         reason = ServiceUnavailable(self.service_name, "it has left before it answered")
         self._fail([number for number, call in tuple(self._calls.items()) if call.is_lost], reason)
 
+    def _doubt(self) -> None:
+        """Look after calls that busd's end may have lost, until nothing is in doubt."""
+        if not self._requests._id:
+            self._back_ns = 0
+        if self._doubts is None and self._calls:
+            self._doubts = self._loop.call_later(_LOOK_S, self._look)
+
+    def _look(self) -> None:
+        self._doubts = None
+        if self._requests._id:
+            now_ns = monotonic_ns()
+            self._back_ns = self._back_ns or now_ns
+            if now_ns - self._back_ns >= RETURN_S * 1e9:
+                self._give_up_absent()
+            self._ask()
+        if any(call.is_doubtful for call in tuple(self._calls.values())):
+            self._doubts = self._loop.call_later(_LOOK_S, self._look)
+
+    def _ask(self) -> None:
+        """Ask the server, which is back, what has become of calls in doubt.
+
+        It answers behind what it has answered before. Where there are several, what one knows says nothing
+        of the others.
+        """
+        if len(self._servers) != 1:
+            return
+        for number, call in tuple(self._calls.items()):
+            if call.is_doubtful and call.asked <= self._servers:
+                question = self._support.encode_question(self._gid, number)
+                call.is_doubtful = not self._requests.publish_encoded(question)
+
+    def _give_up_absent(self) -> None:
+        """A server that is not back by now does not come."""
+        lost: list[int] = []
+        for number, call in tuple(self._calls.items()):
+            if call.is_doubtful:
+                left = call.asked & self._servers
+                if not (left if call.asked else self._servers):
+                    lost.append(number)
+                call.asked = left
+        self._fail(lost, ServiceUnavailable(self.service_name, "it has left while busd was away"))
+
     def _end(self, reason: BusError) -> None:
-        if self._grace is not None:
-            self._grace.cancel()
+        for timer in (self._grace, self._doubts):
+            if timer is not None:
+                timer.cancel()
         self._fail(list(self._calls), reason)
 
     def _fail(self, numbers: list[int], reason: BusError) -> None:

@@ -9,6 +9,7 @@ round. So when a request arrives here, its client can hear the answer already.
 
 import asyncio
 from collections.abc import Callable, Coroutine
+from contextlib import suppress
 from typing import Any, Final, NamedTuple
 
 import msgspec
@@ -28,6 +29,8 @@ from bus.types.service import Request
 __all__ = ["RequestId", "ServiceServer", "ServiceServerStatistics"]
 
 _MOST_AT_ONCE: Final = 100
+_MOST_AT_WORK: Final = 10_000
+"""So many requests without an answer are known; older ones count as lost."""
 
 
 class RequestId(NamedTuple):
@@ -94,6 +97,7 @@ class ServiceServer(ServiceBase):
     ) -> None:
         super().__init__(node, service, service_type, qos)
         self._taken = self._answered = self._errors = 0
+        self._at_work: dict[RequestId, None] = {}
         if (callback is None) is (on_request is None):
             raise TypeError("a service needs either a callback or on_request")
         self._work = None if callback is None else _Work(self, callback, node.on_error)
@@ -125,6 +129,7 @@ class ServiceServer(ServiceBase):
             payload = self._support.encode_response(*request_id, response)
         if not self._replies.publish_encoded(payload):
             return False
+        self._at_work.pop(request_id, None)
         self._answered += 1
         self._errors += bool(error)
         return True
@@ -162,12 +167,31 @@ class ServiceServer(ServiceBase):
         return f"clients={len(self._requests.matches)} requests={self._taken} responses={self._answered}"
 
     def _take(self, request: Request) -> None:
-        self._taken += 1
-        self._on_request(request.body, RequestId(request.client, request.number))
+        request_id = RequestId(request.client, request.number)
+        if request.body is not None:
+            self._begin(request_id)
+            self._on_request(request.body, request_id)
+        elif request_id not in self._at_work:
+            self._deny(request_id)
 
     async def _take_async(self, request: Request) -> None:
+        request_id = RequestId(request.client, request.number)
+        if request.body is not None:
+            self._begin(request_id)
+            await self._on_request(request.body, request_id)
+        elif request_id not in self._at_work:
+            self._deny(request_id)
+
+    def _begin(self, request_id: RequestId) -> None:
         self._taken += 1
-        await self._on_request(request.body, RequestId(request.client, request.number))
+        if len(self._at_work) >= _MOST_AT_WORK:
+            del self._at_work[next(iter(self._at_work))]
+        self._at_work[request_id] = None
+
+    def _deny(self, request_id: RequestId) -> None:
+        """A client asks for what is not at work here: its request, or the answer, was lost with busd."""
+        with suppress(BusError):
+            self._replies.publish_encoded(self._support.encode_denial(*request_id))
 
     def _end(self, reason: BusError) -> None:
         if self._work is not None:

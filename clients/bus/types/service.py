@@ -28,7 +28,8 @@ __all__ = ["GID_BYTES", "Reply", "Request", "ServiceSupport", "keeping_all", "me
 
 GID_BYTES: Final = 16
 _DIGITS: Final = 16
-_NOTHING: Final = Raw(b"\xc0")
+_NIL: Final = 0xC0
+_NOTHING: Final = Raw(bytes((_NIL,)))
 _MOST_TEXT: Final = 2000
 
 _HEAD: Final[list[dict[str, Any]]] = [
@@ -44,7 +45,7 @@ class Request(Struct, array_like=True):
     client: bytes
     number: int
     body: Any
-    """The message, once it is decoded."""
+    """The message, once it is decoded. None: the client asks whether this call is still at work."""
 
 
 class Reply(Struct, array_like=True):
@@ -54,6 +55,8 @@ class Reply(Struct, array_like=True):
     number: int
     error: str
     body: Any
+    """None without an error: the server has no such call at work, and has sent the answer, if there was one,
+    before."""
 
 
 # A server sends them back to all clients: what is longer is not taken.
@@ -132,7 +135,8 @@ class ServiceSupport:
             raw = read(payload)
             is_answer = raw.client == client and not raw.error
             # The bytes are those of a ring: they can't be kept undecoded.
-            body = decode_body(memoryview(raw.body)) if is_answer else None
+            view = memoryview(raw.body)
+            body = decode_body(view) if is_answer and view[0] != _NIL else None
             return Reply(raw.client, raw.number, raw.error, body)
 
         support = copy(self._answers)
@@ -147,6 +151,14 @@ class ServiceSupport:
         """Raises MessageTypeError where `response` is not of its class, or a field is wrong."""
         return _encode(_RawReply(client, number, "", Raw(self.response.encode_checked(response))))
 
+    def encode_question(self, client: bytes, number: int) -> bytes:
+        """Whether the call is still at work."""
+        return _encode(_RawRequest(client, number, _NOTHING))
+
+    def encode_denial(self, client: bytes, number: int) -> bytes:
+        """It is not."""
+        return _encode(_RawReply(client, number, "", _NOTHING))
+
     def encode_error(self, client: bytes, number: int, text: str) -> bytes:
         """An answer that says why there is none."""
         # Whatever an exception's text holds, it must be text on the wire.
@@ -155,7 +167,9 @@ class ServiceSupport:
 
     def _decode_request(self, payload: Any) -> Request:
         raw = self._read_request(payload)
-        return Request(raw.client, raw.number, self.request.decode(memoryview(raw.body)))
+        view = memoryview(raw.body)
+        body = self.request.decode(view) if view[0] != _NIL else None
+        return Request(raw.client, raw.number, body)
 
 
 @cache

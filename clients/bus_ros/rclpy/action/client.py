@@ -11,6 +11,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 from bus.errors import BusError, ServiceUnavailable
+from bus.service.client import CallLost
 from bus_actions.action_type import ActionSupport, action_support
 from bus_actions.endpoints import ClientEndpoints
 from bus_actions.errors import ActionUnavailable
@@ -33,9 +34,8 @@ from bus_ros.rclpy.waitable import NumberOfEntities
 
 __all__ = ["ActionClient", "ClientGoalHandle", "GoalStatus"]  # noqa: F822 - made by __getattr__
 
-_GRACE_S: Final = 0.5
-"""So long after a goal has ended its result may take; then it was lost with busd, and is asked for again."""
 _LEFT: Final = "its server has left before it answered"
+_LOST: Final = "busd has ended meanwhile, and the request or its answer is lost"
 _UNKNOWN: Final = int(State.UNKNOWN)
 _ENDS: Final = frozenset(int(state) for state in State if state.is_end)
 
@@ -129,7 +129,6 @@ class ActionClient(ActionEntity):
         self._pending_cancel_requests: dict[int, Future[Any]] = {}
         self._pending_result_requests: dict[int, tuple[Future[Any], bytes]] = {}
         self._waiters: list[Waiter] = []  # threads in calls that wait
-        self._overdue: set[bytes] = set()  # goals that have ended, and whose results have not come
         self._ends = ClientEndpoints()
         qos = action_qos(
             goal_service_qos_profile,
@@ -263,8 +262,8 @@ class ActionClient(ActionEntity):
             return False
         return True
 
-    def _unavailable(self) -> ActionUnavailable:
-        return ActionUnavailable(self._ends.action_name, _LEFT)
+    def _unavailable(self, why: str = _LEFT) -> ActionUnavailable:
+        return ActionUnavailable(self._ends.action_name, why)
 
     def _on_goal(self, number: int, outcome: Any) -> None:
         self._put_answer(self._finish_goal, number, outcome)
@@ -273,11 +272,14 @@ class ActionClient(ActionEntity):
         self._put_answer(self._finish_cancel, number, outcome)
 
     def _on_result(self, number: int, outcome: Any) -> None:
+        if isinstance(outcome, CallLost) and not self.is_destroyed:  # the goal is not: ask again
+            self._ask_for_result(*self._pending_result_requests.pop(number))
+            return
         self._put_answer(self._finish_result, number, outcome)
 
     def _put_answer(self, function: Any, number: int, outcome: Any) -> None:
         if isinstance(outcome, ServiceUnavailable):
-            outcome = self._unavailable()
+            outcome = self._unavailable(_LOST if isinstance(outcome, CallLost) else _LEFT)
         self._put(function, number, outcome)
         for waiter in self._waiters:
             waiter.set()
@@ -350,39 +352,20 @@ class ActionClient(ActionEntity):
         _finish(future, outcome)
 
     def _apply_status(self, message: Any) -> None:
-        asked = {key for _, key in tuple(self._pending_result_requests.values())}
-        if not asked and not self._goal_handles:
+        if not self._goal_handles:
             return
         for one in message.status_list:
             key = one.goal_info.goal_id.uuid
-            is_end = one.status in _ENDS
-            if is_end and key in asked:
-                self._look_later(key)
             reference = self._goal_handles.get(key)
             if reference is None:
                 continue
             goal_handle = reference()
             if goal_handle is not None:
                 goal_handle._status = one.status
-            if goal_handle is None or is_end:
+            if goal_handle is None or one.status in _ENDS:
                 del self._goal_handles[key]
 
     # --- inside, without the guard
-
-    def _look_later(self, key: bytes) -> None:
-        with self._engine.loop:
-            if not self._overdue:
-                self._engine.loop.call_later(_GRACE_S, self._ask_again)
-                self._engine.settle()
-            self._overdue.add(key)
-
-    def _ask_again(self) -> None:
-        """For results that did not come: by the socket, busd may have died with question or answer."""
-        overdue, self._overdue = self._overdue, set()
-        for number, (future, key) in tuple(self._pending_result_requests.items()):
-            if not self.is_destroyed and key in overdue and self._ends.result.forget(number):
-                del self._pending_result_requests[number]
-                self._ask_for_result(future, key)
 
     def _wait(self, future: Future[Any]) -> Any:
         """Until the future is done, whoever spins. Raises what it has as its exception."""
