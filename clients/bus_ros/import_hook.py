@@ -47,6 +47,7 @@ _SAME: Final = {
     "tf2_ros": "bus_tf2.tf2_ros",
     "tf2_sensor_msgs": "bus_tf2.tf2_sensor_msgs",
     "tf_transformations": "bus_tf2.tf_transformations",
+    "turtle_tf2_py": "bus_tf2.turtle_tf2_py",
 }
 """Packages whose modules, all of them, are those of one of ours."""
 
@@ -77,6 +78,7 @@ _ALIASES: Final = {
     "rosidl_runtime_py.convert": "bus_ros.rosidl.runtime",
     "rosidl_runtime_py.set_message": "bus_ros.rosidl.runtime",
     "rosidl_runtime_py.utilities": "bus_ros.rosidl.runtime",
+    "tf2_tools.view_frames": "bus_tf2.programs.view_frames",
 }
 _WITH_CLASS_FILES: Final = frozenset(
     (
@@ -90,6 +92,7 @@ _WITH_CLASS_FILES: Final = frozenset(
 _PACKAGES: Final = {
     "rosidl_parser": "",
     "rosidl_runtime_py": "bus_ros.rosidl.runtime",
+    "tf2_tools": "",
 }
 """Packages, and the module whose names they have."""
 
@@ -98,7 +101,7 @@ _MISSING: Final = frozenset(
         *("ament_package", "domain_coordinator", "image_geometry", "launch_pytest"),
         *("nav2_simple_commander", "ros2bag", "ros2cli", "ros2launch", "ros2node", "ros2param", "ros2pkg"),
         *("ros2run", "ros2service", "ros2topic", "rosbag2_py", "rosidl_adapter", "rosidl_generator_py"),
-        *("rpyutils", "rqt_gui", "rqt_gui_py", "sros2", "tf2_kdl", "turtle_tf2_py"),
+        *("rpyutils", "rqt_gui", "rqt_gui_py", "sros2", "tf2_kdl"),
     )
 )
 """Of ROS 2, and not here."""

@@ -42,6 +42,14 @@ _BUILT_IN = {
         "tf2_monitor": "bus_tf2.programs.tf2_monitor:main",
     },
     "tf2_tools": {"view_frames": "bus_tf2.programs.view_frames:main"},
+    "turtle_tf2_py": {
+        name: f"bus_tf2.turtle_tf2_py.{name}:main"
+        for name in (
+            *("dynamic_frame_tf2_broadcaster", "fixed_frame_tf2_broadcaster"),
+            *("static_turtle_tf2_broadcaster", "turtle_tf2_broadcaster", "turtle_tf2_listener"),
+            "turtle_tf2_message_broadcaster",
+        )
+    },
     "turtlesim": {
         name: f"bus_turtlesim.{name}:main"
         for name in ("draw_square", "mimic", "turtle_teleop_key", "turtlesim_node")

@@ -7,7 +7,6 @@ import pytest
 
 from bus_ros.rclpy.duration import Duration
 from bus_ros.rclpy.time import Time
-from bus_tf2.programs.buffer_server import BufferServer
 from bus_tf2.tf2_ros import (
     Buffer,
     BufferClient,
@@ -17,6 +16,7 @@ from bus_tf2.tf2_ros import (
     LookupException,
     TimeoutException,
 )
+from bus_tf2.tf2_ros.buffer_server import BufferServer
 from programs import on_one_loop, running
 from rclpy_world import World, arguments, in_thread, world
 from tf2_world import at, transform

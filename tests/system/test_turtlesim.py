@@ -262,3 +262,37 @@ async def test_keys_need_a_terminal(sim: Sim) -> None:
     program = await sim.run("turtle_teleop_key")
     assert await program.end() == 1
     assert program.lines[0] == "turtle_teleop_key reads keys from a terminal, and stdin is none"
+
+
+@on_one_loop
+async def test_a_turtle_follows_a_frame(sim: Sim, tmp_path: Path) -> None:
+    """The demonstration of ROS 2's tutorials on tf2."""
+    words = ("turtle_tf2_py", "turtle_tf2_fixed_frame_demo.launch.py", "target_frame:=carrot1")
+    async with running(tmp_path, *LAUNCH, *words, DISPLAY="") as demo:
+        await demo.line(r"^\[turtle_tf2_listener-4\] .* \[listener\]: Successfully spawned turtle2")
+
+        async def place() -> tuple[float, float]:
+            pose = await sim.pose("turtle2")
+            return pose["x"], pose["y"]
+
+        # The carrot is two metres to the left of turtle1, which looks to the right and stands still.
+        while abs((await place())[1] - 7.5) > 0.2:
+            pass
+        assert abs((await place())[0] - 5.5) < 0.2
+        await sim.end(demo, -signal.SIGINT)
+
+
+@on_one_loop
+async def test_a_turtle_that_does_not_move(sim: Sim, tmp_path: Path) -> None:
+    run = ("-m", "bus_cli", "run", "turtle_tf2_py", "static_turtle_tf2_broadcaster")
+    async with running(tmp_path, *run, "world", *"123000") as program:
+        assert await program.end() == 2
+        assert 'Your static turtle name cannot be "world"' in program.lines[-2]
+    async with running(tmp_path, *run, "robot", "1", "x", *"0000") as program:
+        assert await program.end() == 1
+        assert "could not convert string to float: 'x'" in program.lines[-2]
+    async with running(tmp_path, *run, "robot", *"123000"):
+        late = ("tf2_msgs/msg/TFMessage", "--qos-durability", "transient_local")
+        seen = await sim.bus("topic", "echo", "--once", "/tf_static", *late)
+    assert "child_frame_id: robot" in seen.out
+    assert "z: 3.0" in seen.out

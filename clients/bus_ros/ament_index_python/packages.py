@@ -25,7 +25,7 @@ __all__ = [
 
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]+")
 _SHIPPED: Final = Path(str(bus.__file__)).parent
-"""The prefix of the share folders that come with busd: definitions, and turtlesim's launch file."""
+"""The prefix of the share folders that come with busd: definitions, and launch files of turtles."""
 
 
 class PackageNotFoundError(KeyError):
