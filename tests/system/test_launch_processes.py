@@ -13,6 +13,7 @@ from bus_launch.launch.actions import (
     ExecuteProcess,
     GroupAction,
     LogInfo,
+    OpaqueFunction,
     RegisterEventHandler,
     SetEnvironmentVariable,
     SetLaunchConfiguration,
@@ -116,6 +117,13 @@ def test_an_error_at_the_end_keeps_no_process(capsys: pytest.CaptureFixture[str]
     assert last.return_code is None
     errors = [line.partition("): ")[2] for line in capsys.readouterr().out.splitlines() if "Caught" in line]
     assert errors == ["a period must be a number of seconds, not 'soon'", "list index out of range"]
+
+
+def test_an_error_behind_a_process_that_was_started() -> None:
+    """It ends in order, as all do."""
+    process = ExecuteProcess(cmd=["sleep", "1000"])
+    assert run(GroupAction([process]), OpaqueFunction(function=lambda context: [][1])) == 1
+    assert process.return_code == -signal.SIGINT
 
 
 def test_respawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

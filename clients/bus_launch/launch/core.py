@@ -15,6 +15,7 @@ __all__ = [
     "Condition",
     "Event",
     "EventHandler",
+    "Futures",
     "LaunchContext",
     "LaunchDescriptionEntity",
     "SomeActionsType",
@@ -30,6 +31,7 @@ __all__ = [
     "normalize_to_list_of_entities",
     "normalize_to_list_of_substitutions",
     "perform_substitutions",
+    "visit_all",
     "visit_all_entities_and_collect_futures",
 ]
 
@@ -418,17 +420,27 @@ def normalize_to_list_of_entities(entities: SomeEntitiesType | None) -> list[Lau
     return [one for entity in entities for one in normalize_to_list_of_entities(entity)]
 
 
+Futures: TypeAlias = "list[tuple[LaunchDescriptionEntity, asyncio.Future[Any]]]"
+
+
 def visit_all_entities_and_collect_futures(
     entity: LaunchDescriptionEntity, context: LaunchContext
-) -> "list[tuple[LaunchDescriptionEntity, asyncio.Future[Any]]]":
+) -> Futures:
     """Visit an entity, those that this returns, and so on; returns what is not done yet."""
+    found: Futures = []
+    visit_all(entity, context, found)
+    return found
+
+
+def visit_all(entity: LaunchDescriptionEntity, context: LaunchContext, found: Futures) -> None:
+    """As above; `found` also has the futures of those that were visited before one raised."""
     context._enter()
     try:
         below = entity.visit(context)
         future = entity.get_asyncio_future()
-        found = [(entity, future)] if future is not None else []
+        if future is not None:
+            found.append((entity, future))
         for one in below or ():
-            found += visit_all_entities_and_collect_futures(one, context)
-        return found
+            visit_all(one, context, found)
     finally:
         context._leave()

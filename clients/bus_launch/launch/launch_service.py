@@ -14,11 +14,12 @@ from typing import Any, Final
 from bus_launch.launch import child, logging
 from bus_launch.launch.core import (
     Event,
+    Futures,
     LaunchContext,
     LaunchDescriptionEntity,
     SomeEntitiesType,
     normalize_to_list_of_entities,
-    visit_all_entities_and_collect_futures,
+    visit_all,
 )
 from bus_launch.launch.errors import describe
 from bus_launch.launch.event_handlers import OnIncludeLaunchDescription, OnShutdown
@@ -151,12 +152,16 @@ class LaunchService:
 
     def __visit(self, entities: SomeEntitiesType | None) -> None:
         for entity in normalize_to_list_of_entities(entities):
-            for _, future in visit_all_entities_and_collect_futures(entity, self.__context):
-                if not future.done():
-                    self.__pending.add(future)
-                    future.add_done_callback(self.__done)
-                else:
-                    self.__done(future)
+            found: Futures = []
+            try:
+                visit_all(entity, self.__context, found)
+            finally:  # what was begun before one raised is to end in order, too
+                for _, future in found:
+                    if not future.done():
+                        self.__pending.add(future)
+                        future.add_done_callback(self.__done)
+                    else:
+                        self.__done(future)
 
     def __done(self, future: "asyncio.Future[Any]") -> None:
         self.__pending.discard(future)
