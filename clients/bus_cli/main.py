@@ -79,6 +79,12 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
             "set": "Trigger lifecycle state transition",
         },
     ),
+    "bag": (
+        "Various rosbag related sub-commands",
+        {
+            "record": "Record ROS data to a bag",
+        },
+    ),
     "tf2": (
         "Various tf2 related sub-commands",
         {

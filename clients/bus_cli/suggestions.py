@@ -30,7 +30,6 @@ __all__ = [
 _EXAMPLES = "example_interfaces/"
 
 _NOT_YET = {
-    "bag": "to record, write what bus topic echo --json prints into a file",
     "component": "several nodes in one process are several bus.Node in one main()",
     "control": "",
     "extension_points": "",

@@ -78,9 +78,10 @@ LINES = {
 """In this order, for each command."""
 ELSEWHERE = {
     *(f"topic {verb}" for verb in COMMANDS["topic"][1]),
-    *("node info", "node list", "daemon status", "metrics", "run", "launch", "test"),
+    *("node info", "node list", "daemon status", "metrics", "run", "launch", "test", "bag record"),
 }
-"""Other tests start processes of these: `tests/system/test_cli_{tool,metrics,run}.py`, `test_launch*.py`."""
+"""Other tests start processes of these: `tests/system/test_cli_{tool,metrics,run}.py`, `test_launch*.py`,
+`test_bag_*.py`."""
 
 
 @pytest.fixture

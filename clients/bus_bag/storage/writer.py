@@ -30,12 +30,14 @@ _MAX_CHANNELS = 1 << 16
 class BagWriter:
     """Writes a bag: `<folder>/<folder>_0.mcap` and so on, then metadata.yaml.
 
-    Messages are gathered in the caller's thread. What touches files are jobs, which are given to `run`: by
-    default they run at once; a recorder hands them to a thread, which must run them one at a time, in
-    order. A job raises BagFull where nothing more fits, and OSError for other faults; after both
-    `write_metadata` and `close` are still to be called, so that what was written becomes a readable bag.
+    Messages are gathered in the caller's thread. What touches files are jobs, which are given to `run`, each
+    with the bytes of messages that it writes: by default they run at once; a recorder hands them to a thread,
+    which must run them one at a time, in order. A job raises BagFull where nothing more fits, and OSError for
+    other faults; after both `write_metadata` and `close` are still to be called, so that what was written
+    becomes a readable bag.
 
-    `preset` is one of rosbag2's profiles. Raises BagError if the folder exists, for an unknown preset, and
+    `preset` is one of rosbag2's profiles. Of more than `most_files` files the oldest is deleted; 0: none is.
+    Raises BagError if the folder exists, for an unknown preset, and
     where the package `mcap` is missing; OSError if the folder can't be made.
     """
 
@@ -46,7 +48,8 @@ class BagWriter:
         preset: str = "none",
         custom_data: Mapping[str, str] | None = None,
         ros_distro: str = "jazzy",
-        run: Callable[[Job], None] | None = None,
+        most_files: int = 0,
+        run: Callable[[Job, int], None] | None = None,
     ) -> None:
         if preset not in PRESETS:
             valid = ", ".join(f"'{name}'" for name in PRESETS)
@@ -55,6 +58,7 @@ class BagWriter:
         self._preset = PRESETS[preset]
         self._custom_data = dict(custom_data or {})
         self._ros_distro = ros_distro
+        self._most_files = most_files
         self._run = run or _run_at_once
         self._builder = ChunkBuilder()
         self._limit = self._preset.chunk_bytes or _UNCHUNKED
@@ -63,6 +67,9 @@ class BagWriter:
         # Of the jobs, from here on:
         self._files: list[FileInformation] = []
         self._past: Counter[int] = Counter()
+        self._counts_of_files: list[Mapping[int, int]] = []
+        self._number = 0
+        self._deleted: Counter[int] = Counter()
         self._past_size = 0
         try:
             folder.mkdir(parents=True)
@@ -89,8 +96,13 @@ class BagWriter:
                 self._file.write_schema(schema, topic.type, definition)
             self._file.write_channel(channel, *entry)
 
-        self._run(add)
+        self._run(add, 0)
         return channel
+
+    def update_topic(self, channel: int, topic: TopicMetadata) -> None:
+        """More is known of a topic, such as what publishers offer: further files and metadata.yaml say so."""
+        schema, _, extra = self._topics[channel]
+        self._topics[channel] = (schema, topic, extra)
 
     def write(
         self, channel: int, log_time: int, publish_time: int, sequence: int, parts: Sequence[Buffer]
@@ -108,7 +120,7 @@ class BagWriter:
         """Have written what was gathered."""
         chunk = self._builder.close()
         if chunk is not None:
-            self._run(lambda: self._file.write_chunk(chunk))
+            self._run(lambda: self._file.write_chunk(chunk), chunk.size)
 
     def split(self) -> None:
         """Go on in the next file."""
@@ -117,19 +129,21 @@ class BagWriter:
 
         def split() -> None:
             self._close_file()
-            self._file = self._open(len(self._files))
+            self._delete_oldest()
+            self._number += 1
+            self._file = self._open(self._number)
             for (name, definition), number in schemas.items():
                 self._file.write_schema(number, name, definition)
             for channel, entry in enumerate(topics):
                 self._file.write_channel(channel, *entry)
 
-        self._run(split)
+        self._run(split, 0)
 
     def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add a record of texts to the present file, behind what was written."""
         self.flush()
         kept = dict(values)
-        self._run(lambda: self._file.write_metadata(name, kept))
+        self._run(lambda: self._file.write_metadata(name, kept), 0)
 
     def close(self) -> None:
         """Close the last file and write metadata.yaml."""
@@ -142,7 +156,12 @@ class BagWriter:
             beside.write_text(to_yaml(self.metadata()))
             beside.replace(path)
 
-        self._run(close)
+        self._run(close, 0)
+
+    @property
+    def gathered(self) -> int:
+        """Bytes of messages that wait for `flush`."""
+        return self._builder.size
 
     @property
     def size(self) -> int:
@@ -150,7 +169,8 @@ class BagWriter:
         return self._past_size + (self._file.size if self._file.is_open else 0)
 
     def counts(self) -> dict[str, int]:
-        """Topic -> messages that are in the files; what is gathered, waits or was lost is not in it."""
+        """Topic -> messages in the files, also in those deleted since; what waits or was lost is not in
+        it."""
         present = self._file.counts if self._file.is_open else {}
         counts: Counter[str] = Counter()
         for channel, (_, topic, _) in enumerate(list(self._topics)):
@@ -163,7 +183,9 @@ class BagWriter:
         with_messages = [file for file in files if file.message_count]
         start = min((file.starting_time for file in with_messages), default=0)
         end = max((file.starting_time + file.duration for file in with_messages), default=0)
-        counts = self.counts()
+        counts = Counter(self.counts())
+        for channel, (_, topic, _) in enumerate(list(self._topics)):
+            counts[topic.name] -= self._deleted[channel]
         topics: dict[str, TopicInformation] = {}
         for _, topic, _ in list(self._topics):
             topics.setdefault(topic.name, TopicInformation(topic, counts[topic.name]))
@@ -193,7 +215,15 @@ class BagWriter:
         finally:
             self._files.append(self._information())
             self._past.update(file.counts)
+            self._counts_of_files.append(dict(file.counts))
             self._past_size += file.size
+
+    def _delete_oldest(self) -> None:
+        """Make room for the next file."""
+        while self._most_files and len(self._files) >= self._most_files:
+            (self.folder / self._files[0].path).unlink(missing_ok=True)
+            del self._files[0]
+            self._deleted.update(self._counts_of_files.pop(0))
 
     def _information(self) -> FileInformation:
         file = self._file
@@ -202,5 +232,5 @@ class BagWriter:
         )
 
 
-def _run_at_once(job: Job) -> None:
+def _run_at_once(job: Job, size: int) -> None:
     job()

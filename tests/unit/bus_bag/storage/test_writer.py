@@ -71,7 +71,7 @@ def test_what_a_file_says(tmp_path: Path) -> None:
 def test_jobs_of_another_thread(tmp_path: Path) -> None:
     """Nothing touches a file before its job runs; all else is known at once."""
     jobs: list[Callable[[], None]] = []
-    writer, channels = begin_bag(tmp_path / "walk", run=jobs.append)
+    writer, channels = begin_bag(tmp_path / "walk", run=lambda job, size: jobs.append(job))
     size = writer.size
     write(writer, channels, said(10))
     writer.close()

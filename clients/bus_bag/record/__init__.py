@@ -1,0 +1,1 @@
+"""Recording: what there is on the bus, into a bag."""

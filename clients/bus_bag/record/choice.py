@@ -1,0 +1,142 @@
+"""Which topics are recorded: what the options say, held against a graph. Pure.
+
+The rules are those of rosbag2's topic filter: names, types and the regular expression add up; what is
+excluded is left out of all that, and so are hidden topics. Events of services stand on topics of their own,
+which options for topics don't choose. The topics by which services are called are none to a user.
+"""
+
+import re
+from collections.abc import Iterable
+from re import Pattern
+
+import msgspec
+
+from bus.errors import ConfigurationError
+from bus.graph import Graph, GraphEndpoint
+from bus.names import is_hidden_topic, service_of_topic
+
+__all__ = ["Choice", "Found", "Wanted"]
+
+_EVENTS = "/_service_event"
+
+
+class Wanted(msgspec.Struct, frozen=True, kw_only=True):
+    """What the options of `bus bag record` choose. Names have a slash in front."""
+
+    topics: frozenset[str] = frozenset()
+    services: frozenset[str] = frozenset()
+    topic_types: frozenset[str] = frozenset()
+    regex: str = ""
+    all_topics: bool = False
+    all_services: bool = False
+    exclude_topics: frozenset[str] = frozenset()
+    exclude_services: frozenset[str] = frozenset()
+    exclude_topic_types: frozenset[str] = frozenset()
+    exclude_regex: str = ""
+    include_hidden_topics: bool = False
+    include_unpublished_topics: bool = False
+    ignore_leaf_topics: bool = False
+
+    @property
+    def is_by_name(self) -> bool:
+        """Whether there is nothing more to be found once all that is named is there."""
+        return not (self.topic_types or self.regex or self.all_topics or self.all_services)
+
+
+class Found(msgspec.Struct, frozen=True):
+    """A topic that is to be recorded."""
+
+    topic: str
+    type_name: str
+    type_hash: str
+
+
+class Choice:
+    """Chooses for one recorder, whose node is called `own_node`.
+
+    Raises ConfigurationError for what is no regular expression.
+    """
+
+    def __init__(self, wanted: Wanted, own_node: str) -> None:
+        self._wanted = wanted
+        self._own_node = own_node
+        self._events = frozenset(service + _EVENTS for service in wanted.services)
+        self._excluded_events = frozenset(service + _EVENTS for service in wanted.exclude_services)
+        self._regex = _compiled(wanted.regex)
+        self._exclude_regex = _compiled(wanted.exclude_regex)
+        self._said: set[str] = set()
+
+    def choose(self, graph: Graph) -> tuple[list[Found], list[str]]:
+        """The topics to be recorded, sorted by name; and why others that were wanted are not, each said
+        once."""
+        found, reasons = [], []
+        types: dict[str, set[tuple[str, str]]] = {}
+        for endpoint in graph.publishers:
+            types.setdefault(endpoint.topic, set()).add((endpoint.type_name, endpoint.type_hash))
+        heard: dict[str, list[GraphEndpoint]] = {}
+        for endpoint in graph.subscriptions:
+            heard.setdefault(endpoint.topic, []).append(endpoint)
+        if self._wanted.include_unpublished_topics:
+            for topic, endpoints in heard.items():
+                if topic not in types:
+                    types[topic] = {(one.type_name, one.type_hash) for one in endpoints}
+        for topic, kinds in sorted(types.items()):
+            if self._wanted.ignore_leaf_topics and not self._has_others(heard.get(topic, ())):
+                continue
+            names = {name for name, _ in kinds}
+            if service_of_topic(topic) is not None or not self._wants(topic, names):
+                continue
+            if (
+                not self._wanted.include_hidden_topics
+                and is_hidden_topic(topic)
+                and not _is_event(topic, names)
+            ):
+                reason = "Hidden topics are not recorded. Enable them with --include-hidden-topics"
+            elif len(kinds) > 1:
+                reason = (
+                    f"Topic '{topic}' has more than one type associated. "
+                    "Only topics with one type are supported"
+                )
+            else:
+                ((type_name, type_hash),) = kinds
+                found.append(Found(topic, type_name, type_hash))
+                continue
+            if reason not in self._said:
+                self._said.add(reason)
+                reasons.append(reason)
+        return found, reasons
+
+    def is_complete(self, recorded: Iterable[str]) -> bool:
+        """Whether all that was named is recorded, and nothing else is wanted."""
+        return self._wanted.is_by_name and (self._wanted.topics | self._events) <= set(recorded)
+
+    def _has_others(self, subscriptions: Iterable[GraphEndpoint]) -> bool:
+        return any(one.node.full_name != self._own_node for one in subscriptions)
+
+    def _wants(self, topic: str, types: set[str]) -> bool:
+        wanted = self._wanted
+        is_event = _is_event(topic, types)
+        if self._exclude_regex is not None and self._exclude_regex.search(topic):
+            return False
+        if is_event:
+            if topic in self._excluded_events:
+                return False
+            is_named = wanted.all_services or topic in self._events
+        else:
+            if topic in wanted.exclude_topics or types & wanted.exclude_topic_types:
+                return False
+            is_named = wanted.all_topics or topic in wanted.topics or bool(types & wanted.topic_types)
+        return is_named or (self._regex is not None and bool(self._regex.search(topic)))
+
+
+def _is_event(topic: str, types: set[str]) -> bool:
+    return topic.endswith(_EVENTS) and all(name.endswith("_Event") for name in types)
+
+
+def _compiled(pattern: str) -> Pattern[str] | None:
+    if not pattern:
+        return None
+    try:
+        return re.compile(pattern)
+    except re.error as error:
+        raise ConfigurationError(f"'{pattern}' is no regular expression: {error}") from None

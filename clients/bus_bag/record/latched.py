@@ -1,0 +1,102 @@
+"""The transient local history of each publisher, as the recorder has seen it. Pure.
+
+A file of a split begins with it, so that it can be played by itself; a recording that was paused takes up
+what came meanwhile.
+"""
+
+from collections import deque
+from collections.abc import Mapping
+from typing import Generic, NamedTuple, TypeVar
+
+__all__ = ["MOST_BYTES", "MOST_MESSAGES", "Latched", "LatchedState"]
+
+T = TypeVar("T")
+
+MOST_MESSAGES = 1000
+MOST_BYTES = 64 << 20
+"""So much is kept of one publisher; the newest message always is."""
+
+RETURN_NS = 10_000_000_000
+"""A publisher that was gone for longer will not be back."""
+
+
+class Latched(NamedTuple, Generic[T]):
+    """A message that late joiners get."""
+
+    topic: str
+    publisher: bytes
+    message: T
+
+
+class _Kept(Generic[T]):
+    """What one publisher keeps: each message with its bytes, and whether it was written."""
+
+    __slots__ = ("bytes", "depth", "gone_ns", "messages")
+
+    def __init__(self) -> None:
+        self.depth = 1
+        self.messages: deque[tuple[T, int, bool]] = deque()
+        self.bytes = 0
+        self.gone_ns: int | None = None
+
+    def trim(self) -> None:
+        while len(self.messages) > 1 and (len(self.messages) > self.depth or self.bytes > MOST_BYTES):
+            self.bytes -= self.messages.popleft()[1]
+
+
+class LatchedState(Generic[T]):
+    """The last messages of each publisher that offers some."""
+
+    def __init__(self) -> None:
+        self._kept: dict[tuple[str, bytes], _Kept[T]] = {}
+        self.has_unwritten = False
+
+    def is_offered(self, topic: str, publisher: bytes) -> bool:
+        """Whether this publisher keeps some."""
+        return (topic, publisher) in self._kept
+
+    def offers(self, topic: str, offers: Mapping[bytes, int], now_ns: int) -> None:
+        """The publishers of `topic` that are there and keep some: gid -> depth (0: all). Others are gone.
+
+        A publisher that is gone only for a moment, because busd restarts, is as one that was there all the
+        time.
+        """
+        for publisher, depth in offers.items():
+            kept = self._kept.setdefault((topic, publisher), _Kept())
+            kept.depth, kept.gone_ns = min(depth or MOST_MESSAGES, MOST_MESSAGES), None
+            kept.trim()
+        for key in [one for one in self._kept if one[0] == topic and one[1] not in offers]:
+            gone_ns = self._kept[key].gone_ns
+            if gone_ns is None:
+                self._kept[key].gone_ns = now_ns
+            elif now_ns - gone_ns > RETURN_NS:
+                del self._kept[key]
+
+    def add(self, topic: str, publisher: bytes, message: T, size: int, *, is_written: bool) -> None:
+        """That publisher's newest message, of `size` bytes."""
+        kept = self._kept[topic, publisher]
+        kept.messages.append((message, size, is_written))
+        self.has_unwritten |= not is_written
+        kept.bytes += size
+        kept.trim()
+
+    def state(self, now_ns: int) -> list[Latched[T]]:
+        """What a late joiner would get now; of each publisher in its order. It counts as written."""
+        found: list[Latched[T]] = []
+        for (topic, publisher), kept in tuple(self._kept.items()):
+            if kept.gone_ns is not None and now_ns - kept.gone_ns > RETURN_NS:
+                del self._kept[topic, publisher]
+                continue
+            found += [Latched(topic, publisher, message) for message, _, _ in kept.messages]
+            kept.messages = deque((message, size, True) for message, size, _ in kept.messages)
+        self.has_unwritten = False
+        return found
+
+    def take_unwritten(self) -> list[Latched[T]]:
+        """What was not written until now, and counts as written from now on."""
+        found: list[Latched[T]] = []
+        for (topic, publisher), kept in self._kept.items():
+            found += [Latched(topic, publisher, message) for message, _, done in kept.messages if not done]
+            kept.messages = deque((message, size, True) for message, size, _ in kept.messages)
+        self.has_unwritten = False
+        return found

@@ -1,0 +1,318 @@
+"""From what was taken to the file: the cache, encoding, chunks, further files, and the thread that writes.
+
+Everything here runs on the event loop but the jobs, which run in the thread one after the other. The loop
+never waits for the disk: what it can't hand over waits in the cache.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from pathlib import Path
+from time import monotonic_ns
+
+from bus.errors import BusError
+from bus_bag.errors import BagError
+from bus_bag.losses import RECORD, TopicLosses, to_record
+from bus_bag.record.cache import Cache
+from bus_bag.record.latched import Latched, LatchedState
+from bus_bag.record.options import RecordOptions
+from bus_bag.record.splitting import Splitting
+from bus_bag.record.topic import Batch, RecordedTopic, Sample
+from bus_bag.record.writing import WritingThread
+from bus_bag.storage import BagWriter
+from bus_bag.storage.writer import Job
+from bus_ros.cdr import CdrError
+
+__all__ = ["Pipeline"]
+
+_MOST_IN_FLIGHT = 8 << 20
+"""Bytes in chunks that wait for the thread, or are being written."""
+
+_TURN_NS = 2_000_000
+"""How long the event loop may be held up by encoding: meanwhile nothing is taken."""
+
+_Faults = (BusError, OSError)
+
+
+class Pipeline:
+    """Of one recording. `now_ns` is the clock of log times. In the writing thread `on_progress` is called
+    after each job, and `on_split(closed, opened)`; on the event loop `on_reject(topic, error)` for what is no
+    message of its type.
+
+    Raises BagError or OSError where the bag can't be begun.
+    """
+
+    def __init__(
+        self,
+        options: RecordOptions,
+        *,
+        now_ns: Callable[[], int],
+        on_progress: Callable[[], object],
+        on_split: Callable[[Path, Path], None],
+        on_reject: Callable[[RecordedTopic, CdrError], object],
+    ) -> None:
+        self._now_ns = now_ns
+        self._on_split = on_split
+        self._on_reject = on_reject
+        self._is_snapshot = options.is_snapshot
+        self._cache: Cache[tuple[Batch, bool]] = Cache(
+            options.max_cache_size, is_circular=options.is_snapshot
+        )
+        self._splitting = Splitting(options.max_bag_size, options.max_bag_duration)
+        self._latched: LatchedState[Sample] = LatchedState()
+        self._topics: dict[str, RecordedTopic] = {}
+        self._files = 1
+        self._failure: BaseException | None = None
+        self._is_ending = False
+        self._thread: WritingThread | None = None
+        self.messages = 0
+        """That were given to the file."""
+        self.bytes = 0
+        self._writer = BagWriter(
+            options.folder,
+            preset=options.preset,
+            custom_data=options.custom_data,
+            ros_distro="jazzy",
+            most_files=options.max_bag_files,
+            run=self._run,
+        )
+        if options.max_cache_size:
+            self._thread = WritingThread(on_progress)
+
+    def _run(self, job: Job, size: int) -> None:
+        if self._is_ending:
+            job()
+        elif self._thread is not None:
+            self._thread.run(job, size)
+        elif self._failure is None:
+            try:
+                job()
+            except _Faults as error:
+                self._failure = error
+
+    # --- how things are
+
+    @property
+    def failure(self) -> BaseException | None:
+        """Why nothing more can be written."""
+        return self._failure if self._thread is None else self._thread.failure
+
+    @property
+    def cached(self) -> int:
+        """Bytes that are on their way to the file."""
+        return self._cache.bytes + self._in_flight
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether nothing is on its way to the file."""
+        return (
+            (self._is_snapshot or not self._cache)
+            and not self._writer.gathered
+            and (self._thread is None or self._thread.is_idle)
+        )
+
+    def losses(self) -> dict[str, TopicLosses]:
+        """The accounts now."""
+        self._settle_cache()
+        return {name: topic.losses() for name, topic in self._topics.items()}
+
+    @property
+    def _in_flight(self) -> int:
+        return self._writer.gathered + (0 if self._thread is None else self._thread.waiting_bytes)
+
+    @property
+    def _size(self) -> int:
+        """Bytes of all files, with what is on its way there."""
+        return self._writer.size + self._in_flight
+
+    # --- messages in
+
+    def add(self, topic: RecordedTopic) -> None:
+        """From now on there may be messages of it."""
+        self._topics[topic.name] = topic
+
+    def offers(self, topic: RecordedTopic, depths: Mapping[bytes, int], *, is_new: bool) -> None:
+        """The publishers of `topic` that keep messages for late joiners: gid -> depth (0: all).
+
+        `is_new`: the metadata of the topic have changed.
+        """
+        self._latched.offers(topic.name, depths, monotonic_ns())
+        if topic.channel is not None and is_new:
+            self._writer.update_topic(topic.channel, topic.metadata)
+
+    def put(self, topic: RecordedTopic, samples: Batch, *, is_paused: bool) -> None:
+        """These were taken; while the recording is paused, only the state of latched topics is kept."""
+        size = 0
+        for payload, _ in samples:
+            size += len(payload)
+        if self._is_snapshot:
+            self._keep(topic, samples, is_written=False)
+        self._cache.put(topic.name, (samples, is_paused), len(samples), size)
+
+    def resume(self) -> None:
+        """What latched topics have said while the recording was paused comes first."""
+        for topic in self._topics.values():
+            self.put(topic, [], is_paused=False)
+            return
+
+    # --- messages out
+
+    def pump(self) -> bool:
+        """Encode and hand over what there is room for, for a while; returns whether there is more to do."""
+        if self._is_snapshot:
+            return False
+        until_ns = monotonic_ns() + _TURN_NS
+        while self._in_flight < _MOST_IN_FLIGHT and (taken := self._cache.take()) is not None:
+            self._write(self._topics[taken[0]], *taken[1])
+            if monotonic_ns() >= until_ns:
+                break
+        return bool(self._cache) and self._in_flight < _MOST_IN_FLIGHT
+
+    def flush(self) -> None:
+        """Have written what was gathered."""
+        if self._writer.gathered:
+            self._writer.flush()
+
+    def snapshot(self) -> None:
+        """Write all that the memory has, after the state of latched topics that has left it."""
+        self._settle_cache()
+        batches = []
+        while (taken := self._cache.take()) is not None:
+            batches.append(taken)
+        present = {id(sample) for _, (samples, _), _ in batches for sample in samples}
+        left = [one for one in self._latched.take_unwritten() if id(one.message) not in present]
+        self._take_up(left)
+        for name, (samples, is_paused), _ in batches:
+            self._write(self._topics[name], samples, is_paused)
+        self._writer.flush()
+
+    def split(self, log_time: int | None = None) -> None:
+        """Go on in the next file, which begins with the state of latched topics, at `log_time`."""
+        name, number = self._writer.folder.name, self._files
+        self._files += 1
+        self.write_losses()
+        self._writer.split()
+        self._splitting.split(self._size)
+        closed, opened = (self._writer.folder / f"{name}_{n}.mcap" for n in (number - 1, number))
+        self._run(partial(self._on_split, closed, opened), 0)
+        now_ns = self._now_ns() if log_time is None else log_time
+        for one in self._latched.state(monotonic_ns()):
+            topic = self._topics[one.topic]
+            if topic.channel is not None:
+                topic.repeated += self._write_one(topic, topic.channel, one.message, now_ns)
+
+    def write_losses(self) -> None:
+        """Put the accounts into the file."""
+        self._writer.write_metadata(RECORD, to_record(self.losses()))
+
+    def _write(self, topic: RecordedTopic, samples: Batch, is_paused: bool) -> None:
+        if is_paused:
+            topic.passed_over += len(samples)
+            self._keep(topic, samples, is_written=False)
+            return
+        if self._latched.has_unwritten and not self._is_snapshot:
+            self._take_up(self._latched.take_unwritten())
+        channel = self._channel(topic)
+        if self._splitting or topic.is_latched:
+            for sample in samples:
+                log_time = sample[1][1]
+                if self._splitting.is_due(self._size, log_time):
+                    self.split(log_time)
+                topic.written += self._write_one(topic, channel, sample, log_time)
+            if not self._is_snapshot:
+                self._keep(topic, samples, is_written=True)
+            return
+        encode, write, total, written = topic.encode, self._writer.write, 0, 0
+        for payload, (source_time, log_time, number, _, _) in samples:
+            try:
+                parts = encode(payload)
+            except CdrError as error:
+                self._reject(topic, error)
+                continue
+            total += write(channel, log_time, source_time, number, parts)
+            written += 1
+        topic.written += written
+        self.messages += written
+        self.bytes += total
+
+    def _write_one(self, topic: RecordedTopic, channel: int, sample: Sample, log_time: int) -> int:
+        """Returns how many were written: 1, or 0 for what is no message of the type."""
+        payload, info = sample
+        try:
+            parts = topic.encode(payload)
+        except CdrError as error:
+            self._reject(topic, error)
+            return 0
+        self.bytes += self._writer.write(channel, log_time, info[0], info[2], parts)
+        self.messages += 1
+        return 1
+
+    def _take_up(self, state: Iterable[Latched[Sample]]) -> None:
+        """Write what was passed over, as the state of this moment."""
+        now_ns = self._now_ns()
+        for one in state:
+            topic = self._topics[one.topic]
+            topic.passed_over -= 1
+            topic.written += self._write_one(topic, self._channel(topic), one.message, now_ns)
+
+    def _channel(self, topic: RecordedTopic) -> int:
+        if topic.channel is None:
+            topic.channel = self._writer.add_topic(topic.metadata, topic.codec.definition, topic.extra)
+        return topic.channel
+
+    def _keep(self, topic: RecordedTopic, samples: Batch, *, is_written: bool) -> None:
+        if topic.is_latched:
+            for sample in samples:
+                if self._latched.is_offered(topic.name, sample[1].publisher_gid):
+                    self._latched.add(
+                        topic.name, sample[1].publisher_gid, sample, len(sample[0]), is_written=is_written
+                    )
+
+    def _reject(self, topic: RecordedTopic, error: CdrError) -> None:
+        topic.lose("undecodable", 1)
+        self._on_reject(topic, error)
+
+    def _settle_cache(self) -> None:
+        """What the cache has lost since the last look goes to the accounts."""
+        lost, self._cache.lost = self._cache.lost, {}
+        for name, count in lost.items():
+            if self._is_snapshot:
+                self._topics[name].passed_over += count
+            else:
+                self._topics[name].lose("recorder_cache", count)
+
+    # --- the end
+
+    def drop(self) -> None:
+        """Give up what is on its way to the file, but for what is being written."""
+        self._settle_cache()
+        for name, count in self._cache.clear().items():
+            if self._is_snapshot:
+                self._topics[name].passed_over += count
+            else:
+                self._topics[name].lose("not_written", count)
+        if self._thread is not None:
+            self._thread.drop()
+
+    def close(self, patience_s: float | None = None) -> dict[str, TopicLosses]:
+        """End the bag, once it is idle, has failed, or was dropped; returns the accounts.
+
+        Raises BagError or OSError where that can't be done, as where the disk takes longer than `patience_s`.
+        """
+        self.drop()
+        if self._thread is not None:
+            if not self._thread.end(patience_s):
+                raise BagError(f"the disk does not answer: '{self._writer.folder}' is left as it is")
+            self._failure, self._thread = self._thread.failure, None
+        self._is_ending = True
+        if self._failure is None:
+            for topic in self._topics.values():
+                self._channel(topic)
+        counts = self._writer.counts()
+        for topic in self._topics.values():
+            if missing := topic.written + topic.repeated - counts.get(topic.name, 0):
+                topic.written -= missing
+                topic.lose("not_written", missing)
+        losses = {name: one.closed() for name, one in self.losses().items()}
+        self._writer.write_metadata(RECORD, to_record(losses))
+        self._writer.close()
+        return losses

@@ -1,0 +1,109 @@
+"""A recording as a program: the signals that end it, the keys, the line on the terminal, what is said at the
+end."""
+
+import asyncio
+import signal
+from collections.abc import Callable
+from time import monotonic_ns
+
+from bus.node import Node
+from bus.runner import loop_factory
+from bus_bag.errors import BagError
+from bus_bag.keyboard import Keyboard
+from bus_bag.losses import TopicLosses, lines
+from bus_bag.record.options import RecordOptions
+from bus_bag.record.recorder import Recorder
+from bus_bag.record.services import serve
+from bus_bag.record.status import Status
+from bus_bag.status_line import StatusLine
+
+__all__ = ["run"]
+
+_SPACE = b" "
+
+
+def run(options: RecordOptions, open_node: Callable[[], Node]) -> int:
+    """Record until Ctrl-C, SIGTERM, or a full disk; returns the exit code.
+
+    A second Ctrl-C gives up what still waits for the file. Raises BagError, OSError and ConfigurationError
+    where the recording can't begin, BagError where it has failed, with what is in the bag.
+    """
+    with asyncio.Runner(loop_factory=loop_factory()) as runner:
+        return runner.run(_record(options, open_node))
+
+
+async def _record(options: RecordOptions, open_node: Callable[[], Node]) -> int:
+    loop, ending = asyncio.get_running_loop(), _Ending()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, ending.end)
+    line = StatusLine()
+    try:
+        async with open_node() as node:
+            recorder = Recorder(node, options)
+            ending.recorder = recorder
+            if ending.is_due:
+                recorder.stop()
+            await serve(node, recorder)
+            keyboard = None
+            if options.has_keys and Keyboard.is_there():
+                keyboard = Keyboard(lambda keys: _press(recorder, keys), line.erase)
+                node.get_logger().info("Press SPACE for pausing/resuming")
+            showing = asyncio.create_task(_show(recorder, line, options.progress_hz))
+            try:
+                losses = await recorder.run()
+            finally:
+                showing.cancel()
+                line.close()
+                if keyboard is not None:
+                    keyboard.close()
+            _tell(node, losses)
+            if recorder.failure is not None:
+                raise BagError(f"{recorder.failure}; the bag has what came before")
+    finally:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.remove_signal_handler(number)
+    return 0
+
+
+class _Ending:
+    """What the signals do, also before there is a recorder."""
+
+    def __init__(self) -> None:
+        self.recorder: Recorder | None = None
+        self.is_due = False
+
+    def end(self) -> None:
+        self.is_due = True
+        if self.recorder is not None:
+            self.recorder.stop()
+
+
+def _press(recorder: Recorder, keys: bytes) -> None:
+    for _ in range(keys.count(_SPACE)):
+        recorder.toggle_paused()
+
+
+async def _show(recorder: Recorder, line: StatusLine, hz: float) -> None:
+    if not line.is_shown or hz <= 0:
+        return
+    status = Status(monotonic_ns())
+    while True:
+        pipeline = recorder.pipeline
+        text = status.line(
+            monotonic_ns(),
+            pipeline.messages,
+            pipeline.bytes,
+            pipeline.cached,
+            recorder.lost(),
+            is_paused=recorder.is_paused,
+        )
+        line.show(text)
+        await asyncio.sleep(1 / hz)
+
+
+def _tell(node: Node, losses: dict[str, TopicLosses]) -> None:
+    log = node.get_logger()
+    if lost := "".join(f"\n\t{one}" for one in lines(losses)):
+        total = sum(sum(one.lost.values()) for one in losses.values())
+        log.warning(f"Messages lost per topic: {lost}\nTotal lost: {total}")
+    log.info("Recording stopped")

@@ -1,0 +1,121 @@
+"""One topic that is recorded: its subscription, how its messages become CDR, what was counted."""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from bus.qos import Durability, QoSProfile, Reliability
+from bus.schema import MessageSchema
+from bus.subscription import MessageInfo, Subscription, SubscriptionStatistics
+from bus_bag.losses import TopicLosses
+from bus_bag.metadata import TopicMetadata
+from bus_bag.record.choice import Found
+from bus_bag.schemas import SCHEMA, TYPE_HASH, schema_to_text
+from bus_ros.cdr import Codec, codec_of
+
+__all__ = ["Batch", "RecordedTopic", "Sample", "profile_for"]
+
+_DEPTH, _DEPTH_OF_BULK = 1000, 20
+"""How many messages may wait until they are taken; of types with images and the like fewer: the publisher's
+memory grows with it."""
+_BULK = ("uint8[]", "byte[]")
+
+
+def profile_for(schema: MessageSchema) -> QoSProfile:
+    """What a recorder subscribes with: it matches every offer, holds nobody up, and gets what publishers
+    keep."""
+    fields = [field["type"] for kind in schema.description["types"].values() for field in kind["fields"]]
+    is_bulk = any(field in _BULK for field in fields)
+    return QoSProfile(
+        _DEPTH_OF_BULK if is_bulk else _DEPTH,
+        reliability=Reliability.BEST_EFFORT,
+        durability=Durability.BEST_AVAILABLE,
+    )
+
+
+Sample = tuple[bytes, MessageInfo]
+Batch = list[Sample]
+
+
+class RecordedTopic:
+    """`codec` raises ConfigurationError where the type can't be written."""
+
+    def __init__(self, found: Found, schema: MessageSchema) -> None:
+        self.found = found
+        self.name = found.topic
+        self.codec: Codec = codec_of(schema)
+        self.encode: Callable[[Any], list[Any]] = self.codec.encode
+        self.schema = schema
+        self.subscription: Subscription[Any] | None = None
+        self.channel: int | None = None
+        """In the bag, once there is something of it."""
+        self.is_latched = False
+        """Whether some publisher keeps messages for late joiners."""
+        self.written = 0
+        self.repeated = 0
+        """Written once more, at the beginning of further files."""
+        self.passed_over = 0
+        """Messages that came while the recording was paused, or left a snapshot's memory."""
+        self.lost: dict[str, int] = {}
+        """By reason, what was lost after it was taken."""
+        self._profiles: dict[QoSProfile, None] = {}
+        self._final: SubscriptionStatistics | None = None
+
+    def meet(self, offers: Iterable[QoSProfile]) -> bool:
+        """Publishers with these profiles are there; returns whether one of the profiles is new."""
+        known = len(self._profiles)
+        for offer in offers:
+            self._profiles.setdefault(offer)
+            self.is_latched |= offer.durability is Durability.TRANSIENT_LOCAL
+        return len(self._profiles) > known
+
+    @property
+    def metadata(self) -> TopicMetadata:
+        return TopicMetadata(
+            self.name,
+            self.codec.type_name,
+            "cdr",
+            tuple(self._profiles),
+            self.codec.type_hash,
+        )
+
+    @property
+    def extra(self) -> dict[str, str]:
+        """What the channel says besides: the type as it is on the bus."""
+        return {
+            TYPE_HASH: self.schema.type_hash,
+            SCHEMA: schema_to_text(self.schema),
+        }
+
+    def lose(self, reason: str, count: int) -> None:
+        self.lost[reason] = self.lost.get(reason, 0) + count
+
+    @property
+    def is_finished(self) -> bool:
+        return self._final is not None
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether all that was published until now was taken, or is known to be lost."""
+        if self.subscription is None:
+            return True
+        counters = self.subscription.statistics()
+        return counters.expected == counters.delivered + counters.queued + sum(counters.dropped.values())
+
+    def finish(self) -> None:
+        """What comes from now on is not recorded, nor expected."""
+        if self.subscription is not None:
+            self._final = self.subscription.statistics()
+
+    def losses(self) -> TopicLosses:
+        """The account now; what is neither written nor lost waits."""
+        if self.subscription is None:
+            return TopicLosses(0)
+        counters = self._final or self.subscription.statistics()
+        lost = dict(counters.dropped)
+        for reason, count in self.lost.items():
+            lost[reason] = lost.get(reason, 0) + count
+        expected = counters.expected - self.passed_over
+        if self._final is not None:
+            expected -= counters.queued  # these came when the recording had ended
+        waiting = max(0, expected - self.written - sum(lost.values()))
+        return TopicLosses(expected, self.written, waiting, {name: n for name, n in lost.items() if n})

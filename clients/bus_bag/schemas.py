@@ -1,0 +1,33 @@
+"""Message types as files of bags have them: busd's own description of a topic's type, as a text. Pure.
+
+A definition in the language of .msg files can't say all that a type of busd has (maps, unions, texts as
+keys), so a channel also has the schema that travels with discovery. With it messages come back as what they
+were.
+"""
+
+from base64 import b64decode, b64encode
+from binascii import Error as Base64Error
+
+from bus.errors import ConfigurationError
+from bus.schema import MessageSchema
+
+__all__ = ["SCHEMA", "TYPE_HASH", "schema_from_text", "schema_to_text"]
+
+SCHEMA = "busd.schema"
+"""The key of the description among what a file says of a topic (`extra`)."""
+TYPE_HASH = "busd.type_hash"
+"""The key of the hash that the type has on the bus."""
+
+
+def schema_to_text(schema: MessageSchema) -> str:
+    """The value of `busd.schema`: the description as it travels (MessagePack), in base64."""
+    return b64encode(schema.encoded).decode()
+
+
+def schema_from_text(text: str) -> MessageSchema:
+    """What `busd.schema` describes. Raises ConfigurationError for what is no description."""
+    try:
+        encoded = b64decode(text, validate=True)
+    except (Base64Error, ValueError):
+        raise ConfigurationError(f"{SCHEMA} is no base64") from None
+    return MessageSchema.of(MessageSchema("", "", encoded).description)

@@ -1,0 +1,56 @@
+"""A line at the bottom of a terminal that is written again and again, with the log above it."""
+
+import logging
+import sys
+from typing import Final
+
+from bus.logger import TOP_NAME
+
+__all__ = ["StatusLine"]
+
+_ERASE: Final = "\r\x1b[K"
+
+
+class StatusLine(logging.Filter):
+    """On the standard output, where that is a terminal; else nothing is written."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.is_shown = bool(sys.stdout is not None and sys.stdout.isatty())
+        """Whether there is a terminal to show it on."""
+        self._is_written = False
+        if self.is_shown:
+            # Whatever is logged erases it first; the next `show` brings it back.
+            for handler in logging.getLogger(TOP_NAME).handlers:
+                handler.addFilter(self)
+
+    def show(self, text: str) -> None:
+        """In place of what stood there."""
+        if self.is_shown:
+            self._write(f"{_ERASE}{text}")
+            self._is_written = True
+
+    def erase(self) -> None:
+        """Have an empty line there."""
+        if self._is_written:
+            self._write(_ERASE)
+            self._is_written = False
+
+    def close(self) -> None:
+        """Leave the last text standing, and what comes next below it."""
+        if self._is_written:
+            self._write("\n")
+            self._is_written = False
+        for handler in logging.getLogger(TOP_NAME).handlers:
+            handler.removeFilter(self)
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        self.erase()
+        return True
+
+    def _write(self, text: str) -> None:
+        try:
+            sys.stdout.write(text)
+            sys.stdout.flush()
+        except (OSError, ValueError):  # the terminal has gone
+            self.is_shown = False

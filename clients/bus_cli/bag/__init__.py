@@ -1,0 +1,1 @@
+"""`bus bag`: what is on the bus, into files and back."""

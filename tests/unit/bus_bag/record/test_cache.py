@@ -1,0 +1,84 @@
+"""What waits for the disk, and who loses when there is no room."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bus_bag.record.cache import Cache
+
+
+def drain(cache: Cache[str]) -> list[str]:
+    found = []
+    while (taken := cache.take()) is not None:
+        found.append(taken[1])
+    return found
+
+
+def test_in_the_order_in_which_it_came() -> None:
+    cache: Cache[str] = Cache(100)
+    cache.put("a", "1", 1, 10)
+    cache.put("b", "2", 1, 10)
+    cache.put("a", "3", 2, 10)
+    assert (cache.bytes, bool(cache)) == (30, True)
+    assert cache.take() == ("a", "1", 1)
+    assert drain(cache) == ["2", "3"]
+    assert (cache.bytes, bool(cache), cache.lost) == (0, False, {})
+
+
+def test_the_topic_with_most_bytes_loses_its_oldest() -> None:
+    cache: Cache[str] = Cache(100)
+    cache.put("tf", "t1", 3, 10)
+    cache.put("camera", "c1", 1, 40)
+    cache.put("camera", "c2", 2, 40)
+    cache.put("tf", "t2", 1, 30)
+    assert cache.lost == {"camera": 1}
+    assert drain(cache) == ["t1", "c2", "t2"]
+
+
+def test_what_is_larger_than_all_room_has_it_alone() -> None:
+    cache: Cache[str] = Cache(10)
+    cache.put("camera", "c1", 1, 50)
+    assert (cache.bytes, cache.lost) == (50, {})
+    cache.put("camera", "c2", 1, 50)
+    assert (drain(cache), cache.lost) == (["c2"], {"camera": 1})
+
+
+def test_a_circular_one_loses_the_oldest_of_all() -> None:
+    cache: Cache[str] = Cache(100, is_circular=True)
+    cache.put("tf", "t1", 3, 10)
+    cache.put("camera", "c1", 1, 80)
+    cache.put("camera", "c2", 1, 15)
+    assert (drain(cache), cache.lost) == (["c1", "c2"], {"tf": 3})
+
+
+def test_thrown_away() -> None:
+    cache: Cache[str] = Cache(100)
+    cache.put("a", "1", 2, 10)
+    cache.put("a", "2", 3, 10)
+    cache.put("b", "3", 1, 10)
+    assert cache.clear() == {"a": 5, "b": 1}
+    assert not cache
+
+
+_deeds = st.lists(
+    st.one_of(st.tuples(st.sampled_from("abc"), st.integers(0, 60)), st.just(None)), max_size=300
+)
+
+
+@given(_deeds, st.integers(0, 100), st.booleans())
+def test_nothing_is_lost_without_being_counted(
+    deeds: list[tuple[str, int] | None], limit: int, is_circular: bool
+) -> None:
+    cache: Cache[int] = Cache(limit, is_circular=is_circular)
+    put, taken = 0, []
+    for deed in deeds:
+        if deed is None:
+            if (one := cache.take()) is not None:
+                taken.append(one[1])
+        else:
+            cache.put(deed[0], put, 1, deed[1])
+            put += 1
+    while (one := cache.take()) is not None:
+        taken.append(one[1])
+    assert taken == sorted(taken)
+    assert len(taken) + sum(cache.lost.values()) == put
+    assert cache.bytes == 0
