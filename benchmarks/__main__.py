@@ -28,6 +28,7 @@ BENCHMARKS = (
     "growth",
     "discovery",
     "check_cost",
+    "codec",
     "fairness",
 )
 RESULTS = ROOT / "benchmarks" / "results"
