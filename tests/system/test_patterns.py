@@ -1,4 +1,4 @@
-"""Every program of the pages of patterns and of any type is run as its user would run it."""
+"""Every program of the pages of patterns, of any type and of CDR is run as its user would run it."""
 
 import ast
 import inspect
@@ -15,7 +15,7 @@ import pytest
 from conftest import WAIT_S, Daemon
 from pages import BLOCK, FILE, ROOT, Start, check, console
 
-PAGE = "".join((ROOT / "docs" / name).read_text() for name in ("patterns.md", "any-type.md"))
+PAGE = "".join((ROOT / "docs" / name).read_text() for name in ("patterns.md", "any-type.md", "cdr.md"))
 SCRIPTS = dict(FILE.findall(PAGE))
 COMMANDS = console(PAGE)
 SHOWN = {shown.command.split()[-1]: shown for shown in COMMANDS if "pytest" not in shown.command}
