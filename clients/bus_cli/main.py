@@ -82,6 +82,8 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
     "bag": (
         "Various rosbag related sub-commands",
         {
+            "burst": "Burst data from a bag",
+            "play": "Play back ROS data from a bag",
             "record": "Record ROS data to a bag",
         },
     ),

@@ -46,6 +46,7 @@ LINES = {
     "action list": "",
     "action send_goal": "/turn example_interfaces/action/Fibonacci {}",
     "action type": "/turn",
+    "bag burst": "--help",
     "lifecycle get": "--help",
     "lifecycle list": "--help",
     "lifecycle nodes": "--help",
@@ -78,7 +79,17 @@ LINES = {
 """In this order, for each command."""
 ELSEWHERE = {
     *(f"topic {verb}" for verb in COMMANDS["topic"][1]),
-    *("node info", "node list", "daemon status", "metrics", "run", "launch", "test", "bag record"),
+    *(
+        "node info",
+        "node list",
+        "daemon status",
+        "metrics",
+        "run",
+        "launch",
+        "test",
+        "bag record",
+        "bag play",
+    ),
 }
 """Other tests start processes of these: `tests/system/test_cli_{tool,metrics,run}.py`, `test_launch*.py`,
 `test_bag_*.py`."""

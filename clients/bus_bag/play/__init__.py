@@ -1,0 +1,1 @@
+"""Replay: what a bag has, published as it was recorded."""

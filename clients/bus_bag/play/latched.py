@@ -1,0 +1,48 @@
+"""The latched state of a moment: what a late joiner of transient local topics would have got then. Pure.
+
+A player that begins in the middle of a bag publishes it first: a map, the fixed transforms. It also tells
+what a bag of several files repeats: each further file begins with the state of the moment, so that it can be
+played by itself.
+"""
+
+from collections import OrderedDict
+from collections.abc import Iterator, Mapping
+from typing import Generic, NamedTuple, TypeVar
+
+__all__ = ["Identity", "Latched"]
+
+M = TypeVar("M")
+
+
+class Identity(NamedTuple):
+    """What tells the messages of a topic apart: one that is recorded once more has the same."""
+
+    publish_time: int
+    """Nanoseconds since 1970."""
+    sequence: int
+    """The publisher's number; 0 where the file has none, which is why the content counts, too."""
+    data: bytes
+    """As it is encoded."""
+
+
+class Latched(Generic[M]):
+    """The last messages of each transient local topic; `depths` has these topics, and how many each keeps."""
+
+    def __init__(self, depths: Mapping[str, int]) -> None:
+        self._depths = depths
+        self._kept: dict[str, OrderedDict[Identity, M]] = {topic: OrderedDict() for topic in depths}
+
+    def __iter__(self) -> Iterator[M]:
+        """All that is kept, topic by topic, the oldest first."""
+        for kept in self._kept.values():
+            yield from kept.values()
+
+    def add(self, topic: str, identity: Identity, message: M) -> bool:
+        """Keep the next message of a topic; False where it is one of those kept, hence a repeated one."""
+        kept = self._kept[topic]
+        if identity in kept:
+            return False
+        kept[identity] = message
+        if len(kept) > self._depths[topic]:
+            kept.popitem(last=False)
+        return True

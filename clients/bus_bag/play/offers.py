@@ -1,0 +1,47 @@
+"""With which QoS a topic is played: one publisher stands for all that were recorded. Pure."""
+
+from collections.abc import Iterable, Sequence
+
+from msgspec.structs import replace
+
+from bus.qos import MAX_DEPTH, Durability, History, QoSProfile
+
+__all__ = ["MIXED", "kept_for_late_joiners", "offer_for"]
+
+MIXED = (
+    "Not all original publishers on topic {topic} offered the same QoS profiles. "
+    "Rosbag2 cannot yet choose an adapted profile to offer for this mixed case. "
+    "Falling back to the rosbag2_storage default publisher offer."
+)
+
+
+def offer_for(profiles: Sequence[QoSProfile]) -> tuple[QoSProfile, bool]:
+    """The profile to offer, and whether the recorded ones differ so that it is none of them.
+
+    As in rosbag2 history and lifespan don't count as a difference, and what differs is played with the
+    default. Of transient local publishers each had its own messages for late joiners: the depth is enough
+    for all of them.
+    """
+    if not profiles:
+        return QoSProfile(), False
+    first = profiles[0]
+    if any(_matching(one) != _matching(first) for one in profiles[1:]):
+        return QoSProfile(), True
+    if depth := kept_for_late_joiners(profiles):
+        if any(one.history is History.KEEP_ALL for one in profiles):
+            return replace(first, history=History.KEEP_ALL), False
+        return replace(first, depth=depth), False
+    return first, False
+
+
+def kept_for_late_joiners(profiles: Iterable[QoSProfile]) -> int:
+    """How many messages publishers with these profiles keep together for late joiners."""
+    lasting = [one for one in profiles if one.durability is Durability.TRANSIENT_LOCAL]
+    if any(one.history is History.KEEP_ALL for one in lasting):
+        return MAX_DEPTH
+    return min(sum(one.depth for one in lasting), MAX_DEPTH)
+
+
+def _matching(profile: QoSProfile) -> QoSProfile:
+    """What says whether a subscription matches."""
+    return replace(profile, history=History.KEEP_LAST, depth=1, lifespan=None)

@@ -1,0 +1,45 @@
+"""What a replay is asked to do, as values."""
+
+from collections.abc import Mapping, Sequence
+
+import msgspec
+
+from bus.qos import QoSProfile
+from bus_bag.play.selection import Selection
+from bus_bag.storage import Order
+
+__all__ = ["PlayOptions"]
+
+
+class PlayOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """The options of `bus bag play`. Times are nanoseconds."""
+
+    rate: float = 1.0
+    selection: Selection
+    overrides: Mapping[str, QoSProfile] = {}
+    """Topic -> the profile that it is played with."""
+    remaps: Sequence[str] = ()
+    """As `old:=new`."""
+    is_looping: bool = False
+    is_paused: bool = False
+    start_offset: int = 0
+    duration: int | None = None
+    until: int | None = None
+    """Of the bag's time; where there is a duration, too, the later end counts."""
+    delay: int = 0
+    clock_hz: float = 0.0
+    clock_topics: frozenset[str] | None = None
+    """Before each of their messages the clock is published; an empty set: before all messages."""
+    order: Order = "log_time"
+    read_ahead: int = 1000
+    acknowledged_within: int | None = None
+    """How long to wait at the end until what was published has left; 0: without a bound."""
+    progress_hz: float = 3.0
+    """How often the line of progress is written; 0: never, negative: for each message."""
+    has_keys: bool = True
+    is_verbose: bool = False
+
+    @property
+    def has_clock(self) -> bool:
+        """Whether the player publishes the time of the bag."""
+        return self.clock_hz > 0 or self.clock_topics is not None

@@ -1,0 +1,315 @@
+"""Plays a bag: publishes each message when it is due, and does what keys and services ask for.
+
+Owns: what happens in which order. Must not know: files, types, terminals, services. Everything here runs on
+the event loop, so that a state is looked at and changed without locks; `play` is the one that waits.
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Mapping
+from time import monotonic_ns
+from typing import NamedTuple, Protocol, Self
+
+from bus.errors import BusError
+from bus.logger import Logger
+from bus_bag.play.alarm import Alarm
+from bus_bag.play.feed import Entry, Feed
+from bus_bag.play.lateness import Lateness
+from bus_bag.play.options import PlayOptions
+from bus_bag.play.progress import Progress, Status
+from bus_bag.play.time_line import TimeLine
+
+__all__ = ["Output", "Player", "Span"]
+
+_TURN_NS = 5_000_000
+"""So long it publishes what is due without giving the event loop a turn."""
+_STARVED = (
+    "Message queue starved. Messages will be delayed. Consider increasing the --read-ahead-queue-size option."
+)
+
+
+class Output(Protocol):
+    """Where messages of a topic go: a raw publisher."""
+
+    def publish_encoded(self, payload: bytes, *, source_time_ns: int | None = None) -> bool: ...
+
+    def wait_for_room(self) -> Awaitable[None]: ...
+
+
+class Span(NamedTuple):
+    """The part of a bag that is played, in its own time."""
+
+    start: int
+    end: int
+    """When the last message was received."""
+    is_whole: bool
+    """Whether `start` is the bag's beginning, so that no state comes before it."""
+    until: int = -1
+    """What is later is not played; -1: there is no such bound, 0: nothing is played."""
+
+
+class Player:
+    """Plays what `feed` reads to `outputs`, by topic. To be used as `async with`.
+
+    `clock` is called with the time of the bag before each message that asks for it.
+    """
+
+    def __init__(
+        self,
+        feed: Feed,
+        outputs: Mapping[str, Output],
+        span: Span,
+        options: PlayOptions,
+        logger: Logger,
+        clock: Callable[[int], None] | None = None,
+    ) -> None:
+        self.lateness = Lateness()
+        self.messages = 0
+        """Published until now; not those of the latched state."""
+        self._feed = feed
+        self._outputs = outputs
+        self._span = span
+        self._options = options
+        self._logger = logger
+        self._clock = clock
+        self._time = TimeLine(span.start, monotonic_ns(), options.rate, is_paused=options.is_paused)
+        self._alarm = Alarm()
+        self._is_playing = self._is_stopped = self._is_bursting = False
+        self._target: int | None = None
+        self._seeking: list[asyncio.Future[bool]] = []
+        self._reading = asyncio.Lock()
+        self._turn_ns = 0
+        self.on_message: Callable[[], None] | None = None
+        """Called after each message."""
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, *exc_info: object) -> None:
+        self._alarm.close()
+
+    # --- what it is asked to do
+
+    @property
+    def is_paused(self) -> bool:
+        return self._time.is_paused
+
+    @property
+    def rate(self) -> float:
+        return self._time.rate
+
+    @property
+    def bag_time(self) -> int:
+        """The moment of the bag that is played now."""
+        return self._time.bag_time(monotonic_ns())
+
+    @property
+    def progress(self) -> Progress:
+        """How far it is."""
+        span = self._span
+        return Progress(self.bag_time, span.start, span.end, self.rate, self.messages, self._status)
+
+    @property
+    def _status(self) -> Status:
+        if self._is_bursting:
+            return Status.BURST
+        if self.is_paused:
+            return Status.PAUSED
+        return Status.DELAYED if self._time.is_delayed(monotonic_ns()) else Status.RUNNING
+
+    def pause(self) -> None:
+        self._time.pause(monotonic_ns())
+        self._logger.info("Pausing play.")
+        self._alarm.wake()
+
+    def resume(self) -> None:
+        self._time.resume(monotonic_ns())
+        self._logger.info("Resuming play.")
+        self._alarm.wake()
+
+    def toggle_paused(self) -> None:
+        (self.resume if self.is_paused else self.pause)()
+
+    def hold(self) -> Callable[[], None]:
+        """Stand still without a word; returns what makes it go on."""
+        if self._time.is_paused:
+            return lambda: None
+        self._time.pause(monotonic_ns())
+
+        def go_on() -> None:
+            self._time.resume(monotonic_ns())
+            self._alarm.wake()
+
+        return go_on
+
+    def set_rate(self, rate: float) -> bool:
+        """False for what is no rate."""
+        is_set = self._time.set_rate(rate, monotonic_ns())
+        if is_set:
+            self._logger.info(f"Set rate to {rate:g}")
+        else:
+            self._logger.warning(f"Failed to set rate to invalid value {rate:g}")
+        self._alarm.wake()
+        return is_set
+
+    def stop(self) -> None:
+        """End `play`."""
+        if self._is_playing:
+            self._logger.info("Stopping playback.")
+            self._is_stopped = True
+            self._alarm.wake()
+
+    async def seek(self, time_ns: int) -> bool:
+        """Go on from that moment of the bag, with its latched state first; False where nothing is played.
+
+        What lies before the beginning is the beginning. Cancellation: it goes there all the same.
+        """
+        if not self._is_playing:
+            self._logger.warning("Called seek, but player is not playing.")
+            return False
+        self._target = max(time_ns, self._span.start)
+        arrived: asyncio.Future[bool] = asyncio.get_running_loop().create_future()
+        self._seeking.append(arrived)
+        self._alarm.wake()
+        return await arrived
+
+    async def play_next(self) -> bool:
+        """Publish the next message, in a pause; False where there is no pause, or no message."""
+        if not self._is_playing:
+            self._logger.warning("Called play next, but player is not playing.")
+            return False
+        if not self.is_paused:
+            self._logger.warning("Called play next, but not in paused state.")
+            return False
+        async with self._reading:
+            return await self._play_next()
+
+    async def burst(self, count: int) -> int:
+        """Publish so many messages at once, in a pause, or with 0 all that are left; returns how many."""
+        if not self.is_paused:
+            self._logger.warning("Burst can only be used when in the paused state.")
+            return 0
+        played = 0
+        async with self._reading:
+            self._is_bursting = True
+            try:
+                while (not count or played < count) and await self._play_next():
+                    played += 1
+            finally:
+                self._is_bursting = False
+        self._logger.info(f"Burst {played} messages.")
+        return played
+
+    # --- playing
+
+    async def play(self) -> bool:
+        """Play from the beginning to the end, or over and over; False where it plays already.
+
+        Raises BagError where the bag can't be read on. Cancellation ends it between two messages.
+        """
+        if self._is_playing:
+            self._logger.warning("Trying to play() while in playback, dismissing request.")
+            return False
+        self._is_playing, self._is_stopped = True, False
+        self._logger.info(f"Playback until timestamp: {self._span.until}")
+        try:
+            while True:
+                await self._begin()
+                await self._play_to_the_end()
+                if self._is_stopped or not self._options.is_looping:
+                    return True
+        finally:
+            self._is_playing = False
+            self._arrive(self._seeking, is_there=False)
+
+    async def _begin(self) -> None:
+        delay = self._options.delay
+        if delay:
+            self._logger.info(f"Sleep {delay} ns")
+        start = self._span.start
+        await self._go_to(start, None if self._span.is_whole else start, delay)
+
+    async def _go_to(self, time_ns: int, start: int | None, delay: int = 0) -> None:
+        """Have read what comes from there on, then let the time run from there."""
+        async with self._reading:
+            self._feed.start_at(start)
+            self._time.jump(time_ns, monotonic_ns())
+            await self._feed.wait(is_full=True)
+            while (entry := self._feed.peek()) is not None and entry.is_state:
+                await self._publish(self._feed.pop())
+            self._time.jump(time_ns, monotonic_ns(), delay)
+
+    async def _play_to_the_end(self) -> None:
+        """Until there is nothing left and it is not paused, or `stop`."""
+        while not self._is_stopped:
+            if self._target is not None:
+                target, self._target = self._target, None
+                arriving, self._seeking = self._seeking, []
+                await self._go_to(target, target)
+                self._arrive(arriving, is_there=True)
+                continue
+            if self.is_paused:
+                await self._alarm.wait(None)
+                continue
+            entry = self._feed.peek()
+            if entry is None and not self._feed.has_ended:
+                self._logger.warning(_STARVED, throttle_duration_sec=1.0)
+                await self._feed.wait()
+                continue
+            if entry is None or self._is_beyond(entry):
+                return
+            due_ns, now_ns = self._time.due(entry.time), monotonic_ns()
+            if due_ns is not None and due_ns > now_ns:
+                await self._alarm.wait(due_ns)
+                self._turn_ns = monotonic_ns()
+                continue
+            if self._reading.locked():  # a burst that a `resume` has overtaken
+                async with self._reading:
+                    continue
+            self._feed.pop()
+            await self._publish(entry)
+            if due_ns is not None and entry.time >= self._span.start:
+                self.lateness.add(now_ns - due_ns)
+
+    @staticmethod
+    def _arrive(seeking: list[asyncio.Future[bool]], *, is_there: bool) -> None:
+        for arrived in seeking:
+            if not arrived.done():
+                arrived.set_result(is_there)
+
+    def _asks_for_clock(self, entry: Entry) -> bool:
+        topics = self._options.clock_topics
+        return topics is not None and (not topics or entry.topic in topics)
+
+    def _is_beyond(self, entry: Entry) -> bool:
+        until = self._span.until
+        return until == 0 or -1 < until < entry.time
+
+    async def _play_next(self) -> bool:
+        while (entry := self._feed.peek()) is None and not self._feed.has_ended:
+            await self._feed.wait()
+        if entry is None or self._is_stopped or not self.is_paused or self._is_beyond(entry):
+            return False
+        self._feed.pop()
+        await self._publish(entry)
+        self._time.jump(entry.time, monotonic_ns())
+        return True
+
+    async def _publish(self, entry: Entry) -> None:
+        if self._clock is not None and self._asks_for_clock(entry):
+            self._clock(entry.time)
+        output = self._outputs[entry.topic]
+        source_time_ns = entry.publish_time or None
+        try:
+            while not output.publish_encoded(entry.payload, source_time_ns=source_time_ns):
+                await output.wait_for_room()
+        except BusError as error:
+            text = f"Failed to publish message on '{entry.topic}' topic. \nError: {error}"
+            self._logger.error(text, throttle_duration_sec=1.0)
+        if entry.is_state:
+            return
+        self.messages += 1
+        if self.on_message is not None:
+            self.on_message()
+        if (now_ns := monotonic_ns()) - self._turn_ns > _TURN_NS:
+            await asyncio.sleep(0)
+            self._turn_ns = now_ns

@@ -1,0 +1,208 @@
+"""`bus bag play` and `bus bag burst`: a bag, a node, its player and a terminal, put together."""
+
+import asyncio
+import sys
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from contextlib import AsyncExitStack, asynccontextmanager, closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+from bus.errors import BusError
+from bus.logger import Logger
+from bus.node import Node
+from bus.publisher import Publisher
+from bus.qos import QoSProfile, Reliability
+from bus.types.classes import message_class
+from bus_bag.keyboard import Keyboard
+from bus_bag.play.feed import Feed
+from bus_bag.play.keys import Key, Keys
+from bus_bag.play.options import PlayOptions
+from bus_bag.play.player import Player, Span
+from bus_bag.play.services import serve
+from bus_bag.play.topics import Topics
+from bus_bag.status_line import StatusLine
+from bus_bag.storage import BagReader, open_bag
+
+__all__ = ["run"]
+
+NAME = "rosbag2_player"
+_NS_PER_S = 1_000_000_000
+_CLOCK = "/clock"
+_CLOCK_QOS = QoSProfile(1, reliability=Reliability.BEST_EFFORT)
+_SWITCH_S = 0.0005
+"""So soon the thread that reads gives way to the one that publishes; Python's own 5 ms make messages late."""
+_NO_KEYS = "stdin is not a terminal device. Keyboard handling disabled."
+_RATE_STEP = 0.1
+
+
+async def run(
+    path: Path,
+    options: PlayOptions,
+    *,
+    burst: int | None = None,
+    socket: str | None = None,
+    domain: int | None = None,
+) -> None:
+    """Play the bag at `path` to its end, or until it is told to stop.
+
+    `burst`: so many messages come at once, before all else (0: all); for a replay that begins paused.
+    Raises BagError for what is no bag, CommandLineError for remappings that are none. Cancellation ends the
+    replay, and leaves the terminal as it was.
+    """
+    arguments = ["--ros-args", *(word for rule in options.remaps for word in ("--remap", rule))]
+    with open_bag(path) as reader:
+        async with Node(NAME, arguments=arguments, socket=socket, domain=domain) as node:
+            await _play(node, reader, options, burst)
+
+
+async def _play(node: Node, reader: BagReader, options: PlayOptions, burst: int | None) -> None:
+    logger = node.get_logger()
+    logger.info(f"Set rate to {options.rate:g}")
+    _tell_problems(reader, logger)
+    topics = Topics(reader, options, logger)
+    publishers = await topics.publish_on(node)
+    clock = await _clock(node, options)
+    span = _span(reader, options)
+    with _switching(), _feeding(reader, topics, options) as feed, closing(StatusLine()) as line:
+        async with Player(feed, publishers, span, options, logger, clock) as player:
+            async with _controls(node, player, options, logger, clock, line):
+                playing = asyncio.create_task(player.play())
+                try:
+                    if burst is not None:
+                        await player.burst(burst)
+                    await playing
+                finally:
+                    playing.cancel()
+            topics.tell_undecodable()
+            if options.acknowledged_within is not None:
+                await _wait_for_all(publishers, options.acknowledged_within, logger)
+            if options.is_verbose:
+                logger.info(f"Lateness: {player.lateness} ({player.lateness.count} messages)")
+
+
+def _tell_problems(reader: BagReader, logger: Logger) -> None:
+    for problem in reader.problems:
+        logger.warning(str(problem))
+
+
+def _span(reader: BagReader, options: PlayOptions) -> Span:
+    first = reader.metadata.starting_time
+    start = first + options.start_offset
+    until = -1
+    if options.duration is not None:
+        until = start + options.duration if options.duration else 0
+    if options.until is not None:
+        until = max(until, options.until)
+    return Span(start, first + reader.metadata.duration, start <= first, until)
+
+
+@contextmanager
+def _switching() -> Iterator[None]:
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(_SWITCH_S)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
+
+
+@contextmanager
+def _feeding(reader: BagReader, topics: Topics, options: PlayOptions) -> Iterator[Feed]:
+    feed = Feed(
+        reader, topics.names, topics.depths, topics.decode, order=options.order, size=options.read_ahead
+    )
+    try:
+        yield feed
+    finally:
+        feed.close()
+
+
+async def _clock(node: Node, options: PlayOptions) -> Callable[[int], None] | None:
+    """What publishes a time of the bag."""
+    if not options.has_clock:
+        return None
+    message_type: Any = message_class("rosgraph_msgs/msg/Clock")
+    time_type: Any = message_class("builtin_interfaces/msg/Time")
+    publisher = await node.create_publisher(message_type, _CLOCK, _CLOCK_QOS)
+
+    def publish(bag_ns: int) -> None:
+        seconds, nanoseconds = divmod(bag_ns, _NS_PER_S)
+        publisher.publish(message_type(clock=time_type(sec=seconds, nanosec=nanoseconds)))
+
+    return publish
+
+
+@asynccontextmanager
+async def _controls(
+    node: Node,
+    player: Player,
+    options: PlayOptions,
+    logger: Logger,
+    clock: Callable[[int], None] | None,
+    line: StatusLine,
+) -> AsyncIterator[None]:
+    """Services, keys, the clock's timer, and the line of progress."""
+    await serve(node, player)
+    async with AsyncExitStack() as stack:
+        if options.has_keys:
+            _listen(stack, player, logger)
+        if clock is not None and options.clock_hz:
+            publish = clock
+            node.create_timer(1 / options.clock_hz, lambda: publish(player.bag_time))
+        if line.is_shown and options.progress_hz:
+
+            def show() -> None:
+                line.show(str(player.progress))
+
+            if options.progress_hz < 0:
+                player.on_message = show
+            else:
+                node.create_timer(1 / options.progress_hz, show)
+            stack.callback(show)
+        yield
+
+
+def _listen(stack: AsyncExitStack, player: Player, logger: Logger) -> None:
+    if not Keyboard.is_there():
+        print(_NO_KEYS, file=sys.stderr, flush=True)
+        return
+    keys, steps = Keys(), set[asyncio.Task[bool]]()
+    go_on: list[Callable[[], None]] = []
+
+    def press(key: Key) -> None:
+        if key is Key.SPACE:
+            player.toggle_paused()
+        elif key is Key.CURSOR_RIGHT:
+            task = asyncio.create_task(player.play_next())
+            steps.add(task)
+            task.add_done_callback(steps.discard)
+        else:
+            # Tenths, not what is left of them in binary.
+            step = _RATE_STEP if key is Key.CURSOR_UP else -_RATE_STEP
+            player.set_rate(round(player.rate + step, 6))
+
+    def read(data: bytes) -> None:
+        for key in keys.feed(data):
+            press(key)
+
+    logger.info("Adding keyboard callbacks.")
+    for key in Key:
+        logger.info(f"Press {key.name} for {key.value}")
+    keyboard = Keyboard(read, lambda: go_on.append(player.hold()), lambda: go_on.pop()() if go_on else None)
+    stack.callback(keyboard.close)
+
+
+async def _wait_for_all(publishers: Mapping[str, Publisher[Any]], within_ms: int, logger: Logger) -> None:
+    for topic, publisher in publishers.items():
+        try:
+            async with asyncio.timeout(within_ms / 1000 if within_ms else None):
+                await publisher.flush()
+        except TimeoutError:
+            logger.error(
+                f"Timed out while waiting for all published messages to be acknowledged for topic {topic}"
+            )
+        except BusError as error:
+            logger.error(
+                "Exception occurred while waiting for all published messages to be acknowledged for topic "
+                f"{topic} : {error}"
+            )

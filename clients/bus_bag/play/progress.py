@@ -1,0 +1,37 @@
+"""The line that shows how far a replay has come. Pure."""
+
+from enum import Enum
+from typing import NamedTuple
+
+__all__ = ["Progress", "Status"]
+
+_S = 1_000_000_000
+
+
+class Status(Enum):
+    """What the player is doing, by its letter in the line."""
+
+    RUNNING = "R"
+    PAUSED = "P"
+    BURST = "B"
+    DELAYED = "D"
+
+
+class Progress(NamedTuple):
+    """Where a player is."""
+
+    bag_ns: int
+    start_ns: int
+    end_ns: int
+    rate: float
+    messages: int
+    status: Status
+
+    def __str__(self) -> str:
+        played, whole = (max(0, ns - self.start_ns) / _S for ns in (self.bag_ns, self.end_ns))
+        seconds, part = divmod(self.bag_ns, _S)
+        count = "message" if self.messages == 1 else "messages"
+        return (
+            f"[{seconds}.{part:09d}] {min(played, whole):.2f}/{whole:.2f} s [{self.status.value}] "
+            f"rate {self.rate:g}, {self.messages} {count}"
+        )

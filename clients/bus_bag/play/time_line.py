@@ -1,0 +1,89 @@
+"""The time of a bag while it is played: when each moment of it is due on the monotonic clock.
+
+Pure: what time it is, is an argument. All times are nanoseconds: those of the bag as its messages have them,
+those of the machine as `time.monotonic_ns` counts them.
+
+The line is held by one point that both clocks share, and a rate. What is due is worked out from that point
+alone, so that the replay doesn't drift, however late single messages are. Each change of the rate, and each
+end of a pause, moves the point; the time of the bag never jumps but by `jump`.
+"""
+
+from math import isfinite
+
+__all__ = ["TimeLine"]
+
+
+class TimeLine:
+    """Begins to run at `now_ns`, with the moment `bag_ns` of the bag, unless it `is_paused`.
+
+    Raises ValueError for a rate that `is_rate` refuses.
+    """
+
+    def __init__(self, bag_ns: int, now_ns: int, rate: float = 1.0, *, is_paused: bool = False) -> None:
+        if not self.is_rate(rate):
+            raise ValueError(f"a rate of {rate!r}")
+        self.rate: float = rate
+        """Seconds of the bag in a second."""
+        self._bag_ns = bag_ns
+        self._point_ns = now_ns
+        self._hold_ns: int | None = 0 if is_paused else None
+
+    @staticmethod
+    def is_rate(rate: float) -> bool:
+        """Whether a bag can be played at this rate: a number above zero."""
+        return isfinite(rate) and rate > 0
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether the bag's time stands still."""
+        return self._hold_ns is not None
+
+    def is_delayed(self, now_ns: int) -> bool:
+        """Whether it still waits before it runs."""
+        return self._hold_ns is None and now_ns < self._point_ns
+
+    def bag_time(self, now_ns: int) -> int:
+        """The moment of the bag at `now_ns`."""
+        if self._hold_ns is not None or now_ns <= self._point_ns:
+            return self._bag_ns
+        return self._bag_ns + round((now_ns - self._point_ns) * self.rate)
+
+    def due(self, bag_ns: int) -> int | None:
+        """When that moment of the bag comes, or came; None while the bag is paused."""
+        if self._hold_ns is not None:
+            return None
+        return self._point_ns + round((bag_ns - self._bag_ns) / self.rate)
+
+    def pause(self, now_ns: int) -> None:
+        """Stand still from now on. What is left of a wait before the beginning comes after the pause."""
+        if self._hold_ns is None:
+            self._settle(now_ns)
+            self._hold_ns = max(0, self._point_ns - now_ns)
+
+    def resume(self, now_ns: int) -> None:
+        """Run on from where the bag stood."""
+        if self._hold_ns is not None:
+            self._point_ns = now_ns + self._hold_ns
+            self._hold_ns = None
+
+    def set_rate(self, rate: float, now_ns: int) -> bool:
+        """Go on at another rate; False, and no change, for what is no rate."""
+        if not self.is_rate(rate):
+            return False
+        self._settle(now_ns)
+        self.rate = rate
+        return True
+
+    def jump(self, bag_ns: int, now_ns: int, delay_ns: int = 0) -> None:
+        """Be at the moment `bag_ns`, and run on from there once `delay_ns` of the machine have passed."""
+        self._bag_ns = bag_ns
+        if self._hold_ns is None:
+            self._point_ns = now_ns + delay_ns
+        else:
+            self._hold_ns = delay_ns
+
+    def _settle(self, now_ns: int) -> None:
+        """Move the shared point to now, unless that is still to come."""
+        if self._hold_ns is None and now_ns > self._point_ns:
+            self._bag_ns = self.bag_time(now_ns)
+            self._point_ns = now_ns

@@ -1,0 +1,117 @@
+"""The topics of a bag that are played: their types, publishers, and how their messages are decoded."""
+
+from collections import Counter
+from typing import Any
+
+from bus.base.suggest import did_you_mean
+from bus.errors import BusError, ConfigurationError
+from bus.logger import Logger
+from bus.node import Node
+from bus.publisher import Publisher
+from bus.qos import QoSProfile, Reliability
+from bus.schema import MessageSchema
+from bus.types.classes import message_class
+from bus_bag.metadata import TopicMetadata
+from bus_bag.play.offers import MIXED, kept_for_late_joiners, offer_for
+from bus_bag.play.options import PlayOptions
+from bus_bag.schemas import SCHEMA, schema_from_text
+from bus_bag.storage import BagMessage, BagReader
+from bus_ros.cdr import CdrError, Codec, codec_of, schema_of_definition
+
+__all__ = ["Topics"]
+
+_CDR = "cdr"
+_CLOCK = "/clock"
+
+
+class Topics:
+    """Those that `options` choose, of all that `reader` has."""
+
+    def __init__(self, reader: BagReader, options: PlayOptions, logger: Logger) -> None:
+        self._reader = reader
+        self._options = options
+        self._logger = logger
+        self._codecs: dict[str, Codec] = {}
+        self._undecodable: Counter[str] = Counter()
+        self._reasons: dict[str, str] = {}
+        self.depths: dict[str, int] = {}
+        """Transient local topics, and how many messages of each a late joiner gets."""
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Of all that can be played."""
+        return frozenset(self._codecs)
+
+    async def publish_on(self, node: Node) -> dict[str, Publisher[Any]]:
+        """Create a publisher for each that can be played, and say why others can't."""
+        publishers: dict[str, Publisher[Any]] = {}
+        best_effort = []
+        self._tell_unknown()
+        for name, topic in self._reader.topics.items():
+            if not self._options.selection.has(name) or (name == _CLOCK and self._options.has_clock):
+                continue
+            profile = self._profile(topic)
+            try:
+                schema = self._schema(topic)
+                codec = codec_of(schema)
+                publishers[name] = await node.create_publisher(schema, name, profile)
+            except BusError as error:
+                reason = str(error).removesuffix(".")
+                self._logger.warning(f"Ignoring a topic '{name}', reason: {reason}.")
+                continue
+            self._codecs[name] = codec
+            depth = kept_for_late_joiners(topic.offered_qos_profiles) or kept_for_late_joiners([profile])
+            if depth:
+                self.depths[name] = depth
+            if profile.reliability is Reliability.BEST_EFFORT:
+                best_effort.append(name)
+        if best_effort and self._options.acknowledged_within is not None:
+            self._logger.warning(
+                "--wait-for-all-acked is invalid for the below topics since reliability of QOS is "
+                f"BestEffort.\n{', '.join(best_effort)}"
+            )
+        return publishers
+
+    def decode(self, message: BagMessage) -> bytes | None:
+        """The payload of a message; None where it is no message of its type. In any one thread."""
+        try:
+            return self._codecs[message.topic].decode(message.data)
+        except CdrError as error:
+            self._undecodable[message.topic] += 1
+            self._reasons.setdefault(message.topic, str(error))
+            return None
+
+    def tell_undecodable(self) -> None:
+        """Say how many messages were left out."""
+        for topic, count in self._undecodable.items():
+            messages = "message" if count == 1 else "messages"
+            self._logger.warning(f"{count} {messages} of '{topic}' left out: {self._reasons[topic]}")
+
+    def _tell_unknown(self) -> None:
+        for name in self._options.selection.topics:
+            if name not in self._reader.topics:
+                self._logger.warning(
+                    f"Topic '{name}' is not in the bag{did_you_mean(name, self._reader.topics)}"
+                )
+
+    def _profile(self, topic: TopicMetadata) -> QoSProfile:
+        override = self._options.overrides.get(topic.name)
+        if override is not None:
+            self._logger.info(f"Overriding QoS profile for topic {topic.name}")
+            return override
+        profile, is_mixed = offer_for(topic.offered_qos_profiles)
+        if is_mixed:
+            self._logger.warning(MIXED.format(topic=topic.name))
+        return profile
+
+    def _schema(self, topic: TopicMetadata) -> MessageSchema:
+        """As busd recorded it, else as the file defines it, else the type of that name here."""
+        if topic.serialization_format != _CDR:
+            raise ConfigurationError(f"serialization format '{topic.serialization_format}' is not supported")
+        text = self._reader.extra.get(topic.name, {}).get(SCHEMA)
+        if text:
+            return schema_from_text(text)
+        definition = self._reader.definitions.get(topic.type)
+        if definition:
+            return schema_of_definition(topic.type, definition)
+        return MessageSchema.of(message_class(topic.type))

@@ -1,0 +1,103 @@
+"""`bus bag play`: publish the messages of a bag as they were recorded."""
+
+from argparse import ArgumentParser, Namespace
+
+from bus_cli.bag.playargs import add_reader_arguments, nanoseconds, not_negative, not_negative_int, play
+from bus_cli.stream import positive
+
+_CLOCK_HZ = 40.0
+_ORDERS = {"received": "log_time", "sent": "publish_time"}
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    add_reader_arguments(parser)
+    parser.add_argument("-r", "--rate", metavar="R", type=positive, default=1.0, help="Play R times as fast")
+    parser.add_argument("-l", "--loop", action="store_true", help="Begin again at the end")
+    parser.add_argument("-p", "--start-paused", action="store_true", help="Begin with a pause")
+    parser.add_argument(
+        "-e", "--regex", metavar="REGEX", default="", help="Play topics and services with such names, too"
+    )
+    parser.add_argument("-x", "--exclude-regex", metavar="REGEX", default="", help="Leave these names out")
+    parser.add_argument(
+        "--exclude-topics", metavar="TOPIC", nargs="+", default=[], help="Leave these topics out"
+    )
+    parser.add_argument(
+        "--exclude-services",
+        metavar="SERVICE",
+        nargs="+",
+        default=[],
+        help="Leave the events of these services out",
+    )
+    group = parser.add_argument_group("simulated time")
+    group.add_argument(
+        "--clock",
+        metavar="HZ",
+        type=positive,
+        nargs="?",
+        const=_CLOCK_HZ,
+        default=0.0,
+        help="Publish the bag's time to /clock so often (without HZ: 40); its own /clock is left out",
+    )
+    group = group.add_mutually_exclusive_group()
+    group.add_argument(
+        "--clock-topics", metavar="TOPIC", nargs="+", help="Publish it before each message of these topics"
+    )
+    group.add_argument("--clock-topics-all", action="store_true", help="Publish it before each message")
+    parser.add_argument(
+        "-d",
+        "--delay",
+        metavar="S",
+        type=not_negative,
+        default=0.0,
+        help="Wait so long before each beginning",
+    )
+    parser.add_argument(
+        "--playback-duration",
+        metavar="S",
+        type=float,
+        default=-1.0,
+        help="End after so much of the bag's time",
+    )
+    until = parser.add_mutually_exclusive_group()
+    until.add_argument(
+        "--playback-until-sec", metavar="S", type=float, default=-1.0, help="End at that time of the bag"
+    )
+    until.add_argument(
+        "--playback-until-nsec", metavar="NS", type=int, default=-1, help="The same, in nanoseconds"
+    )
+    parser.add_argument(
+        "--wait-for-all-acked",
+        metavar="MS",
+        type=not_negative_int,
+        help="At the end wait until what was published has left, at most so long (0: as long as it takes)",
+    )
+    parser.add_argument(
+        "--message-order",
+        choices=_ORDERS,
+        default="received",
+        help="Play by the time at which messages were received, or sent (default: received)",
+    )
+
+
+def main(args: Namespace) -> int:
+    clock_topics = None
+    if args.clock_topics_all:
+        clock_topics = frozenset[str]()
+    elif args.clock_topics:
+        clock_topics = frozenset(name if name.startswith("/") else f"/{name}" for name in args.clock_topics)
+    until = args.playback_until_nsec if args.playback_until_nsec >= 0 else None
+    if args.playback_until_sec >= 0:
+        until = nanoseconds(args.playback_until_sec)
+    return play(
+        args,
+        rate=args.rate,
+        is_looping=args.loop,
+        is_paused=args.start_paused,
+        duration=nanoseconds(args.playback_duration) if args.playback_duration >= 0 else None,
+        until=until,
+        delay=nanoseconds(args.delay),
+        clock_hz=args.clock,
+        clock_topics=clock_topics,
+        order=_ORDERS[args.message_order],
+        acknowledged_within=args.wait_for_all_acked,
+    )

@@ -1,0 +1,143 @@
+"""What `bus bag play` and `bus bag burst` have in common: the bag, what of it is played, and how."""
+
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from pathlib import Path
+from typing import Any
+
+from bus_cli.output import CommandError
+
+__all__ = ["add_reader_arguments", "not_negative", "not_negative_int", "play"]
+
+_NS_PER_S = 1_000_000_000
+_LEVELS = ("debug", "info", "warn", "error", "fatal")
+
+
+def add_reader_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument("bag_path", help="Bag to play: its folder, or a file .mcap or .db3")
+    parser.add_argument(
+        "-s", "--storage", metavar="ID", help="ros2's: mcap or sqlite3; here the files say what they are"
+    )
+    parser.add_argument(
+        "--read-ahead-queue-size",
+        metavar="N",
+        type=not_negative_int,
+        default=1000,
+        help="How many messages are read ahead of their time (default: 1000)",
+    )
+    parser.add_argument("--topics", metavar="TOPIC", nargs="+", default=[], help="Play only these topics")
+    parser.add_argument(
+        "--services", metavar="SERVICE", nargs="+", default=[], help="Play only the events of these services"
+    )
+    parser.add_argument(
+        "--qos-profile-overrides-path",
+        metavar="FILE",
+        help="YAML file with QoS profiles in place of those that were recorded, by topic",
+    )
+    parser.add_argument(
+        "-m",
+        "--remap",
+        metavar="OLD:=NEW",
+        nargs="+",
+        default=[],
+        help="Publish topics under other names: /old:=/new",
+    )
+    parser.add_argument(
+        "--start-offset",
+        metavar="S",
+        type=not_negative,
+        default=0.0,
+        help="Begin so many seconds into the bag; the latched state of that moment comes first",
+    )
+    parser.add_argument(
+        "--progress-bar-update-rate",
+        metavar="HZ",
+        type=int,
+        default=3,
+        help="How often the line of progress is written on a terminal; 0: never, -1: for each message "
+        "(default: 3)",
+    )
+    parser.add_argument(
+        "--disable-keyboard-controls", action="store_true", help="Leave the keyboard of the terminal alone"
+    )
+    parser.add_argument("--log-level", choices=_LEVELS, help="Which lines are logged (default: info)")
+    parser.add_argument(
+        "-v", "--verbose", action="store_true", help="Tell at the end how late messages were published"
+    )
+
+
+def play(args: Namespace, *, burst: int | None = None, **options: Any) -> int:
+    """Play as the arguments and the other `options` of a PlayOptions say; returns the exit code."""
+    from bus_bag.play.options import PlayOptions
+    from bus_bag.play.program import run
+    from bus_bag.play.selection import Selection
+    from bus_cli.stream import run_stream
+
+    if args.log_level:
+        from bus.logger import set_default_level
+
+        set_default_level(args.log_level)
+    try:
+        selection = Selection(
+            topics=args.topics,
+            services=args.services,
+            regex=getattr(args, "regex", ""),
+            exclude_topics=getattr(args, "exclude_topics", ()),
+            exclude_services=getattr(args, "exclude_services", ()),
+            exclude_regex=getattr(args, "exclude_regex", ""),
+        )
+    except ValueError as error:
+        raise CommandError(error) from None
+    given = PlayOptions(
+        selection=selection,
+        overrides=_overrides(args.qos_profile_overrides_path),
+        remaps=args.remap,
+        start_offset=nanoseconds(args.start_offset),
+        read_ahead=args.read_ahead_queue_size,
+        progress_hz=args.progress_bar_update_rate,
+        has_keys=not args.disable_keyboard_controls,
+        is_verbose=args.verbose,
+        **options,
+    )
+
+    async def main() -> int:
+        await run(Path(args.bag_path), given, burst=burst, socket=args.socket, domain=args.domain)
+        return 0
+
+    return run_stream(main())
+
+
+def _overrides(path: str | None) -> Any:
+    if path is None:
+        return {}
+    from bus.errors import ConfigurationError
+    from bus_bag.profiles import overrides_from_yaml
+    from bus_bag.yaml_text import load
+
+    try:
+        return overrides_from_yaml(load(Path(path).read_text(errors="replace")))
+    except ConfigurationError as error:
+        raise CommandError(f"[ERROR] [ros2bag]: {error}") from None
+    except ValueError as error:
+        raise CommandError(f"[ERROR] [ros2bag]: '{path}' can't be used: {error}") from None
+
+
+def nanoseconds(seconds: float) -> int:
+    return round(seconds * _NS_PER_S)
+
+
+def not_negative(text: str) -> float:
+    """For argparse."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0 <= value < 1e10:
+        raise ArgumentTypeError(f"{text} is no number of seconds from 0")
+    return value
+
+
+def not_negative_int(text: str) -> int:
+    """For argparse."""
+    if not (text.isascii() and text.isdigit() and len(text) < 19):
+        raise ArgumentTypeError(f"{text} is no whole number from 0")
+    return int(text)

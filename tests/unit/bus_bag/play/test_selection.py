@@ -1,0 +1,35 @@
+"""Which topics are played: names, services, regular expressions, and what they leave out."""
+
+import pytest
+
+from bus_bag.play.selection import Selection
+
+TOPICS = ["/imu", "/tf", "/camera/image", "/add/_service_event"]
+
+
+@pytest.mark.parametrize(
+    ("choice", "played"),
+    [
+        ({}, TOPICS),
+        ({"topics": ["/imu", "tf", "/none"]}, ["/imu", "/tf", "/add/_service_event"]),
+        ({"topics": ["/imu"], "services": ["/other"]}, ["/imu"]),
+        ({"services": ["add"]}, TOPICS),
+        ({"services": ["/sub"]}, TOPICS[:3]),
+        ({"regex": "/camera/.*"}, ["/camera/image"]),
+        ({"regex": "camera"}, []),
+        ({"regex": "/t.*", "topics": ["/imu"]}, ["/imu", "/tf"]),
+        ({"exclude_regex": "/[it].*"}, ["/camera/image", "/add/_service_event"]),
+        ({"exclude_topics": ["imu"], "exclude_services": ["/add"]}, ["/tf", "/camera/image"]),
+        ({"topics": ["/imu", "/tf"], "exclude_topics": ["/imu"]}, ["/tf", "/add/_service_event"]),
+        ({"regex": ".*", "exclude_regex": ".*image"}, ["/imu", "/tf", "/add/_service_event"]),
+    ],
+)
+def test_what_is_played(choice: dict[str, str], played: list[str]) -> None:
+    selection = Selection(**choice)
+    assert [topic for topic in TOPICS if selection.has(topic)] == played
+
+
+@pytest.mark.parametrize("option", ["regex", "exclude_regex"])
+def test_what_is_no_regular_expression(option: str) -> None:
+    with pytest.raises(ValueError, match=r"'\(' is no regular expression: "):
+        Selection(**{option: "("})
