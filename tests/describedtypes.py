@@ -1,20 +1,26 @@
-"""A part of `make messages`: clients/bus/msg/_described.py, made of the ready-made message classes.
+"""A part of `make messages`: the modules `_described` of bus.msg and bus.srv.
 
-A test says so where it was forgotten.
+Made of the ready-made message classes, and of what each node of rclpy has besides. A test says so where
+it was forgotten.
 """
 
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
 from bus.msg import PACKAGES, Message
+from bus.parameters.messages import SERVICES as PARAMETER_SERVICES
+from bus.types.classes import message_class, service_class
 from bus.types.hash import schema_hash
 from bus.types.schema import describe, type_name
+from bus.types.service import ServiceSupport
 
-MODULE = Path(__file__).parents[1] / "clients" / "bus" / "msg" / "_described.py"
+_BUS = Path(__file__).parents[1] / "clients" / "bus"
+MODULE, SERVICE_MODULE = (_BUS / kind / "_described.py" for kind in ("msg", "srv"))
 HEAD = '''\
-"""Hash and description of each class of bus.msg, so that no program works them out at its start.
+"""Hash and description of classes, so that no program works them out at its start: all of bus.msg, and more.
 
 Made by `make messages`.
 """
@@ -25,6 +31,21 @@ from typing import Final
 DESCRIBED: Final[dict[str, tuple[str, bytes]]] = {
 '''
 
+SERVICE_HEAD = '''\
+"""Hash and description of what travels for the services that each node of rclpy has: requests, answers.
+
+Made by `make messages`.
+"""
+
+from typing import Final
+
+DESCRIBED: Final[dict[str, tuple[tuple[str, bytes], tuple[str, bytes]]]] = {
+'''
+SERVICES = (
+    *(f"rcl_interfaces/srv/{name}" for name in PARAMETER_SERVICES),
+    "type_description_interfaces/srv/GetTypeDescription",
+)
+
 
 def ready_made() -> list[type[Message]]:
     """Every class of bus.msg that stands for a message."""
@@ -32,7 +53,12 @@ def ready_made() -> list[type[Message]]:
     return [getattr(module, name) for module in modules for name in module.__all__]
 
 
-def described(cls: type[Message]) -> tuple[str, bytes]:
+def all_messages() -> list[type[Any]]:
+    """The classes in the module for messages: those, and what each node of rclpy publishes besides."""
+    return [*ready_made(), message_class("rcl_interfaces/msg/ParameterEvent")]
+
+
+def described(cls: type[Any]) -> tuple[str, bytes]:
     """What the class itself says, worked out."""
     schema = describe(cls)
     return schema_hash(schema), msgspec.msgpack.encode(schema)
@@ -41,11 +67,26 @@ def described(cls: type[Message]) -> tuple[str, bytes]:
 def source() -> str:
     """The text of the module."""
     parts = [HEAD]
-    for cls in ready_made():
+    for cls in all_messages():
         hash_, description = described(cls)
         parts.append(
             f'    "{type_name(cls)}": (\n        "{hash_}",\n        {_literal(description)},\n    ),\n'
         )
+    return "".join([*parts, "}\n"])
+
+
+def service_source() -> str:
+    """The text of the module for services."""
+    parts = [SERVICE_HEAD]
+    for name in SERVICES:
+        support = ServiceSupport(service_class(name))  # of a native class, which is described anew
+        parts.append(f'    "{name}": (\n')
+        for envelope in (support.requests, support.replies(b"")):
+            parts.append(
+                f'        (\n            "{envelope.hash}",\n            {_literal(envelope.description)},\n'
+                "        ),\n"
+            )
+        parts.append("    ),\n")
     return "".join([*parts, "}\n"])
 
 
@@ -57,3 +98,4 @@ def _literal(data: bytes) -> str:
 
 if __name__ == "__main__":
     MODULE.write_text(source())
+    SERVICE_MODULE.write_text(service_source())

@@ -1,4 +1,4 @@
-"""Hash and description of each class of bus.msg, so that no program works them out at its start.
+"""Hash and description of classes, so that no program works them out at its start: all of bus.msg, and more.
 
 Made by `make messages`.
 """
@@ -398,5 +398,9 @@ DESCRIBED: Final[dict[str, tuple[str, bytes]]] = {
     "std_msgs/msg/UInt64MultiArray": (
         "RIHS01_fc1c685c2f76bdc6983da025cb25d2db5fb5157b059e300f6d957d86f981b366",
         b"\x82\xa4root\xbdstd_msgs/msg/UInt64MultiArray\xa5types\x83\xbdstd_msgs/msg/UInt64MultiArray\x82\xa6fields\x92\x82\xa4name\xa6layout\xa4type\xbdstd_msgs/msg/MultiArrayLayout\x82\xa4name\xa4data\xa4type\x92\xa4list\xa6uint64\xa5array\xc3\xbdstd_msgs/msg/MultiArrayLayout\x82\xa6fields\x92\x82\xa4name\xa3dim\xa4type\x92\xa4list\xd9 std_msgs/msg/MultiArrayDimension\x82\xa4name\xabdata_offset\xa4type\xa6uint32\xa5array\xc3\xd9 std_msgs/msg/MultiArrayDimension\x82\xa6fields\x93\x82\xa4name\xa5label\xa4type\xa6string\x82\xa4name\xa4size\xa4type\xa6uint32\x82\xa4name\xa6stride\xa4type\xa6uint32\xa5array\xc3",
+    ),
+    "rcl_interfaces/msg/ParameterEvent": (
+        "RIHS01_043e627780fcad87a22d225bc2a037361dba713fca6a6b9f4b869a5aa0393204",
+        b"\x82\xa4root\xd9!rcl_interfaces/msg/ParameterEvent\xa5types\x84\xd9!rcl_interfaces/msg/ParameterEvent\x82\xa6fields\x95\x82\xa4name\xa5stamp\xa4type\xbbbuiltin_interfaces/msg/Time\x82\xa4name\xa4node\xa4type\xa6string\x82\xa4name\xaenew_parameters\xa4type\x92\xa4list\xbcrcl_interfaces/msg/Parameter\x82\xa4name\xb2changed_parameters\xa4type\x92\xa4list\xbcrcl_interfaces/msg/Parameter\x82\xa4name\xb2deleted_parameters\xa4type\x92\xa4list\xbcrcl_interfaces/msg/Parameter\xa5array\xc3\xbbbuiltin_interfaces/msg/Time\x82\xa6fields\x92\x82\xa4name\xa3sec\xa4type\xa5int32\x82\xa4name\xa7nanosec\xa4type\xa6uint32\xa5array\xc3\xbcrcl_interfaces/msg/Parameter\x82\xa6fields\x92\x82\xa4name\xa4name\xa4type\xa6string\x82\xa4name\xa5value\xa4type\xd9!rcl_interfaces/msg/ParameterValue\xa5array\xc3\xd9!rcl_interfaces/msg/ParameterValue\x82\xa6fields\x9a\x82\xa4name\xa4type\xa4type\xa5uint8\x82\xa4name\xaabool_value\xa4type\xa4bool\x82\xa4name\xadinteger_value\xa4type\xa5int64\x82\xa4name\xacdouble_value\xa4type\xa7float64\x82\xa4name\xacstring_value\xa4type\xa6string\x82\xa4name\xb0byte_array_value\xa4type\xa6byte[]\x82\xa4name\xb0bool_array_value\xa4type\x92\xa4list\xa4bool\x82\xa4name\xb3integer_array_value\xa4type\x92\xa4list\xa5int64\x82\xa4name\xb2double_array_value\xa4type\x92\xa4list\xa7float64\x82\xa4name\xb2string_array_value\xa4type\x92\xa4list\xa6string\xa5array\xc3",
     ),
 }

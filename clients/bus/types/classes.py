@@ -17,14 +17,17 @@ from msgspec import Meta, Struct
 from bus import msg
 from bus.errors import ConfigurationError
 from bus.msg import _types
-from bus.types.definitions import check_size, find_message, find_path
+from bus.types.definitions import check_size, find_message, find_path, is_shipped
 from bus.types.schema_form import is_type_name, zero
 
 if TYPE_CHECKING:
     from bus.srv import Service
     from bus.types.idl import Field, Message, Type
 
-__all__ = ["find_class", "message_class", "service_class"]
+__all__ = ["described_service", "find_class", "message_class", "service_class"]
+
+_OF_EACH_NODE: Final = ("rcl_interfaces", "type_description_interfaces")
+"""Packages of what every node of rclpy has: some of it is described already."""
 
 _lock: Final = RLock()
 _classes: Final[dict[str, type[Struct]]] = {}
@@ -65,6 +68,16 @@ def service_class(name: str) -> type[Service]:
     return srv.make_service(name, message_class(f"{name}_Request"), message_class(f"{name}_Response"))
 
 
+def described_service(name: str) -> tuple[tuple[str, bytes], tuple[str, bytes]] | None:
+    """Hash and description of the requests of a service and of its answers, where they are known already."""
+    package = name.partition("/")[0]
+    if package not in _OF_EACH_NODE or not is_shipped(package):
+        return None
+    from bus.srv._described import DESCRIBED
+
+    return DESCRIBED.get(name)
+
+
 def find_class(name: str) -> type[Struct] | None:
     """The native class of `std_msgs/msg/String` (or `std_msgs/String`); None where there is no such message.
 
@@ -95,12 +108,18 @@ def _ready_made(name: str) -> type[Struct] | None:
 
 def _make(message: Message) -> type[Struct]:
     package, kind, short = message.name.split("/")
+    described = None
+    if package in _OF_EACH_NODE and is_shipped(package):
+        from bus.msg._described import DESCRIBED
+
+        described = DESCRIBED.get(message.name)
     return msgspec.defstruct(
         short,
         [(field.name, *_annotation_and_default(message.name, field)) for field in message.fields],
         bases=(_types.Message,),
         namespace={
             "__type_name__": message.name,
+            "__described__": described,
             **{constant.name: constant.value for constant in message.constants},
         },
         module=f"{package}.{kind}",

@@ -34,6 +34,7 @@ __all__ = [
     "find_message",
     "find_path",
     "full_name",
+    "is_shipped",
     "names",
     "packages",
 ]
@@ -108,6 +109,11 @@ def full_name(name: str) -> str:
         return name
     found = [f"{package}/{kind}/{rest}" for kind in KINDS if find_path(f"{package}/{kind}/{rest}")]
     return found[0] if found else f"{package}/msg/{rest}"
+
+
+def is_shipped(package: str) -> bool:
+    """Whether the definitions of a package are those that come with busd: no others are found before them."""
+    return next((folder for _, folder in _folders(package) if folder.is_dir()), None) == _SHIPPED / package
 
 
 def packages() -> list[str]:
@@ -189,9 +195,10 @@ def find_path(name: str) -> Path | None:
 def _folders(package: str | None) -> Iterator[tuple[str, Path]]:
     """The folders that may hold definitions of this package (of each package), the first to be used first."""
     environ = os.environ
-    program = str(Path(sys.argv[0]).resolve().parent) if sys.argv and sys.argv[0] else ""
+    # pathlib would take several times as long, for each type that is looked for.
+    program = os.path.dirname(os.path.realpath(sys.argv[0])) if sys.argv and sys.argv[0] else ""  # noqa: PTH120
     try:
-        here = str(Path.cwd())
+        here = os.getcwd()  # noqa: PTH109
     except OSError:
         here = ""
     paths = environ.get("AMENT_PREFIX_PATH", ""), environ.get("BUS_INTERFACE_PATH", "")

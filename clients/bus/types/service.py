@@ -11,7 +11,7 @@ where one differs, neither topic matches, and no call is sent that no server cou
 
 from collections.abc import Callable
 from copy import copy
-from functools import cache
+from functools import cache, cached_property
 from typing import Annotated, Any, Final, Generic, TypeAlias, TypeVar
 
 import msgspec
@@ -83,11 +83,12 @@ E = TypeVar("E", bound=Struct)
 class EnvelopeSupport(TypeSupport[E], Generic[E]):
     """The TypeSupport of an envelope: it decodes, and tells the bus the type. It encodes nothing."""
 
-    def __init__(self, cls: type[E], schema: Schema, decode: Callable[[Any], E]) -> None:
+    def __init__(
+        self, cls: type[E], name: str, described: tuple[str, bytes], decode: Callable[[Any], E]
+    ) -> None:
         self.cls = cls
-        self.name = schema["root"]
-        self.hash = schema_hash(schema)
-        self.description = msgspec.msgpack.encode(schema)
+        self.name = name
+        self.hash, self.description = described
         self.decode = decode
         self.encode = _encode
         self.is_valid = _unsure
@@ -101,13 +102,10 @@ class ServiceSupport:
     """
 
     def __init__(self, service_type: Any) -> None:
-        try:
-            self.request: TypeSupport[Any] = type_support(service_type.Request)
-            self.response: TypeSupport[Any] = type_support(service_type.Response)
-        except AttributeError:
-            raise MessageTypeError(
-                f"{service_type!r:.80} is no service: it has no message classes Request and Response"
-            ) from None
+        self._type = service_type
+        described = getattr(service_type, "__described__", None)
+        if described is None:
+            self.request, self.response  # noqa: B018 - first of all it must have these
         self.name: str = getattr(service_type, "__type_name__", "") or self.request.name.removesuffix(
             "_Request"
         )
@@ -117,26 +115,50 @@ class ServiceSupport:
                 f"it is {self.name!r}"
             )
         names = f"{self.name}_Request", f"{self.name}_Response"
+        asked, answered = described or self._describe(*names)
+        self.requests = EnvelopeSupport(Request, names[0], asked, self._decode_request)
+        self._answers = EnvelopeSupport(Reply, names[1], answered, _decode_nothing)
+        self._read_request = msgspec.msgpack.Decoder(_RawRequest).decode
+        self._read_reply = msgspec.msgpack.Decoder(_RawReply).decode
+
+    # A node has services that nobody ever asks: what their messages are like is looked up for the first.
+
+    @cached_property
+    def request(self) -> TypeSupport[Any]:
+        return self._support_of("Request")
+
+    @cached_property
+    def response(self) -> TypeSupport[Any]:
+        return self._support_of("Response")
+
+    def _support_of(self, part: str) -> TypeSupport[Any]:
+        try:
+            message = getattr(self._type, part)
+        except AttributeError:
+            raise MessageTypeError(
+                f"{self._type!r:.80} is no service: it has no message classes Request and Response"
+            ) from None
+        return type_support(message)
+
+    def _describe(self, *names: str) -> tuple[tuple[str, bytes], tuple[str, bytes]]:
+        """Hash and description of requests and of answers, which have these names."""
         # Under what name the messages are known in this process is nothing to others.
         bodies = _renamed(self.request.schema, names[0]), _renamed(self.response.schema, names[1])
         digest = _digest(*map(schema_hash, bodies))
         asked = _envelope(names[0], digest, bodies[0], is_answer=False)
         answered = _envelope(names[1], digest, bodies[1], is_answer=True)
-        self.requests = EnvelopeSupport(Request, asked, self._decode_request)
-        self._answers = EnvelopeSupport(Reply, answered, _decode_nothing)
-        self._read_request = msgspec.msgpack.Decoder(_RawRequest).decode
-        self._read_reply = msgspec.msgpack.Decoder(_RawReply).decode
+        return _described(asked), _described(answered)
 
     def replies(self, client: bytes) -> EnvelopeSupport[Reply]:
         """For the client with that gid: the bodies of what is for others are not decoded, and None."""
-        decode_body, read = self.response.decode, self._read_reply
+        read = self._read_reply
 
         def decode(payload: Any) -> Reply:
             raw = read(payload)
             is_answer = raw.client == client and not raw.error
             # The bytes are those of a ring: they can't be kept undecoded.
             view = memoryview(raw.body)
-            body = decode_body(view) if is_answer and view[0] != _NIL else None
+            body = self.response.decode(view) if is_answer and view[0] != _NIL else None
             return Reply(raw.client, raw.number, raw.error, body)
 
         support = copy(self._answers)
@@ -206,6 +228,10 @@ def _envelope(name: str, digest: str, body: Schema, *, is_answer: bool) -> Schem
     fields.append({"name": "body", "type": node, "required": True})
     types = _renamed(body, inner)["types"]
     return {"root": name, "types": {name: {"array": True, "fields": fields}, **types}}
+
+
+def _described(schema: Schema) -> tuple[str, bytes]:
+    return schema_hash(schema), msgspec.msgpack.encode(schema)
 
 
 def _renamed(schema: Schema, root: str) -> Schema:

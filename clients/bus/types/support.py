@@ -215,8 +215,11 @@ def hash_and_description(cls: type[Struct]) -> tuple[str, bytes]:
     if isinstance(cls, type) and cls.__module__.startswith("bus.msg."):
         from bus.msg._described import DESCRIBED
 
-        if (known := DESCRIBED.get(type_name(cls))) is not None:
-            return known
+        known = DESCRIBED.get(type_name(cls))
+    else:
+        known = getattr(cls, "__dict__", {}).get("__described__")  # of its own, not of a class above it
+    if known is not None:
+        return known
     # Most programs have messages of bus.msg alone.
     from bus.types.hash import schema_hash
     from bus.types.schema import describe

@@ -533,7 +533,9 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
             raise error
 
     def __tell_parameters(self, change: Change[Parameter]) -> None:
-        if self.__parameter_events is not None and not self.__is_destroyed:
+        if self.__is_destroyed or self.__parameter_events is None:
+            return
+        if self.__parameter_events.get_subscription_count():  # what nobody hears need not be made
             event = event_message(parameter_message, self.get_fully_qualified_name(), change)
             event.stamp = self._clock.now().to_msg()
             self.__parameter_events.publish(event)

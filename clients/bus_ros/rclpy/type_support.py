@@ -35,6 +35,8 @@ def check_is_valid_msg_type(msg_type: object) -> None:
 def check_is_valid_srv_type(srv_type: object) -> None:
     """Raises AttributeError as above, RuntimeError for a message or an action."""
     check_for_type_support(srv_type)
+    if getattr(srv_type, "__described__", None) is not None:
+        return  # a service: its messages need not be made to see that
     if not (hasattr(srv_type, "Request") and hasattr(srv_type, "Response")):
         raise RuntimeError(
             f"The service type provided is not valid ({srv_type}), this might be a message or action"

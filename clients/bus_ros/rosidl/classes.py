@@ -15,6 +15,7 @@ from threading import RLock
 from typing import Any, Final, NoReturn
 
 from bus.errors import ConfigurationError
+from bus.types.classes import described_service
 from bus.types.definitions import check_size, find_message, full_name
 from bus.types.idl import INTEGERS, PARTS, Field, Type
 from bus_ros.rosidl import fields, numbers
@@ -63,6 +64,14 @@ class _ServiceType(type):
     """The type of service classes."""
 
     __type_name__: str
+
+    def __getattr__(cls, name: str) -> Any:
+        """The two messages of a service that is described already: most are never used."""
+        if name not in PARTS["srv"] or "__described__" not in vars(cls):
+            raise AttributeError(f"type object '{cls.__name__}' has no attribute '{name}'")
+        made = message_class(f"{cls.__type_name__}_{name}")
+        setattr(cls, name, made)
+        return made
 
     @property
     def Event(cls) -> type[RosMessage]:
@@ -122,14 +131,17 @@ def _whole(name: str, kind: str, what: str, metaclass: type) -> type:
     if f"/{kind}/" not in name:
         raise ConfigurationError(f"{name} is no {what.lower()}")
     if made is None:
-        parts = {part: message_class(f"{name}_{part}") for part in PARTS[kind]}
-        made = _made(name, what, metaclass, parts)
+        described = described_service(name)
+        contents: dict[str, Any] = {"__described__": described}
+        if described is None:
+            contents = {part: message_class(f"{name}_{part}") for part in PARTS[kind]}
+        made = _made(name, what, metaclass, contents)
         with _lock:
             made = _wholes.setdefault(name, made)
     return made
 
 
-def _made(name: str, what: str, metaclass: type, contents: Mapping[str, type]) -> type:
+def _made(name: str, what: str, metaclass: type, contents: Mapping[str, Any]) -> type:
     def __init__(self: object) -> NoReturn:
         raise NotImplementedError(f"{what} classes can not be instantiated")
 

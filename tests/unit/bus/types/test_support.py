@@ -3,6 +3,7 @@
 import difflib
 import subprocess
 import sys
+from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import msgspec
@@ -16,8 +17,12 @@ from bus.msg._described import DESCRIBED
 from bus.msg.geometry_msgs import Point, Pose, PoseArray, Twist, Vector3
 from bus.msg.sensor_msgs import Imu, JointState
 from bus.msg.std_msgs import Float32, Header, String
+from bus.types.classes import described_service
+from bus.types.classes import service_class as native_service
 from bus.types.schema import build, describe
+from bus.types.service import ServiceSupport
 from bus.types.support import find_type, type_hash, type_name, type_support, wrong_class
+from bus_ros.rosidl import service_class
 from rows import for_each
 
 
@@ -48,21 +53,40 @@ def test_it_knows_the_class() -> None:
     assert repr(support) == "TypeSupport(std_msgs/msg/String)"
 
 
-def test_what_is_known_of_the_ready_made_classes_is_what_they_say() -> None:
-    here, made = describedtypes.MODULE.read_text().splitlines(), describedtypes.source().splitlines()
+@for_each("module, source", [("MODULE", "source"), ("SERVICE_MODULE", "service_source")])
+def test_what_is_known_of_types_is_what_they_say(module: str, source: str) -> None:
+    path = getattr(describedtypes, module)
+    here, made = path.read_text().splitlines(), getattr(describedtypes, source)().splitlines()
     changed = [line[:100] for line in difflib.unified_diff(here, made, lineterm="", n=0)]
-    assert not changed, "clients/bus/msg/_described.py is of another time; run: make messages\n" + "\n".join(
-        changed
-    )
-    assert set(DESCRIBED) == {type_name(cls) for cls in describedtypes.ready_made()}
+    assert not changed, f"{path} is of another time; run: make messages\n" + "\n".join(changed)
 
 
-def test_ready_made_classes_are_described_as_if_nothing_were_known_of_them() -> None:
-    for cls in describedtypes.ready_made():
+def test_messages_are_described_as_if_nothing_were_known_of_them() -> None:
+    assert set(DESCRIBED) == {type_name(cls) for cls in describedtypes.all_messages()}
+    for cls in describedtypes.all_messages():
         support = type_support(cls)
         assert (support.hash, support.description) == describedtypes.described(cls)
         assert support.schema == describe(cls)
         assert support.schema is support.schema
+
+
+def test_a_service_that_is_described_is_as_if_nothing_were_known_of_it() -> None:
+    for name in describedtypes.SERVICES:
+        known, made = service_class(name), ServiceSupport(native_service(name))
+        support = ServiceSupport(known)
+        assert known.__described__  # type: ignore[attr-defined]
+        for mine, its in ((support.requests, made.requests), (support.replies(b""), made.replies(b""))):
+            assert (mine.name, mine.hash, mine.description) == (its.name, its.hash, its.description)
+        assert support.request.name == known.Request.__type_name__ == f"{name}_Request"  # type: ignore[attr-defined]
+
+
+def test_definitions_that_go_before_those_of_busd_are_not_described(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert described_service("rcl_interfaces/srv/GetParameters") is not None
+    (tmp_path / "share" / "rcl_interfaces").mkdir(parents=True)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
+    assert described_service("rcl_interfaces/srv/GetParameters") is None
 
 
 def test_a_class_of_ones_own_is_not_taken_for_the_ready_made_one_of_that_name() -> None:
