@@ -22,7 +22,6 @@ from bus_ros.cdr.shapes import describe
 __all__ = ["CdrError", "Codec", "codec_of", "schema_of_definition"]
 
 _MOST_CODECS: Final = 1024
-_MOST_PADDING: Final = 3
 _WRONG: Final = (struct.error, ValueError, TypeError, OverflowError, RecursionError, MemoryError)
 
 
@@ -57,7 +56,7 @@ class Codec:
         self.as_json = described.as_json
         self._description = description
         self._shape = described.shape
-        self._decoders: dict[bytes, Callable[[Buffer], tuple[Any, int]]] = {}
+        self._decoders: dict[bytes, Callable[[Buffer], Any]] = {}
         self._encode_short: Callable[[Buffer], list[Buffer]] = self._first_short
         self._encode_long: Callable[[Buffer], list[Buffer]] = self._first_long
 
@@ -78,16 +77,14 @@ class Codec:
     def decode(self, data: Buffer) -> bytes:
         """The MessagePack payload of a CDR message, as `publish_encoded` takes it.
 
-        Takes both byte orders, XCDR1 and XCDR2, plain and delimited, and up to 3 bytes of padding at the end.
-        Raises CdrError for what is malformed.
+        Takes both byte orders, XCDR1 and XCDR2, plain and delimited. What is behind the last field is not
+        looked at: ROS 2 pads there, and where its serialize_message expects more than there is, it leaves the
+        rest. Raises CdrError for what is malformed.
         """
         body = memoryview(data)[4:] if len(data) >= LONG else bytes(data)[4:]
         decode = self._decoders.get(bytes(data[:2])) or self._decoder(data)
         try:
-            value, size = decode(body)
-            if not 0 <= len(body) - size <= _MOST_PADDING:
-                raise ValueError(f"{len(body)} bytes, not {size}")
-            return msgspec.msgpack.encode(value)
+            return msgspec.msgpack.encode(decode(body))
         except _WRONG as error:
             raise CdrError(f"no CDR message of {self.type_name}: {error}") from None
 
@@ -99,7 +96,7 @@ class Codec:
         self._encode_long = encoder(self._description, self._shape, True)
         return self._encode_long(payload)
 
-    def _decoder(self, data: Buffer) -> Callable[[Buffer], tuple[Any, int]]:
+    def _decoder(self, data: Buffer) -> Callable[[Buffer], Any]:
         head = bytes(data[:2])
         representation = REPRESENTATIONS.get(head)
         if representation is None or len(data) < 4:

@@ -53,15 +53,15 @@ class Malformed(ValueError):
 
 def decoder(
     description: Mapping[str, Any], shape: Message, representation: Representation
-) -> Callable[[Buffer], tuple[Any, int]]:
-    """A function that gives what stands for a message in MessagePack, and how many bytes it took.
+) -> Callable[[Buffer], Any]:
+    """A function that gives what stands for a message in MessagePack.
 
     It takes the bytes behind the encapsulation, and raises ValueError, struct.error, OverflowError or
     TypeError for what is no message of the type.
     """
     writer = _Writer(description, representation)
     writer.root(shape)
-    decode: Callable[[Buffer], tuple[Any, int]] = writer.source.compile(shape.name)["decode"]
+    decode: Callable[[Buffer], Any] = writer.source.compile(shape.name)["decode"]
     return decode
 
 
@@ -85,7 +85,7 @@ class _Writer:
         self.source.line("p = 0")
         value = self._message(shape)
         self._flush()
-        self.source.line(f"return {value}, p")
+        self.source.line(f"return {value}")
         self.source.end()
 
     # Runs.
