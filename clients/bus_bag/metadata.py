@@ -20,6 +20,7 @@ __all__ = [
     "FileInformation",
     "TopicInformation",
     "TopicMetadata",
+    "as_map",
     "from_record",
     "from_yaml",
     "profiles_to_text",
@@ -82,12 +83,12 @@ class BagMetadata(msgspec.Struct, frozen=True):
 
 def to_yaml(metadata: BagMetadata) -> str:
     """The text of metadata.yaml."""
-    return _dump({_KEY: _as_map(metadata)})
+    return _dump({_KEY: as_map(metadata)})
 
 
 def to_record(metadata: BagMetadata) -> str:
     """The text in a `rosbag2` record of an MCAP file."""
-    return _dump(_as_map(metadata))
+    return _dump(as_map(metadata))
 
 
 def profiles_to_text(profiles: tuple[QoSProfile, ...]) -> str:
@@ -95,7 +96,8 @@ def profiles_to_text(profiles: tuple[QoSProfile, ...]) -> str:
     return _dump([profile_to_yaml(one) for one in profiles])
 
 
-def _as_map(metadata: BagMetadata) -> dict[str, object]:
+def as_map(metadata: BagMetadata) -> dict[str, object]:
+    """What both texts have, as plain data."""
     return {
         "version": VERSION,
         "storage_identifier": metadata.storage_identifier,

@@ -79,20 +79,22 @@ COMMANDS: dict[str, tuple[str, dict[str, str]]] = {
             "set": "Trigger lifecycle state transition",
         },
     ),
-    "bag": (
-        "Various rosbag related sub-commands",
-        {
-            "burst": "Burst data from a bag",
-            "play": "Play back ROS data from a bag",
-            "record": "Record ROS data to a bag",
-        },
-    ),
     "tf2": (
         "Various tf2 related sub-commands",
         {
             "echo": "Print the transform between two frames",
             "frames": "Draw the tree of frames",
             "monitor": "Print how late transforms are, and how often they come",
+        },
+    ),
+    "bag": (
+        "Various rosbag related sub-commands",
+        {
+            "burst": "Burst data from a bag",
+            "info": "Print information about a bag to the screen",
+            "play": "Play back ROS data from a bag",
+            "record": "Record ROS data to a bag",
+            "reindex": "Reconstruct metadata file for a bag",
         },
     ),
     "daemon": (

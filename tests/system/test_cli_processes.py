@@ -59,6 +59,8 @@ LINES = {
     "interface packages": "",
     "interface proto": "std_msgs/msg/String",
     "interface show": "std_msgs/msg/String",
+    "bag info": "--help",
+    "bag reindex": "--help",
     "daemon install": "--dry-run",
     "daemon peers": "",
     "daemon restart": "",

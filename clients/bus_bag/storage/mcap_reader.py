@@ -61,13 +61,17 @@ class McapFile:
         self.definitions: dict[str, str] = {}
         self.records: list[tuple[str, dict[str, str]]] = []
         """The metadata records: name, texts."""
+        self.attachments = 0
+        """How many it has; they are not read."""
         self.problems: list[Problem] = []
         self.is_cut = False
         self.has_index = False
         self.compression = ""
         """Of its chunks; of the last one where they differ."""
         self._segments: list[_Segment] = []
-        self._schemas: dict[int, Any] = {}
+        self.schemas: dict[int, Any] = {}
+        """By their numbers, as records of `mcap.records`, and so are channels."""
+        self.channels: dict[int, Any] = {}
         self._channels: dict[int, str] = {}
         """Channel -> topic; those that can be read."""
         self._refused: set[int] = set()
@@ -81,6 +85,11 @@ class McapFile:
         except BaseException:
             self.close()
             raise
+
+    @property
+    def has_message_index(self) -> bool:
+        """Whether it also says where in its chunks messages are: others need that to begin anywhere."""
+        return self.has_index and all(one.channels is not None for one in self._segments)
 
     def close(self) -> None:
         """Close the file."""
@@ -96,8 +105,19 @@ class McapFile:
                 try:
                     return from_record(texts["serialized_metadata"])
                 except ValueError as error:
-                    self._problem(0, f"its rosbag2 record can't be read: {error}")
+                    self._problem(None, f"its rosbag2 record can't be read: {error}")
         return None
+
+    def in_file_order(self) -> Iterator[tuple[int, int, int, int, Buffer]]:
+        """Messages as they stand in the file: channel, log time, publish time, sequence, data."""
+        for segment in self._segments:
+            for opcode, position, data in self._walk(segment):
+                if opcode == Opcode.MESSAGE:
+                    _, length, channel, sequence, *times = MESSAGE.unpack_from(data, position)
+                    if channel in self._channels:
+                        begin = position + _HEAD
+                        content = memoryview(data)[begin : begin + length - 22]
+                        yield (channel, *times, sequence, content)
 
     def messages(self, start: int | None, topics: frozenset[str] | None, by: Order) -> Iterator[BagMessage]:
         """Messages in order; `start`: from that time on; `topics`: of these."""
@@ -189,13 +209,24 @@ class McapFile:
                 self._read_chunk(segment) if segment.is_chunk else self._read(segment.offset, segment.length)
             )
         except (ValueError, OSError, MemoryError) as error:
-            self._problem(segment.offset, f"a chunk is passed over: {error or type(error).__name__}")
+            why = str(error) or type(error).__name__
+            self._problem(segment.offset, f"a chunk{self._how_many(segment)} is passed over: {why}")
             data = b""
         self._loaded[segment.offset] = data
         self._loaded_size += len(data)
         while self._loaded_size > _LOADED and len(self._loaded) > 1:
             self._loaded_size -= len(self._loaded.popitem(last=False)[1])
         return data
+
+    def _how_many(self, segment: _Segment) -> str:
+        """How many messages a chunk has, as far as its message indexes say."""
+        count, position = 0, segment.offset + segment.length
+        while True:
+            head = self._read(position, 9 + _INDEX_HEAD.size)
+            if len(head) < 9 + _INDEX_HEAD.size or head[0] != Opcode.MESSAGE_INDEX:
+                return f" with {count} messages" if count else ""
+            count += _INDEX_HEAD.unpack_from(head, 9)[1] // 16
+            position += RECORD.size + RECORD.unpack_from(head)[1]
 
     def _read_chunk(self, segment: _Segment) -> Buffer:
         """Raises ValueError for what is no whole chunk."""
@@ -205,11 +236,11 @@ class McapFile:
         opcode, length = RECORD.unpack_from(content)
         if opcode != Opcode.CHUNK or length != segment.length - 9:
             raise ValueError("it is none")
-        compression, begin, size, crc = _chunk_head(content)
+        self.compression, begin, size, crc = _chunk_head(content)
         stored = int.from_bytes(content[begin - 8 : begin], "little")
         if begin + stored > len(content):
             raise ValueError("it is longer than its record")
-        data = unpack(compression, memoryview(content)[begin : begin + stored], size)
+        data = unpack(self.compression, memoryview(content)[begin : begin + stored], size)
         if crc and zlib.crc32(data) != crc:
             raise ValueError("its CRC is wrong")
         return data
@@ -223,7 +254,7 @@ class McapFile:
             content += more
         return content
 
-    def _problem(self, offset: int, text: str) -> None:
+    def _problem(self, offset: int | None, text: str) -> None:
         problem = Problem(str(self.path), offset, text)
         if len(self.problems) < _MAX_PROBLEMS and problem not in self.problems:
             self.problems.append(problem)
@@ -245,7 +276,7 @@ class McapFile:
 
     def _forget(self) -> None:
         self.summary = Summary()
-        for one in (self.topics, self.extra, self.definitions, self._schemas, self._channels):
+        for one in (self.topics, self.extra, self.definitions, self.schemas, self.channels, self._channels):
             one.clear()
         self.records.clear()
         self._segments.clear()
@@ -341,7 +372,7 @@ class McapFile:
         """Take in a schema, a channel or a metadata record. Raises ValueError for one that is none."""
         if opcode == Opcode.SCHEMA:
             schema = decode("Schema", content)
-            self._schemas[schema.id] = schema
+            self.schemas[schema.id] = schema
         elif opcode == Opcode.CHANNEL:
             self._add_channel(decode("Channel", content))
         elif opcode == Opcode.METADATA:
@@ -351,23 +382,25 @@ class McapFile:
     def _add_channel(self, channel: Any) -> None:
         if channel.id in self._channels or channel.id in self._refused:
             return
-        schema = self._schemas.get(channel.schema_id)
+        schema = self.schemas.get(channel.schema_id)
         type_name = schema.name if schema else ""
         known = self.topics.get(channel.topic)
         if known is not None and known.type != type_name:
             self._refused.add(channel.id)
             self._problem(
-                0, f"topic '{channel.topic}' has types {known.type} and {type_name}; only the first is read"
+                None,
+                f"topic '{channel.topic}' has types {known.type} and {type_name}; only the first is read",
             )
             return
         self._channels[channel.id] = channel.topic
+        self.channels[channel.id] = channel
         texts = dict(channel.metadata)
         profiles = texts.pop("offered_qos_profiles", "")
         try:
             offered = profiles_from_yaml(profiles)
         except ValueError as error:
             offered = ()
-            self._problem(0, f"topic '{channel.topic}': {error}")
+            self._problem(None, f"topic '{channel.topic}': {error}")
         if known is not None:
             return
         self.topics[channel.topic] = TopicMetadata(
@@ -398,6 +431,8 @@ class McapFile:
                     self._add_message(position, length, scan)
                 elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA):
                     self._describe_at(position, length)
+                elif opcode == Opcode.ATTACHMENT:
+                    self.attachments += 1
             position += 9 + length
         scan.indexed.clear()  # those of the last chunk may be missing
         self._settle(chunk, scan)

@@ -94,9 +94,12 @@ class McapWriter:
 
     def write_schema(self, number: int, name: str, definition: str) -> None:
         """A type, before the first channel of it."""
-        schema = package().Schema(id=number, name=name, encoding="ros2msg", data=definition.encode())
-        self._schemas[number] = encode(schema)
-        self._note(self._schemas[number])
+        self.add_schema(package().Schema(id=number, name=name, encoding="ros2msg", data=definition.encode()))
+
+    def add_schema(self, schema: Any) -> None:
+        """The same, as a record of `mcap.records`."""
+        self._schemas[schema.id] = encode(schema)
+        self._note(self._schemas[schema.id])
 
     def write_channel(self, number: int, schema: int, topic: TopicMetadata, extra: Mapping[str, str]) -> None:
         """A topic, before its first message."""
@@ -111,8 +114,12 @@ class McapWriter:
             },
             schema_id=schema,
         )
-        self._channels[number] = encode(channel)
-        self._note(self._channels[number])
+        self.add_channel(channel)
+
+    def add_channel(self, channel: Any) -> None:
+        """The same, as a record of `mcap.records`."""
+        self._channels[channel.id] = encode(channel)
+        self._note(self._channels[channel.id])
 
     def _note(self, record: bytes) -> None:
         self._summary_size += len(record)

@@ -64,6 +64,6 @@ def unpack_messages(
         yield message
     if passed_over:
         text = f"{passed_over} messages are passed over: they can't be unpacked ({why})"
-        problem = Problem(str(path), 0, text)
+        problem = Problem(str(path), None, text)
         if problem not in problems:
             problems.append(problem)

@@ -43,11 +43,13 @@ def open_bag(path: Path) -> "BagReader":
 class BagReader:
     """An open bag, made by `open_bag`.
 
-    What can't be read is passed over, and is in `problems`.
+    What can't be read is passed over, and is in `problems`. With `all_files` a folder's files are all those
+    that are there, whatever metadata.yaml says.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, all_files: bool = False) -> None:
         self.path = path
+        self._takes_all = all_files
         self.files: list[BagFile] = []
         self.topics: dict[str, TopicMetadata] = {}
         """By name, in the order of their names."""
@@ -108,7 +110,7 @@ class BagReader:
     def _find_files(self) -> list[Path]:
         """The files of a folder: those that metadata.yaml names, or all that may be meant."""
         self._said = self._read_metadata(self.path / NAME)
-        if self._said is not None and self._said.relative_file_paths:
+        if self._said is not None and self._said.relative_file_paths and not self._takes_all:
             return [self._inside(name) for name in self._said.relative_file_paths]
         found = [path for path in self.path.iterdir() if _kind(path) and path.is_file()]
         if not found:
@@ -129,9 +131,9 @@ class BagReader:
                 raise ValueError(f"it is larger than {_MAX_METADATA:,} bytes")
             return from_yaml(path.read_text(errors="replace"))
         except FileNotFoundError:
-            self._problems.append(Problem(str(path), 0, "there is none; the files say what they have"))
+            self._problems.append(Problem(str(path), None, "there is none; the files say what they have"))
         except ValueError as error:
-            self._problems.append(Problem(str(path), 0, f"it can't be used: {error}"))
+            self._problems.append(Problem(str(path), None, f"it can't be used: {error}"))
         return None
 
     def _open_files(self, paths: list[Path]) -> None:
@@ -141,14 +143,14 @@ class BagReader:
                 file = _open_file(path)
             except (BagError, OSError) as error:
                 reasons.append(error)
-                self._problems.append(Problem(str(path), 0, str(error)))
+                self._problems.append(Problem(str(path), None, str(error)))
                 continue
             self.files.append(file)
             for name, topic in file.topics.items():
                 known = self.topics.setdefault(name, topic)
                 if known.type != topic.type:
                     text = f"topic '{name}' is {topic.type} here and {known.type} before"
-                    self._problems.append(Problem(str(path), 0, text))
+                    self._problems.append(Problem(str(path), None, text))
                 self.extra.setdefault(name, dict(file.extra.get(name, {})))
             for name, definition in file.definitions.items():
                 self.definitions.setdefault(name, definition)

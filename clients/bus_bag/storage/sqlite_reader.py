@@ -93,7 +93,7 @@ class SqliteFile:
             self._problem(f"{passed_over} rows are passed over, for they are no messages of a topic")
 
     def _problem(self, text: str) -> None:
-        problem = Problem(str(self.path), 0, text)
+        problem = Problem(str(self.path), None, text)
         if problem not in self.problems:
             self.problems.append(problem)
 

@@ -32,12 +32,13 @@ class Problem(msgspec.Struct, frozen=True):
     """Something in a file that can't be read, and was passed over."""
 
     path: str
-    offset: int
-    """Where in the file, in bytes."""
+    offset: int | None
+    """Where in the file, in bytes; None: it is not about a place."""
     text: str
 
     def __str__(self) -> str:
-        return f"{self.path}, at byte {self.offset}: {self.text}"
+        place = "" if self.offset is None else f", at byte {self.offset}"
+        return f"{self.path}{place}: {self.text}"
 
 
 class Summary(msgspec.Struct):

@@ -1,0 +1,146 @@
+"""What `bus bag info` says of a bag, in rosbag2's form."""
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+
+import msgspec
+
+from bus_bag.metadata import BagMetadata, TopicInformation
+from bus_bag.storage import BagReader
+
+__all__ = ["SORTINGS", "describe", "size_text", "topic_names"]
+
+_INDENT = 19
+_UNITS = ("KiB", "MiB", "GiB", "TiB")
+_EVENTS = "/_service_event"
+_NS_PER_S = 1_000_000_000
+
+SORTINGS: Mapping[str, Callable[[TopicInformation], object]] = {
+    "name": lambda one: one.topic_metadata.name,
+    "type": lambda one: one.topic_metadata.type,
+    "count": lambda one: one.message_count,
+}
+"""How topics can be sorted."""
+
+
+class _Service(msgspec.Struct):
+    """What is known of a service by its events, from reading them."""
+
+    requests: set[bytes] = msgspec.field(default_factory=set)
+    responses: set[bytes] = msgspec.field(default_factory=set)
+
+
+def describe(reader: BagReader, *, verbose: bool = False, sort: str = "name") -> str:
+    """The text; `verbose` reads all messages, for the bytes of each topic and the calls of services."""
+    metadata = reader.metadata
+    sizes: Counter[str] = Counter()
+    services: dict[str, _Service] = {}
+    if verbose:
+        _read(reader, sizes, services)
+    topics = sorted(metadata.topics, key=SORTINGS[sort])  # type: ignore[arg-type]
+    events = [one for one in topics if is_event(one)]
+    topics = [one for one in topics if not is_event(one)]
+    start, end = metadata.starting_time, metadata.starting_time + metadata.duration
+    bag_size = sum(file.path.stat().st_size for file in reader.files)
+    lines = [
+        "",
+        *_block("Files:", metadata.relative_file_paths),
+        f"Bag size:          {size_text(bag_size)}",
+        f"Storage id:        {metadata.storage_identifier}",
+        f"ROS Distro:        {metadata.ros_distro or 'unknown'}",
+        f"Duration:          {_seconds(metadata.duration)}s",
+        f"Start:             {_moment(start)}",
+        f"End:               {_moment(end)}",
+        f"Messages:          {metadata.message_count}",
+        *_block("Topic information:", [_topic_line(one, sizes if verbose else None) for one in topics]),
+        f"Service:           {len(events)}",
+        *_block(
+            "Service information:",
+            [_service_line(one, sizes, services if verbose else None) for one in events],
+            _INDENT + 2,
+        ),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def topic_names(metadata: BagMetadata, sort: str = "name") -> list[str]:
+    """Names of topics, without those of services' events."""
+    topics = sorted(metadata.topics, key=SORTINGS[sort])  # type: ignore[arg-type]
+    return [one.topic_metadata.name for one in topics if not is_event(one)]
+
+
+def size_text(size: float) -> str:
+    """Bytes as rosbag2 writes them: `57 B`, `1.5 KiB`, `127.9 MiB`."""
+    if size < 1024:
+        return f"{size:.0f} B"
+    unit = 0
+    while size >= 1024 and unit < len(_UNITS):
+        size /= 1024
+        unit += 1
+    return f"{size:.1f} {_UNITS[unit - 1]}"
+
+
+def is_event(topic: TopicInformation) -> bool:
+    """Whether it is the events of a service."""
+    kind = topic.topic_metadata.type
+    return topic.topic_metadata.name.endswith(_EVENTS) and "/srv/" in kind and kind.endswith("_Event")
+
+
+def _block(title: str, lines: Iterable[str], indent: int = _INDENT) -> Iterator[str]:
+    """The title with the first line, the others below it."""
+    head = title.ljust(indent)
+    for line in lines:
+        yield head + line
+        head = " " * indent
+    if not head.isspace():
+        yield head
+
+
+def _topic_line(one: TopicInformation, sizes: Mapping[str, int] | None) -> str:
+    topic = one.topic_metadata
+    size = "" if sizes is None else f"Size Contribution: {size_text(sizes[topic.name])} | "
+    return (
+        f"Topic: {topic.name} | Type: {topic.type} | Count: {one.message_count} | "
+        f"{size}Serialization Format: {topic.serialization_format}"
+    )
+
+
+def _service_line(
+    one: TopicInformation, sizes: Mapping[str, int], services: Mapping[str, _Service] | None
+) -> str:
+    topic = one.topic_metadata
+    head = f"Service: {topic.name.removesuffix(_EVENTS)} | Type: {topic.type.removesuffix('_Event')} | "
+    tail = f"Serialization Format: {topic.serialization_format}"
+    if services is None:
+        return f"{head}Event Count: {one.message_count} | {tail}"
+    service = services.get(topic.name, _Service())
+    return (
+        f"{head}Request Count: {len(service.requests)} | Response Count: {len(service.responses)} | "
+        f"Size Contribution: {size_text(sizes[topic.name])} | {tail}"
+    )
+
+
+def _read(reader: BagReader, sizes: Counter[str], services: dict[str, _Service]) -> None:
+    events = {one.topic_metadata.name for one in reader.metadata.topics if is_event(one)}
+    for message in reader.messages():
+        sizes[message.topic] += len(message.data)
+        if message.topic in events and len(message.data) >= 44:
+            # It begins with a ServiceEventInfo: kind, time, the client and the number of its call.
+            service = services.setdefault(message.topic, _Service())
+            call = bytes(message.data[16:32]) + bytes(message.data[36:44])
+            (service.requests if message.data[4] < 2 else service.responses).add(call)
+
+
+def _seconds(duration: int) -> str:
+    return f"{duration // _NS_PER_S}.{duration % _NS_PER_S:09d}"
+
+
+def _moment(time_ns: int) -> str:
+    """In local time, and in seconds since 1970."""
+    try:
+        local = time.localtime(time_ns // _NS_PER_S)
+    except (OverflowError, ValueError, OSError):
+        return f"({_seconds(time_ns)})"
+    day = f"{time.strftime('%b', local)} {local.tm_mday:2d} {local.tm_year}"
+    return f"{day} {time.strftime('%H:%M:%S', local)}.{time_ns % _NS_PER_S:09d} ({_seconds(time_ns)})"

@@ -1,0 +1,48 @@
+"""`bus bag reindex`: metadata.yaml made anew, and files that lack an index or their end made whole."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from bus_bag.errors import BagError
+from bus_bag.metadata import NAME, BagMetadata, to_yaml
+from bus_bag.storage import BagReader, Problem
+from bus_bag.storage.mcap_reader import McapFile
+from bus_bag.storage.rewriting import rewrite
+
+__all__ = ["reindex"]
+
+
+def reindex(folder: Path, say: Callable[[str], object]) -> list[Problem]:
+    """Make a bag whole. `say` hears what is done; returns what could not be read, and is lost with that.
+
+    Each file is replaced once its new one is on the disk, and metadata.yaml at the end. Raises BagError
+    where there is no bag, or where it can't be written; OSError for faults of the disk.
+    """
+    if not folder.exists():
+        raise BagError(f"Bag path '{folder}' does not exist!")
+    if not folder.is_dir():
+        raise BagError("Must specify a bag directory")
+    lost: list[Problem] = []
+    with BagReader(folder, all_files=True) as reader:
+        for file in reader.files:
+            if not isinstance(file, McapFile) or file.path.suffix != ".mcap" or file.has_message_index:
+                continue
+            rewrite(file, reader.metadata)
+            lost += file.problems
+            if file.attachments:
+                text = f"its {file.attachments} attachments are left out"
+                lost.append(Problem(str(file.path), None, text))
+            say(f"{file.path.name}: written anew with an index, {file.summary.message_count} messages")
+    with BagReader(folder, all_files=True) as reader:
+        write_metadata(folder, reader.metadata)
+        say(f"{NAME}: {reader.metadata.message_count} messages in {len(reader.files)} files")
+        return lost + [problem for problem in reader.problems if not problem.path.endswith(NAME)]
+
+
+def write_metadata(folder: Path, metadata: BagMetadata) -> None:
+    """Write metadata.yaml in one step."""
+    beside = folder / f"{NAME}.tmp"
+    beside.write_text(to_yaml(msgspec.structs.replace(metadata, version=9)))
+    beside.replace(folder / NAME)

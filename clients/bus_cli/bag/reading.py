@@ -1,0 +1,53 @@
+"""What verbs that read bags have in common."""
+
+from argparse import ArgumentParser, Namespace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bus_cli.output import complain
+
+if TYPE_CHECKING:
+    from bus_bag.storage import BagReader
+
+__all__ = ["add_bag_argument", "opened", "tell_problems"]
+
+STORAGES = ("mcap", "sqlite3")
+_MOST = 20
+"""Problems that are told one by one."""
+
+
+def add_bag_argument(parser: ArgumentParser) -> None:
+    """`bag_path`, and `-s`."""
+    parser.add_argument("bag_path", type=Path, help="Bag to open.")
+    parser.add_argument(
+        "-s",
+        "--storage",
+        default="",
+        choices=STORAGES,
+        help="Storage implementation of bag; taken, and without effect: files say what they are",
+    )
+
+
+@contextmanager
+def opened(args: Namespace) -> "Iterator[BagReader]":
+    """The bag; what of it could not be read is told at the end."""
+    from bus_bag.storage import open_bag
+
+    with open_bag(args.bag_path) as reader:
+        try:
+            yield reader
+        finally:
+            tell_problems(reader)
+
+
+def tell_problems(reader: "BagReader") -> None:
+    """One line each, on stderr; and what can be done."""
+    problems = reader.problems
+    for problem in problems[:_MOST]:
+        complain(f"[WARN] [ros2bag]: {problem}")
+    if len(problems) > _MOST:
+        complain(f"[WARN] [ros2bag]: and {len(problems) - _MOST} more of this kind")
+    if problems and reader.path.is_dir() and (reader.is_cut or not (reader.path / "metadata.yaml").exists()):
+        complain(f"[WARN] [ros2bag]: to make it whole: bus bag reindex {reader.path}")

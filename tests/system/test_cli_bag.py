@@ -1,0 +1,51 @@
+"""`bus bag info` and `reindex`: what they print, and that no file makes them fail with a traceback."""
+
+import json
+from pathlib import Path
+
+from bags import said, write_bag
+from cli import bus
+
+
+def test_info(tmp_path: Path) -> None:
+    messages = said(10)
+    folder = write_bag(tmp_path / "walk", messages[:5], messages[5:])
+    result = bus("bag", "info", str(folder))
+    assert (result.code, result.err) == (0, "")
+    assert result.out.startswith(
+        "\nFiles:             walk_0.mcap\n                   walk_1.mcap\nBag size:"
+    )
+    assert bus("bag", "info", "-t", str(folder)) == ("/chatter\n/latched\n", "", 0)
+    assert bus("bag", "info", "-t", "--sort", "count", str(folder)).out == "/latched\n/chatter\n"
+    assert "Size Contribution" in bus("bag", "info", "-v", "-s", "mcap", str(folder)).out
+    record = json.loads(bus("bag", "info", "--json", str(folder)).out)
+    assert (record["message_count"], record["is_cut"], record["problems"]) == (10, False, [])
+
+
+def test_a_bag_that_was_cut(tmp_path: Path) -> None:
+    folder = write_bag(tmp_path / "walk", said(10))
+    path = folder / "walk_0.mcap"
+    path.write_bytes(path.read_bytes()[:-1])
+    (folder / "metadata.yaml").unlink()
+    result = bus("bag", "info", str(folder))
+    assert result.code == 0
+    assert "Messages:          10\n" in result.out
+    first, second, third = result.err.splitlines()
+    assert first == f"[WARN] [ros2bag]: {folder}/metadata.yaml: there is none; the files say what they have"
+    assert second.startswith(f"[WARN] [ros2bag]: {path}, at byte ")
+    assert second.endswith(": the file was not closed")
+    assert third == f"[WARN] [ros2bag]: to make it whole: bus bag reindex {folder}"
+    result = bus("bag", "reindex", str(folder))
+    assert (result.code, result.err) == (0, f"{second}\n")
+    assert result.out == (
+        "walk_0.mcap: written anew with an index, 10 messages\nmetadata.yaml: 10 messages in 1 files\n"
+    )
+    assert bus("bag", "info", str(folder)).err == ""
+
+
+def test_no_bags(tmp_path: Path) -> None:
+    (tmp_path / "junk.mcap").write_bytes(b"junk")
+    junk = f"{tmp_path}/junk.mcap"
+    assert bus("bag", "info", "nowhere") == ("", "Bag path 'nowhere' does not exist!\n", 1)
+    assert bus("bag", "info", junk) == ("", f"'{junk}' is no MCAP file: it does not begin like one\n", 1)
+    assert bus("bag", "reindex", junk) == ("", "[ERROR] [ros2bag]: Must specify a bag directory\n", 1)
