@@ -1,11 +1,19 @@
 """`message_filters` on the bus: messages of several topics brought together by their stamps.
 
-Owns: the filters of ROS 2 Jazzy's Python. Which messages belong together is decided in `matching`, which
-knows neither messages nor clocks.
+Owns: the filters of ROS 2 Jazzy's Python, and those of Rolling that compare messages. Which messages belong
+together is decided in `matching`, which knows neither messages nor clocks.
 """
 
 from bus_ros.message_filters.cache import Cache
 from bus_ros.message_filters.chain import Chain
+from bus_ros.message_filters.delta_filter import (
+    CachedComparisonHandler,
+    ComparisonFilter,
+    ComparisonHandler,
+    DeltaCompare,
+    DeltaFilter,
+    PathDeltaFilter,
+)
 from bus_ros.message_filters.simple_filter import SimpleFilter
 from bus_ros.message_filters.subscriber import Subscriber
 from bus_ros.message_filters.time_synchronizer import ApproximateTimeSynchronizer, TimeSynchronizer
@@ -13,7 +21,13 @@ from bus_ros.message_filters.time_synchronizer import ApproximateTimeSynchronize
 __all__ = [
     "ApproximateTimeSynchronizer",
     "Cache",
+    "CachedComparisonHandler",
     "Chain",
+    "ComparisonFilter",
+    "ComparisonHandler",
+    "DeltaCompare",
+    "DeltaFilter",
+    "PathDeltaFilter",
     "SimpleFilter",
     "Subscriber",
     "TimeSynchronizer",

@@ -13,11 +13,14 @@ from bus_tf2.tf_transformations.angles import (
 
 __all__ = ["euler_from_quaternion", "quaternion_about_axis", "quaternion_from_euler", "quaternion_multiply"]
 
+_WITH_NUMPY = ("matrices", "projections", "arcball")
+
 
 def __getattr__(name: str) -> Any:
-    if not name.startswith("_") and name not in ("angles", "matrices"):
+    if not name.startswith("_") and name not in ("angles", *_WITH_NUMPY):
         extra("numpy", "tf_transformations")
-        matrices = import_module("bus_tf2.tf_transformations.matrices")
-        if name in matrices.__all__:
-            return getattr(matrices, name)
+        for part in _WITH_NUMPY:
+            module = import_module(f"bus_tf2.tf_transformations.{part}")
+            if name in module.__all__:
+                return getattr(module, name)
     raise AttributeError(f"module 'tf_transformations' has no attribute {name!r}")
