@@ -36,20 +36,20 @@ def topics(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
     """Names of topics; hidden ones only where the prefix is hidden too."""
     from bus.names import is_hidden_topic
 
-    graph = _graph(parsed_args)
+    graph = live_graph(parsed_args)
     found = graph.topics() if graph else ()
     return [name for name in found if not is_hidden_topic(name) or is_hidden_topic(prefix)]
 
 
 def nodes(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
     """Full names of nodes."""
-    graph = _graph(parsed_args)
+    graph = live_graph(parsed_args)
     return sorted({node.full_name for node in graph.nodes}) if graph else []
 
 
 def types(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
     """Names of types: the topic's where it is on the bus, else all on the bus and all ready-made ones."""
-    graph = _graph(parsed_args)
+    graph = live_graph(parsed_args)
     by_topic = graph.topics() if graph else {}
     topic = getattr(parsed_args, "topic_name", None)
     if topic in by_topic:
@@ -57,8 +57,8 @@ def types(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
     return sorted({*_ready_made(), *(name for names in by_topic.values() for name in names)})
 
 
-def _graph(args: Namespace) -> "Graph | None":
-    """None where no daemon runs, for completion must not start one."""
+def live_graph(args: Namespace) -> "Graph | None":
+    """The graph now; None where no daemon runs, for completion must not start one."""
     from bus.errors import BusError
     from bus_cli.query import get_graph
 

@@ -4,6 +4,7 @@ from argparse import Namespace
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 from bus.errors import ConfigurationError
+from bus_cli.completion import live_graph
 from bus_cli.output import CommandError
 from bus_cli.query import full_type_name
 
@@ -28,30 +29,22 @@ def full_action_type(text: str) -> str:
 
 def actions(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
     """Names of actions, for the shell."""
-    from bus.errors import BusError
-    from bus_actions.graph import actions_of
-    from bus_cli.query import get_graph
-
-    try:
-        graph = get_graph(parsed_args, may_start=False)
-    except (BusError, OSError):
-        return []
-    return list(actions_of((*graph.publishers, *graph.subscriptions)))
+    return list(_served(parsed_args))
 
 
 def action_types(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
     """Names of types, for the shell: the action's where it is on the bus, else all that are defined here."""
-    from bus.errors import BusError
     from bus.types.definitions import names
-    from bus_actions.graph import actions_of
-    from bus_cli.query import get_graph
 
-    try:
-        graph = get_graph(parsed_args, may_start=False)
-        served = actions_of((*graph.publishers, *graph.subscriptions))
-    except (BusError, OSError):
-        served = {}
-    return served.get(getattr(parsed_args, "action_name", ""), []) or names("action")
+    return _served(parsed_args).get(getattr(parsed_args, "action_name", ""), []) or names("action")
+
+
+def _served(args: Namespace) -> dict[str, list[str]]:
+    """The actions of the graph now, and their types; none where no busd runs."""
+    from bus_actions.graph import actions_of
+
+    graph = live_graph(args)
+    return actions_of((*graph.publishers, *graph.subscriptions)) if graph else {}
 
 
 async def find_action_type(node: "Node", graph: "Graph", action: str, name: str) -> Any:

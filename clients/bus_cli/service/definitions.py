@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from bus.errors import ConfigurationError
 from bus.names import is_hidden_topic, reply_topic
+from bus_cli.completion import live_graph
 from bus_cli.output import CommandError
 from bus_cli.query import full_type_name
 
@@ -25,13 +26,8 @@ def full_service_type(text: str) -> str:
 
 def services(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
     """Names of services, for the shell; hidden ones only where the prefix is hidden too."""
-    from bus.errors import BusError
-    from bus_cli.query import get_graph
-
-    try:
-        found = get_graph(parsed_args, may_start=False).services()
-    except (BusError, OSError):
-        return []
+    graph = live_graph(parsed_args)
+    found = graph.services() if graph else ()
     return [name for name in found if not is_hidden_topic(name) or is_hidden_topic(prefix)]
 
 

@@ -4,8 +4,8 @@ from argparse import ArgumentParser, Namespace
 
 from bus.names import is_hidden_topic
 from bus_cli.completion import completed_by, topics
-from bus_cli.output import complain, show
 from bus_cli.query import full_topic_name, get_graph
+from bus_cli.type_verb import show_types
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -20,11 +20,4 @@ def main(args: Namespace) -> int:
         return 1
     graph = get_graph(args)
     types = graph.topics().get(topic, [])
-    if not types:
-        from bus_cli.suggestions import near_topic
-
-        if near := near_topic(topic, graph):  # else, as in ros2, the status says it
-            complain(f"Unknown topic '{args.topic_name}'{near}")
-    for name in types:
-        show(name, {"topic": topic, "type": name}, as_json=args.json)
-    return 0 if types else 1
+    return show_types("topic", topic, types, graph, args)

@@ -27,6 +27,7 @@ __all__ = [
     "read_points",
     "read_points_list",
     "read_points_numpy",
+    "rows_of",
 ]
 
 DUMMY_FIELD_PREFIX = "unnamed_field"
@@ -200,11 +201,13 @@ def create_cloud_xyz32(header: Any, points: Any) -> Any:
     return create_cloud(header, fields, points)
 
 
-def _all_points(cloud: Any) -> "np.ndarray[Any, Any]":
-    """A view of all points, one behind the other, in the cloud's own byte order."""
+def rows_of(cloud: Any, data: Any) -> "np.ndarray[Any, Any]":
+    """A view of `data`, laid out as the cloud says, of `height` x `width` points in the cloud's byte order.
+
+    Raises AssertionError and ValueError as `read_points`.
+    """
     if not all(hasattr(cloud, name) for name in ("fields", "point_step", "row_step", "is_bigendian")):
         raise AssertionError("Cloud is not a sensor_msgs.msg.PointCloud2")
-    np = _numpy()
     kind = dtype_from_fields(cloud.fields, cloud.point_step)
     if cloud.is_bigendian != (sys.byteorder == "big"):
         kind = kind.newbyteorder()
@@ -212,15 +215,17 @@ def _all_points(cloud: Any) -> "np.ndarray[Any, Any]":
     # Some senders leave row_step 0, and what has one row needs none.
     row_step = cloud.row_step if height > 1 and cloud.row_step > width * step else width * step
     needed = (height - 1) * row_step + width * step if height else 0
-    if len(cloud.data) < needed:
+    if len(data) < needed:
         raise ValueError(
-            f"a cloud of {width} x {height} points of {step} bytes has {len(cloud.data)} bytes of data, "
+            f"a cloud of {width} x {height} points of {step} bytes has {len(data)} bytes of data, "
             f"not {needed}"
         )
-    if row_step == width * step:
-        return np.ndarray(width * height, kind, cloud.data)  # type: ignore[no-any-return]
-    rows = np.ndarray((height, width), kind, cloud.data, strides=(row_step, step))
-    return rows.reshape(-1)  # type: ignore[no-any-return]
+    return _numpy().ndarray((height, width), kind, data, strides=(row_step, step))  # type: ignore[no-any-return]
+
+
+def _all_points(cloud: Any) -> "np.ndarray[Any, Any]":
+    """All points, one behind the other; a view where there is no padding between rows."""
+    return rows_of(cloud, getattr(cloud, "data", b"")).reshape(-1)
 
 
 Header: Any

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
+from bus_ros.sensor_msgs_py.point_cloud2 import rows_of
 from bus_tf2.core.rotation import matrix
 from bus_tf2.messages import message, message_type
 from bus_tf2.tf2_ros.buffer_interface import ConvertRegistration, TransformRegistration
@@ -10,9 +11,6 @@ if TYPE_CHECKING:
     import numpy as np
 
 __all__ = ["do_transform_cloud", "from_msg_msg", "to_msg_msg", "transform_points"]
-
-_FORMATS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
-"""NumPy's names of PointField's types."""
 
 
 def to_msg_msg(msg: Any) -> Any:
@@ -40,23 +38,10 @@ def do_transform_cloud(cloud: Any, transform: Any) -> Any:
     """
     import numpy as np
 
-    formats = {field.name: (_FORMATS[field.datatype], field.offset) for field in cloud.fields}
-    if missing := [name for name in "xyz" if name not in formats]:
-        raise ValueError(f"the point cloud has no field {', '.join(map(repr, missing))}")
-    order = ">" if cloud.is_bigendian else "<"
-    kind = np.dtype(
-        {
-            "names": list("xyz"),
-            "formats": [order + formats[name][0] for name in "xyz"],
-            "offsets": [formats[name][1] for name in "xyz"],
-            "itemsize": cloud.point_step,
-        }
-    )
     data = bytearray(cloud.data)
-    needed = (cloud.height - 1) * cloud.row_step + cloud.width * cloud.point_step if cloud.height else 0
-    if len(data) < needed:
-        raise ValueError(f"the point cloud has {len(data)} bytes of data, and says {needed}")
-    points = np.ndarray((cloud.height, cloud.width), kind, data, strides=(cloud.row_step, cloud.point_step))
+    points = rows_of(cloud, data)
+    if missing := [name for name in "xyz" if name not in (points.dtype.names or ())]:
+        raise ValueError(f"the point cloud has no field {', '.join(map(repr, missing))}")
     places = np.stack([points[name].astype(np.float64) for name in "xyz"], axis=-1)
     found = transform_points(places, transform)
     for index, name in enumerate("xyz"):
