@@ -4,6 +4,10 @@ import sqlite3
 from pathlib import Path
 
 import pytest
+
+pytest.importorskip("rosbags")
+pytest.importorskip("mcap")
+
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore

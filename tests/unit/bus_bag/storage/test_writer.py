@@ -5,6 +5,11 @@ from pathlib import Path
 
 import pytest
 import yaml
+
+pytest.importorskip("mcap")
+pytest.importorskip("mcap_ros2")
+pytest.importorskip("rosbags")
+
 from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory

@@ -3,8 +3,11 @@
 import math
 from typing import Any
 
-import numpy as np
 import pytest
+
+pytest.importorskip("numpy")
+
+import numpy as np
 
 from bus_ros.rclpy.time import Time
 from bus_tf2 import tf2_geometry_msgs

@@ -3,8 +3,11 @@
 import math
 from itertools import product
 
-import numpy as np
 import pytest
+
+pytest.importorskip("numpy")
+
+import numpy as np
 
 from bus_tf2 import tf_transformations as tft
 from bus_tf2.tf_transformations.angles import angles_of, euler_from_quaternion, quaternion_from_euler, turn_of

@@ -4,9 +4,11 @@ import math
 
 import pytest
 
-np = pytest.importorskip("numpy")
+pytest.importorskip("numpy")
 
-from bus_tf2.tf_transformations import (  # noqa: E402
+import numpy as np
+
+from bus_tf2.tf_transformations import (
     Arcball,
     arcball_constrain_to_axis,
     arcball_map_to_sphere,

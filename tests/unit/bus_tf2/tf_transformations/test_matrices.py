@@ -4,8 +4,11 @@ import math
 import sys
 from typing import Any
 
-import numpy as np
 import pytest
+
+pytest.importorskip("numpy")
+
+import numpy as np
 
 from bus_tf2 import tf_transformations as tft
 from bus_tf2.tf_transformations import matrices

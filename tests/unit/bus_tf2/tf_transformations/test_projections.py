@@ -5,9 +5,11 @@ from typing import Any
 
 import pytest
 
-np = pytest.importorskip("numpy")
+pytest.importorskip("numpy")
 
-from bus_tf2.tf_transformations import (  # noqa: E402
+import numpy as np
+
+from bus_tf2.tf_transformations import (
     clip_matrix,
     identity_matrix,
     is_same_transform,
