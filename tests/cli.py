@@ -30,6 +30,7 @@ IMPORTED = (
     *("bus", "bus.link.autostart", "bus.node", "bus.service.server", "bus.service.client", "uvloop", "yaml"),
     *("bus.msg.geometry_msgs", "bus.msg.sensor_msgs", "bus.msg.std_msgs", "bus.srv.example_interfaces"),
     *("bus_ros.rclpy", "bus_ros.rclpy.parameter_service", "bus_ros.rosidl"),
+    *("bus_bag.record.program", "mcap.records", "mcap.writer"),
 )
 """What most programs of these tests import."""
 

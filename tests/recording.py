@@ -1,4 +1,4 @@
-"""Recordings in tests: `bus bag record` as a process, and what is in its bag."""
+"""Recordings in tests: `bus bag record` as a process, who speaks to it, and what is in its bag."""
 
 import signal
 from collections.abc import Iterator
@@ -6,11 +6,54 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
+from bus.msg.std_msgs import String
+from bus.schema import MessageSchema
+from bus_bag.errors import BagError
 from bus_bag.losses import RECORD, TopicLosses, from_record
 from bus_bag.metadata import BagMetadata, from_yaml
-from cli import Result, Running, start
+from bus_bag.storage import open_bag
+from bus_ros.cdr import codec_of
+from cli import Result, Running, script, start
 
-__all__ = ["Bag", "recording"]
+__all__ = ["Bag", "Speaker", "end", "recording", "speaking"]
+
+SPEAKER = """
+import asyncio, sys, bus
+from bus.msg.std_msgs import String
+async def main():
+    publishers = {}
+    async with bus.Node(sys.argv[1]) as node:
+        print("ready", flush=True)
+        while line := await asyncio.get_running_loop().run_in_executor(None, sys.stdin.readline):
+            topic, durability, *texts = line.split()
+            if topic not in publishers:
+                profile = bus.QoSProfile(1000 if durability == "volatile" else 1, durability=durability)
+                publishers[topic] = await node.create_publisher(String, topic, profile)
+            for text in texts:
+                publishers[topic].publish(String(data=text))
+            print("said", flush=True)
+bus.run(main())
+"""
+
+
+class Speaker:
+    """A program that publishes texts, which were given to the bus when the call returns."""
+
+    def __init__(self, running: Running) -> None:
+        self._running = running
+
+    def say(self, topic: str, *texts: object) -> None:
+        self._speak(topic, "volatile", *texts)
+
+    def keep(self, topic: str, *texts: object) -> None:
+        """As a transient local publisher that keeps one."""
+        self._speak(topic, "transient_local", *texts)
+
+    def _speak(self, *words: object) -> None:
+        self._running.write(" ".join(map(str, words)) + "\n")
+        assert self._running.line() == "said"
 
 
 class Bag:
@@ -29,7 +72,7 @@ class Bag:
         return sorted(self.folder.glob("*.mcap"), key=lambda path: int(path.stem.rpartition("_")[2]))
 
     def texts(self, topic: str = "/topic") -> list[str]:
-        """The field `data` of each message, as rosbags reads the whole bag."""
+        """The texts of a topic, as rosbags reads the whole bag."""
         from rosbags.highlevel import AnyReader
 
         with AnyReader([self.folder]) as reader:
@@ -40,12 +83,26 @@ class Bag:
             ]
         return [str(one.data) for one in messages]
 
-    def messages(self, file: Path) -> list[Any]:
+    def texts_now(self, topic: str = "/topic") -> list[str]:
+        """The same of a bag that was not closed."""
+        decode = codec_of(MessageSchema.of(String)).decode
+        return [str(msgspec.msgpack.decode(decode(one))[0]) for one in self.messages_now(topic)]
+
+    def messages_now(self, topic: str) -> list[bytes]:
+        """The messages of a bag that was not closed."""
+        try:
+            with open_bag(self.folder) as reader:
+                return [bytes(message.data) for message in reader.messages(topics=[topic])]
+        except BagError:  # it is empty yet
+            return []
+
+    def messages(self, file: Path, topic: str = "/topic") -> list[Any]:
         """Of one file, in its order, by the reader of MCAP that looks at CRCs: schema, channel, message."""
         from mcap.reader import make_reader
 
         with file.open("rb") as stream:
-            return list(make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False))
+            reader = make_reader(stream, validate_crcs=True)
+            return list(reader.iter_messages(topics=[topic], log_time_order=False))
 
     def losses(self, file: Path | None = None) -> dict[str, TopicLosses]:
         """The last account in the last file, or in this one."""
@@ -57,9 +114,15 @@ class Bag:
 
 
 @contextmanager
-def recording(folder: Path, *options: str) -> Iterator[Running]:
+def speaking(name: str = "speaker") -> Iterator[Speaker]:
+    with script(SPEAKER, name) as running:
+        yield Speaker(running)
+
+
+@contextmanager
+def recording(bag: Bag, *options: str) -> Iterator[Running]:
     """A recorder that has begun, until the end of the block."""
-    with start("bag", "record", "-o", str(folder), *options) as running:
+    with start("bag", "record", "-o", str(bag.folder), *options) as running:
         running.error_line_with("Recording|Wait for recording")
         yield running
 

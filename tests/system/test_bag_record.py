@@ -1,49 +1,52 @@
 """`bus bag record`, as a process: what is in the bag, and that it says what it lacks."""
 
+import re
+import resource
 import signal
 from pathlib import Path
 
 import pytest
 
-from cli import bus, script
-from recording import Bag, recording
+from bus_bag.losses import TopicLosses
+from cli import BUS, bus, script, wait_for_graph
+from conftest import WAIT_S, Daemon
+from neighbours import wait_until
+from recording import Bag, end, recording, speaking
+from terminals import OwnTerminal
 
-TALKER = """
-import asyncio, sys, bus
-from bus.msg.std_msgs import String
-async def main():
-    async with bus.Node("talker") as node:
-        publisher = await node.create_publisher(String, "topic", 100)
-        print("ready", flush=True)
-        for word in sys.stdin:
-            for number in range(int(word)):
-                publisher.publish(String(data=str(number)))
-            await asyncio.sleep(0)
-            print("said", flush=True)
-bus.run(main())
-"""
 pytestmark = pytest.mark.usefixtures("daemon")
 
 
+@pytest.fixture
+def bag(tmp_path: Path) -> Bag:
+    return Bag(tmp_path / "walk")
+
+
+def call(service: str, kind: str, words: str = "{}") -> str:
+    """The answer of a service of the recorder."""
+    result = bus("service", "call", f"/rosbag2_recorder/{service}", f"rosbag2_interfaces/srv/{kind}", words)
+    assert result.code == 0, result.err
+    return result.out.splitlines()[-2 if result.out.endswith("\n\n") else -1]
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_talker_is_recorded(tmp_path: Path, number: int) -> None:
-    bag = Bag(tmp_path / "walk")
-    with script(TALKER) as talker, recording(bag.folder, "-a", "--custom-data", "site=hall") as recorder:
-        talker.write("50\n")
-        assert talker.line() == "said"
-        result = recorder.end(number)
+def test_what_is_said_is_recorded(bag: Bag, number: int) -> None:
+    with speaking() as speaker:
+        speaker.say("/topic")
+        with recording(bag, "-a", "--custom-data", "site=hall") as recorder:
+            speaker.say("/topic", *range(50))
+            result = recorder.end(number)
     assert (result.out, result.code) == ("", 0)
     assert result.err.endswith("[rosbag2_recorder]: Recording stopped\n")
     assert bag.texts() == [str(number) for number in range(50)]
     losses = bag.losses()
-    assert (losses["/topic"].expected, losses["/topic"].written) == (50, 50)
+    assert losses["/topic"] == TopicLosses(50, 50)
     assert all(one.closes and not one.lost and not one.waiting for one in losses.values())
     assert bag.metadata.custom_data == {"site": "hall"}
     assert bag.metadata.relative_file_paths == ("walk_0.mcap",)
     (topic,) = [one.topic_metadata for one in bag.metadata.topics if one.topic_metadata.name == "/topic"]
-    assert (topic.type, [qos.depth for qos in topic.offered_qos_profiles]) == ("std_msgs/msg/String", [100])
-    (first, *_) = [one for one in bag.messages(bag.files[0]) if one[1].topic == "/topic"]
-    _, channel, message = first
+    assert (topic.type, [qos.depth for qos in topic.offered_qos_profiles]) == ("std_msgs/msg/String", [1000])
+    _, channel, message = bag.messages(bag.files[0])[0]
     assert message.sequence == 1
     assert 0 < message.log_time - message.publish_time < 10**9
     assert set(channel.metadata) == {
@@ -54,15 +57,237 @@ def test_a_talker_is_recorded(tmp_path: Path, number: int) -> None:
     }
 
 
-def test_nothing_to_record(tmp_path: Path) -> None:
-    result = bus("bag", "record", "-o", str(tmp_path / "walk"))
-    assert (result.code, result.err) == (
-        1,
+def test_what_does_not_go_together(tmp_path: Path) -> None:
+    def refused(*options: str) -> str:
+        result = bus("bag", "record", *options)
+        assert (result.out, result.code) == ("", 1)
+        return result.err
+
+    assert refused("-o", str(tmp_path / "walk")) == (
         "[ERROR] [ros2bag]: Need to specify at least one option out of --all, --all-topics, --all-services, "
-        "--services, --topics, --topic-types or --regex\n",
+        "--services, --topics, --topic-types or --regex\n"
     )
-    result = bus("bag", "record", "-a", "-o", str(tmp_path))
-    assert (result.code, result.err) == (
-        1,
-        f"[ERROR] [ros2bag]: Output folder '{tmp_path}' already exists.\n",
+    assert refused("-a", "-o", str(tmp_path)) == (
+        f"[ERROR] [ros2bag]: Output folder '{tmp_path}' already exists.\n"
     )
+    assert refused("-a", "--use-sim-time", "--no-discovery") == (
+        "[ERROR] [ros2bag]: --use-sim-time and --no-discovery both set, but are incompatible settings. The "
+        "/clock topic needs to be discovered to record with sim time.\n"
+    )
+    assert refused("-e", "[", "-o", str(tmp_path / "walk")).startswith("'[' is no regular expression: ")
+    (tmp_path / "qos.yaml").write_text("/topic: {depth: 5, colour: red}")
+    assert refused("-a", "--qos-profile-overrides-path", str(tmp_path / "qos.yaml")) == (
+        "Unexpected key `colour` for QoS profile.\n"
+    )
+    assert [path.name for path in tmp_path.iterdir() if path.is_dir()] == []
+
+
+class TestFaults:
+    def test_a_full_disk(self, bag: Bag) -> None:
+        """A limit of the file's size: what was written is closed, and the rest is counted."""
+        with speaking() as speaker:
+            speaker.say("/topic")
+            with recording(bag, "/topic") as recorder:
+                resource.prlimit(recorder.process.pid, resource.RLIMIT_FSIZE, (30_000, 30_000))
+                for _ in range(20):
+                    speaker.say("/topic", *range(200))
+                code = recorder.process.wait(WAIT_S)
+                text = recorder.error_line_with("can't grow")
+        assert code == 1
+        assert re.search(r"walk_0\.mcap can't grow beyond [\d,]+ bytes: File too large; the bag has", text)
+        assert bag.files[0].stat().st_size <= 30_000
+        losses = bag.losses()["/topic"]
+        assert losses.closes
+        assert losses.written == len(bag.texts()) == bag.metadata.message_count
+        assert losses.lost["not_written"] > 0
+
+    def test_killed(self, bag: Bag) -> None:
+        """Only what was published in the last second is missing."""
+        with speaking() as speaker:
+            speaker.say("/topic")
+            with recording(bag, "/topic") as recorder:
+                speaker.say("/topic", *range(100))
+                wait_until(lambda: len(bag.texts_now()) == 100)
+                recorder.process.kill()
+                recorder.process.wait(WAIT_S)
+        assert bag.texts_now() == [str(number) for number in range(100)]
+
+    def test_busd_restarts(self, bag: Bag, daemon: Daemon, route: str) -> None:
+        with speaking() as speaker:
+            speaker.say("/topic")
+            with recording(bag, "/topic") as recorder:
+                speaker.say("/topic", *range(10))
+                daemon.kill()
+                daemon.restart()
+                wait_for_graph(lambda graph: graph.matches)
+                speaker.say("/topic", *range(10, 20))
+                wait_until(lambda: bag.texts_now()[-1:] == ["19"])
+                result = end(recorder)
+        assert result.code == 0
+        losses = bag.losses()["/topic"]
+        assert losses.closes
+        assert losses.expected == 20
+        assert bag.texts() == [str(number) for number in range(20)][-losses.written :]
+
+    def test_ctrl_c_twice(self, bag: Bag) -> None:
+        with speaking() as speaker:
+            speaker.say("/topic")
+            with recording(bag, "/topic") as recorder:
+                speaker.say("/topic", *range(100))
+                recorder.process.send_signal(signal.SIGINT)
+                result = end(recorder)
+        assert result.code == 0
+        losses = bag.losses()["/topic"]
+        assert losses.closes
+        assert losses.written == len(bag.texts())
+
+    def test_a_type_that_ros_2_can_not_describe(self, bag: Bag) -> None:
+        speaker = """
+import asyncio, bus
+class Note(bus.msg.Message, kw_only=True):
+    text: str = ""
+    place: tuple[int, str] = (0, "")
+async def main():
+    async with bus.Node("speaker") as node:
+        publisher = await node.create_publisher(Note, "note", bus.QoSProfile(1, durability="transient_local"))
+        publisher.publish(Note(text="here", place=(1, "hall")))
+        print("ready", flush=True)
+        await asyncio.Event().wait()
+bus.run(main())
+"""
+        with script(speaker), recording(bag, "/note") as recorder:
+            wait_until(lambda: len(bag.messages_now("/note")) == 1)
+            end(recorder)
+        assert '[1,"hall"]' in str(bag.messages(bag.files[0], "/note")[0][2].data)
+
+
+class TestLatched:
+    def test_what_each_publisher_keeps(self, bag: Bag) -> None:
+        """Also where others on the topic keep nothing, and on topics that come later."""
+        with speaking("first") as first, speaking("second") as second:
+            first.keep("/map", "old", "hall")
+            second.say("/map", "unheard")
+            with recording(bag, "-a") as recorder:
+                second.say("/map", "news")
+                second.keep("/plan", "walk")
+                wait_until(lambda: bag.texts_now("/plan") == ["walk"])
+                end(recorder)
+        assert sorted(bag.texts("/map")) == ["hall", "news"]
+        assert bag.losses()["/map"] == TopicLosses(2, 2)
+
+    def test_further_files_begin_with_it(self, bag: Bag) -> None:
+        with speaking() as speaker:
+            speaker.keep("/map", "hall")
+            speaker.say("/topic")
+            with recording(bag, "/map", "/topic", "-b", "3000", "--max-bag-files", "2") as recorder:
+                for number in range(4):
+                    speaker.say("/topic", *range(number * 50, number * 50 + 50))
+                    wait_until(lambda count=number: str(count * 50 + 49) in bag.texts_now())
+                end(recorder)
+        assert len(bag.files) == 2
+        assert bag.files[0].name != "walk_0.mcap"
+        for file in bag.files:
+            ((_, _, message),) = bag.messages(file, "/map")
+            assert message.sequence == 1
+            assert message.log_time <= bag.messages(file)[0][2].log_time
+        losses = bag.losses()
+        assert losses == {"/map": TopicLosses(1, 1), "/topic": TopicLosses(200, 200)}
+        assert bag.metadata.relative_file_paths == tuple(file.name for file in bag.files)
+        assert bag.metadata.message_count == len(bag.texts()) + 2
+        assert bag.texts()[-1] == "199"
+
+
+class TestServices:
+    def test_pause_and_split(self, bag: Bag) -> None:
+        with speaking() as speaker:
+            speaker.say("/topic")
+            with recording(bag, "/topic", "/map", "/events/write_split", "--start-paused") as recorder:
+                assert "paused=True" in call("is_paused", "IsPaused")
+                speaker.keep("/map", "hall")
+                speaker.say("/topic", "unheard")
+                recorder.error_line_with("Subscribed to topic '/map'")
+                call("resume", "Resume")
+                speaker.say("/topic", "heard")
+                call("split_bagfile", "SplitBagfile")
+                wait_until(lambda: len(bag.files) == 2)
+                call("pause", "Pause")
+                speaker.say("/topic", "unheard", "too")
+                call("resume", "Resume")
+                speaker.say("/topic", "again")
+                result = end(recorder)
+        assert re.findall(r"(\w+ recording)\.", result.err) == [
+            "Resuming recording",
+            "Pausing recording",
+            "Resuming recording",
+        ]
+        assert bag.texts() == ["heard", "again"]
+        assert bag.texts("/map") == ["hall", "hall"]
+        assert bag.losses()["/topic"] == TopicLosses(2, 2)
+        assert bag.losses()["/map"] == TopicLosses(1, 1)
+        assert len(bag.messages(bag.files[1], "/events/write_split")) == 1
+
+    def test_snapshot(self, bag: Bag) -> None:
+        options = ("--snapshot-mode", "--max-cache-size", "100")
+        with speaking() as speaker:
+            speaker.keep("/map", "hall")
+            speaker.say("/topic")
+            with recording(bag, "/topic", "/map", *options) as recorder:
+                for number in range(40):
+                    speaker.say("/topic", number)
+                    if number in (10, 20, 30):
+                        call("is_paused", "IsPaused")  # the recorder has taken what came before
+                assert "success=True" in call("snapshot", "Snapshot")
+                speaker.say("/topic", "unheard")
+                end(recorder)
+        texts = bag.texts()
+        assert texts == [str(number) for number in range(40)][-len(texts) :]
+        assert 10 <= len(texts) < 40
+        assert bag.texts("/map") == ["hall"]
+        assert bag.losses()["/topic"] == TopicLosses(len(texts), len(texts))
+
+
+def test_simulated_time(bag: Bag) -> None:
+    clock = """
+import asyncio, bus
+from bus.types.classes import message_class
+Clock = message_class("rosgraph_msgs/msg/Clock")
+async def main():
+    async with bus.Node("simulator") as node:
+        publisher = await node.create_publisher(Clock, "/clock", 10)
+        print("ready", flush=True)
+        while True:
+            publisher.publish(Clock(clock=bus.msg.builtin_interfaces.Time(sec=100)))
+            await asyncio.sleep(0.02)
+bus.run(main())
+"""
+    with script(clock), speaking() as speaker:
+        speaker.say("/topic")
+        with recording(bag, "/topic", "--use-sim-time") as recorder:
+            speaker.say("/topic", "walk")
+            wait_until(lambda: bag.texts_now() == ["walk"])
+            end(recorder)
+    ((_, _, message),) = bag.messages(bag.files[0])
+    assert message.log_time == 100 * 10**9
+
+
+def test_on_a_terminal(bag: Bag) -> None:
+    """SPACE pauses, a line tells how it goes, and the terminal is put back."""
+    words = ("bag", "record", "/topic", "-o", str(bag.folder), "--progress-bar-update-rate", "50")
+    with speaking() as speaker:
+        speaker.say("/topic")
+        with OwnTerminal(*BUS[1:], *words) as terminal:
+            before = terminal.mode()
+            terminal.read_until("Recording...")
+            speaker.say("/topic", "heard")
+            terminal.read_until("recording 0:00:0[0-9] .* 1 messages .* lost 0")
+            terminal.write(" ")
+            terminal.read_until("Pausing recording.")
+            terminal.read_until("paused 0:00:0")
+            speaker.say("/topic", "unheard")
+            terminal.write(" ")
+            terminal.read_until("Resuming recording.")
+            terminal.write("\x03")
+            terminal.read_until("Recording stopped")
+            assert terminal.wait() == 0
+            assert terminal.mode() == before
+    assert bag.texts() == ["heard"]

@@ -146,6 +146,9 @@ class Pipeline:
             size += len(payload)
         if self._is_snapshot:
             self._keep(topic, samples, is_written=False)
+        if self._thread is None:
+            self._write(topic, samples, is_paused)
+            return
         self._cache.put(topic.name, (samples, is_paused), len(samples), size)
 
     def resume(self) -> None:

@@ -1,0 +1,58 @@
+"""A program at a terminal of its own: its keys, and what it shows."""
+
+import os
+import pty
+import re
+import select
+import sys
+import termios
+import time
+from types import TracebackType
+from typing import Any, Self
+
+from conftest import WAIT_S
+
+__all__ = ["OwnTerminal"]
+
+
+class OwnTerminal:
+    """A Python program that is in the foreground of a terminal, until the end of the block."""
+
+    def __init__(self, *words: str) -> None:
+        self._text = ""
+        self._pid, self._end = pty.fork()
+        if not self._pid:
+            os.execv(sys.executable, [sys.executable, *words])
+
+    def read_until(self, pattern: str) -> None:
+        """Read until it has shown this, behind what was read before. Raises TimeoutError."""
+        end = time.monotonic() + WAIT_S
+        while not (found := re.search(pattern, self._text)):
+            if time.monotonic() > end or not select.select([self._end], [], [], WAIT_S)[0]:
+                raise TimeoutError(f"no {pattern!r} in {self._text!r}")
+            self._text += os.read(self._end, 1 << 16).decode()
+        self._text = self._text[found.end() :]
+
+    def write(self, keys: str) -> None:
+        os.write(self._end, keys.encode())
+
+    def mode(self) -> list[Any]:
+        """How the terminal treats what is typed."""
+        return termios.tcgetattr(self._end)
+
+    def wait(self) -> int:
+        """Wait for the program's end; returns its exit code."""
+        _, status = os.waitpid(self._pid, 0)
+        self._pid = 0
+        return os.waitstatus_to_exitcode(status)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._pid:
+            os.kill(self._pid, 9)
+            self.wait()
+        os.close(self._end)

@@ -1,0 +1,198 @@
+"""From what was taken to the file, without a bus; the disk is as slow as the test wants."""
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bus.msg.std_msgs import String
+from bus.qos import QoSProfile
+from bus.schema import MessageSchema
+from bus.subscription import MessageInfo, SubscriptionStatistics
+from bus.types.support import type_support
+from bus_bag.errors import BagError
+from bus_bag.losses import TopicLosses
+from bus_bag.record.choice import Found, Wanted
+from bus_bag.record.options import RecordOptions
+from bus_bag.record.pipeline import Pipeline
+from bus_bag.record.topic import RecordedTopic
+from recording import Bag
+
+SCHEMA = MessageSchema.of(String)
+encode = type_support(String).encode
+
+
+class Counted:
+    """A subscription that has delivered what the test says."""
+
+    def __init__(self) -> None:
+        self.delivered = 0
+
+    def statistics(self) -> SubscriptionStatistics:
+        return SubscriptionStatistics(
+            delivered=self.delivered, bytes=0, queued=0, dropped={}, publishers=1, expected=self.delivered
+        )
+
+
+class World:
+    """A pipeline with topics; `is_slow` holds up whatever touches the disk."""
+
+    def __init__(self, folder: Path, *, is_slow: bool = False, **options: Any) -> None:
+        self.may_write = threading.Event()
+        self.progress = threading.Semaphore(0)
+        self.rejected: list[str] = []
+        self.splits: list[tuple[str, str]] = []
+        self.pipeline = Pipeline(
+            RecordOptions(folder=folder, wanted=Wanted(), **options),
+            now_ns=lambda: 1000,
+            on_progress=self.progress.release,
+            on_split=lambda closed, opened: self.splits.append((closed.name, opened.name)),
+            on_reject=lambda topic, error: self.rejected.append(topic.name),
+        )
+        self.bag = Bag(folder)
+        self._counted: dict[str, Counted] = {}
+        if is_slow:
+            assert self.pipeline._thread is not None
+            begun = threading.Event()
+
+            def hold_up() -> None:
+                begun.set()
+                self.may_write.wait(30)
+
+            self.pipeline._thread.run(hold_up)
+            assert begun.wait(30)
+
+    def topic(self, name: str, *, is_latched: bool = False) -> RecordedTopic:
+        topic = RecordedTopic(Found(name, SCHEMA.type_name, SCHEMA.type_hash), SCHEMA)
+        counted: Any = Counted()
+        self._counted[name] = topic.subscription = counted
+        topic.meet([QoSProfile(1, durability="transient_local") if is_latched else QoSProfile()])
+        self.pipeline.add(topic)
+        self.pipeline.offers(topic, {b"gid": 1} if is_latched else {}, is_new=True)
+        return topic
+
+    def put(self, topic: RecordedTopic, *texts: str, at: int = 0, is_paused: bool = False) -> None:
+        counted = self._counted[topic.name]
+        for text in texts:
+            counted.delivered += 1
+            info = MessageInfo(at, at, counted.delivered, counted.delivered, b"gid")
+            payload = text.encode() if text.startswith("?") else encode(String(data=text))
+            self.pipeline.put(topic, [(payload, info)], is_paused=is_paused)
+
+    def finish(self) -> dict[str, TopicLosses]:
+        self.may_write.set()
+        while not self.pipeline.is_idle and self.pipeline.failure is None:
+            if not self.pipeline.pump():
+                self.pipeline.flush()
+                self.progress.acquire(timeout=30)
+        return self.pipeline.close()
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Iterator[Path]:
+    yield tmp_path / "walk"
+
+
+def test_where_the_disk_is_slow_the_large_ones_lose(folder: Path) -> None:
+    world = World(folder, is_slow=True, max_cache_size=20_000_000)
+    camera, tf = world.topic("/camera"), world.topic("/tf")
+    for number in range(40):
+        world.put(camera, "x" * 1_000_000)
+        world.put(tf, str(number))
+        world.pipeline.pump()
+    assert 20_000_000 < world.pipeline.cached < 31_000_000
+    losses = world.finish()
+    assert losses["/tf"] == TopicLosses(40, 40)
+    assert losses["/camera"].closes
+    assert losses["/camera"].lost["recorder_cache"] >= 10
+    assert world.bag.texts("/tf") == [str(number) for number in range(40)]
+    assert len(world.bag.texts("/camera")) == losses["/camera"].written
+    assert world.bag.losses() == losses
+
+
+@pytest.mark.parametrize("is_slow", [False, True])
+def test_ended_at_once(folder: Path, is_slow: bool) -> None:
+    """What waits is given up, and counted; a disk that takes nothing leaves the file as it is."""
+    world = World(folder, is_slow=True)
+    topic = world.topic("/topic")
+    world.put(topic, *map(str, range(100)))
+    world.pipeline.pump()
+    world.pipeline.flush()
+    world.put(topic, *map(str, range(10)))
+    world.pipeline.drop()
+    if is_slow:
+        with pytest.raises(BagError, match=r"the disk does not answer: '.*walk' is left as it is"):
+            world.pipeline.close(0.01)
+        world.may_write.set()
+        return
+    losses = world.finish()["/topic"]
+    assert losses.closes
+    assert (losses.expected, losses.lost["not_written"]) == (110, 110)
+    assert world.bag.metadata.message_count == 0
+
+
+def test_without_a_cache_all_is_written_at_once(folder: Path) -> None:
+    world = World(folder, max_cache_size=0)
+    topic = world.topic("/topic")
+    world.put(topic, "a", "b")
+    world.pipeline.pump()
+    world.pipeline.flush()
+    assert world.bag.texts_now() == ["a", "b"]
+    world.finish()
+    assert world.bag.texts() == ["a", "b"]
+
+
+def test_what_is_no_message_is_counted(folder: Path) -> None:
+    world = World(folder)
+    plain, latched = world.topic("/topic"), world.topic("/map", is_latched=True)
+    for topic in (plain, latched):
+        world.put(topic, "a", "?", "b")
+    losses = world.finish()
+    assert losses["/topic"] == losses["/map"] == TopicLosses(3, 2, 0, {"undecodable": 1})
+    assert world.rejected == ["/topic", "/map"]
+
+
+def test_each_further_file_begins_with_the_state(folder: Path) -> None:
+    world = World(folder, max_bag_duration=10)
+    latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
+    second = 10**9
+    world.put(latched, "old", "hall", at=second)
+    world.put(plain, "1", at=2 * second)
+    world.put(plain, "2", at=11 * second)
+    world.put(plain, "3", at=12 * second)
+    losses = world.finish()
+    first, further = world.bag.files
+    assert [one[2].log_time // second for one in world.bag.messages(first, "/map")] == [1, 1]
+    assert [one[2].log_time // second for one in world.bag.messages(further, "/map")] == [11]
+    assert [one[2].sequence for one in world.bag.messages(further, "/map")] == [2]
+    assert losses["/map"] == TopicLosses(2, 2)
+    assert world.splits == [("walk_0.mcap", "walk_1.mcap")]
+    assert world.bag.losses(first)["/topic"].written == 1
+
+
+def test_what_came_in_a_pause_is_taken_up_as_state(folder: Path) -> None:
+    world = World(folder)
+    latched, plain = world.topic("/map", is_latched=True), world.topic("/topic")
+    world.put(plain, "unheard", is_paused=True)
+    world.put(latched, "old", "hall", is_paused=True)
+    world.pipeline.resume()
+    world.pipeline.pump()
+    world.put(plain, "heard")
+    losses = world.finish()
+    assert losses == {"/map": TopicLosses(1, 1), "/topic": TopicLosses(1, 1)}
+    assert world.bag.texts("/map") == ["hall"]
+    assert [one[2].log_time for one in world.bag.messages(world.bag.files[0], "/map")] == [1000]
+
+
+def test_offers_that_come_later_are_in_the_metadata(folder: Path) -> None:
+    world = World(folder)
+    topic = world.topic("/topic")
+    world.put(topic, "a")
+    world.pipeline.pump()
+    assert topic.meet([QoSProfile(), QoSProfile(7)])
+    world.pipeline.offers(topic, {}, is_new=True)
+    world.finish()
+    (found,) = world.bag.metadata.topics
+    assert [qos.depth for qos in found.topic_metadata.offered_qos_profiles] == [10, 7]
