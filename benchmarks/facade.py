@@ -6,6 +6,7 @@ The latency of single messages is measured by the schedule that all systems have
 by an executor of two threads, beside the executor that a program has which names none.
 """
 
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -37,6 +38,7 @@ _BOTH, _SAME = (_RCLPY, _ASYNCIO), (_RCLPY, _GENUINE)
 _SCHEDULED, _TIMED, _LONG = "64 B by schedule", f"{_RATE:,.0f}/s by a timer", "1 MiB by schedule"
 _FLOOD, _LOSSY, _START = "lossless", "default QoS", "start"
 _ACTION, _MESSAGES = "an action", f"{MESSAGES} native messages"
+_PLACES = {"on one CPU": 1, "on two CPUs": 2}
 _WITHOUT = {
     (_SCHEDULED, _THREADS),
     (_TIMED, _THREADS),
@@ -100,7 +102,9 @@ _NOTES = [
     f"{_START}: from the start of a talker's process to its message in another's hands, and from the start "
     "of a listener's process until its subscription is there",
     f"{_ACTION}: from a goal of Fibonacci to its result and {FEEDBACKS} feedbacks, client and server in "
-    f"processes of rclpy on busd; {_MESSAGES}: to and fro between two programs of the asyncio API",
+    f"processes of rclpy on busd; {_MESSAGES}: to and fro between two programs of the asyncio API. Both "
+    "processes share a CPU, or each has its own: left alone, the kernel often puts two that strictly take "
+    "turns on one CPU, where a change takes a fraction of the time, but not the two ends of an action",
 ]
 
 
@@ -142,9 +146,12 @@ def run(plan: Plan) -> Section:
             rounds = plan.rounds(is_essential=what != _LOSSY and name != _GENUINE)
             cases.append(Case(series, measured, system.missing(), series, work.size, rounds))
     trips = plan.choose(50, 500)
-    for series in (_ACTION, _MESSAGES):
-        measured = partial(measure_round_trips, series == _ACTION, trips)
-        cases.append(Case(series, measured, BUS.missing(), series, _SIZE))
+    usable = sorted(os.sched_getaffinity(0))
+    for what in (_ACTION, _MESSAGES):
+        for where, number in _PLACES.items():
+            measured = partial(measure_round_trips, what == _ACTION, trips, usable[:number])
+            missing = BUS.missing() or ("" if len(usable) >= number else "there is one CPU only")
+            cases.append(Case(f"{what}, {where}", measured, missing, f"{what}, {where}", _SIZE))
     with compiling():
         outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
     comparisons = []
@@ -153,8 +160,10 @@ def run(plan: Plan) -> Section:
         values = ratios(ours, theirs, key)
         text = f"{what}, {' / '.join(names)}, {key}"
         comparisons += compare(text, values, at_most=at_most, at_least=at_least)
-    values = ratios(outcomes[_ACTION].repetitions, outcomes[_MESSAGES].repetitions, "p50")
-    comparisons += compare(f"{_ACTION} / {_MESSAGES}, p50", values, at_most=3.0)
+    for where in _PLACES:
+        ours, theirs = (outcomes[f"{what}, {where}"].repetitions for what in (_ACTION, _MESSAGES))
+        text = f"{_ACTION} / {_MESSAGES}, {where}, p50"
+        comparisons += compare(text, ratios(ours, theirs, "p50"), at_most=3.0)
     rows = [Row.of(outcomes[case.name]) for case in cases]
     title = "The facade of rclpy beside the asyncio API"
     return Section(NAME, title, _COLUMNS, rows, comparisons, _NOTES, "size in B")
@@ -171,15 +180,19 @@ def measure_start(system: System, work: Work) -> Figures:
     return {"talker_ms": talker["ms"], "listener_ms": listener_ms}
 
 
-def measure_round_trips(is_action: bool, count: int) -> Figures:
-    """From the first message of each round trip to the last. Raises Failure where it did not end."""
+def measure_round_trips(is_action: bool, count: int, cpus: list[int]) -> Figures:
+    """From the first message of each round trip to the last. Raises Failure where it did not end.
+
+    The server runs on the first of `cpus`, as busd does, the client on the last.
+    """
     runner = RCLPY.runner if is_action else (sys.executable,)
     command = (*runner, "-m", "benchmarks.adapters.round_trips", "action" if is_action else "messages")
     with Group() as group:
-        group.start_busd()
-        for role in ("server", "client"):
+        paced.put_on(group.start_busd(), cpus[0])
+        for role, cpu in (("server", cpus[0]), ("client", cpus[-1])):
             child = group.start(role, *command, role, str(count), stop_signal=signal.SIGTERM)
             group.expect(child, "ready", within_s=START_S)
+            paced.put_on(child, cpu)
         child.tell("go")
         taken = group.expect(child, "taken", within_s=_LIMIT_S)
     return percentiles(taken["ns"], scale=1e-3)
