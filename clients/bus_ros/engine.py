@@ -108,6 +108,14 @@ class Engine:
             self.settle()
         return result
 
+    def tell(self, function: Callable[..., object], *arguments: Any) -> None:
+        """As `call`, for what leaves the loop nothing to do."""
+        if self.loop.is_mine():
+            function(*arguments)
+        else:
+            with self.loop:
+                function(*arguments)
+
     def is_main(self) -> bool:
         return get_ident() == self._main_thread
 

@@ -2,12 +2,15 @@
 
 from collections import deque
 from collections.abc import Callable
+from itertools import count
 from typing import Any, Protocol, TypeAlias
 
 from bus_ros.engine import Lifetime, Waiter
 
 Work: TypeAlias = tuple[Callable[..., object], tuple[Any, ...]]
 """A call to be made without the guard."""
+
+_orders = count()
 
 
 class Group(Protocol):
@@ -26,6 +29,7 @@ class Group(Protocol):
 class Line(Protocol):
     """An executor as its entities see it."""
 
+    handed: set[Any]
     last_handed: Any
     lone: Any
 
@@ -40,6 +44,9 @@ class Line(Protocol):
 
 class Owner(Protocol):
     """A node as its entities see it."""
+
+    waiting: "list[Entity]"
+    """Those that may have something to take, while no executor works for it."""
 
     @property
     def own_executor(self) -> Line | None: ...
@@ -71,7 +78,8 @@ class Entity:
         self.held_group = callback_group
         """The group that a call holds, so that others of it do not run meanwhile, or None."""
         self.is_exclusive: bool = callback_group is not None and callback_group.is_exclusive
-        self.is_queued = False  # at an executor
+        self.is_queued = False  # at an executor, or at its node
+        self.order = next(_orders)
         self.is_destroyed = False
         if callback_group is not None:
             callback_group.add_entity(self)
@@ -81,14 +89,17 @@ class Entity:
         raise NotImplementedError
 
     def leave(self) -> None:
-        """The executor no longer works for it."""
+        """Hand nothing to an executor any more, but wait until it takes."""
 
     def notify(self) -> None:
         """There may be something to take."""
-        executor = self.node.own_executor
-        if executor is not None and not self.is_queued and not self.is_destroyed:
-            self.is_queued = True  # as Executor.enqueue: after a sleep each call more is slow
-            executor.ready.append(self)
+        if not self.is_queued and not self.is_destroyed:
+            self.is_queued = True
+            executor = self.node.own_executor
+            if executor is None:
+                self.node.waiting.append(self)
+                return
+            executor.ready.append(self)  # as Executor.enqueue: after a sleep each call more is slow
             waiter = executor.waiter
             if not waiter.is_set:
                 waiter.set()

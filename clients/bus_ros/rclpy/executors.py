@@ -70,7 +70,6 @@ class _Node(Owner, Protocol):
 
     @property
     def timers(self) -> Iterable[Timer]: ...
-    def own_entities(self) -> Iterable[Entity]: ...
 
 
 class Executor:
@@ -88,6 +87,7 @@ class Executor:
         self.waiter = Waiter(self._engine)
         self._nodes: list[_Node] = []
         self.ready: deque[Ready] = deque()
+        self.handed: set[Subscription[Any]] = set()  # they hand it messages as they come
         self.last_handed: Subscription[Any] | None = None
         self.lone: Subscription[Any] | None = None  # it alone had messages of late
         self._timer_ns = 0  # when a timer is due; `_next` does not look at timers before
@@ -128,10 +128,9 @@ class Executor:
             self._nodes.append(node)
             node.own_executor = self
             self._timer_ns = 0
-            for entity in (*node.own_entities(), *node.timers):
-                entity.is_queued = False
-            for entity in node.own_entities():
-                entity.notify()
+            waiting, node.waiting = node.waiting, []
+            for entity in sorted(waiting, key=lambda one: one.order):
+                self.enqueue(entity)
         return True
 
     def remove_node(self, node: _Node) -> None:
@@ -141,12 +140,14 @@ class Executor:
                 return
             node.own_executor = None
             self._nodes.remove(node)
-            for entity in node.own_entities():
-                entity.leave()
-            for entity in (*node.own_entities(), *node.timers):
-                entity.is_queued = False
-            for one in [one for one in self.ready if one.node is node]:
-                self.ready.remove(one)
+            for subscription in [one for one in self.handed if one.node is node]:
+                subscription.leave()
+            for entity in [one for one in self.ready if isinstance(one, Entity) and one.node is node]:
+                self.ready.remove(entity)
+                if entity.is_timer:
+                    entity.is_queued = False
+                else:
+                    node.waiting.append(entity)
 
     def get_nodes(self) -> list[_Node]:
         """The nodes that it works for."""
@@ -157,12 +158,12 @@ class Executor:
     ) -> Task[Any]:
         """Have `callback(*args)`, `def` or `async def`, or a coroutine run here; from any thread."""
         step = self._step(callback, args, kwargs)
-        self._engine.call(self.enqueue, step)
+        self._go_on_with(step)
         return step.task
 
     def wake(self) -> None:
         """Have a wait look again, from any thread."""
-        self._engine.call(self.wake_up)
+        self._engine.tell(self.wake_up)
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
         """Stop spinning. Returns whether all calls had ended by then."""
@@ -411,7 +412,7 @@ class Executor:
 
     def _go_on_with(self, step: Step) -> None:
         """Its task can go on; called in any thread."""
-        self._engine.call(self.enqueue, step)
+        self._engine.tell(self.enqueue, step)
 
     def _run(self, entity: Ready, work: Work) -> bool:
         """Make a call; returns whether it has ended, or is a coroutine that goes on later."""

@@ -584,6 +584,8 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
             is_ours = entity in self.__entities
             entity.is_destroyed = True
             entity.leave()
+            if entity in self.waiting:
+                self.waiting.remove(entity)
             self.__entities = tuple(one for one in self.__entities if one is not entity)
         if is_ours and native is not None:
             self.__engine.run(native.close)

@@ -177,9 +177,11 @@ class Subscription(Entity, Destroyable, Generic[M]):
     # --- for the executor
 
     def leave(self) -> None:
-        if (executor := self._handed_to) is not None and executor.last_handed is self:
-            executor.last_handed = executor.lone = None
-            executor.waiter.set()  # it may be in `sleep`
+        if (executor := self._handed_to) is not None:
+            executor.handed.discard(self)
+            if executor.last_handed is self:
+                executor.last_handed = executor.lone = None
+                executor.waiter.set()  # it may be in `sleep`
         self._handed_to = None
         if self._receiver.reader is not None:
             self._receiver.reader.forget_callback()
@@ -260,6 +262,7 @@ class Subscription(Entity, Destroyable, Generic[M]):
             self.leave()
             if executor is not None and self._receiver.reader is not None and not self.is_destroyed:
                 self._handed_to = executor
+                executor.handed.add(self)
                 self._receiver.call_back(self._hand, _raise, executor.ready, executor.waiter.shut)
                 self._wait = self._receiver.quick_wait(with_info=False)
                 self._is_quiet = self.native._events.message_lost is None

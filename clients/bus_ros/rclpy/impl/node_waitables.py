@@ -18,6 +18,8 @@ class NodeWaitables:
         self.__add = add
         self.__remove = remove
         self.__waitables: list[tuple[Waitable, Entity]] = []
+        self.waiting: list[Entity] = []
+        """Of all its entities, those that may have something to take while no executor works for it."""
 
     def own_entities(self) -> Iterable[Entity]:
         raise NotImplementedError
