@@ -22,9 +22,9 @@ LEASE_S = 1.0
 LONG = "x" * 20_000
 
 LISTENER = """
-import asyncio, time
+import asyncio, sys, time
+from pathlib import Path
 import bus
-from bus_cli.query import Query
 from bus.msg.std_msgs import String
 
 async def main():
@@ -35,7 +35,8 @@ async def main():
             heard.append(message)
             if len(heard) == 5:
                 print("loading a model", flush=True)
-                time.sleep(2.5)
+                while not Path(sys.argv[1]).exists():
+                    time.sleep(0.01)
                 print("loaded", flush=True)
 
         every = bus.QoSProfile(history="keep_all")
@@ -59,7 +60,7 @@ async def test_a_blocked_loop(
     async with (
         asyncio.timeout(WAIT_S),
         bus.Node("talker", arguments=[], rosout=False) as node,
-        running(tmp_path, "-c", LISTENER) as listener,
+        running(tmp_path, "-c", LISTENER, tmp_path / "loaded") as listener,
     ):
         matches: list[int] = []
         publisher = await node.create_publisher(
@@ -82,6 +83,9 @@ async def test_a_blocked_loop(
         await talk(lambda: silent in daemon.log.read_text())
         assert "loaded" not in listener.lines
         assert {one.name for one in (await node.graph()).nodes} == {"talker", "listener"}
+        enough = published + 1500  # more than the ring keeps
+        await talk(lambda: published >= enough)
+        (tmp_path / "loaded").touch()
         await talk(lambda: "loaded" in listener.lines)
         await talk(lambda: f"-c (pid {listener.process.pid}) is heard again, after" in daemon.log.read_text())
         for _ in range(100):
@@ -91,8 +95,10 @@ async def test_a_blocked_loop(
         assert bool(re.search(r"'publisher_queue': \d", found[1])) is (route == "shm"), found[1]
         assert matches == [1]
         said = [line for line in listener.lines if "[bus]" in line]
-        assert len(said) == 1
-        assert re.search(r"this program's event loop stood still for [23] s: what waited for it has", said[0])
+        # A busy machine may hold it up once more.
+        still = r"this program's event loop stood still for \d+ s: what waited for it has"
+        assert said
+        assert all(re.search(still, line) for line in said)
         told = [record.getMessage() for record in caplog.records]
         assert [
             line
