@@ -20,6 +20,8 @@ from bus_bag.play.time_line import TimeLine
 
 __all__ = ["Output", "Player", "Span"]
 
+_FOR_EVER_NS = 1 << 62
+"""The time of the bag stands still while it is read."""
 _TURN_NS = 5_000_000
 """So long it publishes what is due without giving the event loop a turn."""
 _STARVED = (
@@ -72,8 +74,10 @@ class Player:
         self._logger = logger
         self._clock = clock
         self._time = TimeLine(span.start, monotonic_ns(), options.rate, is_paused=options.is_paused)
+        self._time.jump(span.start, monotonic_ns(), _FOR_EVER_NS)
         self._alarm = Alarm()
-        self._is_playing = self._is_stopped = self._is_bursting = False
+        self._has_begun = self._has_ended = self._is_stopped = self._is_bursting = False
+        self._begun = asyncio.Event()
         self._target: int | None = None
         self._seeking: list[asyncio.Future[bool]] = []
         self._reading = asyncio.Lock()
@@ -153,7 +157,7 @@ class Player:
 
     def stop(self) -> None:
         """End `play`."""
-        if self._is_playing:
+        if not self._has_ended:
             self._logger.info("Stopping playback.")
             self._is_stopped = True
             self._alarm.wake()
@@ -163,7 +167,7 @@ class Player:
 
         What lies before the beginning is the beginning. Cancellation: it goes there all the same.
         """
-        if not self._is_playing:
+        if self._has_ended:
             self._logger.warning("Called seek, but player is not playing.")
             return False
         self._target = max(time_ns, self._span.start)
@@ -174,12 +178,13 @@ class Player:
 
     async def play_next(self) -> bool:
         """Publish the next message, in a pause; False where there is no pause, or no message."""
-        if not self._is_playing:
+        if self._has_ended:
             self._logger.warning("Called play next, but player is not playing.")
             return False
         if not self.is_paused:
             self._logger.warning("Called play next, but not in paused state.")
             return False
+        await self._begun.wait()
         async with self._reading:
             return await self._play_next()
 
@@ -189,6 +194,7 @@ class Player:
             self._logger.warning("Burst can only be used when in the paused state.")
             return 0
         played = 0
+        await self._begun.wait()
         async with self._reading:
             self._is_bursting = True
             try:
@@ -202,23 +208,25 @@ class Player:
     # --- playing
 
     async def play(self) -> bool:
-        """Play from the beginning to the end, or over and over; False where it plays already.
+        """Play from the beginning to the end, or over and over; False where it has been called before.
 
         Raises BagError where the bag can't be read on. Cancellation ends it between two messages.
         """
-        if self._is_playing:
+        if self._has_begun:
             self._logger.warning("Trying to play() while in playback, dismissing request.")
             return False
-        self._is_playing, self._is_stopped = True, False
+        self._has_begun = True
         self._logger.info(f"Playback until timestamp: {self._span.until}")
         try:
             while True:
                 await self._begin()
+                self._begun.set()
                 await self._play_to_the_end()
                 if self._is_stopped or not self._options.is_looping:
                     return True
         finally:
-            self._is_playing = False
+            self._has_ended = True
+            self._begun.set()
             self._arrive(self._seeking, is_there=False)
 
     async def _begin(self) -> None:
@@ -232,7 +240,7 @@ class Player:
         """Have read what comes from there on, then let the time run from there."""
         async with self._reading:
             self._feed.start_at(start)
-            self._time.jump(time_ns, monotonic_ns())
+            self._time.jump(time_ns, monotonic_ns(), _FOR_EVER_NS)
             await self._feed.wait(is_full=True)
             while (entry := self._feed.peek()) is not None and entry.is_state:
                 await self._publish(self._feed.pop())
@@ -287,7 +295,13 @@ class Player:
     async def _play_next(self) -> bool:
         while (entry := self._feed.peek()) is None and not self._feed.has_ended:
             await self._feed.wait()
-        if entry is None or self._is_stopped or not self.is_paused or self._is_beyond(entry):
+        if (
+            entry is None
+            or self._has_ended
+            or self._is_stopped
+            or not self.is_paused
+            or self._is_beyond(entry)
+        ):
             return False
         self._feed.pop()
         await self._publish(entry)

@@ -34,7 +34,7 @@ async def serve(node: Node, player: Player) -> None:
         return {"success": await player.seek(request.time.sec * _NS_PER_S + request.time.nanosec)}
 
     async def play(request: Any) -> dict[str, Any]:
-        # The program ends when it has played, so there is always a replay already; `play` says so.
+        # The program ends when it has played, so there always is a replay, and `play` says no.
         return {"success": await player.play()}
 
     await offer("pause", "Pause", lambda request: player.pause())

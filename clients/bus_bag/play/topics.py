@@ -56,7 +56,7 @@ class Topics:
                 codec = codec_of(schema)
                 publishers[name] = await node.create_publisher(schema, name, profile)
             except BusError as error:
-                reason = str(error).removesuffix(".")
+                reason = str(error).splitlines()[0].rstrip(".:")
                 self._logger.warning(f"Ignoring a topic '{name}', reason: {reason}.")
                 continue
             self._codecs[name] = codec
