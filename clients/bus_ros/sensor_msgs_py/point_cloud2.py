@@ -36,6 +36,8 @@ DUMMY_FIELD_PREFIX = "unnamed_field"
 _FORMATS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """NumPy's names of PointField's datatypes."""
 _FLOAT32 = 7
+_MOST_COLUMNS = 1 << 16
+"""Values of one point; a message may speak of 2^32, and NumPy would take minutes."""
 
 
 def read_points(
@@ -117,7 +119,8 @@ def dtype_from_fields(fields: Iterable[Any], point_step: int | None = None) -> "
     """NumPy's type of a point: a field with a `count` of 2 and more is so many, `name_0`, `name_1`, ...
 
     `point_step`: bytes from one point to the next; None: to the end of the last field. Raises AssertionError
-    for a count of 0 and for a name that comes twice, ValueError for a datatype that there is not.
+    for a count of 0 and for a name that comes twice, ValueError for a datatype that there is not, for fields
+    beyond `point_step`, and for more than 65,536 values.
     """
     names: list[str] = []
     formats: list[str] = []
@@ -130,6 +133,13 @@ def dtype_from_fields(fields: Iterable[Any], point_step: int | None = None) -> "
         if not field.count:
             raise AssertionError("Can't process fields with count = 0.")
         kind = _FORMATS[field.datatype]
+        end = field.offset + field.count * int(kind[1])
+        if point_step is not None and end > point_step:
+            raise ValueError(f"field '{name}' ends at byte {end}: a point has {point_step} bytes")
+        if len(names) + field.count > _MOST_COLUMNS:
+            raise ValueError(
+                f"field '{name}' has a count of {field.count}: a point has {_MOST_COLUMNS} at most"
+            )
         for part in range(field.count):
             names.append(f"{name}_{part}" if field.count > 1 else name)
             formats.append(kind if kind[1] == "1" else order + kind)

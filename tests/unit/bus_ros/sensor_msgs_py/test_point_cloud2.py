@@ -161,6 +161,10 @@ def test_what_is_refused() -> None:
         dtype_from_fields(fields(("x", 0, 1), ("x", 1, 1)))
     with pytest.raises(ValueError, match="field 'x' has the datatype 9: there are 1 to 8"):
         dtype_from_fields(fields(("x", 0, 9)))
+    with pytest.raises(ValueError, match="field 'x' ends at byte 8: a point has 7 bytes"):
+        dtype_from_fields(fields(("x", 4, 7)), 7)
+    with pytest.raises(ValueError, match="field 'x' has a count of 4294967295: a point has 65536 at most"):
+        dtype_from_fields([PointField(name="x", datatype=1, count=2**32 - 1)])
     cloud.width = 3
     with pytest.raises(ValueError, match="3 x 1 points of 16 bytes has 32 bytes of data, not 48"):
         read_points(cloud)
