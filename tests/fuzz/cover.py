@@ -1,6 +1,7 @@
 """Which inputs of many are worth keeping: the short ones first, each that takes a step no other has taken.
 
-A step is a line of bus or busd after another. Needs no fuzzer; atheris can't merge what it has found.
+A step is a line of bus, bus_ros or busd after another. Needs no fuzzer; atheris can't merge what it has
+found.
 """
 
 import sys
@@ -11,10 +12,11 @@ from types import FrameType
 from typing import Any
 
 import bus
+import bus_ros
 import busd
 from fuzz.targets import TARGETS
 
-_OURS = tuple(str(Path(package.__file__).parent) for package in (bus, busd) if package.__file__)
+_OURS = tuple(str(Path(package.__file__).parent) for package in (bus, bus_ros, busd) if package.__file__)
 
 Steps = set[tuple[str, int, int]]
 

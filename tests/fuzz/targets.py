@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from bus.shm import why_not
-from fuzz import broker_targets, client_targets, hostile_ring, text_targets, wire_targets
+from fuzz import broker_targets, cdr_targets, client_targets, hostile_ring, text_targets, wire_targets
 
 Target = Callable[[bytes], None]
 """Raises nothing, whatever the bytes are."""
@@ -26,6 +26,10 @@ TARGETS: dict[str, Target] = {
     "documents": text_targets.documents,
     "expressions": text_targets.expressions,
     "schemas": text_targets.schemas,
+    "cdr": cdr_targets.cdr,
+    "wheels": cdr_targets.wheels,
+    "payloads": cdr_targets.payloads,
+    "bag_definitions": cdr_targets.bag_definitions,
 }
 NATIVE = ("ring", "gates")
 """Those in C, in tests/native; `make native` runs what is kept for them."""
