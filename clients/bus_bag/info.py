@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 
 import msgspec
 
+from bus_bag import losses
 from bus_bag.metadata import BagMetadata, TopicInformation
 from bus_bag.storage import BagReader
 
-__all__ = ["SORTINGS", "describe", "size_text", "topic_names"]
+__all__ = ["SORTINGS", "describe", "find_losses", "size_text", "topic_names"]
 
 _INDENT = 19
 _UNITS = ("KiB", "MiB", "GiB", "TiB")
@@ -61,6 +62,8 @@ def describe(reader: BagReader, *, verbose: bool = False, sort: str = "name") ->
             _INDENT + 2,
         ),
     ]
+    if lost := list(losses.lines(find_losses(reader))):
+        lines += _block("Lost:", lost)
     return "\n".join(lines) + "\n"
 
 
@@ -68,6 +71,18 @@ def topic_names(metadata: BagMetadata, sort: str = "name") -> list[str]:
     """Names of topics, without those of services' events."""
     topics = sorted(metadata.topics, key=SORTINGS[sort])  # type: ignore[arg-type]
     return [one.topic_metadata.name for one in topics if not is_event(one)]
+
+
+def find_losses(reader: BagReader) -> dict[str, losses.TopicLosses]:
+    """What the recorder said last of what is missing in the bag; nothing where it said nothing."""
+    for file in reversed(reader.files):
+        for name, texts in reversed(file.records):
+            if name == losses.RECORD:
+                try:
+                    return losses.from_record(texts)
+                except ValueError:
+                    continue
+    return {}
 
 
 def size_text(size: float) -> str:

@@ -19,7 +19,8 @@ def load(text: str) -> object:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f", line {mark.line + 1}" if mark else ""
-        raise ValueError(f"it is no YAML{line}: {getattr(error, 'problem', None) or error}") from None
+        reason = " ".join(str(getattr(error, "problem", None) or error).split())
+        raise ValueError(f"it is no YAML{line}: {reason}") from None
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
     except ValueError as error:  # of a value: a date that is none

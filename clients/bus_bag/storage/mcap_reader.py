@@ -246,8 +246,10 @@ class McapFile:
         return data
 
     def _read(self, offset: int, size: int) -> bytes:
-        """So much of the file, or less at its end."""
-        content = os.pread(self._file, min(size, max(self._size - offset, 0)), offset)
+        """So much of the file, or less at its end, or nothing outside of it."""
+        if not 0 <= offset < self._size:
+            return b""
+        content = os.pread(self._file, min(size, self._size - offset), offset)
         while len(content) < size and (
             more := os.pread(self._file, size - len(content), offset + len(content))
         ):

@@ -25,15 +25,18 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
-    from bus_bag.info import describe, topic_names
+    from bus_bag.info import describe, find_losses, topic_names
 
     with opened(args) as reader:
         if args.json:
+            from msgspec.structs import asdict
+
             from bus_bag.metadata import as_map
 
             record: dict[str, Any] = as_map(reader.metadata)
             problems = [{"path": one.path, "offset": one.offset, "text": one.text} for one in reader.problems]
-            print_json({**record, "is_cut": reader.is_cut, "problems": problems})
+            lost = {topic: asdict(one) for topic, one in find_losses(reader).items()}
+            print_json({**record, "losses": lost, "is_cut": reader.is_cut, "problems": problems})
         elif args.topic_name:
             for name in topic_names(reader.metadata, args.sort):
                 say(name)

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from bags import CHATTER, START, begin_bag, cdr, said, write_bag
+from bags import CHATTER, START, begin_bag, cdr, said, write, write_bag
 from bus_bag.info import describe, size_text, topic_names
+from bus_bag.losses import RECORD, TopicLosses, to_record
 from bus_bag.metadata import BagMetadata, TopicMetadata
 from bus_bag.storage import open_bag
 from rows import for_each
@@ -47,6 +48,24 @@ def test_the_text(tmp_path: Path) -> None:
         assert "Topic: /latched" in counted[10]
         assert topic_names(reader.metadata) == ["/chatter", "/latched"]
         assert topic_names(reader.metadata, "count") == ["/latched", "/chatter"]
+
+
+def test_what_is_missing(tmp_path: Path) -> None:
+    """The last record counts, and only topics that lack something are named."""
+    writer, channels = begin_bag(tmp_path / "walk")
+    write(writer, channels, said(10))
+    whole, lacking = TopicLosses(6, 6), TopicLosses(9, 4, 0, {"recorder_cache": 3, "replaced": 2})
+    writer.write_metadata(RECORD, to_record({"/chatter": TopicLosses(1, 0, 0, {"replaced": 1})}))
+    writer.write_metadata(RECORD, to_record({"/chatter": whole, "/latched": lacking}))
+    writer.write_metadata(RECORD, {"/chatter": "[]"})
+    writer.close()
+    with open_bag(tmp_path / "walk") as reader:
+        assert describe(reader).splitlines()[-2:] == [
+            "Service information: ",
+            "Lost:              /latched: 5 of 9 (recorder_cache: 3, replaced: 2)",
+        ]
+    with open_bag(write_bag(tmp_path / "other", said(1))) as reader:
+        assert "Lost" not in describe(reader)
 
 
 def test_nothing_in_it(tmp_path: Path) -> None:
