@@ -57,6 +57,13 @@ def types(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
     return sorted({*_ready_made(), *(name for names in by_topic.values() for name in names)})
 
 
+def packages(prefix: str, **_: Any) -> list[str]:
+    """Names of packages, also of those whose programs come with busd."""
+    from bus_ros.packages import built_in, names
+
+    return sorted({*names(), *built_in()})
+
+
 def live_graph(args: Namespace) -> "Graph | None":
     """The graph now; None where no daemon runs, for completion must not start one."""
     from bus.errors import BusError

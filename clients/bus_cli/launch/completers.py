@@ -7,6 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from bus_cli.completion import packages
 from bus_cli.launch.files import ENDS, find_launch_file, launch_files
 from bus_cli.output import CommandError
 
@@ -15,7 +16,7 @@ __all__ = ["complete_file_or_package", "complete_launch_words", "complete_run_wo
 
 def complete_file_or_package(prefix: str, **_: Any) -> list[str]:
     """For `bus launch`: packages, and launch files in the folder of what was typed."""
-    return [*_packages(), *_files(prefix, ENDS)]
+    return [*packages(prefix), *_files(prefix, ENDS)]
 
 
 def complete_launch_words(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
@@ -33,18 +34,12 @@ def complete_run_words(prefix: str, parsed_args: Namespace, **_: Any) -> list[st
     """For `bus run`: packages and scripts, then the package's programs; what follows is the program's."""
     given = [word for word in parsed_args.words or () if word != prefix]
     if not given:
-        return [*_packages(), *_files(prefix, (".py", ".pyz"))]
-    from bus_ros import packages
+        return [*packages(prefix), *_files(prefix, (".py", ".pyz"))]
+    from bus_ros.packages import executables
 
     if len(given) > 1 or given[0].endswith((".py", ".pyz")):
         return []
-    return [one.name for one in packages.executables(given[0]) or ()]
-
-
-def _packages() -> list[str]:
-    from bus_ros import packages
-
-    return sorted({*packages.names(), *packages.built_in()})
+    return [one.name for one in executables(given[0]) or ()]
 
 
 def _files(prefix: str, ends: tuple[str, ...]) -> Iterator[str]:

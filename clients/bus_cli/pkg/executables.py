@@ -2,12 +2,14 @@
 
 from argparse import ArgumentParser, Namespace
 
+from bus_cli import completion
+from bus_cli.completion import completed_by
 from bus_cli.output import CommandError, print_json, say
 from bus_ros import packages
 
 
 def add_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("package_name", nargs="?", help="The package name")
+    completed_by(parser.add_argument("package_name", nargs="?", help="The package name"), completion.packages)
     parser.add_argument("--full-path", action="store_true", help="Show full path of each executable")
 
 

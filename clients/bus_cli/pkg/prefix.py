@@ -2,12 +2,15 @@
 
 from argparse import ArgumentParser, Namespace
 
+from bus_cli.completion import completed_by
 from bus_cli.output import CommandError, show
 from bus_ros import packages
 
 
 def add_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("package_name", help="The package name")
+    completed_by(
+        parser.add_argument("package_name", help="The package name"), lambda prefix, **_: packages.names()
+    )
     parser.add_argument("--share", action="store_true", help="Show share directory for the package")
 
 

@@ -2,11 +2,16 @@
 
 from argparse import ArgumentParser, Namespace
 
+from bus_cli.completion import completed_by
 from bus_cli.launch.bus import export
+from bus_cli.tf2.heard import complete_frames
 
 
 def add_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("frames", nargs="*", metavar="FRAME", help="two frames: what is between them")
+    completed_by(
+        parser.add_argument("frames", nargs="*", metavar="FRAME", help="two frames: what is between them"),
+        complete_frames,
+    )
 
 
 def main(args: Namespace) -> int:

@@ -66,8 +66,7 @@ def run(words: Sequence[str]) -> int:
 
 
 def read(words: Sequence[str]) -> Wish | None:
-    """None where the usage should be shown; ValueError, with a text for the user, for a value that is "
-    "none."""
+    """None where the usage should be shown. Raises ValueError, with a text for the user, for a wrong one."""
     frames: list[str] = []
     given: dict[str, str] = {}
     ahead = iter(words)

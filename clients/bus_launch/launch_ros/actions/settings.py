@@ -102,26 +102,17 @@ class SetParameter(Action):
 
 
 @expose_action("set_use_sim_time")
-class SetUseSimTime(Action):
+class SetUseSimTime(SetParameter):
     """Nodes have the parameter use_sim_time."""
 
     def __init__(self, value: Any, **kwargs: Any) -> None:
-        super().__init__(**kwargs)
-        self.__parameter = Parameter("use_sim_time", value)
+        super().__init__("use_sim_time", value, **kwargs)
 
     @classmethod
     def parse(cls, entity: Entity, parser: Parser) -> _Parsed:
-        _, kwargs = super().parse(entity, parser)
+        _, kwargs = super(SetParameter, cls).parse(entity, parser)
         kwargs["value"] = parser.parse_if_substitutions(entity.get_attr("value", data_type=None))
         return cls, kwargs
-
-    @property
-    def value(self) -> Any:
-        return self.__parameter.value
-
-    def execute(self, context: LaunchContext) -> None:
-        name, value = self.__parameter.evaluate(context)
-        _add_shared(context, normalized({name: value}))
 
 
 @expose_action("set_parameters_from_file")

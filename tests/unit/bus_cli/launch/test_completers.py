@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from bus_cli.completion import packages
 from bus_cli.launch.completers import complete_file_or_package, complete_launch_words, complete_run_words
 
 
@@ -25,6 +26,10 @@ def launch_words(first: str, *words: str, prefix: str = "") -> list[str]:
 
 def run_words(*words: str, prefix: str = "") -> list[str]:
     return complete_run_words(prefix, Namespace(words=[*words]))
+
+
+def test_packages_that_come_with_busd_are_among_all() -> None:
+    assert {"tf2_ros", "turtle_tf2_py", "turtlesim"} <= set(packages(""))
 
 
 def test_packages_and_launch_files_come_first() -> None:
