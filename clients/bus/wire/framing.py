@@ -8,6 +8,7 @@ length that lies costs us no memory. The frames of one read are cut a few at a t
 The first frame that breaks the layout is the reader's `fault`; frames before it are given out.
 """
 
+from io import BytesIO
 from struct import Struct
 from typing import TypeAlias
 
@@ -57,8 +58,9 @@ class FrameReader:
         self.max_control_bytes = max_control_bytes
         self.max_data_bytes = max_data_bytes
         self._is_broker = is_broker
-        self._buffer = bytearray(BUFFER_BYTES)
-        self._view = memoryview(self._buffer)
+        # Made so, its pages take memory only once something is read into them, which mostly are the first
+        # few. A bytearray would fill all with zeros.
+        self._view = BytesIO(bytes(BUFFER_BYTES)).getbuffer()
         self._end = 0  # bytes of a part of a frame at the start of the buffer
         self._start = self._stop = 0  # what is yet to be cut
         self._begin = 0  # of what was readdressed
@@ -78,8 +80,7 @@ class FrameReader:
     def close(self) -> None:
         """Nothing more will come: free the memory now, even if something still holds the reader."""
         self._forget_large()
-        self._buffer = bytearray()
-        self._view = memoryview(self._buffer)
+        self._view = memoryview(bytearray())
         self._end = self._start = self._stop = 0
 
     def _forget_large(self) -> None:
@@ -243,7 +244,7 @@ class FrameReader:
                 self._large_end = rest
                 return
         if start:
-            self._buffer[:rest] = self._buffer[start:end]
+            self._view[:rest] = self._view[start:end]
         self._end = rest
 
     @property
