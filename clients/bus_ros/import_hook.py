@@ -21,6 +21,7 @@ from importlib.machinery import ModuleSpec, PathFinder
 from types import FrameType, ModuleType
 from typing import Any, Final, NoReturn
 
+from bus import _import as import_at_once
 from bus_ros.filled import Filled, spec_of
 
 __all__ = ["install"]
@@ -251,7 +252,7 @@ class _Alias:
         self._spec: ModuleSpec | None = None
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
-        module = import_module(self._target)
+        module = import_at_once(self._target)
         self._spec = module.__spec__
         return module
 
