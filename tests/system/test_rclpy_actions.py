@@ -497,4 +497,4 @@ def test_calls_of_an_action(ends: Ends, route: str) -> None:
         with CallCounter() as counter:
             ends.done(ends.send(10).get_result_async())
         counted.append(counter.python)
-    assert 500 <= min(counted[20:]) <= 890
+    assert 400 <= min(counted[20:]) <= 720

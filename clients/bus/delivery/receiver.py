@@ -206,7 +206,8 @@ class Receiver(Generic[M]):
                 if batch:
                     stamp_ns = batch[-1][1]
                     self.stamp_ns = stamp_ns if stamp_ns >= 0 else batch[-1][4]
-                    self.note()
+                    if not self.reader.is_report_due:
+                        self.note()
                 ahead += batch
                 continue
             run = runs[0]

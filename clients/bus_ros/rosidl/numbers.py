@@ -7,11 +7,11 @@ whose place array.array takes where it isn't installed. Must not know: fields, m
 import sys
 from array import array
 from collections.abc import Callable, Iterable, Iterator
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from typing import Final, Protocol, TypeGuard, cast
 
-__all__ = ["CODES", "NumpyArray", "fixed", "is_array", "numpy", "plain", "same", "sequence"]
+__all__ = ["CODES", "NumpyArray", "fixed", "is_array", "numpy", "octets", "plain", "same", "sequence"]
 
 CODES: Final = {
     "int8": "b",
@@ -56,6 +56,7 @@ class Numpy(Protocol):
 
     def dtype(self, code: str) -> Dtype: ...
     def array(self, values: object, dtype: Dtype) -> NumpyArray: ...
+    def frombuffer(self, data: bytearray, dtype: Dtype) -> NumpyArray: ...
 
 
 @cache
@@ -113,6 +114,13 @@ def fixed(code: str) -> Callable[[Iterable[float]], Iterable[float]]:
         octets = cast("Callable[[Iterable[float]], bytearray]", bytearray)
         return lambda values: make(values if is_array(values) else octets(values), dtype)
     return lambda values: make(values, dtype)
+
+
+@cache
+def octets() -> Callable[[bytearray], Iterable[float]]:
+    """A native function that makes an array of a fixed size of bytes, which it keeps."""
+    module = numpy()
+    return partial(array, "B") if module is None else partial(module.frombuffer, dtype=module.dtype("B"))
 
 
 def same(first: object, second: object) -> bool:

@@ -134,6 +134,8 @@ class _Source:
         if base not in numbers.CODES:
             return value
         code = numbers.CODES[base]
+        if field.type.array == "fixed" and base == "uint8":
+            return f"{self._name(numbers.octets())}(bytearray({value}))"
         if field.type.array == "fixed":
             return f"{self._name(numbers.fixed(code))}({value})"
         return f"array({code!r}, {value})"
