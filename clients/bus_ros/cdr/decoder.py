@@ -18,12 +18,10 @@ from bus_ros.cdr.payload import json_annotation
 from bus_ros.cdr.shapes import SIZES, Bytes, Dict, Item, Json, Maybe, Message, One, Several, Shape, least
 from bus_ros.cdr.source import Source
 
-__all__ = ["REPRESENTATIONS", "Malformed", "Representation", "decoder"]
+__all__ = ["REPRESENTATIONS", "Representation", "decoder"]
 
-_MOST_INLINE: Final = 32
-_MOST_LINES: Final = 4000
-_MOST_LOOPS: Final = 6
-"""Beyond these a message in a message gets a function of its own: Python has its limits, too."""
+_MOST_IN_RUN: Final = 64
+"""Numbers of an array of a fixed size that are read with what stands beside it."""
 
 
 class Representation(NamedTuple):
@@ -47,7 +45,7 @@ REPRESENTATIONS: Final = {
 }
 
 
-class Malformed(ValueError):
+class _Malformed(ValueError):
     """Bytes that are no message of the type."""
 
 
@@ -71,12 +69,10 @@ class _Writer:
         self._description = description
         self._order, self._is_second, self._is_delimited = representation
         self._alignment = 4 if self._is_second else 8
-        self._functions: dict[Shape, str] = {}
         self._offset: int | None = 0
         """Of what is read next, modulo 8; None: only `p` says."""
         self._codes: list[tuple[str, int]] = []
         self._values: list[str] = []
-        self._loops = 0
         self._end = "end"
 
     def root(self, shape: Message) -> None:
@@ -202,7 +198,7 @@ class _Writer:
 
     def _numbers(self, kind: str, size: int | None, most: int | None) -> str:
         code, width = CODES[kind], SIZES[kind]
-        if size is not None and size <= 64:
+        if size is not None and size <= _MOST_IN_RUN:
             if size > 1:
                 return self._add(code, size)
             return f"({self._add(code)},)"
@@ -235,9 +231,9 @@ class _Writer:
             found = self.source.variable()
             self.source.line(f"{found} = []")
             self.source.line(f"for _ in range({count}):")
-            self._loops += 1
+            self.source.loops += 1
             self._block(item, f"{found}.append({{}})")
-            self._loops -= 1
+            self.source.loops -= 1
             return found
 
         return self._with_length(get)
@@ -249,7 +245,7 @@ class _Writer:
             found = self.source.variable()
             self.source.line(f"{found} = {{}}")
             self.source.line(f"for _ in range({count}):")
-            self._loops += 1
+            self.source.loops += 1
             self.source.indent()
 
             def pair() -> str:
@@ -262,7 +258,7 @@ class _Writer:
             self.source.line(text)
             self._moved()
             self.source.indent(-1)
-            self._loops -= 1
+            self.source.loops -= 1
             return found
 
         return self._with_length(get)
@@ -288,12 +284,7 @@ class _Writer:
         self.source.indent(-1)
 
     def _one(self, shape: Shape) -> str:
-        is_large = isinstance(shape, Message) and (
-            shape.leaves > _MOST_INLINE or self.source.length > _MOST_LINES
-        )
-        if is_large or (self._loops >= _MOST_LOOPS and not isinstance(shape, One | Bytes | Json)):
-            return self._call(shape)
-        return self._get(shape)
+        return self._get(shape) if self.source.has_room(shape) else self._call(shape)
 
     def _message(self, shape: Message) -> str:
         def get() -> str:
@@ -337,18 +328,19 @@ class _Writer:
 
     def _call(self, shape: Shape) -> str:
         self._flush()
-        if shape not in self._functions:
-            self._functions[shape] = function = self.source.variable()
-            before = self._offset, self._loops, self._end
-            self._offset, self._loops, self._end = None, 0, "end"
+        functions = self.source.functions
+        if shape not in functions:
+            functions[shape] = function = self.source.variable()
+            outer = self._end
+            self._offset, self._end = None, "end"
             self.source.begin(f"def {function}(data, p, end)")
             value = self._get(shape)
             self._flush()
             self.source.line(f"return {value}, p")
             self.source.end()
-            self._offset, self._loops, self._end = before
+            self._end = outer
         name = self.source.variable()
-        self.source.line(f"{name}, p = {self._functions[shape]}(data, p, {self._end})")
+        self.source.line(f"{name}, p = {functions[shape]}(data, p, {self._end})")
         self._moved()
         return name
 
@@ -367,8 +359,8 @@ def _without(fields: dict[str, Any]) -> dict[str, Any]:
 
 
 def _short(count: int) -> None:
-    raise Malformed(f"it ends before {count} elements or bytes that it announces")
+    raise _Malformed(f"it ends before {count} elements or bytes that it announces")
 
 
 def _many(count: int, most: int) -> None:
-    raise Malformed(f"a sequence of at most {most} elements has {count}")
+    raise _Malformed(f"a sequence of at most {most} elements has {count}")

@@ -26,11 +26,6 @@ LONG: Final = 16 << 10
 _ENCAPSULATION: Final = 0x0100
 """As a little-endian number: 00 01 00 00."""
 
-_MOST_INLINE: Final = 32
-_MOST_LINES: Final = 4000
-_MOST_LOOPS: Final = 6
-"""Beyond these a message in a message gets a function of its own: Python has its limits, too."""
-
 
 def encoder(description: Mapping[str, Any], shape: Message, views: bool) -> Callable[[Buffer], list[Buffer]]:
     """A function that gives the parts of a CDR message for a payload.
@@ -52,7 +47,6 @@ class _Writer:
     def __init__(self, views: bool) -> None:
         self.source = Source(json=msgspec.json.encode, text=_text, join=b"".join, adder=_adder, UNSET=UNSET)
         self._views = views
-        self._functions: dict[Shape, str] = {}
         self._offset: int | None = None
         """Of what is written next, modulo 8; None: it is in `p`."""
         self._codes: list[tuple[str, int]] = []
@@ -60,7 +54,6 @@ class _Writer:
         self._parts: list[str] = []
         """What is made, and not in the list `out` yet."""
         self._has_list = False
-        self._loops = 0
 
     def root(self, shape: Message) -> None:
         line = self.source.line
@@ -223,17 +216,17 @@ class _Writer:
         self._pause()
         name = self.source.variable()
         self.source.line(f"for {name} in {value}:")
-        self._loops += 1
+        self.source.loops += 1
         self._block((item, name))
-        self._loops -= 1
+        self.source.loops -= 1
 
     def _pairs(self, key: Shape, item: Shape, value: str) -> None:
         self._pause()
         first, second = self.source.variable(), self.source.variable()
         self.source.line(f"for {first}, {second} in {value}.items():")
-        self._loops += 1
+        self.source.loops += 1
         self._block((key, first), (item, second))
-        self._loops -= 1
+        self.source.loops -= 1
 
     def _maybe(self, item: Shape, nothing: str, value: str) -> None:
         self._pause()
@@ -269,26 +262,22 @@ class _Writer:
             self._one(part, name)
 
     def _one(self, shape: Shape, value: str) -> None:
-        is_large = isinstance(shape, Message) and (
-            shape.leaves > _MOST_INLINE or self.source.length > _MOST_LINES
-        )
-        if is_large or (self._loops >= _MOST_LOOPS and not isinstance(shape, One | Bytes | Json)):
-            self._call(shape, value)
-        else:
+        if self.source.has_room(shape):
             self._put(shape, value)
+        else:
+            self._call(shape, value)
 
     def _call(self, shape: Shape, value: str) -> None:
         self._pause()
-        if shape not in self._functions:
-            self._functions[shape] = name = self.source.variable()
-            loops, self._loops = self._loops, 0
+        functions = self.source.functions
+        if shape not in functions:
+            functions[shape] = name = self.source.variable()
             self.source.begin(f"def {name}(v, out, add, p)")
             self._put(shape, "v")
             self._pause()
             self.source.line("return p")
             self.source.end()
-            self._loops = loops
-        self.source.line(f"p = {self._functions[shape]}({value}, out, add, p)")
+        self.source.line(f"p = {functions[shape]}({value}, out, add, p)")
 
 
 def _adder(parts: list[Buffer], out: list[Buffer]) -> Callable[[Buffer], None]:

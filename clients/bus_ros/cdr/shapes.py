@@ -203,6 +203,8 @@ class _Describer:
                 field_name = _numbered(_field_name(field_name), names)
                 names.add(field_name)
             part, node = self._field(_Place(name, one["name"], ros_name, field_name), one["type"])
+            if shape.is_array and isinstance(part, Maybe):
+                part = Maybe(part.item, can_be_absent=False)  # an array has no gaps
             shape.keys.append(one.get("key", one["name"]))
             shape.shapes.append(part)
             shape.leaves += part.leaves if isinstance(part, Message) else 1

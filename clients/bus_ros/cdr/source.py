@@ -1,11 +1,19 @@
 """Lines of Python that are made for one type, and the objects that they use.
 
-No name of a type or a field gets into the source: they come from other processes.
+Owns: what is written where it stands, and what gets a function of its own. No name of a type or a field gets
+into the source: they come from other processes.
 """
 
-from typing import Any
+from typing import Any, Final
+
+from bus_ros.cdr.shapes import Bytes, Json, Message, One, Shape
 
 __all__ = ["Source"]
+
+_MOST_INLINE: Final = 32
+_MOST_LINES: Final = 4000
+_MOST_LOOPS: Final = 6
+"""Beyond these a message in a message gets a function of its own: Python has its limits, too."""
 
 
 class Source:
@@ -13,15 +21,20 @@ class Source:
 
     def __init__(self, **names: Any) -> None:
         self.names: dict[str, Any] = names
-        self.length = 0
+        self.functions: dict[Shape, str] = {}
+        """Those that have been written for a shape, by their names."""
+        self.loops = 0
+        """How many are around what is written next."""
+        self._length = 0
         self._done: list[str] = []
         self._open: list[list[str]] = []
         self._indents: list[int] = []
+        self._outer_loops: list[int] = []
         self._count = 0
 
     def line(self, text: str) -> None:
         self._open[-1].append(" " * self._indents[-1] + text)
-        self.length += 1
+        self._length += 1
 
     def first(self, text: str) -> None:
         """A line at the beginning of the function that is being written."""
@@ -34,10 +47,19 @@ class Source:
         """A function; the one that was being written goes on when this one has come to its end."""
         self._open.append([f"{head}:"])
         self._indents.append(1)
+        self._outer_loops.append(self.loops)
+        self.loops = 0
 
     def end(self) -> None:
         self._done += self._open.pop()
         self._indents.pop()
+        self.loops = self._outer_loops.pop()
+
+    def has_room(self, shape: Shape) -> bool:
+        """Whether a value of this shape is written where it stands, and not by a function of its own."""
+        if isinstance(shape, Message) and (shape.leaves > _MOST_INLINE or self._length > _MOST_LINES):
+            return False
+        return self.loops < _MOST_LOOPS or isinstance(shape, One | Bytes | Json)
 
     def variable(self) -> str:
         self._count += 1
