@@ -4,6 +4,10 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import pytest
+
+pytest.importorskip("mcap")  # for whatever imports this
+
 from bus.qos import QoSProfile
 from bus_bag.metadata import TopicMetadata
 from bus_bag.storage import BagReader, BagWriter

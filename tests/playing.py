@@ -6,6 +6,10 @@ from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import pytest
+
+pytest.importorskip("mcap")  # for whatever imports this
+
 import bus
 from bus.qos import QoSProfile
 from bus.schema import MessageSchema

@@ -7,6 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import pytest
+
+pytest.importorskip("mcap")  # for whatever imports this
 
 from bus.msg.std_msgs import String
 from bus.schema import MessageSchema

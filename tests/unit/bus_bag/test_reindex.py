@@ -3,6 +3,10 @@
 from pathlib import Path
 
 import pytest
+
+pytest.importorskip("mcap")
+pytest.importorskip("rosbags")
+
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 

@@ -4,6 +4,9 @@ import resource
 from pathlib import Path
 
 import pytest
+
+pytest.importorskip("mcap")
+
 from mcap.writer import CompressionType, IndexType, Writer
 
 from bags import CHATTER, START, STRING, Said, begin_bag, cdr, read, said, write, write_bag
