@@ -40,6 +40,13 @@ class OwnTerminal:
         """How the terminal treats what is typed."""
         return termios.tcgetattr(self._end)
 
+    def is_raw(self) -> bool:
+        """Whether what is typed is neither shown nor gathered into lines."""
+        return not self.mode()[3] & (termios.ICANON | termios.ECHO)
+
+    def send_signal(self, number: int) -> None:
+        os.kill(self._pid, number)
+
     def wait(self) -> int:
         """Wait for the program's end; returns its exit code."""
         _, status = os.waitpid(self._pid, 0)

@@ -1,0 +1,167 @@
+"""What happens when: pauses, outputs without room or with errors, seeks, and a bag that can't be read on."""
+
+import asyncio
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
+from time import monotonic_ns
+from typing import Any
+
+import pytest
+
+from bus.errors import ConfigurationError
+from bus.logger import get_logger
+from bus_bag.errors import BagError
+from bus_bag.play.feed import Feed
+from bus_bag.play.options import PlayOptions
+from bus_bag.play.player import Player, Span
+from bus_bag.play.progress import Status
+from bus_bag.play.selection import Selection
+from bus_bag.storage import BagMessage
+
+MS = 1_000_000
+SPAN = Span(0, 100 * MS, True)
+
+
+class Reader:
+    """A bag of one topic: numbers, each with the time at which it is due."""
+
+    def __init__(self, *times_ms: float, error: Exception | None = None) -> None:
+        self.times_ms = times_ms
+        self.error = error
+
+    def messages(self, start: int | None, topics: Any, by: str) -> Iterator[BagMessage]:
+        for number, at_ms in enumerate(self.times_ms):
+            if (at_ns := round(at_ms * MS)) >= (start or 0):
+                yield BagMessage("/a", at_ns, 0, 0, bytes([number]))
+        if self.error is not None:
+            raise self.error
+
+
+class Output:
+    """Takes what is published, as soon as there is room."""
+
+    def __init__(self) -> None:
+        self.taken: list[int] = []
+        self.room = asyncio.Event()
+        self.room.set()
+        self.error: Exception | None = None
+
+    def publish_encoded(self, payload: bytes, *, source_time_ns: int | None = None) -> bool:
+        if self.error is not None:
+            raise self.error
+        if self.room.is_set():
+            assert source_time_ns is None
+            self.taken.append(payload[0])
+        return self.room.is_set()
+
+    async def wait_for_room(self) -> None:
+        await self.room.wait()
+
+
+@asynccontextmanager
+async def playing(reader: Any, output: Output, span: Span = SPAN, **given: Any) -> AsyncIterator[Player]:
+    feed = Feed(reader, frozenset({"/a"}), {}, lambda one: bytes(one.data))
+    options = PlayOptions(selection=Selection(), **given)
+    try:
+        async with Player(feed, {"/a": output}, span, options, get_logger("player")) as player:
+            yield player
+    finally:
+        feed.close()
+
+
+async def turns(count: int = 20) -> None:
+    for _ in range(count):
+        await asyncio.sleep(0.001)
+
+
+async def test_messages_come_when_they_are_due() -> None:
+    output = Output()
+    async with playing(Reader(0, 20, 20, 40), output, rate=2.0) as player:
+        begin_ns = monotonic_ns()
+        assert await player.play()
+        assert monotonic_ns() - begin_ns >= 20 * MS
+        assert not await player.play()
+        assert (output.taken, player.messages, player.lateness.count) == ([0, 1, 2, 3], 4, 4)
+        assert not await player.play_next() and not await player.seek(0)
+
+
+async def test_held_still_without_a_word() -> None:
+    output = Output()
+    async with playing(Reader(0, 3_600_000), output) as player:
+        task = asyncio.create_task(player.play())
+        while not output.taken:
+            await turns(1)
+        go_on = player.hold()
+        at_ns = player.bag_time
+        assert player.hold() is not go_on  # a pause within it ends nothing
+        await turns()
+        assert player.bag_time == at_ns
+        go_on()
+        await turns()
+        assert at_ns + 20 * MS <= player.bag_time and not player.is_paused
+        player.stop()
+        await task
+
+
+async def test_an_output_without_room_is_waited_for() -> None:
+    output = Output()
+    output.room.clear()
+    async with playing(Reader(0, 0), output) as player:
+        task = asyncio.create_task(player.play())
+        await turns()
+        assert not output.taken
+        output.room.set()
+        assert await task
+        assert output.taken == [0, 1]
+
+
+async def test_a_message_that_cannot_be_published_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    output = Output()
+    output.error = ConfigurationError("too large")
+    async with playing(Reader(0), output) as player:
+        assert await player.play()
+
+
+async def test_a_bag_that_cannot_be_read_on_ends_it() -> None:
+    output = Output()
+    async with playing(Reader(0, 1, error=BagError("broken")), output) as player:
+        with pytest.raises(BagError, match="broken"):
+            await player.play()
+        assert output.taken == [0, 1]
+
+
+async def test_the_end_in_a_pause_waits_for_what_comes() -> None:
+    output = Output()
+    async with playing(Reader(0, 10), output, is_paused=True) as player:
+        task = asyncio.create_task(player.play())
+        assert await player.burst(0) == 2
+        assert await player.burst(1) == 0
+        assert (player.progress.status, player.bag_time) == (Status.PAUSED, 10 * MS)
+        assert await player.seek(-5) and player.bag_time == 0
+        assert await player.play_next()
+        player.resume()
+        assert await task
+        assert output.taken == [0, 1, 0, 1]
+
+
+async def test_a_delay_is_shown_and_can_be_stopped() -> None:
+    output = Output()
+    async with playing(Reader(0), output, delay=3_600_000 * MS) as player:
+        task = asyncio.create_task(player.play())
+        await turns()
+        assert (player.progress.status, player.bag_time, output.taken) == (Status.DELAYED, 0, [])
+        player.stop()
+        await task
+
+
+async def test_calls_while_it_ends_are_answered() -> None:
+    output = Output()
+    async with playing(Reader(0, 3_600_000), output) as player:
+        task = asyncio.create_task(player.play())
+        while not output.taken:
+            await turns(1)
+        seeking = asyncio.create_task(player.seek(5))
+        await asyncio.sleep(0)
+        player.stop()
+        await task
+        assert await seeking in (False, True)
