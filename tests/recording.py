@@ -32,7 +32,9 @@ async def main():
         while line := await asyncio.get_running_loop().run_in_executor(None, sys.stdin.readline):
             topic, durability, *texts = line.split()
             if topic not in publishers:
-                profile = bus.QoSProfile(1000 if durability == "volatile" else 1, durability=durability)
+                profile = bus.QoSProfile(
+                    int(sys.argv[2]) if durability == "volatile" else 1, durability=durability
+                )
                 publishers[topic] = await node.create_publisher(String, topic, profile)
             for text in texts:
                 publishers[topic].publish(String(data=text))
@@ -117,8 +119,8 @@ class Bag:
 
 
 @contextmanager
-def speaking(name: str = "speaker") -> Iterator[Speaker]:
-    with script(SPEAKER, name) as running:
+def speaking(name: str = "speaker", *, depth: int = 1000) -> Iterator[Speaker]:
+    with script(SPEAKER, name, str(depth)) as running:
         yield Speaker(running)
 
 

@@ -27,6 +27,9 @@ __all__ = ["Pipeline"]
 _MOST_IN_FLIGHT = 8 << 20
 """Bytes in chunks that wait for the thread, or are being written."""
 
+_SHORT_BYTES = 256 << 10
+"""Batches up to this go into a chunk as one."""
+
 _TURN_NS = 2_000_000
 """How long the event loop may be held up by encoding: meanwhile nothing is taken."""
 
@@ -54,7 +57,7 @@ class Pipeline:
         self._on_split = on_split
         self._on_reject = on_reject
         self._is_snapshot = options.is_snapshot
-        self._cache: Cache[tuple[Batch, bool]] = Cache(
+        self._cache: Cache[tuple[Batch, int, bool]] = Cache(
             options.max_cache_size, is_circular=options.is_snapshot
         )
         self._splitting = Splitting(options.max_bag_size, options.max_bag_duration)
@@ -147,9 +150,9 @@ class Pipeline:
         if self._is_snapshot:
             self._keep(topic, samples, is_written=False)
         if self._thread is None:
-            self._write(topic, samples, is_paused)
+            self._write(topic, samples, size, is_paused=is_paused)
             return
-        self._cache.put(topic.name, (samples, is_paused), len(samples), size)
+        self._cache.put(topic.name, (samples, size, is_paused), len(samples), size)
 
     def resume(self) -> None:
         """What latched topics have said while the recording was paused comes first."""
@@ -165,7 +168,8 @@ class Pipeline:
             return False
         until_ns = monotonic_ns() + _TURN_NS
         while self._in_flight < _MOST_IN_FLIGHT and (taken := self._cache.take()) is not None:
-            self._write(self._topics[taken[0]], *taken[1])
+            name, (samples, size, is_paused), _ = taken
+            self._write(self._topics[name], samples, size, is_paused=is_paused)
             if monotonic_ns() >= until_ns:
                 break
         return bool(self._cache) and self._in_flight < _MOST_IN_FLIGHT
@@ -181,11 +185,11 @@ class Pipeline:
         batches = []
         while (taken := self._cache.take()) is not None:
             batches.append(taken)
-        present = {id(sample) for _, (samples, _), _ in batches for sample in samples}
+        present = {id(sample) for _, (samples, _, _), _ in batches for sample in samples}
         left = [one for one in self._latched.take_unwritten() if id(one.message) not in present]
         self._take_up(left)
-        for name, (samples, is_paused), _ in batches:
-            self._write(self._topics[name], samples, is_paused)
+        for name, (samples, size, is_paused), _ in batches:
+            self._write(self._topics[name], samples, size, is_paused=is_paused)
         self._writer.flush()
 
     def split(self, log_time: int | None = None) -> None:
@@ -207,7 +211,8 @@ class Pipeline:
         """Put the accounts into the file."""
         self._writer.write_metadata(RECORD, to_record(self.losses()))
 
-    def _write(self, topic: RecordedTopic, samples: Batch, is_paused: bool) -> None:
+    def _write(self, topic: RecordedTopic, samples: Batch, size: int, *, is_paused: bool) -> None:
+        """`size`: bytes of the payloads."""
         if is_paused:
             topic.passed_over += len(samples)
             self._keep(topic, samples, is_written=False)
@@ -224,18 +229,22 @@ class Pipeline:
             if not self._is_snapshot:
                 self._keep(topic, samples, is_written=True)
             return
-        encode, write, total, written = topic.encode, self._writer.write, 0, 0
-        for payload, (source_time, log_time, number, _, _) in samples:
-            try:
-                parts = encode(payload)
-            except CdrError as error:
-                self._reject(topic, error)
-                continue
-            total += write(channel, log_time, source_time, number, parts)
-            written += 1
-        topic.written += written
-        self.messages += written
-        self.bytes += total
+        if len(samples) > 1 and size <= _SHORT_BYTES and self._write_many(topic, channel, samples):
+            return
+        for sample in samples:
+            topic.written += self._write_one(topic, channel, sample, sample[1][1])
+
+    def _write_many(self, topic: RecordedTopic, channel: int, samples: Batch) -> bool:
+        """False, with nothing written, where one is no message of the type."""
+        encode = topic.encode
+        try:
+            messages = [encode(payload) for payload, _ in samples]
+        except CdrError:
+            return False
+        self.bytes += self._writer.write_many(channel, [info for _, info in samples], messages)
+        topic.written += len(messages)
+        self.messages += len(messages)
+        return True
 
     def _write_one(self, topic: RecordedTopic, channel: int, sample: Sample, log_time: int) -> int:
         """Returns how many were written: 1, or 0 for what is no message of the type."""

@@ -8,6 +8,7 @@ from time import monotonic_ns
 
 from bus.node import Node
 from bus.runner import loop_factory
+from bus.transport.memory import keep_freed_memory
 from bus_bag.errors import BagError
 from bus_bag.keyboard import Keyboard
 from bus_bag.losses import TopicLosses, lines
@@ -28,6 +29,7 @@ def run(options: RecordOptions, open_node: Callable[[], Node]) -> int:
     A second Ctrl-C gives up what still waits for the file. Raises BagError, OSError and ConfigurationError
     where the recording can't begin, BagError where it has failed, with what is in the bag.
     """
+    keep_freed_memory()  # chunks come and go
     with asyncio.Runner(loop_factory=loop_factory()) as runner:
         return runner.run(_record(options, open_node))
 
