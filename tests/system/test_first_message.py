@@ -31,6 +31,20 @@ async def main():
 
 bus.run(main())
 """
+_RCLPY_TALKER = """
+import sys
+sys.path[:] = {path!r}
+sys.modules["typing_extensions"] = None  # a tool's, which msgspec imports where it is there: it asks inspect
+import bus.rclpy_compat, rclpy
+from std_msgs.msg import String
+
+rclpy.init()
+node = rclpy.create_node("talker")
+publisher = node.create_publisher(String, "chatter", 10)
+node.create_timer(0.001, lambda: publisher.publish(String(data="hi")))
+rclpy.spin_once(node)
+print(*sys.modules)
+"""
 _LIBRARIES = """
 import sys
 sys.path[:] = {path!r}
@@ -105,6 +119,20 @@ def test_a_listener_imports_only_what_it_uses() -> None:
     modules = _modules(_LISTENER) - _modules(_LIBRARIES)
     assert not modules & _UNUSED
     assert modules >= _RECEIVING
+
+
+@pytest.mark.usefixtures("daemon")
+def test_a_talker_of_rclpy_imports_only_what_it_uses() -> None:
+    modules = _modules(_RCLPY_TALKER)
+    # The last three are there, and are loaded when a name in them is asked for.
+    assert modules >= {"bus_ros.rclpy.node", "ssl", "inspect", "asyncio.sslproto"}
+    assert not modules & {"_ssl", "ast", "argparse", "dataclasses", "hashlib", "json", "pathlib", "yaml"}
+    assert not modules & {
+        "bus.base.suggest",
+        "bus.types.diff",
+        "bus_ros.rosidl.runtime",
+        "bus_ros.rclpy.action",
+    }
 
 
 def test_no_collection_of_garbage_runs_while_the_library_is_imported() -> None:

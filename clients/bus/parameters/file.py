@@ -13,12 +13,14 @@ parameters, their types and rules (`bus.parameters.values`), or the bus.
 import re
 from collections.abc import Iterable, Iterator
 from functools import cache
-from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from bus.errors import ConfigurationError
 from bus.parameters.values import SEPARATOR
 from bus.process.ros_args import Parameter, ParameterSource
+
+if TYPE_CHECKING:  # it takes milliseconds to import
+    from pathlib import Path
 
 __all__ = [
     "PARAMETERS_KEY",
@@ -77,10 +79,11 @@ def overrides(sections: Iterable[Section], full_name: str) -> dict[str, Value]:
     return found
 
 
-def read_file(path: str | Path) -> list[Section]:
+def read_file(path: "str | Path") -> list[Section]:
     """The sections of a file of parameters. Raises ConfigurationError naming file and line."""
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        with open(path, encoding="utf-8") as file:  # noqa: PTH123
+            text = file.read()
     except OSError as error:
         raise ConfigurationError(f"cannot read '{path}': {error.strerror or error}") from None
     except ValueError:

@@ -10,6 +10,8 @@ A definition is `<package>/{msg,srv,action}/<Name>.{msg,srv,action}`. It is look
     the definitions of ROS 2 that come with this package
 """
 
+# Paths are texts: pathlib takes several times as long for each, and to import it takes milliseconds.
+# ruff: noqa: PTH109, PTH112, PTH113, PTH118, PTH119, PTH120, PTH123, PTH208
 from __future__ import annotations
 
 import os
@@ -17,13 +19,14 @@ import re
 import sys
 from collections.abc import Iterator
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 
 from bus.errors import ConfigurationError
 from bus.types.schema_form import is_type_name
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from bus.types import idl
 
 __all__ = [
@@ -42,7 +45,7 @@ __all__ = [
 Kind: TypeAlias = Literal["msg", "srv", "action"]
 KINDS: Final[tuple[Kind, ...]] = ("msg", "srv", "action")
 
-_SHIPPED: Final = Path(__file__).parents[1] / "share"
+_SHIPPED: Final = os.path.join(os.path.dirname(os.path.dirname(__file__)), "share")
 _PACKAGE_NAME: Final = re.compile(rb"<name>\s*(\w+)\s*</name>")
 _IGNORED: Final = frozenset(("COLCON_IGNORE", "AMENT_IGNORE", "CATKIN_IGNORE"))
 _NO_WORKSPACES: Final = frozenset(("/", "/usr", "/usr/local"))
@@ -58,7 +61,7 @@ def find_definition(name: str) -> idl.Message | idl.Service | idl.Action:
     Raises ConfigurationError where there is none, where it is malformed, and where it names a type that
     doesn't exist. That of another definition is no error before that one is asked for.
     """
-    return _load(definition_path(name), name)
+    return _load(_found(name), name)
 
 
 def find_message(name: str) -> idl.Message:
@@ -91,9 +94,9 @@ def find_message(name: str) -> idl.Message:
 
 def definition_path(name: str) -> Path:
     """The file of a definition; raises ConfigurationError where there is none."""
-    if (path := find_path(name)) is None:
-        raise ConfigurationError(f"unknown interface '{name}'{_meant(name)}")
-    return path
+    from pathlib import Path
+
+    return Path(_found(name))
 
 
 def check_size(owner: str, field: idl.Field) -> None:
@@ -113,7 +116,7 @@ def full_name(name: str) -> str:
 
 def is_shipped(package: str) -> bool:
     """Whether the definitions of a package are those that come with busd: no others are found before them."""
-    return next((folder for _, folder in _folders(package) if folder.is_dir()), None) == _SHIPPED / package
+    return next(_existing(package), None) == os.path.join(_SHIPPED, package)
 
 
 def packages() -> list[str]:
@@ -127,17 +130,28 @@ def names(kind: Kind | None = None, package: str | None = None) -> list[str]:
     for index, one in enumerate(KINDS):
         if kind in (None, one):
             for owner, folder in _folders(package):
-                found |= {(owner, index, stem) for stem in _stems(folder / one, f".{one}")}
+                found |= {(owner, index, stem) for stem in _stems(os.path.join(folder, one), f".{one}")}
     return [f"{owner}/{KINDS[index]}/{stem}" for owner, index, stem in sorted(found)]
 
 
+def _found(name: str) -> str:
+    if (path := find_path(name)) is None:
+        raise ConfigurationError(f"unknown interface '{name}'{_meant(name)}")
+    return path
+
+
+def _existing(package: str) -> Iterator[str]:
+    return (folder for _, folder in _folders(package) if os.path.isdir(folder))
+
+
 @cache
-def _load(path: Path, name: str) -> idl.Message | idl.Service | idl.Action:
+def _load(path: str, name: str) -> idl.Message | idl.Service | idl.Action:
     from bus.types import idl
 
     kind = name.split("/")[1]
     try:
-        text = path.read_text("utf-8")
+        with open(path, encoding="utf-8") as file:
+            text = file.read()
     except UnicodeDecodeError as error:
         raise ConfigurationError(f"{name}.{kind}: it is no text of UTF-8: {error}") from error
     if kind == "msg":
@@ -151,14 +165,14 @@ def _load(path: Path, name: str) -> idl.Message | idl.Service | idl.Action:
     return definition
 
 
-def _check_nested(message: idl.Message, path: Path, name: str) -> None:
+def _check_nested(message: idl.Message, path: str, name: str) -> None:
     package, kind, _ = name.split("/")
     for field in message.fields:
         base = field.type.base
         if "/" in base and find_path(base) is None:
             short = base.removeprefix(f"{package}/msg/").replace("/msg/", "/")
             raise ConfigurationError(
-                f"{package}/{kind}/{path.name}:{field.line}: '{short}' is not a known type"
+                f"{package}/{kind}/{os.path.basename(path)}:{field.line}: '{short}' is not a known type"
                 f"{_meant_by_type(base, short)}"
             )
 
@@ -180,25 +194,24 @@ def _meant(name: str) -> str:
     return did_you_mean(name, (one for one in names() if one != name), 0.75)
 
 
-def find_path(name: str) -> Path | None:
+def find_path(name: str) -> str | None:
     """The file of a definition; None where there is none."""
     if not is_type_name(name):
         return None
     package, kind, short = name.split("/")
     for _, folder in _folders(package):
-        path = folder / kind / f"{short}.{kind}"
-        if path.is_file():
+        path = os.path.join(folder, kind, f"{short}.{kind}")
+        if os.path.isfile(path):
             return path
     return None
 
 
-def _folders(package: str | None) -> Iterator[tuple[str, Path]]:
+def _folders(package: str | None) -> Iterator[tuple[str, str]]:
     """The folders that may hold definitions of this package (of each package), the first to be used first."""
     environ = os.environ
-    # pathlib would take several times as long, for each type that is looked for.
-    program = os.path.dirname(os.path.realpath(sys.argv[0])) if sys.argv and sys.argv[0] else ""  # noqa: PTH120
+    program = os.path.dirname(os.path.realpath(sys.argv[0])) if sys.argv and sys.argv[0] else ""
     try:
-        here = os.getcwd()  # noqa: PTH109
+        here = os.getcwd()
     except OSError:
         here = ""
     paths = environ.get("AMENT_PREFIX_PATH", ""), environ.get("BUS_INTERFACE_PATH", "")
@@ -206,34 +219,36 @@ def _folders(package: str | None) -> Iterator[tuple[str, Path]]:
         if isinstance(source, dict):
             yield from (item for item in source.items() if package in (None, item[0]))
         elif package is not None:
-            yield package, source / package
+            yield package, os.path.join(source, package)
         else:
-            yield from ((folder.name, folder) for folder in _subfolders(source))
+            yield from ((os.path.basename(folder), folder) for folder in _subfolders(source))
 
 
 @cache
-def _sources(here: str, program: str, prefixes: str, folders: str) -> list[Path | dict[str, Path]]:
+def _sources(here: str, program: str, prefixes: str, folders: str) -> list[str | dict[str, str]]:
     """Folders of packages; and for workspaces the folder of each of their packages."""
-    ament = [Path(prefix, "share") for prefix in prefixes.split(os.pathsep) if prefix]
+    ament = [os.path.join(prefix, "share") for prefix in prefixes.split(os.pathsep) if prefix]
     around = [_around(folder) for folder in dict.fromkeys((here, program)) if folder]
-    own = [Path(folder) for folder in folders.split(os.pathsep) if folder]
+    own = [folder for folder in folders.split(os.pathsep) if folder]
     return [*ament, *around, *own, _SHIPPED]
 
 
-def _around(folder: str) -> dict[str, Path]:
+def _around(folder: str) -> dict[str, str]:
     """The packages of the innermost workspace around a folder, or the package in which it is."""
-    found: dict[str, Path] = {}
-    for parent in (path := Path(folder), *path.parents):
-        if str(parent) in _NO_WORKSPACES:
-            continue
-        if not found and (parent / "package.xml").is_file():
-            found[_package_name(parent)] = parent
-        if (parent / "src").is_dir() and (inside := dict(_search(parent / "src"))):
-            return found | inside
+    found: dict[str, str] = {}
+    parent, below = folder, ""
+    while parent != below:
+        if parent not in _NO_WORKSPACES:
+            if not found and os.path.isfile(os.path.join(parent, "package.xml")):
+                found[_package_name(parent)] = parent
+            source = os.path.join(parent, "src")
+            if os.path.isdir(source) and (inside := dict(_search(source))):
+                return found | inside
+        parent, below = os.path.dirname(parent), parent
     return found
 
 
-def _search(source: Path) -> Iterator[tuple[str, Path]]:
+def _search(source: str) -> Iterator[tuple[str, str]]:
     folders = [(source, 0)]
     for visited, (folder, depth) in enumerate(folders):  # which grows meanwhile
         try:
@@ -246,26 +261,31 @@ def _search(source: Path) -> Iterator[tuple[str, Path]]:
             yield _package_name(folder), folder
         elif depth < _MAX_DEPTH and visited < _MAX_FOLDERS:
             below = sorted(name for name, entry in entries.items() if entry.is_dir() and name[0] != ".")
-            folders += [(folder / name, depth + 1) for name in below]
+            folders += [(os.path.join(folder, name), depth + 1) for name in below]
 
 
-def _package_name(folder: Path) -> str:
+def _package_name(folder: str) -> str:
     try:
-        found = _PACKAGE_NAME.search((folder / "package.xml").read_bytes())
+        with open(os.path.join(folder, "package.xml"), "rb") as file:
+            found = _PACKAGE_NAME.search(file.read())
     except OSError:
         found = None
-    return found[1].decode() if found else folder.name
+    return found[1].decode() if found else os.path.basename(folder)
 
 
-def _subfolders(folder: Path) -> list[Path]:
+def _subfolders(folder: str) -> list[str]:
     try:
-        return [Path(entry) for entry in os.scandir(folder) if entry.is_dir()]
+        return [entry.path for entry in os.scandir(folder) if entry.is_dir()]
     except OSError:
         return []
 
 
-def _stems(folder: Path, suffix: str) -> list[str]:
+def _stems(folder: str, suffix: str) -> list[str]:
     try:
-        return [path.stem for path in folder.iterdir() if path.suffix == suffix]
+        return [
+            name.removesuffix(suffix)
+            for name in os.listdir(folder)
+            if name.endswith(suffix) and name != suffix
+        ]
     except OSError:
         return []

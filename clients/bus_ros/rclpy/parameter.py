@@ -4,14 +4,16 @@ Owns: rclpy's class of them. Must not know: nodes, declared parameters and their
 classes are made when one is first needed: a program that uses no parameters doesn't pay for them.
 """
 
-from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from bus.errors import ConfigurationError
 from bus.parameters import messages
 from bus.parameters.file import PARAMETERS_KEY, parse_typed, read_file
 from bus.parameters.values import SEPARATOR
 from bus.parameters.values import ParameterType as ValueType
+
+if TYPE_CHECKING:  # it takes milliseconds to import
+    from pathlib import Path
 
 __all__ = [
     "PARAMETER_SEPARATOR_STRING",
@@ -120,7 +122,7 @@ def get_parameter_value(string_value: str) -> Any:
 
 
 def parameter_dict_from_yaml_file(
-    parameter_file: str | Path,
+    parameter_file: "str | Path",
     use_wildcard: bool = False,
     target_nodes: list[str] | None = None,
     namespace: str = "",
