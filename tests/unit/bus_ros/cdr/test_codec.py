@@ -139,8 +139,10 @@ def test_every_representation_is_understood(encoded: str) -> None:
 
 
 def test_what_a_newer_type_has_behind_our_fields_is_passed_over() -> None:
-    delimited = bytes((0, 9, 0, 0)) + struct.pack("<III", 8, 7, 99)
-    assert codec(bus_type("uint32 x")).decode(delimited) == pack([7])
+    # 16 bytes, of which the inner message has 8 behind their length, and we know 4 of these.
+    delimited = bytes((0, 9, 0, 0)) + struct.pack("<IIIII", 16, 8, 7, 99, 5)
+    nested = f"demo/Inner x\nuint32 y\n{'=' * 80}\nMSG: demo/Inner\nuint32 z"
+    assert codec(bus_type(nested)).decode(delimited) == pack([[7], 5])
 
 
 def bus_type(definition: str) -> type[Struct]:
