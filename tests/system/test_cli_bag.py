@@ -1,9 +1,10 @@
-"""`bus bag info` and `reindex`: what they print, and that no file makes them fail with a traceback."""
+"""`bus bag info`, `reindex`, `convert`: what they print, and one sentence for what is no bag."""
 
 import json
 from pathlib import Path
 
-from bags import said, write_bag
+from bags import read, said, write_bag
+from bus_bag.storage import open_bag
 from cli import bus
 
 
@@ -49,3 +50,24 @@ def test_no_bags(tmp_path: Path) -> None:
     assert bus("bag", "info", "nowhere") == ("", "Bag path 'nowhere' does not exist!\n", 1)
     assert bus("bag", "info", junk) == ("", f"'{junk}' is no MCAP file: it does not begin like one\n", 1)
     assert bus("bag", "reindex", junk) == ("", "[ERROR] [ros2bag]: Must specify a bag directory\n", 1)
+
+
+def test_convert(tmp_path: Path) -> None:
+    messages = said(10)
+    first, second = write_bag(tmp_path / "a", messages[:5]), write_bag(tmp_path / "b", messages[5:])
+    options = tmp_path / "out.yaml"
+    options.write_text(f"output_bags: [{{uri: {tmp_path}/c, storage_preset_profile: zstd_fast}}]")
+    words = ("-i", str(first), "-i", str(second), "mcap", "-o", str(options))
+    assert bus("bag", "convert", *words) == (f"{tmp_path}/c\n", "", 0)
+    with open_bag(tmp_path / "c") as reader:
+        assert read(reader) == messages
+    assert bus("bag", "convert", *words) == ("", f"Output folder '{tmp_path}/c' already exists.\n", 1)
+    options.write_text("output_bags: {}")
+    assert bus("bag", "convert", *words) == ("", f"'{options}': it has no list 'output_bags'\n", 1)
+    assert bus("bag", "convert", "-i", "nowhere", "-o", "x") == (
+        "",
+        "Bag path 'nowhere' does not exist!\n",
+        1,
+    )
+    wrong = bus("bag", "convert", "-i", str(first), "rosbag", "-o", "x")
+    assert wrong == ("", "Unknown storage ID 'rosbag', options are: mcap, sqlite3\n", 1)

@@ -59,6 +59,7 @@ LINES = {
     "interface packages": "",
     "interface proto": "std_msgs/msg/String",
     "interface show": "std_msgs/msg/String",
+    "bag convert": "--help",
     "bag info": "--help",
     "bag reindex": "--help",
     "daemon install": "--dry-run",

@@ -110,6 +110,12 @@ class Choice:
         """Whether all that was named is recorded, and nothing else is wanted."""
         return self._wanted.is_by_name and (self._wanted.topics | self._events) <= set(recorded)
 
+    def takes(self, topic: str, types: set[str]) -> bool:
+        """Whether a topic with messages of these types is chosen, wherever it comes from."""
+        if not self._wants(topic, types):
+            return False
+        return self._wanted.include_hidden_topics or not is_hidden_topic(topic) or _is_event(topic, types)
+
     def _has_others(self, subscriptions: Iterable[GraphEndpoint]) -> bool:
         return any(one.node.full_name != self._own_node for one in subscriptions)
 

@@ -17,6 +17,8 @@ from bus_bag.storage.values import BagMessage, Order, Problem, Summary
 
 __all__ = ["SqliteFile"]
 
+_FAULTS = (sqlite3.Error, UnicodeError, OverflowError, MemoryError)
+"""What reading a damaged file may raise; UnicodeError where the text of the error is damaged, too."""
 _MAGIC = b"SQLite format 3\0"
 
 
@@ -45,7 +47,7 @@ class SqliteFile:
             self._read_topics()
             self._read_definitions()
             self._count()
-        except (sqlite3.Error, OverflowError) as error:
+        except _FAULTS as error:
             self.close()
             raise BagError(f"'{path}' can't be read: {error}") from None
         except BaseException:
@@ -64,7 +66,7 @@ class SqliteFile:
         try:
             row = self._database.execute("SELECT metadata FROM metadata ORDER BY id DESC LIMIT 1").fetchone()
             return from_record(str(row[0])) if row else None
-        except (sqlite3.Error, ValueError) as error:
+        except (*_FAULTS, ValueError) as error:
             self._problem(f"its metadata can't be read: {error}")
             return None
 
@@ -87,7 +89,7 @@ class SqliteFile:
                     yield BagMessage(wanted[topic], time, time, 0, data)
                 else:
                     passed_over += 1
-        except (sqlite3.Error, OverflowError, MemoryError) as error:
+        except _FAULTS as error:
             self._problem(f"the rest of its messages can't be read: {error}")
         if passed_over:
             self._problem(f"{passed_over} rows are passed over, for they are no messages of a topic")
@@ -169,7 +171,7 @@ class SqliteFile:
             rows = self._database.execute(
                 "SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id"
             ).fetchall()
-        except sqlite3.Error as error:
+        except _FAULTS as error:
             self._problem(f"its messages can't be counted: {error}")
             return
         counts: dict[str, int] = {}

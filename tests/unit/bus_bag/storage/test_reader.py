@@ -8,48 +8,13 @@ import pytest
 pytest.importorskip("rosbags")
 pytest.importorskip("mcap")
 
-from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from bags import CHATTER, START, STRING, STRING_HASH, Said, begin_bag, cdr, read, said, write, write_bag
+from bags import CHATTER, START, STRING, STRING_HASH, begin_bag, cdr, read, said, write, write_bag
 from bus.qos import QoSProfile
 from bus_bag.errors import BagError
 from bus_bag.storage import open_bag
-
-INFINITE = QosTime(9223372036, 854775807)
-LATCHED_QOS = Qos(
-    QosHistory.KEEP_LAST,
-    3,
-    QosReliability.BEST_EFFORT,
-    QosDurability.TRANSIENT_LOCAL,
-    INFINITE,
-    QosTime(10, 500_000_000),
-    QosLiveliness.AUTOMATIC,
-    INFINITE,
-    False,
-)
-"""Of the only publisher of what rosbags writes here."""
-
-
-def write_as_rosbags(
-    folder: Path,
-    plugin: StoragePlugin = StoragePlugin.SQLITE3,
-    version: int = 9,
-    mode: CompressionMode = CompressionMode.NONE,
-) -> list[Said]:
-    types = get_typestore(Stores.ROS2_JAZZY)
-    messages = [Said(START + number, START + number, 0, CHATTER.name, f"{number}") for number in range(100)]
-    writer = Writer(folder, version=version, storage_plugin=plugin)  # type: ignore[arg-type]
-    if mode is not CompressionMode.NONE:
-        writer.set_compression(mode, CompressionFormat.ZSTD)
-    with writer:
-        connection = writer.add_connection(
-            CHATTER.name, STRING, typestore=types, offered_qos_profiles=[LATCHED_QOS]
-        )
-        for one in messages:
-            writer.write(connection, one.log_time, cdr(one.text))
-    return messages
+from rosbags_writer import write_as_rosbags
 
 
 @pytest.mark.parametrize("plugin", StoragePlugin)

@@ -1,0 +1,321 @@
+"""`bus bag convert`: bags written anew, as a file of options says: chosen topics, other files, compressed.
+
+What of the options is read stands in `Output`; rosbag2's others have no meaning here and are taken without
+effect.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+from bus.base.suggest import did_you_mean
+from bus.errors import BusError
+from bus.schema import MessageSchema
+from bus.types.classes import message_class
+from bus_bag import losses
+from bus_bag.errors import BagError
+from bus_bag.info import find_losses
+from bus_bag.metadata import TopicMetadata
+from bus_bag.record.choice import Choice, Wanted
+from bus_bag.record.splitting import Splitting
+from bus_bag.storage import BagMessage, BagReader, BagWriter, open_bag
+from bus_bag.storage.merge import Place, merge
+from bus_bag.yaml_text import load
+from bus_ros.cdr import codec_of
+
+__all__ = ["Output", "convert", "read_outputs"]
+
+_NS_PER_S = 1_000_000_000
+_LOOK = 1000
+"""After so many messages the caller hears how far it is."""
+_CHOICES = ("topics", "topic_types", "services", "exclude_topics", "exclude_topic_types", "exclude_services")
+"""Lists of names."""
+_WITHOUT_EFFECT = {
+    "max_cache_size",
+    "storage_config_uri",
+    "snapshot_mode",
+    "is_discovery_disabled",
+    "topic_polling_interval",
+    "node_prefix",
+    "compression_queue_size",
+    "compression_threads",
+    "compression_threads_priority",
+    "topic_qos_profile_overrides",
+    "include_unpublished_topics",
+    "ignore_leaf_topics",
+    "start_paused",
+    "use_sim_time",
+    "disable_keyboard_controls",
+    "rmw_serialization_format",
+    "input_serialization_format",
+    "output_serialization_format",
+}
+
+
+class Output(msgspec.Struct, frozen=True, kw_only=True):
+    """A bag to be written."""
+
+    uri: Path
+    preset: str = "none"
+    wanted: Wanted | None = None
+    """None: all topics, hidden ones too."""
+    most_bytes: int = 0
+    most_s: float = 0.0
+    start: int | None = None
+    """Nanoseconds since 1970, and so is `end`, which belongs to it."""
+    end: int | None = None
+    custom_data: Mapping[str, str] | None = None
+    """None: that of the bags that are read."""
+
+
+def read_outputs(text: str) -> list[Output]:
+    """What a file of options asks for. Raises BagError for what can't be used."""
+    try:
+        document = load(text)
+    except ValueError as error:
+        raise BagError(str(error)) from None
+    entries = document.get("output_bags") if isinstance(document, dict) else None
+    if not isinstance(entries, list) or not entries:
+        raise BagError("it has no list 'output_bags'")
+    return [_Options(entry).output() for entry in entries]
+
+
+class _Topic(NamedTuple):
+    metadata: TopicMetadata
+    definition: str
+    extra: dict[str, str]
+
+
+class _Options:
+    """The options of one bag; each is taken out when it is read, so that what is left is unknown."""
+
+    def __init__(self, entry: object) -> None:
+        if not isinstance(entry, dict):
+            raise BagError("an entry of 'output_bags' is no map")
+        self._left: dict[str, Any] = {str(key): value for key, value in entry.items()}
+
+    def output(self) -> Output:
+        uri = self._take("uri", str, "")
+        if not uri:
+            raise BagError("an entry of 'output_bags' has no 'uri'")
+        if (storage := self._take("storage_id", str, "mcap")) not in ("", "mcap"):
+            raise BagError(f"storage_id '{storage}' can't be written; bags are written as 'mcap'")
+        output = Output(
+            uri=Path(uri),
+            preset=self._preset(),
+            wanted=self._wanted(),
+            most_bytes=self._take("max_bagfile_size", int, 0),
+            most_s=float(self._take("max_bagfile_duration", (int, float), 0)),
+            start=self._moment("start_time_ns"),
+            end=self._moment("end_time_ns"),
+            custom_data=self._custom_data(),
+        )
+        for key in self._left.keys() - _WITHOUT_EFFECT:
+            known = [*_CHOICES, "uri", "storage_id", "all_topics", "all_services", "regex", "exclude_regex"]
+            raise BagError(f"Unknown output option '{key}'{did_you_mean(key, known)}")
+        return output
+
+    def _take(self, key: str, kind: type | tuple[type, ...], default: Any) -> Any:
+        value = self._left.pop(key, None)
+        if value is None:
+            return default
+        if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+            raise BagError(f"output option '{key}' can't be {value!r}")
+        if isinstance(value, int | float) and value < 0:
+            raise BagError(f"output option '{key}' may not be negative, but is {value}")
+        return value
+
+    def _moment(self, key: str) -> int | None:
+        time = self._left.pop(key, None)
+        if time is None or time == -1:  # rosbag2's word for none
+            return None
+        self._left[key] = time
+        return int(self._take(key, int, 0))
+
+    def _custom_data(self) -> Mapping[str, str] | None:
+        values = self._take("custom_data", dict, None)
+        return None if values is None else {str(key): str(value) for key, value in values.items()}
+
+    def _preset(self) -> str:
+        """What is compressed is chunks, which every reader of MCAP unpacks, whatever mode is asked for."""
+        mode = self._take("compression_mode", str, "").lower()
+        kind = self._take("compression_format", str, "").lower()
+        preset = self._take("storage_preset_profile", str, "")
+        if mode not in ("", "none", "file", "message"):
+            raise BagError(f"compression_mode '{mode}' is none of 'none', 'file', 'message'")
+        if kind not in ("", "zstd"):
+            raise BagError(f"compression_format '{kind}' can't be written; there is 'zstd'")
+        is_compressed = mode in ("file", "message")
+        return preset or ("zstd_fast" if is_compressed else "none")
+
+    def _wanted(self) -> Wanted | None:
+        names: dict[str, Any] = {}
+        for key in _CHOICES:
+            values = self._take(key, list, None)
+            if values:
+                names[key] = frozenset(
+                    value if "types" in key or str(value).startswith("/") else f"/{value}"
+                    for value in map(str, values)
+                )
+        takes_all = self._take("all", bool, False)
+        for key in ("all_topics", "all_services"):
+            if self._take(key, bool, False) or takes_all:
+                names[key] = True
+        for key, field in (
+            ("regex", "regex"),
+            ("exclude", "exclude_regex"),
+            ("exclude_regex", "exclude_regex"),
+        ):
+            if pattern := self._take(key, str, ""):
+                names[field] = pattern
+        hidden = self._take("include_hidden_topics", bool, False)
+        if not names:
+            return None
+        if all(name.startswith("exclude") for name in names):
+            names |= {"all_topics": True, "all_services": True}
+        return Wanted(include_hidden_topics=hidden, **names)
+
+
+def convert(
+    inputs: Sequence[Path], outputs: Sequence[Output], progress: Callable[[int, int], object]
+) -> list[str]:
+    """Write the messages of all `inputs` into each of the `outputs` that wants them, by log time.
+
+    `progress` hears now and then how many messages were read, and how many there are. Returns what could
+    not be read or written as it was. What was written when it is broken off, or when the disk is full, is a
+    whole bag.
+
+    Raises BagError for bags that can't be read or written, ConfigurationError for what is no regular
+    expression, OSError for faults of the disk.
+    """
+    if not inputs or not outputs:
+        raise BagError("Must provide at least one input and one output bag to rewrite.")
+    warnings: list[str] = []
+    with ExitStack() as stack:
+        readers = [stack.enter_context(open_bag(path)) for path in inputs]
+        topics = _topics_of(readers, warnings)
+        for output in outputs:
+            if output.uri.exists():
+                raise BagError(f"Output folder '{output.uri}' already exists.")
+        with ExitStack() as closing:
+            writers = []
+            for output in outputs:
+                writers.append(_Writer(output, readers, topics))
+                closing.callback(writers[-1].close)
+            _copy(readers, writers, topics, progress)
+        warnings += [str(problem) for reader in readers for problem in reader.problems]
+    return warnings
+
+
+def _copy(
+    readers: Sequence[BagReader],
+    writers: Sequence["_Writer"],
+    topics: Mapping[str, _Topic],
+    progress: Callable[[int, int], object],
+) -> None:
+    total = sum(reader.metadata.message_count for reader in readers)
+    done = 0
+    for message in _merged(readers, topics):
+        for writer in writers:
+            writer.write(message)
+        done += 1
+        if not done % _LOOK:
+            progress(done, total)
+    progress(done, total)
+
+
+def _merged(readers: Iterable[BagReader], topics: Mapping[str, _Topic]) -> Iterator[BagMessage]:
+    def place(reader: BagReader) -> Place:
+        chosen = [name for name, one in reader.topics.items() if one.type == topics[name].metadata.type]
+        return Place(reader.metadata.starting_time, lambda: reader.messages(topics=chosen))
+
+    return merge([place(reader) for reader in readers], "log_time")
+
+
+def _topics_of(readers: Sequence[BagReader], warnings: list[str]) -> dict[str, _Topic]:
+    """By name; with the QoS profiles of all bags."""
+    found: dict[str, _Topic] = {}
+    for reader in readers:
+        for name, topic in reader.topics.items():
+            if name not in found:
+                definition = reader.definitions.get(topic.type, "")
+                found[name] = _Topic(topic, definition, dict(reader.extra.get(name, {})))
+                continue
+            known, definition, extra = found[name]
+            if known.type != topic.type:
+                warnings.append(
+                    f"{reader.path}: topic '{name}' is {topic.type} here and {known.type} before; left out"
+                )
+                continue
+            profiles = known.offered_qos_profiles + topic.offered_qos_profiles
+            found[name] = _Topic(
+                msgspec.structs.replace(known, offered_qos_profiles=profiles),
+                definition or reader.definitions.get(topic.type, ""),
+                extra,
+            )
+    return {name: _described(one, warnings) for name, one in found.items()}
+
+
+def _described(topic: _Topic, warnings: list[str]) -> _Topic:
+    """Old bags don't describe their types: then it is the type of that name here."""
+    metadata, definition, extra = topic
+    if definition or metadata.serialization_format != "cdr":
+        return topic
+    try:
+        codec = codec_of(MessageSchema.of(message_class(metadata.type)))
+    except (BusError, LookupError, ValueError):
+        warnings.append(
+            f"topic '{metadata.name}': nothing describes {metadata.type}; it is copied without that"
+        )
+        return topic
+    known = metadata.type_description_hash or codec.type_hash
+    return _Topic(msgspec.structs.replace(metadata, type_description_hash=known), codec.definition, extra)
+
+
+class _Writer:
+    """One of the bags that are written."""
+
+    def __init__(self, output: Output, readers: Sequence[BagReader], topics: Mapping[str, _Topic]) -> None:
+        self._output = output
+        self._splitting = Splitting(output.most_bytes, output.most_s)
+        choice = Choice(output.wanted, "") if output.wanted is not None else None
+        chosen = {
+            name: known
+            for name, known in topics.items()
+            if choice is None or choice.takes(name, {known.metadata.type})
+        }
+        said = readers[0].metadata
+        custom = output.custom_data if output.custom_data is not None else said.custom_data
+        self._writer = BagWriter(
+            output.uri, preset=output.preset, custom_data=custom, ros_distro=said.ros_distro
+        )
+        self._channels: dict[str, int] = {}
+        for name, (topic, definition, extra) in chosen.items():
+            self._channels[name] = self._writer.add_topic(topic, definition, extra)
+        is_whole = len(readers) == 1 and output.start is None and output.end is None
+        found = find_losses(readers[0]) if is_whole else {}
+        self._losses = {topic: one for topic, one in found.items() if topic in chosen}
+        """What the recorder said; of several bags, or of a part of one, there is no such account."""
+
+    def write(self, message: BagMessage) -> None:
+        channel = self._channels.get(message.topic)
+        time, output = message.log_time, self._output
+        if (
+            channel is None
+            or (output.start is not None and time < output.start)
+            or (output.end is not None and time > output.end)
+        ):
+            return
+        writer = self._writer
+        if self._splitting and self._splitting.is_due(writer.size, time):
+            writer.split()
+            self._splitting.split(writer.size)
+        writer.write(channel, time, message.publish_time, message.sequence, [message.data])
+
+    def close(self) -> None:
+        if self._losses:
+            self._writer.write_metadata(losses.RECORD, losses.to_record(self._losses))
+        self._writer.close()
