@@ -42,7 +42,6 @@ from bus_ros.rclpy.impl.native_node import make_native, service_qos
 from bus_ros.rclpy.impl.node_graph import NodeGraph
 from bus_ros.rclpy.impl.node_parameters import NodeParameters
 from bus_ros.rclpy.impl.node_waitables import NodeWaitables
-from bus_ros.rclpy.impl.private_names import PRIVATE_NAMES
 from bus_ros.rclpy.impl.rcutils_logger import RcutilsLogger
 from bus_ros.rclpy.parameter import PARAMETER_SEPARATOR_STRING, Parameter, parameter_message
 from bus_ros.rclpy.publisher import Publisher
@@ -169,10 +168,9 @@ class Node(NodeGraph, NodeParameters, NodeWaitables):
     if not TYPE_CHECKING:  # which would take any attribute for one of a node
 
         def __getattr__(self, name: str) -> Any:
-            if name in PRIVATE_NAMES and "_logger" in vars(self):
-                return PRIVATE_NAMES[name](self)
-            hint = "" if "_logger" in vars(self) else ": super().__init__(node_name) has not been called"
-            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{hint}")
+            from bus_ros.rclpy.impl.private_names import look_up  # late: few programs ask
+
+            return look_up(self, name)
 
     # --- what it is
 

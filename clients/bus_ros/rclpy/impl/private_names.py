@@ -7,7 +7,7 @@ but for the lists of callbacks.
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-__all__ = ["PRIVATE_NAMES"]
+__all__ = ["look_up"]
 
 
 def _store(node: Any) -> Any:
@@ -18,7 +18,7 @@ def _descriptors(node: Any) -> dict[str, Any]:
     return {name: node.describe_parameter(name) for name in tuple(_store(node).declared)}
 
 
-PRIVATE_NAMES: Final[Mapping[str, Callable[[Any], Any]]] = {
+_NAMES: Final[Mapping[str, Callable[[Any], Any]]] = {
     "_clients": lambda node: list(node.clients),
     "_descriptors": _descriptors,
     "_guards": lambda node: list(node.guards),
@@ -31,3 +31,12 @@ PRIVATE_NAMES: Final[Mapping[str, Callable[[Any], Any]]] = {
     "_subscriptions": lambda node: list(node.subscriptions),
     "_timers": lambda node: list(node.timers),
 }
+
+
+def look_up(node: Any, name: str) -> Any:
+    """An attribute that the node lacks. Raises AttributeError where rclpy's nodes lack it, too."""
+    is_made = "_logger" in vars(node)
+    if is_made and name in _NAMES:
+        return _NAMES[name](node)
+    hint = "" if is_made else ": super().__init__(node_name) has not been called"
+    raise AttributeError(f"{type(node).__name__!r} object has no attribute {name!r}{hint}")
