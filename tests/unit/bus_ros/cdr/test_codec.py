@@ -12,7 +12,10 @@ from bus.errors import ConfigurationError
 from bus.msg.builtin_interfaces import Time
 from bus.msg.sensor_msgs import Image
 from bus.msg.std_msgs import Float64, Float64MultiArray, Header, String, UInt8
+from bus.types.classes import message_class
+from bus.types.definitions import names
 from bus_ros.cdr import CdrError, Codec, codec_of, schema_of_definition
+from payloads import payload
 from rows import for_each
 
 HEAD = bytes((0, 1, 0, 0))
@@ -29,6 +32,23 @@ def pack(message: Any) -> bytes:
 def test_a_codec_is_made_once_for_a_type() -> None:
     assert codec(String) is codec(String)
     assert codec(String) is not codec(Header)
+
+
+PARTS = [
+    *(f"{name}_Event" for name in names("srv")),
+    *(f"{name}_{part}" for name in names("action") for part in ("SendGoal_Request", "FeedbackMessage")),
+]
+"""They have the others in them."""
+
+
+@for_each("name", PARTS)
+def test_parts_of_services_and_actions_come_back(name: str) -> None:
+    schema = bus.MessageSchema.of(message_class(name))
+    made = codec_of(schema)
+    parsed = schema_of_definition(name, made.definition)
+    assert (made.type_name, made.type_hash, parsed.type_hash) == (name, schema.type_hash, schema.type_hash)
+    sent = payload(schema.description, 1)
+    assert made.decode(b"".join(made.encode(sent))) == sent
 
 
 # Long fields.
