@@ -363,7 +363,9 @@ class Sender:
         """Let go by socket only what some subscription reads there, and the history, which the broker
         keeps."""
         ring, socket = self._ring, self._socket
-        is_needed = ring is None or socket.keeps_history or bool(self._by_socket) or self._is_returning
+        is_read = ring is None or bool(self._by_socket) or self._is_returning
+        is_needed = is_read or socket.keeps_history
+        socket.set_readers(are_there=is_read)
         if socket.is_active and not is_needed:
             socket.hand_over()
         socket.is_active = is_needed

@@ -58,6 +58,7 @@ class SocketSender:
         self._owner = owner
         self._from_threads = from_threads
         self.is_active = True
+        self._is_unread = False
         self.is_report_due = False
         """Else `hand_over` has the counters reported."""
         self.on_replaced: Callable[[int], object] = int
@@ -110,6 +111,14 @@ class SocketSender:
             return True
         return self._room() >= size + RECORD_HEAD_BYTES
 
+    def set_readers(self, *, are_there: bool) -> None:
+        """Whether anybody reads what goes this way. Else it is for the history alone, which can wait until
+        the turn of the loop ends: so that what follows goes with it."""
+        is_unread = not are_there and not self._is_windowed
+        if is_unread is not self._is_unread:
+            self._is_unread = is_unread
+            self.run.most = UNBOUNDED if is_unread else self.queue.depth or UNBOUNDED
+
     def put(self, payload: Buffer, stamp_ns: int) -> None:
         """Take a sample as the first of a new run."""
         self.hand_over()
@@ -119,7 +128,7 @@ class SocketSender:
     def _begun(self, stamp_ns: int) -> None:
         """A run has its first sample, with this stamp: send it now, or gather it with those that follow."""
         port = self._port
-        if stamp_ns - port.last_sent_ns < _GATHER_NS:
+        if self._is_unread or stamp_ns - port.last_sent_ns < _GATHER_NS:
             run, room = self.run, RUN_BYTES
             if self._is_windowed:
                 room = self._room()
@@ -233,7 +242,7 @@ class SocketSender:
         self._most_queued = max(QUEUE_BYTES, answer.max_message_bytes + RUN_BYTES)
         self._window_samples = answer.window_samples
         self._window_bytes = answer.window_bytes
-        self.run.most = answer.depth or UNBOUNDED
+        self.run.most = UNBOUNDED if self._is_unread else answer.depth or UNBOUNDED
         self.run.begins_below = min(RUN_BYTES, self.max_bytes + 1)
         self.queue.set_depth(answer.depth)
         self.queue.endpoint = answer.id

@@ -152,6 +152,17 @@ class TestHistory:
         assert heard(pair.listener, late) == [*range(21 - min(offered, requested), 22)]
         assert closes(late)
 
+    @by_shared_memory
+    def test_a_late_one_by_socket_gets_what_is_on_its_way_to_busd(self) -> None:
+        pair = Pair("shm", HISTORY)
+        pair.publish(2)
+        pair.talker.publish(pair.publisher, 2)  # busd has not heard of these
+        other = pair.world.client(shares=False)
+        late = other.subscription(HISTORY)
+        pair.world.settle()
+        pair.publish(1)
+        assert heard(other, late) == pair.heard() == [1, 2, 3, 4, 5]
+
     @by_either
     @pytest.mark.parametrize(("offered", "got"), [(HISTORY, [*range(1, 7)]), (LAST_10, [6])])
     def test_one_that_takes_any_history(self, route: str, offered: QoSProfile, got: list[int]) -> None:

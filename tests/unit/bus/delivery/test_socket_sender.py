@@ -110,6 +110,17 @@ class TestWhenItLeaves:
         way.port.settle()
         assert way.left() == [[1, 2, 3], [4, 5, 6], [7]]
 
+    def test_what_is_for_the_history_alone_waits_for_the_end_of_the_turn(self) -> None:
+        way = Way(HISTORY)
+        way.sender.set_readers(are_there=False)
+        way.put(5)
+        assert way.left() == []
+        way.port.settle()
+        assert way.left() == [[1, 2, 3, 4, 5]]
+        way.sender.set_readers(are_there=True)
+        way.put_apart(1)
+        assert way.left() == [[6]]
+
     def test_the_counters_are_reported_once_until_they_were_told(self) -> None:
         way = Way(LAST_3)
         way.put_apart(3)
