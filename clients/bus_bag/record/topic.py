@@ -1,5 +1,6 @@
 """One topic that is recorded: its subscription, how its messages become CDR, what was counted."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -57,16 +58,19 @@ class RecordedTopic:
         """Messages that came while the recording was paused, or left a snapshot's memory."""
         self.lost: dict[str, int] = {}
         """By reason, what was lost after it was taken."""
-        self._profiles: dict[QoSProfile, None] = {}
+        self._profiles: Counter[QoSProfile] = Counter()
         self._final: SubscriptionStatistics | None = None
 
     def meet(self, offers: Iterable[QoSProfile]) -> bool:
-        """Publishers with these profiles are there; returns whether one of the profiles is new."""
-        known = len(self._profiles)
-        for offer in offers:
-            self._profiles.setdefault(offer)
-            self.is_latched |= offer.durability is Durability.TRANSIENT_LOCAL
-        return len(self._profiles) > known
+        """Publishers with these profiles are there; returns whether there are more than ever before.
+
+        A profile counts as often as there were publishers with it at one time: a player keeps for late
+        joiners as much as all of them kept.
+        """
+        known = self._profiles.total()
+        self._profiles |= Counter(offers)
+        self.is_latched = any(one.durability is Durability.TRANSIENT_LOCAL for one in self._profiles)
+        return self._profiles.total() > known
 
     @property
     def metadata(self) -> TopicMetadata:
@@ -74,7 +78,7 @@ class RecordedTopic:
             self.name,
             self.codec.type_name,
             "cdr",
-            tuple(self._profiles),
+            tuple(self._profiles.elements()),
             self.codec.type_hash,
         )
 
