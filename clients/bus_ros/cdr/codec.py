@@ -81,7 +81,7 @@ class Codec:
         looked at: ROS 2 pads there, and where its serialize_message expects more than there is, it leaves the
         rest. Raises CdrError for what is malformed.
         """
-        body = memoryview(data)[4:] if len(data) >= LONG else bytes(data)[4:]
+        body = memoryview(data)[4:] if len(data) >= LONG else bytes(data[4:])
         decode = self._decoders.get(bytes(data[:2])) or self._decoder(data)
         try:
             return msgspec.msgpack.encode(decode(body))

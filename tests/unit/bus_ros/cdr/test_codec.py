@@ -1,6 +1,7 @@
 """Codecs: what others send, what is long, and what is wrong."""
 
 import struct
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -19,6 +20,7 @@ from payloads import payload
 from rows import for_each
 
 HEAD = bytes((0, 1, 0, 0))
+JAZZY = Path(__file__).parents[3] / "golden" / "cdr_jazzy.txt"
 
 
 def codec(cls: type[Struct]) -> Codec:
@@ -156,6 +158,14 @@ OF_CYCLONE = (
 def test_every_representation_is_understood(encoded: str) -> None:
     outer = codec_of(schema_of_definition("t/msg/Outer", OUTER))
     assert outer.decode(bytes.fromhex(encoded)) == pack(VALUES)
+
+
+@for_each(("name", "sent", "serialized"), [line.split() for line in JAZZY.read_text().splitlines()[1:]])
+def test_what_ros_itself_serializes_is_understood(name: str, sent: str, serialized: str) -> None:
+    """It leaves what was there before in the padding, and now and then something behind the message."""
+    made = codec(message_class(name))
+    assert made.decode(bytes.fromhex(serialized)).hex() == sent
+    assert len(b"".join(made.encode(bytes.fromhex(sent)))) <= len(bytes.fromhex(serialized))
 
 
 def test_what_a_newer_type_has_behind_our_fields_is_passed_over() -> None:
