@@ -58,6 +58,7 @@ class Filler:
             case ["list", item, *bounds]:
                 return [self.value(item) for _ in range(self._count(*bounds))]
             case ["dict", key, value]:
+                key = "string" if key == "any" else key
                 return {self.value(key): self.value(value) for _ in range(self._count())}
             case ["union", *members]:
                 return self.value(chance.choice([member for member in members if member != "unset"]))

@@ -41,15 +41,16 @@ single = st.one_of(
 )
 
 
+KEYS = st.sampled_from(("string", "int", "bool", "float64", "byte", "uint8[]", ["literal", "a", "b"], "any"))
+
+
 def around(inner: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
     return st.one_of(
         st.builds(lambda item: ["list", item], inner),
         st.builds(lambda item, most: ["list", item, 0, most], inner, st.integers(1, 5)),
         st.builds(lambda item, size: ["list", item, size, size], inner, st.sampled_from((1, 2, 3, 70))),
         st.builds(lambda item: ["union", item, "none"], inner.filter(lambda item: "union" not in item)),
-        st.builds(
-            lambda key, item: ["dict", key, item], st.sampled_from(("string", "int", "uint8", "bool")), inner
-        ),
+        st.builds(lambda key, item: ["dict", key, item], KEYS, inner),
     )
 
 

@@ -251,7 +251,7 @@ class _Writer:
             def pair() -> str:
                 first = self._one(key)
                 second = self._one(item)
-                return f"{found}[{first}] = {second}"
+                return f"{found}[{f'bytes({first})' if isinstance(key, Bytes) else first}] = {second}"
 
             text = self._delimited(pair)
             self._flush()

@@ -43,6 +43,7 @@ class Annotations:
     def __init__(self, description: Mapping[str, Any], views: bool) -> None:
         self._description = description
         self._views = views
+        self._plain: Annotations = Annotations(description, False) if views else self
         self._made: dict[Message, Any] = {}
 
     def of(self, shape: Shape) -> Any:
@@ -57,11 +58,11 @@ class Annotations:
                 return _limited(_generic(list, self.of(item)), size, most)
             case Maybe(item, can_be_absent):
                 # msgspec takes no union of Raw and others.
-                inner = str if item == One("string") else self.of(item)
+                inner = (self._plain if item == One("string") else self).of(item)
                 return inner | UnsetType if can_be_absent else inner | None
             case Dict(key, value):
-                # What is the key of a dict is never long.
-                return _generic(dict, (str if key == One("string") else self.of(key), self.of(value)))
+                # A view can't always be the key of a dict.
+                return _generic(dict, (self._plain.of(key), self.of(value)))
             case Item(item):
                 return self.of(item)
             case Json():
