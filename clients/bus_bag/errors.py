@@ -11,3 +11,10 @@ class BagError(BusError):
 
 class BagFull(BagError):
     """Nothing more fits on the disk, or into the file. What was written before is kept, and can be closed."""
+
+    def __init__(self, message: str, *, room: int = 0, is_limit: bool = False) -> None:
+        super().__init__(message)
+        self.room = room
+        """Bytes that would still have fitted."""
+        self.is_limit = is_limit
+        """Whether it is a limit of the file's size, and not the disk."""

@@ -6,10 +6,11 @@ from pathlib import Path
 import msgspec
 
 from bus_bag.errors import BagError
-from bus_bag.metadata import NAME, BagMetadata, to_yaml
+from bus_bag.metadata import NAME, VERSION
 from bus_bag.storage import BagReader, Problem
 from bus_bag.storage.mcap_reader import McapFile
 from bus_bag.storage.rewriting import rewrite
+from bus_bag.storage.writer import write_metadata_file
 
 __all__ = ["reindex"]
 
@@ -36,13 +37,6 @@ def reindex(folder: Path, say: Callable[[str], object]) -> list[Problem]:
                 lost.append(Problem(str(file.path), None, text))
             say(f"{file.path.name}: written anew with an index, {file.summary.message_count} messages")
     with BagReader(folder, all_files=True) as reader:
-        write_metadata(folder, reader.metadata)
+        write_metadata_file(folder, msgspec.structs.replace(reader.metadata, version=VERSION))
         say(f"{NAME}: {reader.metadata.message_count} messages in {len(reader.files)} files")
         return lost + [problem for problem in reader.problems if not problem.path.endswith(NAME)]
-
-
-def write_metadata(folder: Path, metadata: BagMetadata) -> None:
-    """Write metadata.yaml in one step."""
-    beside = folder / f"{NAME}.tmp"
-    beside.write_text(to_yaml(msgspec.structs.replace(metadata, version=9)))
-    beside.replace(folder / NAME)

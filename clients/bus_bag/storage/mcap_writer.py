@@ -29,8 +29,8 @@ _FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 _MAX_PIECES = 1024
 """Of one call of writev (IOV_MAX)."""
 _RESERVE = 1 << 20
-_KEPT = 16
-"""So many chunks can still be taken back."""
+_LEAST_ROOM = 16 << 10
+"""For the last metadata records, and the end."""
 
 
 class Preset(msgspec.Struct, frozen=True):
@@ -73,7 +73,8 @@ class McapWriter:
         self._schemas: dict[int, bytes] = {}
         self._channels: dict[int, bytes] = {}
         self._chunks: list[bytes] = []
-        self._last: deque[_Written] = deque(maxlen=_KEPT)
+        self._last: deque[_Written] = deque()
+        """The chunks that can still be taken back."""
         self._metadata: list[tuple[int, int, str]] = []
         self._summary_size = 0
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
@@ -82,6 +83,7 @@ class McapWriter:
             self._append([MAGIC, encode(package().Header(profile="ros2", library=f"busd {RELEASE}"))])
         except BaseException:
             self.abandon()
+            path.unlink(missing_ok=True)
             raise
 
     @property
@@ -130,7 +132,7 @@ class McapWriter:
         """Messages whose channels were written before."""
         before = self.size
         if not self._preset.chunk_bytes:
-            self._append(chunk.pieces)
+            self._append_chunk(chunk.pieces)
             self._count(_Written(before, chunk.counts, None, self.starting_time, self.end_time), chunk)
             return
         pieces: Sequence[Buffer] = chunk.pieces
@@ -157,8 +159,19 @@ class McapWriter:
             )
         )
         self._reserve.hold(self._summary_size + len(record))
-        self._append([head, *pieces, *indexes])
+        self._append_chunk([head, *pieces, *indexes])
         self._count(_Written(before, chunk.counts, record, self.starting_time, self.end_time), chunk)
+
+    def _append_chunk(self, pieces: Sequence[Buffer]) -> None:
+        """Where it doesn't fit, so much is taken back that the end will: what is counted then stays."""
+        before = self.size
+        try:
+            self._append(pieces)
+        except BagFull as full:
+            room = full.room + (0 if full.is_limit else self._reserve.size)
+            while self._last and room + before - self.size < max(3 * self._summary_size, _LEAST_ROOM):
+                self._take_back()
+            raise
 
     def _count(self, written: "_Written", chunk: Chunk) -> None:
         if written.record is not None:
@@ -168,6 +181,9 @@ class McapWriter:
         self.end_time = max(self.end_time, chunk.end)
         self.counts.update(written.counts)
         self._last.append(written)
+        enough = max(6 * self._summary_size, _RESERVE)
+        while len(self._last) > 1 and self.size - self._last[1].offset > enough:
+            self._last.popleft()
 
     def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """A record of texts."""
@@ -275,12 +291,14 @@ class McapWriter:
             for first in range(0, len(pieces), _MAX_PIECES):
                 self.size += _write_all(self._descriptor, pieces[first : first + _MAX_PIECES])
         except OSError as error:
+            room = os.fstat(self._descriptor).st_size - before
             self.size = before
             os.ftruncate(self._descriptor, before)
             os.lseek(self._descriptor, before, os.SEEK_SET)
             if error.errno not in _FULL:
                 raise
-            raise BagFull(f"{self.path} can't grow beyond {before:,} bytes: {error.strerror}") from None
+            text = f"{self.path} can't grow beyond {before:,} bytes: {error.strerror}"
+            raise BagFull(text, room=room, is_limit=error.errno == errno.EFBIG) from None
 
 
 class _Written(msgspec.Struct):
@@ -304,6 +322,11 @@ class _Reserve:
             self._descriptor = -1  # no file system for that: its last chunks make room
         self.hold(0)
 
+    @property
+    def size(self) -> int:
+        """How much there is of it."""
+        return self._size
+
     def hold(self, size: int) -> None:
         """Have room for a summary of `size` bytes, and for the metadata, which is as long as a part of it."""
         wanted = -(-3 * size // _RESERVE) * _RESERVE or _RESERVE
@@ -321,7 +344,8 @@ class _Reserve:
             return False
         os.close(self._descriptor)
         self._descriptor = -1
-        return self._size > 0
+        size, self._size = self._size, 0
+        return size > 0
 
 
 def _write_all(descriptor: int, pieces: Sequence[Buffer]) -> int:

@@ -19,7 +19,7 @@ from bus_bag.storage.chunk import ChunkBuilder, Stamp
 from bus_bag.storage.mcap_writer import PRESETS, McapWriter
 from bus_bag.storage.values import Buffer
 
-__all__ = ["BagWriter"]
+__all__ = ["BagWriter", "write_metadata_file"]
 
 Job: TypeAlias = Callable[[], None]
 _UNCHUNKED = 1 << 20
@@ -37,8 +37,8 @@ class BagWriter:
     becomes a readable bag.
 
     `preset` is one of rosbag2's profiles. Of more than `most_files` files the oldest is deleted; 0: none is.
-    Raises BagError if the folder exists, for an unknown preset, and
-    where the package `mcap` is missing; OSError if the folder can't be made.
+    Raises BagError if the folder exists, for an unknown preset, and where the package `mcap` is missing;
+    OSError if the folder can't be made.
     """
 
     def __init__(
@@ -161,10 +161,7 @@ class BagWriter:
 
         def close() -> None:
             self._close_file()
-            path = self.folder / NAME
-            beside = path.with_suffix(".yaml.tmp")
-            beside.write_text(to_yaml(self.metadata()))
-            beside.replace(path)
+            write_metadata_file(self.folder, self.metadata())
 
         self._run(close, 0)
 
@@ -219,6 +216,8 @@ class BagWriter:
 
     def _close_file(self) -> None:
         file = self._file
+        if not file.is_open:  # there was no room for a further one
+            return
         file.write_metadata("rosbag2", {"serialized_metadata": to_record(self.metadata())})
         try:
             file.close()
@@ -240,6 +239,16 @@ class BagWriter:
         return FileInformation(
             file.path.name, file.starting_time, file.end_time - file.starting_time, file.message_count
         )
+
+
+def write_metadata_file(folder: Path, metadata: BagMetadata) -> None:
+    """Write metadata.yaml in one step. Raises OSError; then the old one, if any, is as it was."""
+    beside = folder / f"{NAME}.tmp"
+    try:
+        beside.write_text(to_yaml(metadata))
+        beside.replace(folder / NAME)
+    finally:
+        beside.unlink(missing_ok=True)
 
 
 def _run_at_once(job: Job, size: int) -> None:
