@@ -109,6 +109,23 @@ class Bag:
             reader = make_reader(stream, validate_crcs=True)
             return list(reader.iter_messages(topics=[topic], log_time_order=False))
 
+    def read_by_others(self) -> int:
+        """Have rosbags and mcap-ros2 decode all messages; returns how many."""
+        from mcap.reader import make_reader
+        from mcap_ros2.decoder import DecoderFactory
+        from rosbags.highlevel import AnyReader
+
+        count = 0
+        for file in self.files:
+            with file.open("rb") as stream:
+                reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+                count += sum(1 for _ in reader.iter_decoded_messages())
+        with AnyReader([self.folder]) as others:
+            for connection, _, raw in others.messages():
+                others.deserialize(raw, connection.msgtype)
+            assert others.message_count == count
+        return count
+
     def losses(self, file: Path | None = None) -> dict[str, TopicLosses]:
         """The last account in the last file, or in this one."""
         from mcap.reader import make_reader

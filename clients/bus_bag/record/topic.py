@@ -1,5 +1,6 @@
 """One topic that is recorded: its subscription, how its messages become CDR, what was counted."""
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -10,27 +11,36 @@ from bus.subscription import MessageInfo, Subscription, SubscriptionStatistics
 from bus_bag.losses import TopicLosses
 from bus_bag.metadata import TopicMetadata
 from bus_bag.record.choice import Found
+from bus_bag.record.form import form_of
 from bus_bag.schemas import SCHEMA, TYPE_HASH, schema_to_text
-from bus_ros.cdr import Codec, codec_of
 
 __all__ = ["Batch", "RecordedTopic", "Sample", "profile_for"]
 
-_DEPTH, _DEPTH_OF_BULK = 1000, 20
-"""How many messages may wait until they are taken; of types with images and the like fewer: the publisher's
-memory grows with it."""
+_DEPTH, _DEPTH_OF_ARRAYS, _DEPTH_OF_BULK = 1000, 200, 20
+"""How many messages may wait until they are taken. Of types with arrays of numbers fewer, of those with
+images and the like fewer still: the memory of their publishers grows with it."""
 _BULK = ("uint8[]", "byte[]")
+_NUMBER = re.compile(r"u?int\d+|float\d+")
 
 
 def profile_for(schema: MessageSchema) -> QoSProfile:
     """What a recorder subscribes with: it matches every offer, holds nobody up, and gets what publishers
     keep."""
     fields = [field["type"] for kind in schema.description["types"].values() for field in kind["fields"]]
-    is_bulk = any(field in _BULK for field in fields)
+    depth = _DEPTH
+    if any(field in _BULK for field in fields):
+        depth = _DEPTH_OF_BULK
+    elif any(len(field) == 2 and field[0] == "list" and _is_number(field[1]) for field in fields):
+        depth = _DEPTH_OF_ARRAYS
     return QoSProfile(
-        _DEPTH_OF_BULK if is_bulk else _DEPTH,
+        depth,
         reliability=Reliability.BEST_EFFORT,
         durability=Durability.BEST_AVAILABLE,
     )
+
+
+def _is_number(field: object) -> bool:
+    return isinstance(field, str) and _NUMBER.fullmatch(field) is not None
 
 
 Sample = tuple[bytes, MessageInfo]
@@ -38,13 +48,13 @@ Batch = list[Sample]
 
 
 class RecordedTopic:
-    """`codec` raises ConfigurationError where the type can't be written."""
+    """`found` is what `schema` describes."""
 
     def __init__(self, found: Found, schema: MessageSchema) -> None:
         self.found = found
         self.name = found.topic
-        self.codec: Codec = codec_of(schema)
-        self.encode: Callable[[Any], list[Any]] = self.codec.encode
+        self.form, self.why_json = form_of(schema)
+        self.encode: Callable[[Any], list[Any]] = self.form.encode
         self.schema = schema
         self.subscription: Subscription[Any] | None = None
         self.channel: int | None = None
@@ -76,10 +86,10 @@ class RecordedTopic:
     def metadata(self) -> TopicMetadata:
         return TopicMetadata(
             self.name,
-            self.codec.type_name,
+            self.form.type_name,
             "cdr",
             tuple(self._profiles.elements()),
-            self.codec.type_hash,
+            self.form.type_hash,
         )
 
     @property

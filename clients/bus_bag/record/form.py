@@ -1,0 +1,63 @@
+"""What the messages of a type are in a bag: CDR, or where there is none of that type a text of JSON.
+
+A bag has one serialization format, so that the text is CDR too: of `busd/msg/Json`, which has one field.
+"""
+
+from functools import cache
+from typing import Protocol
+
+import msgspec
+
+from bus.errors import ConfigurationError
+from bus.schema import MessageSchema
+from bus.types.schema import build
+from bus.wire.runs import Buffer
+from bus_ros.cdr import CdrError, Codec, codec_of, schema_of_definition
+
+__all__ = ["Form", "form_of"]
+
+_NAME, _DEFINITION = "busd/msg/Json", "string data\n"
+
+
+class Form(Protocol):
+    """How a type stands in a bag; `Codec` is one."""
+
+    type_name: str
+    type_hash: str
+    definition: str
+    as_json: tuple[str, ...]
+
+    def encode(self, payload: Buffer) -> list[Buffer]: ...
+
+
+def form_of(schema: MessageSchema) -> tuple[Form, str]:
+    """The form, and why that is a text of JSON, if it is.
+
+    Raises ConfigurationError for a schema that is malformed or too large.
+    """
+    try:
+        return codec_of(schema), ""
+    except ConfigurationError as error:
+        build(schema.description)
+        return _JsonForm(schema.type_name), str(error)
+
+
+class _JsonForm:
+    def __init__(self, type_name: str) -> None:
+        self._codec = _codec()
+        self.type_name, self.type_hash = self._codec.type_name, self._codec.type_hash
+        self.definition = self._codec.definition
+        self.as_json: tuple[str, ...] = (type_name,)
+
+    def encode(self, payload: Buffer) -> list[Buffer]:
+        """Raises CdrError for what is no MessagePack, or can't be said in JSON."""
+        try:
+            text = msgspec.json.encode(msgspec.msgpack.decode(payload)).decode()
+        except (ValueError, TypeError, RecursionError) as error:
+            raise CdrError(f"no payload that JSON can say: {error}") from None
+        return self._codec.encode(msgspec.msgpack.encode([text]))
+
+
+@cache
+def _codec() -> Codec:
+    return codec_of(schema_of_definition(_NAME, _DEFINITION))

@@ -1,0 +1,85 @@
+"""A robot is recorded, played and recorded again: both bags have the same messages, types and QoS."""
+
+from pathlib import Path
+
+import pytest
+
+from bus_bag.metadata import TopicMetadata
+from bus_bag.storage import open_bag
+from cli import bus, script
+from recording import Bag, end, recording
+
+ROBOT = """
+import asyncio, sys, bus
+from bus.msg.sensor_msgs import Image, Imu
+from bus.msg.std_msgs import String
+from bus.types.classes import message_class
+TF, Transform = message_class("tf2_msgs/msg/TFMessage"), message_class("geometry_msgs/msg/TransformStamped")
+class Wheel(bus.msg.Message, kw_only=True):
+    index: int = 0
+    names: dict[str, float] = {}
+    note: str | None = None
+    pair: tuple[int, str] = (0, "")
+KEPT = bus.QoSProfile(3, durability="transient_local")
+async def main():
+    async with bus.Node("robot") as node:
+        image = await node.create_publisher(Image, "camera/image", bus.qos.sensor_data)
+        imu = await node.create_publisher(Imu, "imu", bus.QoSProfile(50, deadline=2.0))
+        wheel = await node.create_publisher(Wheel, "wheel", 10)
+        static = await node.create_publisher(TF, "tf_static", KEPT)
+        for name in ("base", "arm"):
+            static.publish(TF(transforms=[Transform(child_frame_id=name)]))
+        print("ready", flush=True)
+        sys.stdin.readline()
+        for number in range(20):
+            imu.publish(Imu(angular_velocity_covariance=[float(number)] * 9))
+            wheel.publish(Wheel(index=number, names={"left": 1.5}, note="x" if number % 2 else None))
+            if not number % 5:
+                image.publish(Image(height=number, width=1, data=bytes(200_000)))
+            await asyncio.sleep(0.01)
+        print("done", flush=True)
+        await asyncio.Event().wait()
+bus.run(main())
+"""
+TOPICS = ("/camera/image", "/imu", "/tf_static", "/wheel")
+
+
+def content(bag: Bag) -> dict[str, list[tuple[int, bytes]]]:
+    """Topic -> publish time and data of each message, in the order of the whole bag."""
+    found: dict[str, list[tuple[int, bytes]]] = {topic: [] for topic in TOPICS}
+    with open_bag(bag.folder) as reader:
+        for message in reader.messages():
+            found[message.topic].append((message.publish_time, bytes(message.data)))
+        assert reader.problems == []
+    return found
+
+
+def topics(bag: Bag) -> dict[str, TopicMetadata]:
+    return {one.topic_metadata.name: one.topic_metadata for one in bag.metadata.topics}
+
+
+@pytest.mark.usefixtures("daemon")
+def test_a_robot(tmp_path: Path) -> None:
+    """The first bag has several files, each of which begins with the transforms: they are played once."""
+    first, second = Bag(tmp_path / "first"), Bag(tmp_path / "second")
+    with script(ROBOT) as robot, recording(first, *TOPICS, "-b", "300000") as recorder:
+        robot.write("\n")
+        assert robot.line() == "done"
+        end(recorder)
+    with recording(second, *TOPICS) as recorder:
+        result = bus("bag", "play", str(first.folder), "--delay", "1")
+        assert result.code == 0, result.err
+        end(recorder)
+    before, after = content(first), content(second)
+    assert len(first.files) > 1
+    assert len(before["/tf_static"]) == 2 * len(first.files)
+    before["/tf_static"] = before["/tf_static"][:2]
+    assert after == before
+    counts = {topic: len(messages) for topic, messages in after.items()}
+    assert counts == {"/camera/image": 4, "/imu": 20, "/tf_static": 2, "/wheel": 20}
+    assert topics(second) == topics(first)
+    for bag in (first, second):
+        losses = bag.losses()
+        assert {topic: one.written for topic, one in losses.items()} == counts
+        assert not any(one.lost for one in losses.values())
+        assert bag.read_by_others() == bag.metadata.message_count
