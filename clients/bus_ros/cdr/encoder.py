@@ -14,7 +14,7 @@ from msgspec import UNSET, Raw
 
 from bus.wire.runs import Buffer
 from bus_ros.cdr.layout import CODES, Runs, lay_out
-from bus_ros.cdr.payload import Annotations, field_name
+from bus_ros.cdr.payload import Annotations, field_name, json_annotation
 from bus_ros.cdr.shapes import Bytes, Dict, Item, Json, Maybe, Message, One, Several, Shape
 from bus_ros.cdr.source import Source
 
@@ -35,7 +35,7 @@ def encoder(description: Mapping[str, Any], shape: Message, views: bool) -> Call
     of the type.
     """
     decoder: Any = msgspec.msgpack.Decoder(Annotations(description, views).of(shape))
-    writer = _Writer(views)
+    writer = _Writer(description, views)
     writer.root(shape)
     made = writer.source.compile(shape.name)
     made["unpack"] = decoder.decode
@@ -44,8 +44,9 @@ def encoder(description: Mapping[str, Any], shape: Message, views: bool) -> Call
 
 
 class _Writer:
-    def __init__(self, views: bool) -> None:
-        self.source = Source(json=msgspec.json.encode, text=_text, join=b"".join, adder=_adder, UNSET=UNSET)
+    def __init__(self, description: Mapping[str, Any], views: bool) -> None:
+        self.source = Source(text=_text, join=b"".join, adder=_adder, UNSET=UNSET)
+        self._description = description
         self._views = views
         self._offset: int | None = None
         """Of what is written next, modulo 8; None: it is in `p`."""
@@ -166,9 +167,10 @@ class _Writer:
                 self._maybe(item, "UNSET" if can_be_absent else "None", value)
             case Item(item):
                 self._put(item, value)
-            case Json():
+            case Json(node):
                 name = self.source.variable()
-                self.source.line(f"{name} = json({value})")
+                to_json = self.source.constant(_json_encoder(self._description, node))
+                self.source.line(f"{name} = {to_json}({value})")
                 self._string(name)
             case Message():
                 self._message(shape, value)
@@ -291,6 +293,20 @@ def _adder(parts: list[Buffer], out: list[Buffer]) -> Callable[[Buffer], None]:
             parts.append(part)
 
     return add
+
+
+def _json_encoder(description: Mapping[str, Any], node: Any) -> Callable[[Any], bytes]:
+    if node == "any":
+        return msgspec.json.encode
+    check = msgspec.json.Decoder(json_annotation(description, node)).decode
+
+    def encode(value: Any) -> bytes:
+        text = msgspec.json.encode(value)
+        if b"null" in text:
+            check(text)  # there is no NaN in JSON: it would be null, and nobody could read that back
+        return text
+
+    return encode
 
 
 def _text(value: Raw | str | bytes) -> Buffer:

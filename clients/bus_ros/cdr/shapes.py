@@ -8,9 +8,10 @@ What ROS 2 can describe stays as it is. For the rest:
     T | None, T | UnsetType     T[<=1]
     dict[K, V]                  <Type><Field>Entry[], messages of `key` and `value`
     an enum, a literal          int64 or string: its value
+    tuple[T, T, T]              T[3]
     a list in a list, optional bytes and the like
                                 <Type><Field>Item, a message of one field `value`
-    anything, tuples, other unions
+    anything, other tuples, other unions
                                 busd/msg/Json, a message of one string `data` that holds JSON
 """
 
@@ -243,6 +244,8 @@ class _Describer:
                 if bounds is None:
                     return Several(one), ["list", element]
                 return Several(one, *_sizes(bounds)), ["list", element, *bounds]
+            case ["tuple", first, *others] if all(other == first for other in others):
+                return self._field(place, ["list", first, 1 + len(others), 1 + len(others)])
             case ["dict", key, value]:
                 return self._dict(place, key, value)
             case ["literal", *values] if all(type(value) is int for value in values):

@@ -1,12 +1,14 @@
 """How types of one's own are called and described where ROS 2's tools read them."""
 
+import math
 from typing import Any
 
 import msgspec
+import pytest
 from msgspec import Struct
 
 import bus
-from bus_ros.cdr import codec_of
+from bus_ros.cdr import CdrError, codec_of
 from bus_ros.cdr.definition import write
 from bus_ros.cdr.shapes import describe
 from ownclasses import WHEEL, Nut, Wheel, größe_x
@@ -104,6 +106,11 @@ def test_a_name_of_an_entry_makes_way_for_a_type_of_that_name() -> None:
         (["literal", "a"], "string"),
         (["literal", "a", 1], "busd/Json"),
         (["literal", None], "busd/Json"),
+        (["tuple", "float64", "float64"], "float64[2]"),
+        (["tuple", "uint8"], "uint8[1]"),
+        (["list", ["tuple", "int8", "int8"]], "a/AXItem[]"),
+        (["tuple", "int8", "string"], "busd/Json"),
+        (["tuple"], "busd/Json"),
         (["union", "int8", "none"], "int8[<=1]"),
         (["union", "none", "unset"], "busd/Json"),
         (["union", "int8", "none", "unset"], "busd/Json"),
@@ -132,3 +139,23 @@ def test_classes_that_need_nothing_of_that_are_known_to_ros_by_their_hash() -> N
         schema = bus.MessageSchema.of(cls)
         assert codec_of(schema).type_hash.startswith("RIHS01_")
         assert schema.type_hash.startswith("BUS01_")
+
+
+def test_what_json_cannot_say_is_refused_where_it_could_not_be_read_back() -> None:
+    class Corner(Struct):
+        place: tuple[float, float, float]
+        named: tuple[str, float | None]
+        other: Any = None
+
+    codec = codec_of(bus.MessageSchema.of(Corner))
+    assert codec.as_json == ("local/msg/Corner.named", "local/msg/Corner.other")
+    (sent,) = codec.encode(msgspec.msgpack.encode(Corner((math.nan, math.inf, 1.0), ("a", None), math.nan)))
+    back = msgspec.msgpack.decode(codec.decode(sent), type=Corner)
+    assert math.isnan(back.place[0]) and back.place[1:] == (math.inf, 1.0)
+    assert (back.named, back.other) == (("a", None), None)
+
+    class Named(Struct):
+        named: tuple[str, float]
+
+    with pytest.raises(CdrError, match="no payload of local/msg/Named"):
+        codec_of(bus.MessageSchema.of(Named)).encode(msgspec.msgpack.encode(Named(("a", math.nan))))
