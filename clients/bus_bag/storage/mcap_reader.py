@@ -34,6 +34,9 @@ _LOADED = 64 << 20
 _MAX_PROBLEMS = 1000
 _WINDOW = 64 << 10
 _HEAD = MESSAGE.size
+_CHUNK_INDEX = struct.Struct("<QQQQI")
+"""First and last log time, offset, length, bytes of the entries: where the index of each channel is."""
+_INDEX_ENTRY = struct.Struct("<HQ")
 _INDEX_HEAD = struct.Struct("<HI")
 
 
@@ -66,8 +69,6 @@ class McapFile:
         self.problems: list[Problem] = []
         self.is_cut = False
         self.has_index = False
-        self.compression = ""
-        """Of its chunks; of the last one where they differ."""
         self._segments: list[_Segment] = []
         self.schemas: dict[int, Any] = {}
         """By their numbers, as records of `mcap.records`, and so are channels."""
@@ -90,6 +91,17 @@ class McapFile:
     def has_message_index(self) -> bool:
         """Whether it also says where in its chunks messages are: others need that to begin anywhere."""
         return self.has_index and all(one.channels is not None for one in self._segments)
+
+    @property
+    def is_compressed(self) -> bool:
+        """Whether its first chunk is."""
+        chunk = next((segment for segment in self._segments if segment.is_chunk), None)
+        if chunk is None:
+            return False
+        try:
+            return bool(_chunk_head(self._read(chunk.offset, min(chunk.length, 1024)))[0])
+        except ValueError:
+            return False
 
     def close(self) -> None:
         """Close the file."""
@@ -236,11 +248,11 @@ class McapFile:
         opcode, length = RECORD.unpack_from(content)
         if opcode != Opcode.CHUNK or length != segment.length - 9:
             raise ValueError("it is none")
-        self.compression, begin, size, crc = _chunk_head(content)
+        compression, begin, size, crc = _chunk_head(content)
         stored = int.from_bytes(content[begin - 8 : begin], "little")
         if begin + stored > len(content):
             raise ValueError("it is longer than its record")
-        data = unpack(self.compression, memoryview(content)[begin : begin + stored], size)
+        data = unpack(compression, memoryview(content)[begin : begin + stored], size)
         if crc and zlib.crc32(data) != crc:
             raise ValueError("its CRC is wrong")
         return data
@@ -305,7 +317,7 @@ class McapFile:
             if opcode == Opcode.STATISTICS:
                 statistics = decode("Statistics", content)
             elif opcode == Opcode.CHUNK_INDEX:
-                self._add_index(decode("ChunkIndex", content))
+                self._add_index(content)
             elif opcode == Opcode.METADATA_INDEX:
                 index = decode("MetadataIndex", content)
                 self._read_metadata(index.offset)
@@ -338,24 +350,27 @@ class McapFile:
     def _records(self, position: int, end: int) -> Iterator[tuple[int, int, bytes]]:
         """Opcode, offset and content of the records between two places. Raises ValueError for none."""
         while position < end:
-            opcode, length = RECORD.unpack(self._read(position, 9)) if position + 9 <= end else (0, end)
+            opcode, length = RECORD.unpack(self._peek(position, 9)) if position + 9 <= end else (0, end)
             if length > min(_MAX_RECORD, end - position - 9):
                 raise ValueError(f"its index is damaged at byte {position}")
-            yield opcode, position, self._read(position + 9, length)
+            is_short = length < _WINDOW
+            yield (
+                opcode,
+                position,
+                self._peek(position + 9, length) if is_short else self._read(position + 9, length),
+            )
             position += 9 + length
 
-    def _add_index(self, index: Any) -> None:
-        self._segments.append(
-            _Segment(
-                index.chunk_start_offset,
-                index.chunk_length,
-                index.message_start_time,
-                index.message_end_time,
-                frozenset(index.message_index_offsets) or None,
-                True,
-            )
-        )
-        self.compression = index.compression
+    def _add_index(self, content: bytes) -> None:
+        """Of a chunk; read here, and not by `mcap.records`, because a long recording has 100,000 of them."""
+        if len(content) < _CHUNK_INDEX.size:
+            raise ValueError("no valid ChunkIndex record")
+        start, end, offset, length, size = _CHUNK_INDEX.unpack_from(content)
+        entries = content[_CHUNK_INDEX.size : _CHUNK_INDEX.size + size]
+        if len(entries) != size or size % 10:
+            raise ValueError("no valid ChunkIndex record")
+        channels = frozenset(channel for channel, _ in _INDEX_ENTRY.iter_unpack(entries))
+        self._segments.append(_Segment(offset, length, start, end, channels or None, True))
 
     def _read_metadata(self, offset: int) -> None:
         try:
@@ -515,10 +530,14 @@ class McapFile:
             self._problem(offset, str(error))
 
     def _peek(self, position: int, size: int) -> bytes:
-        """A few bytes; near ones are read together."""
+        """A few bytes. They are read with what is behind them, unless they are far from those before."""
         begin = position - self._window_at
         if not 0 <= begin <= len(self._window) - size:
-            self._window, self._window_at = self._read(position, _WINDOW), position
+            is_near = 0 <= begin <= len(self._window)
+            self._window, self._window_at = (
+                self._read(position, _WINDOW if is_near else max(size, 4096)),
+                position,
+            )
             begin = 0
         return self._window[begin : begin + size]
 

@@ -127,6 +127,8 @@ class BagReader:
 
     def _read_metadata(self, path: Path) -> BagMetadata | None:
         try:
+            if path.exists() and not path.is_file():
+                raise ValueError("it is no file")
             if path.stat().st_size > _MAX_METADATA:
                 raise ValueError(f"it is larger than {_MAX_METADATA:,} bytes")
             return from_yaml(path.read_text(errors="replace"))
@@ -208,6 +210,8 @@ def _filled(topic: TopicMetadata, said: TopicMetadata | None) -> TopicMetadata:
 
 def _open_file(path: Path) -> BagFile:
     """By its name, or where that says nothing, by how it begins."""
+    if path.exists() and not path.is_file():
+        raise BagError(f"'{path}' is no file")
     if path.suffix == PACKED:
         return open_packed(path)
     if path.suffix not in _SUFFIXES:

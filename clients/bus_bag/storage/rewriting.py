@@ -27,7 +27,7 @@ def rewrite(file: McapFile, metadata: BagMetadata) -> None:
 
 
 def _write(file: McapFile, path: Path, metadata: BagMetadata) -> None:
-    preset = PRESETS["zstd_fast" if file.compression else "none"]
+    preset = PRESETS["zstd_fast" if file.is_compressed else "none"]
     writer = McapWriter(path, preset)
     try:
         for schema in file.schemas.values():

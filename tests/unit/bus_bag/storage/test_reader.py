@@ -1,6 +1,8 @@
 """Bags of others, whole and not, and folders that are none."""
 
+import os
 import sqlite3
+import sys
 from pathlib import Path
 
 import pytest
@@ -148,6 +150,36 @@ def test_no_bags(tmp_path: Path) -> None:
         assert str(refused.value).startswith(
             text.format(tmp_path / name.split("/")[0] if name == "junk" else tmp_path / name)
         )
+
+
+def test_what_is_no_file(tmp_path: Path) -> None:
+    """Opening one of these would wait for its other end."""
+    folder = write_bag(tmp_path / "walk", said(3))
+    os.mkfifo(tmp_path / "pipe.mcap")
+    with pytest.raises(BagError, match=r"^'.*/pipe.mcap' is no file$"):
+        open_bag(tmp_path / "pipe.mcap")
+    (folder / "metadata.yaml").unlink()
+    os.mkfifo(folder / "metadata.yaml")
+    os.mkfifo(folder / "walk_1.mcap")
+    with open_bag(folder) as reader:
+        assert read(reader) == said(3)
+        assert [problem.text for problem in reader.problems] == ["it can't be used: it is no file"]
+
+
+def test_the_package_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One sentence names the extra; what SQLite files have can be read without it."""
+    folder = write_bag(tmp_path / "walk", said(3))
+    messages = write_as_rosbags(tmp_path / "other")
+    for name in [name for name in sys.modules if name.partition(".")[0] == "mcap"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(sys, "path", [path for path in sys.path if "site-packages" not in path])
+    text = r"^bags need the package mcap: pip install 'busd\[bag\]'$"
+    with pytest.raises(BagError, match=text):
+        open_bag(folder)
+    with pytest.raises(BagError, match=text):
+        write_bag(tmp_path / "new", [])
+    with open_bag(tmp_path / "other") as reader:
+        assert read(reader) == messages
 
 
 def test_a_file_is_missing(tmp_path: Path) -> None:
