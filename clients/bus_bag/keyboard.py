@@ -39,7 +39,7 @@ class Keyboard:
         self._continued = continued
         self._loop = asyncio.get_running_loop()
         self._terminal = sys.stdin.fileno()
-        self._before = termios.tcgetattr(self._terminal)
+        self._before: list[Any] | None = None
         self._is_attached = False
         self._handlers: dict[int, Any] = {}
         for name in _DEADLY:
@@ -75,15 +75,18 @@ class Keyboard:
 
     def _attach(self) -> None:
         """To a terminal whose foreground is another program's, neither is allowed: it would stop this one."""
-        if self._is_attached or not self._is_in_foreground():
+        if not self._is_in_foreground():
             return
         termios = self._termios
         now = termios.tcgetattr(self._terminal)
+        if not self._is_attached:  # until then it may be as the shell has it for itself
+            self._before = termios.tcgetattr(self._terminal)
         now[3] &= ~(termios.ICANON | termios.ECHO)
         now[6][termios.VMIN], now[6][termios.VTIME] = 1, 0
         termios.tcsetattr(self._terminal, termios.TCSANOW, now)
-        self._loop.add_reader(self._terminal, self._on_input)
-        self._is_attached = True
+        if not self._is_attached:
+            self._loop.add_reader(self._terminal, self._on_input)
+            self._is_attached = True
 
     def _detach(self) -> None:
         if not self._is_attached:
@@ -94,7 +97,7 @@ class Keyboard:
 
     def _put_back(self) -> None:
         with suppress(OSError, self._termios.error):
-            if self._is_in_foreground():
+            if self._before is not None and self._is_in_foreground():
                 self._termios.tcsetattr(self._terminal, self._termios.TCSANOW, self._before)
 
     def _on_input(self) -> None:

@@ -316,6 +316,27 @@ async def test_what_cannot_be_played_is_told_and_the_rest_plays(
 
 
 @on_one_loop
+async def test_what_cannot_be_read_is_told_and_the_rest_plays(
+    audience: Audience, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    samples = counted(6)
+    bag = write_bag(tmp_path / "bag", *([sample] for sample in samples))
+    broken = bag / "bag_3.mcap"
+    data = bytearray(broken.read_bytes())
+    at = data.index(b"\0\1\0\0\3\0\0\0")
+    data[at - 40 : at + 8] = b"\xff" * 48
+    broken.write_bytes(data)
+    (bag / "bag_1.mcap").write_bytes(b"no bag at all")
+    await audience.listen(Int64, "/numbers")
+    async with replay(audience.node, bag) as player:
+        await player.task
+    await audience.has_heard(4)
+    assert audience.texts() == [0, 2, 4, 5]
+    told = [line for line in capfd.readouterr().err.splitlines() if "[WARN]" in line]
+    assert ["bag_1.mcap" in told[0], "bag_3.mcap" in told[-1]] == [True, True]
+
+
+@on_one_loop
 async def test_bags_that_others_wrote(audience: Audience, tmp_path: Path) -> None:
     """MCAP and SQLite, QoS as names and as numbers: no package of theirs is needed."""
     kinds: list[tuple[str, Literal[8, 9]]] = [("mcap", 9), ("mcap", 8), ("sqlite3", 9), ("sqlite3", 8)]

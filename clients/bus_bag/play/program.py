@@ -21,7 +21,7 @@ from bus_bag.play.player import Player, Span
 from bus_bag.play.services import serve
 from bus_bag.play.topics import Topics
 from bus_bag.status_line import StatusLine
-from bus_bag.storage import BagReader, open_bag
+from bus_bag.storage import BagReader, Problem, open_bag
 
 __all__ = ["run"]
 
@@ -58,7 +58,8 @@ async def run(
 async def _play(node: Node, reader: BagReader, options: PlayOptions, burst: int | None) -> None:
     logger = node.get_logger()
     logger.info(f"Set rate to {options.rate:g}")
-    _tell_problems(reader, logger)
+    told = set[Problem]()
+    _tell_problems(reader, logger, told)
     topics = Topics(reader, options, logger)
     publishers = await topics.publish_on(node)
     clock = await _clock(node, options)
@@ -73,6 +74,7 @@ async def _play(node: Node, reader: BagReader, options: PlayOptions, burst: int 
                     await playing
                 finally:
                     playing.cancel()
+            _tell_problems(reader, logger, told)
             topics.tell_undecodable()
             if options.acknowledged_within is not None:
                 await _wait_for_all(publishers, options.acknowledged_within, logger)
@@ -80,9 +82,12 @@ async def _play(node: Node, reader: BagReader, options: PlayOptions, burst: int 
                 logger.info(f"Lateness: {player.lateness} ({player.lateness.count} messages)")
 
 
-def _tell_problems(reader: BagReader, logger: Logger) -> None:
+def _tell_problems(reader: BagReader, logger: Logger, told: set[Problem]) -> None:
+    """What could not be read until now, each once."""
     for problem in reader.problems:
-        logger.warning(str(problem))
+        if problem not in told:
+            told.add(problem)
+            logger.warning(str(problem))
 
 
 def _span(reader: BagReader, options: PlayOptions) -> Span:
