@@ -30,11 +30,13 @@ class CdrError(BusError, ValueError):
 
 
 class Codec:
-    """Turns MessagePack payloads of one type into CDR messages, and back; `codec_of` has it.
+    """Turns MessagePack payloads of one type into CDR messages, and back.
 
-    codec = codec_of(subscription.schema)
-    parts = codec.encode(payload)
-    assert codec.decode(b"".join(parts)) == payload
+        codec = codec_of(subscription.schema)
+        parts = codec.encode(payload)
+        assert codec.decode(b"".join(parts)) == payload
+
+    May be used from any thread.
     """
 
     type_name: str

@@ -16,7 +16,7 @@ from bus.types.schema_form import Node, Schema, is_type_name
 __all__ = ["parse", "write"]
 
 _LINE: Final = "=" * 80
-_PART: Final = re.compile(r"^={80}[ \t]*\nMSG: *(\S+)[ \t]*(?:\n|\Z)", re.MULTILINE)
+_PART: Final = re.compile(r"^={3,}[ \t]*\nMSG: *(\S+)[ \t]*(?:\n|\Z)", re.MULTILINE)
 _NO_FIELD: Final = "structure_needs_at_least_one_member"
 
 
