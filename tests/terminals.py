@@ -53,6 +53,11 @@ class OwnTerminal:
         self._pid = 0
         return os.waitstatus_to_exitcode(status)
 
+    def close(self) -> None:
+        """Close the terminal's window."""
+        os.close(self._end)
+        self._end = -1
+
     def __enter__(self) -> Self:
         return self
 
@@ -62,4 +67,5 @@ class OwnTerminal:
         if self._pid:
             os.kill(self._pid, 9)
             self.wait()
-        os.close(self._end)
+        if self._end >= 0:
+            os.close(self._end)

@@ -277,6 +277,17 @@ bus.run(main())
     assert message.log_time == 100 * 10**9
 
 
+def test_a_terminal_that_is_closed(bag: Bag) -> None:
+    with speaking() as speaker:
+        speaker.say("/topic")
+        with OwnTerminal(*BUS[1:], "bag", "record", "/topic", "-o", str(bag.folder)) as terminal:
+            terminal.read_until("Recording...")
+            speaker.say("/topic", "heard")
+            terminal.close()
+            assert terminal.wait() == 0
+    assert bag.texts() == ["heard"]
+
+
 def test_on_a_terminal(bag: Bag) -> None:
     """SPACE pauses, a line tells how it goes, and the terminal is put back."""
     words = ("bag", "record", "/topic", "-o", str(bag.folder), "--progress-bar-update-rate", "50")

@@ -3,7 +3,8 @@ end."""
 
 import asyncio
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from time import monotonic_ns
 
 from bus.node import Node
@@ -21,6 +22,7 @@ from bus_bag.status_line import StatusLine
 __all__ = ["run"]
 
 _SPACE = b" "
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def run(options: RecordOptions, open_node: Callable[[], Node]) -> int:
@@ -35,49 +37,41 @@ def run(options: RecordOptions, open_node: Callable[[], Node]) -> int:
 
 
 async def _record(options: RecordOptions, open_node: Callable[[], Node]) -> int:
-    loop, ending = asyncio.get_running_loop(), _Ending()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, ending.end)
     line = StatusLine()
-    try:
-        async with open_node() as node:
-            recorder = Recorder(node, options)
-            ending.recorder = recorder
-            if ending.is_due:
-                recorder.stop()
-            await serve(node, recorder)
+    async with open_node() as node:
+        recorder = Recorder(node, options)
+        with _ended_by_signals(recorder.stop):
             keyboard = None
-            if options.has_keys and Keyboard.is_there():
-                keyboard = Keyboard(lambda keys: _press(recorder, keys), line.erase)
-                node.get_logger().info("Press SPACE for pausing/resuming")
             showing = asyncio.create_task(_show(recorder, line, options.progress_hz))
             try:
+                await serve(node, recorder)
+                if options.has_keys and Keyboard.is_there():
+                    keyboard = Keyboard(lambda keys: _press(recorder, keys), line.erase)
+                    node.get_logger().info("Press SPACE for pausing/resuming")
                 losses = await recorder.run()
             finally:
                 showing.cancel()
                 line.close()
                 if keyboard is not None:
                     keyboard.close()
-            _tell(node, losses)
-            if recorder.failure is not None:
-                raise BagError(f"{recorder.failure}; the bag has what came before")
-    finally:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.remove_signal_handler(number)
+        _tell(node, losses)
+    if recorder.failure is not None:
+        raise BagError(f"{recorder.failure}; the bag has what came before")
     return 0
 
 
-class _Ending:
-    """What the signals do, also before there is a recorder."""
-
-    def __init__(self) -> None:
-        self.recorder: Recorder | None = None
-        self.is_due = False
-
-    def end(self) -> None:
-        self.is_due = True
-        if self.recorder is not None:
-            self.recorder.stop()
+@contextmanager
+def _ended_by_signals(end: Callable[[], None]) -> Iterator[None]:
+    """A terminal that is closed ends a recording as Ctrl-C does, unless nohup was asked to prevent that."""
+    loop = asyncio.get_running_loop()
+    numbers = [one for one in _ENDING if signal.getsignal(one) is not signal.SIG_IGN]
+    for number in numbers:
+        loop.add_signal_handler(number, end)
+    try:
+        yield
+    finally:
+        for number in numbers:
+            loop.remove_signal_handler(number)
 
 
 def _press(recorder: Recorder, keys: bytes) -> None:

@@ -55,6 +55,7 @@ class Recorder:
         self._stopped = asyncio.Event()
         self._has_begun = False
         self._is_hurried = False
+        self._error: BaseException | None = None
         self._splits: Any = None
         self.is_paused = options.is_paused
         self.pipeline = Pipeline(
@@ -83,6 +84,8 @@ class Recorder:
         await self._wait_for_clock()
         self._log.info("Listening for topics...")
         tasks = [asyncio.create_task(self._discover()), asyncio.create_task(self._keep_time())]
+        for task in tasks:
+            task.add_done_callback(self._ended)
         try:
             await self._stopped.wait()
             for task in tasks:
@@ -92,7 +95,15 @@ class Recorder:
             for task in tasks:
                 task.cancel()
             losses = self.pipeline.close(_PATIENCE_S if self._is_hurried else None)
+        if self._error is not None:
+            raise self._error
         return losses
+
+    def _ended(self, task: "asyncio.Task[None]") -> None:
+        """What must not happen in the middle of a recording ends it, with a whole bag."""
+        if not task.cancelled() and (error := task.exception()) is not None:
+            self._error = error
+            self._stopped.set()
 
     def stop(self) -> None:
         """End the recording; the second time without what still waits for the file."""
