@@ -4,6 +4,7 @@ Whatever bytes a file has, reading it ends, raises nothing but BagError, and hol
 index says in memory. What can't be read is a Problem, and is passed over.
 """
 
+import fcntl
 import os
 import struct
 import zlib
@@ -91,6 +92,18 @@ class McapFile:
     def has_message_index(self) -> bool:
         """Whether it also says where in its chunks messages are: others need that to begin anywhere."""
         return self.has_index and all(one.channels is not None for one in self._segments)
+
+    @property
+    def is_being_written(self) -> bool:
+        """Whether a recorder has it open."""
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+        except OSError:  # some file systems have no locks
+            return False
+        fcntl.flock(self._file, fcntl.LOCK_UN)
+        return False
 
     @property
     def is_compressed(self) -> bool:
@@ -460,7 +473,8 @@ class McapFile:
         rest = self._size - position
         if self.is_cut:
             more = "" if is_end or not rest else f"; the last {rest:,} bytes are no whole record"
-            self._problem(position, f"the file was not closed{more}")
+            state = "is still being written" if self.is_being_written else "was not closed"
+            self._problem(position, f"the file {state}{more}")
         elif not is_end:
             self._problem(position, "no record begins here; what follows is not read")
         counts: Counter[str] = Counter()

@@ -7,10 +7,12 @@ room.
 """
 
 import errno
+import fcntl
 import os
 import zlib
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +81,8 @@ class McapWriter:
         self._summary_size = 0
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
         self._reserve = _Reserve(path.parent)
+        with suppress(OSError):  # some file systems have no locks
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)  # readers know by it that it goes on
         try:
             self._append([MAGIC, encode(package().Header(profile="ros2", library=f"busd {RELEASE}"))])
         except BaseException:
@@ -318,8 +322,8 @@ class _Reserve:
         self._size = 0
         try:
             self._descriptor = os.open(folder, os.O_TMPFILE | os.O_WRONLY | os.O_CLOEXEC, 0o600)
-        except OSError:
-            self._descriptor = -1  # no file system for that: its last chunks make room
+        except (OSError, AttributeError):
+            self._descriptor = -1  # no system for that: the file's last chunks make room
         self.hold(0)
 
     @property
@@ -334,7 +338,7 @@ class _Reserve:
             return
         try:
             os.posix_fallocate(self._descriptor, 0, wanted)
-        except OSError:
+        except (OSError, AttributeError):
             return
         self._size = wanted
 

@@ -73,6 +73,11 @@ class BagReader:
         return any(file.is_cut for file in self.files)
 
     @property
+    def is_being_written(self) -> bool:
+        """Whether a recorder still writes it, as far as files say so."""
+        return any(file.is_being_written for file in self.files)
+
+    @property
     def problems(self) -> list[Problem]:
         """All that could not be read until now."""
         return [*self._problems, *(problem for file in self.files for problem in file.problems)]

@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 
+from bus_bag.errors import BagError
 from bus_bag.metadata import BagMetadata, to_record
 from bus_bag.storage.chunk import ChunkBuilder
 from bus_bag.storage.mcap_reader import McapFile
@@ -17,6 +18,8 @@ def rewrite(file: McapFile, metadata: BagMetadata) -> None:
     The old file is there until the new one is on the disk. Raises BagError or OSError where that can't be
     written; then the old file is as it was.
     """
+    if file.is_being_written:
+        raise BagError(f"'{file.path}' is still being written")
     beside = file.path.with_suffix(".mcap.tmp")
     beside.unlink(missing_ok=True)
     try:

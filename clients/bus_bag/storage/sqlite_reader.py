@@ -29,6 +29,7 @@ class SqliteFile:
     """
 
     has_index = True
+    is_being_written = False  # nobody tells
 
     def __init__(self, path: Path, at: Path | None = None) -> None:
         self.path = path

@@ -69,6 +69,11 @@ class BagFile(Protocol):
     records: list[tuple[str, dict[str, str]]]
     """Records of texts that are no messages: name, texts."""
 
+    @property
+    def is_being_written(self) -> bool:
+        """Whether a recorder has it open."""
+        ...
+
     def metadata(self) -> BagMetadata | None: ...
 
     def messages(

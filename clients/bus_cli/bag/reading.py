@@ -49,5 +49,6 @@ def tell_problems(reader: "BagReader") -> None:
         complain(f"[WARN] [ros2bag]: {problem}")
     if len(problems) > _MOST:
         complain(f"[WARN] [ros2bag]: and {len(problems) - _MOST} more of this kind")
-    if problems and reader.path.is_dir() and (reader.is_cut or not (reader.path / "metadata.yaml").exists()):
+    is_whole = not reader.is_cut and (reader.path / "metadata.yaml").exists()
+    if problems and reader.path.is_dir() and not is_whole and not reader.is_being_written:
         complain(f"[WARN] [ros2bag]: to make it whole: bus bag reindex {reader.path}")

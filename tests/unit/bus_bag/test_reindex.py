@@ -74,6 +74,24 @@ def test_records_stay(tmp_path: Path) -> None:
         assert reader.extra["/chatter"] == {"busd.type_hash": "BUS01_1"}
 
 
+def test_a_bag_that_is_being_recorded(tmp_path: Path) -> None:
+    """It is read up to now, and not touched: what comes would be lost with the old file."""
+    writer, channels = begin_bag(tmp_path / "walk")
+    write(writer, channels, said(10))
+    writer.flush()
+    write(writer, channels, said(10, first=10))
+    with open_bag(tmp_path / "walk") as reader:
+        assert read(reader) == said(10)
+        assert (reader.is_cut, reader.is_being_written) == (True, True)
+        assert reader.problems[-1].text == "the file is still being written"
+    with pytest.raises(BagError, match=r"walk_0.mcap' is still being written$"):
+        reindex(tmp_path / "walk", print)
+    writer.close()
+    with open_bag(tmp_path / "walk") as reader:
+        assert read(reader) == said(20)
+        assert (reader.is_cut, reader.is_being_written) == (False, False)
+
+
 def test_no_bag(tmp_path: Path) -> None:
     folder = write_bag(tmp_path / "walk", said(10))
     with pytest.raises(BagError, match=r"^Must specify a bag directory$"):
