@@ -12,10 +12,14 @@ from contextlib import suppress
 from types import FrameType
 from typing import Any
 
+from bus_bag.foreground import is_in_foreground
+
 __all__ = ["Keyboard"]
 
 _DEADLY = ("SIGHUP", "SIGQUIT", "SIGTERM", "SIGINT", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGVTALRM", "SIGPROF")
 """Signals that end a program that does not know them."""
+_LOOK_S = 0.5
+"""How often a program in the background looks whether it has come to the foreground."""
 
 
 class Keyboard:
@@ -50,6 +54,7 @@ class Keyboard:
         if self._is_stoppable:
             self._loop.add_signal_handler(signal.SIGTSTP, self._stop)
         self._loop.add_signal_handler(signal.SIGCONT, self._continue)
+        self._look: asyncio.TimerHandle | None = None
         self._attach()
 
     @staticmethod
@@ -60,6 +65,8 @@ class Keyboard:
     def close(self) -> None:
         """Put the terminal back."""
         self._detach()
+        if self._look is not None:
+            self._look.cancel()
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
         self._handlers.clear()
@@ -67,15 +74,12 @@ class Keyboard:
             self._loop.remove_signal_handler(signal.SIGTSTP)
         self._loop.remove_signal_handler(signal.SIGCONT)
 
-    def _is_in_foreground(self) -> bool:
-        try:
-            return os.tcgetpgrp(self._terminal) == os.getpgrp()
-        except OSError:  # the terminal has gone
-            return False
-
     def _attach(self) -> None:
         """To a terminal whose foreground is another program's, neither is allowed: it would stop this one."""
-        if not self._is_in_foreground():
+        if self._look is not None:
+            self._look.cancel()
+        if not is_in_foreground(self._terminal):
+            self._look = self._loop.call_later(_LOOK_S, self._attach)  # a shell's `fg` need not tell
             return
         termios = self._termios
         now = termios.tcgetattr(self._terminal)
@@ -97,18 +101,19 @@ class Keyboard:
 
     def _put_back(self) -> None:
         with suppress(OSError, self._termios.error):
-            if self._before is not None and self._is_in_foreground():
+            if self._before is not None and is_in_foreground(self._terminal):
                 self._termios.tcsetattr(self._terminal, self._termios.TCSANOW, self._before)
 
     def _on_input(self) -> None:
         data = b""
-        if self._is_in_foreground():
+        if is_in_foreground(self._terminal):
             with suppress(OSError):
                 data = os.read(self._terminal, 64)
         if data:
             self._read(data)
         else:  # it has gone, or is another program's for now
             self._detach()
+            self._attach()
 
     def _die(self, number: int, frame: FrameType | None) -> None:
         self._put_back()

@@ -5,6 +5,7 @@ import sys
 from typing import Final
 
 from bus.logger import TOP_NAME
+from bus_bag.foreground import is_in_foreground
 
 __all__ = ["StatusLine"]
 
@@ -26,7 +27,7 @@ class StatusLine(logging.Filter):
 
     def show(self, text: str) -> None:
         """In place of what stood there."""
-        if self.is_shown:
+        if self.is_shown and is_in_foreground(sys.stdout.fileno()):
             self._write(f"{_ERASE}{text}")
             self._is_written = True
 

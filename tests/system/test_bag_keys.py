@@ -82,3 +82,19 @@ def test_keys_are_left_alone_where_that_is_asked_for(bag: Path) -> None:
     with play(bag, "--disable-keyboard-controls", "--progress-bar-update-rate", "0") as terminal:
         terminal.read_until("Set rate to 1\r\n\\[INFO\\] .*Playback until timestamp: -1\r\n$")
         assert not terminal.is_raw()
+
+
+def test_begun_in_the_background(bag: Path) -> None:
+    """It leaves the terminal to the shell until it comes to the foreground."""
+    command = [sys.executable, *BUS[1:], "bag", "play", str(bag), "--progress-bar-update-rate", "50"]
+    with OwnTerminal("-c", "import os; os.execlp('sh', 'sh', '-i')") as terminal:
+        terminal.write(f"{shlex.join(command)} &\n")
+        terminal.read_until("Playback until")
+        assert not terminal.is_raw()
+        terminal.write("echo between; fg\n")
+        terminal.read_until(r"\nbetween\r\n[^$]*/3600\.00 s \[R\]")
+        wait_until(terminal.is_raw)
+        terminal.write(" ")
+        terminal.read_until("Pausing play.")
+        terminal.write("\x03")
+        wait_until(lambda: not terminal.is_raw())
