@@ -49,7 +49,9 @@ class _Writer:
         self._description = description
         self._views = views
         self._offset: int | None = None
-        """Of what is written next, modulo 8; None: it is in `p`."""
+        """Of what is written next, modulo 8; None: `_place` says it."""
+        self._place = "p"
+        """An expression for it, which is put into `p` where it is asked for."""
         self._codes: list[tuple[str, int]] = []
         self._values: list[str] = []
         self._parts: list[str] = []
@@ -93,23 +95,29 @@ class _Writer:
             return
         codes, values = self._codes, ", ".join(self._values)
         self._codes, self._values = [], []
+        if not values:
+            zeros = bytes(len(codes))
+            self._parts.append(self.source.constant(zeros))
+            self._moved(len(zeros))
+            return
         name = self.source.variable()
+        self._parts.append(name)
         if self._offset is not None:
             run = lay_out(codes, self._offset)
             self.source.line(f"{name} = {self.source.constant(run.struct.pack)}({values})")
-            self._offset = (self._offset + run.size) % 8
+            self._moved(run.size)
+            return
+        self._into_p()
+        runs = [lay_out(codes, offset) for offset in range(8)]
+        packs = self.source.constant(tuple(run.struct.pack for run in runs))
+        self.source.line(f"{name} = {packs}[p & 7]({values})")
+        ends = [(offset + run.size) % 8 for offset, run in enumerate(runs)]
+        if len(set(ends)) == 1:
+            self._offset = ends[0]
+        elif len({run.size for run in runs}) == 1:
+            self._moved(runs[0].size)
         else:
-            runs = [lay_out(codes, offset) for offset in range(8)]
-            packs = self.source.constant(tuple(run.struct.pack for run in runs))
-            self.source.line(f"{name} = {packs}[p & 7]({values})")
-            ends = [(offset + run.size) % 8 for offset, run in enumerate(runs)]
-            if len(set(ends)) == 1:
-                self._offset = ends[0]
-            elif len({run.size for run in runs}) == 1:
-                self.source.line(f"p += {runs[0].size}")
-            else:
-                self.source.line(f"p = {self.source.constant(tuple(ends))}[p & 7]")
-        self._parts.append(name)
+            self._place = f"{self.source.constant(tuple(ends))}[p & 7]"
 
     def _pause(self) -> None:
         """Leave nothing open: what comes next is a loop, a branch or a call, or their end."""
@@ -131,16 +139,19 @@ class _Writer:
     def _into_p(self) -> None:
         """The position is in `p` from here on."""
         if self._offset is not None:
-            self.source.line(f"p = {self._offset}")
-            self._offset = None
+            self._place = str(self._offset)
+        if self._place != "p":
+            self.source.line(f"p = {self._place}")
+        self._offset, self._place = None, "p"
 
-    def _moved(self, by: str) -> None:
-        """What was made last is that long."""
+    def _moved(self, by: int | str) -> None:
+        """What was made last is that long; a text says it where only the message knows."""
         if self._offset is None:
-            self.source.line(f"p += {by}")
+            self._place += f" + {by}"
+        elif isinstance(by, int):
+            self._offset = (self._offset + by) % 8
         else:
-            self.source.line(f"p = {self._offset} + {by}" if self._offset else f"p = {by}")
-            self._offset = None
+            self._offset, self._place = None, f"{self._offset} + {by}"
 
     # Shapes.
 
@@ -188,10 +199,7 @@ class _Writer:
             self._add("I", f"len({value})")
         self._flush()
         self._blob(value)
-        if size is None or self._offset is None:
-            self._moved(f"len({value})")
-        else:
-            self._offset = (self._offset + size) % 8
+        self._moved(f"len({value})" if size is None else size)
 
     def _blob(self, value: str) -> None:
         if self._views:
@@ -207,11 +215,14 @@ class _Writer:
         count, pack, name = (self.source.variable() for _ in range(3))
         self._add("I", count)
         runs = self.source.constant(Runs(self._codes, CODES[kind]))
+        if self._offset is None:
+            self._into_p()
         offset = "p & 7" if self._offset is None else self._offset
         self.source.line(f"{count} = len({value})")
         self.source.line(f"{pack}, p = {runs}[{count} << 3 | {offset}]")
         self.source.line(f"{name} = {pack}({', '.join(self._values)}, *{value})")
-        self._codes, self._values, self._offset = [], [], None
+        self._codes, self._values = [], []
+        self._offset, self._place = None, "p"
         self._blob(name)
 
     def _each(self, item: Shape, value: str) -> None:
