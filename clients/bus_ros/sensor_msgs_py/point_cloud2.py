@@ -27,7 +27,6 @@ __all__ = [
     "read_points",
     "read_points_list",
     "read_points_numpy",
-    "rows_of",
 ]
 
 DUMMY_FIELD_PREFIX = "unnamed_field"
