@@ -21,6 +21,7 @@ from bus_ros.cdr.shapes import describe
 
 __all__ = ["CdrError", "Codec", "codec_of", "schema_of_definition"]
 
+_pack: Final = msgspec.msgpack.Encoder().encode
 _MOST_CODECS: Final = 1024
 _WRONG: Final = (struct.error, ValueError, TypeError, OverflowError, RecursionError, MemoryError)
 
@@ -83,10 +84,15 @@ class Codec:
         looked at: ROS 2 pads there, and where its serialize_message expects more than there is, it leaves the
         rest. Raises CdrError for what is malformed.
         """
-        body = memoryview(data)[4:] if len(data) >= LONG else bytes(data[4:])
-        decode = self._decoders.get(bytes(data[:2])) or self._decoder(data)
+        body: Buffer
+        if len(data) < LONG:
+            data = bytes(data)
+            head, body = data[:2], data[4:]
+        else:
+            head, body = bytes(data[:2]), memoryview(data)[4:]
+        decode = self._decoders.get(head) or self._decoder(head, len(data))
         try:
-            return msgspec.msgpack.encode(decode(body))
+            return _pack(decode(body))
         except _WRONG as error:
             raise CdrError(f"no CDR message of {self.type_name}: {error}") from None
 
@@ -98,13 +104,11 @@ class Codec:
         self._encode_long = encoder(self._description, self._shape, True)
         return self._encode_long(payload)
 
-    def _decoder(self, data: Buffer) -> Callable[[Buffer], Any]:
-        head = bytes(data[:2])
+    def _decoder(self, head: bytes, size: int) -> Callable[[Buffer], Any]:
         representation = REPRESENTATIONS.get(head)
-        if representation is None or len(data) < 4:
-            raise CdrError(
-                f"no CDR message of {self.type_name}: it begins with {bytes(data[:4]).hex(' ') or 'nothing'}"
-            )
+        if representation is None or size < 4:
+            begin = f"it begins with {head.hex(' ')}" if size >= 4 else f"it has {size} bytes"
+            raise CdrError(f"no CDR message of {self.type_name}: {begin}")
         made = self._decoders[head] = decoder(self._description, self._shape, representation)
         return made
 
