@@ -250,10 +250,7 @@ class Player:
         """Until there is nothing left and it is not paused, or `stop`."""
         while not self._is_stopped:
             if self._target is not None:
-                target, self._target = self._target, None
-                arriving, self._seeking = self._seeking, []
-                await self._go_to(target, target)
-                self._arrive(arriving, is_there=True)
+                await self._go_to_target(self._target)
                 continue
             if self.is_paused:
                 await self._alarm.wait(None)
@@ -277,6 +274,16 @@ class Player:
             await self._publish(entry)
             if due_ns is not None and entry.time >= self._span.start:
                 self.lateness.add(now_ns - due_ns)
+
+    async def _go_to_target(self, target: int) -> None:
+        self._target = None
+        arriving, self._seeking = self._seeking, []
+        is_there = False
+        try:
+            await self._go_to(target, target)
+            is_there = True
+        finally:
+            self._arrive(arriving, is_there=is_there)
 
     @staticmethod
     def _arrive(seeking: list[asyncio.Future[bool]], *, is_there: bool) -> None:

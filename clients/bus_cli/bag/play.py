@@ -2,7 +2,14 @@
 
 from argparse import ArgumentParser, Namespace
 
-from bus_cli.bag.playargs import add_reader_arguments, nanoseconds, not_negative, not_negative_int, play
+from bus_cli.bag.playargs import (
+    add_reader_arguments,
+    nanoseconds,
+    not_negative,
+    not_negative_int,
+    play,
+    seconds,
+)
 from bus_cli.stream import positive
 
 _CLOCK_HZ = 40.0
@@ -54,13 +61,13 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--playback-duration",
         metavar="S",
-        type=float,
+        type=seconds,
         default=-1.0,
         help="End after so much of the bag's time",
     )
     until = parser.add_mutually_exclusive_group()
     until.add_argument(
-        "--playback-until-sec", metavar="S", type=float, default=-1.0, help="End at that time of the bag"
+        "--playback-until-sec", metavar="S", type=seconds, default=-1.0, help="End at that time of the bag"
     )
     until.add_argument(
         "--playback-until-nsec", metavar="NS", type=int, default=-1, help="The same, in nanoseconds"

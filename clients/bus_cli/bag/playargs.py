@@ -6,8 +6,9 @@ from typing import Any
 
 from bus_cli.output import CommandError
 
-__all__ = ["add_reader_arguments", "not_negative", "not_negative_int", "play"]
+__all__ = ["add_reader_arguments", "nanoseconds", "not_negative", "not_negative_int", "play", "seconds"]
 
+_MOST_S = 1e10
 _NS_PER_S = 1_000_000_000
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
 
@@ -125,13 +126,20 @@ def nanoseconds(seconds: float) -> int:
     return round(seconds * _NS_PER_S)
 
 
-def not_negative(text: str) -> float:
+def seconds(text: str) -> float:
     """For argparse."""
     try:
         value = float(text)
     except ValueError:
-        value = -1.0
-    if not 0 <= value < 1e10:
+        value = _MOST_S
+    if not -_MOST_S < value < _MOST_S:
+        raise ArgumentTypeError(f"{text} is no number of seconds")
+    return value
+
+
+def not_negative(text: str) -> float:
+    """For argparse."""
+    if (value := seconds(text)) < 0:
         raise ArgumentTypeError(f"{text} is no number of seconds from 0")
     return value
 

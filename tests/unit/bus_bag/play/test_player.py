@@ -165,3 +165,16 @@ async def test_calls_while_it_ends_are_answered() -> None:
         player.stop()
         await task
         assert await seeking in (False, True)
+
+
+async def test_a_seek_where_the_bag_cannot_be_read_is_answered() -> None:
+    output = Output()
+    reader = Reader(0, 3_600_000)
+    async with playing(reader, output) as player:
+        task = asyncio.create_task(player.play())
+        while not output.taken:
+            await turns(1)
+        reader.times_ms, reader.error = (), BagError("broken")
+        assert not await player.seek(5)
+        with pytest.raises(BagError, match="broken"):
+            await task
