@@ -29,6 +29,7 @@ BENCHMARKS = (
     "discovery",
     "check_cost",
     "codec",
+    "bags",
     "fairness",
 )
 RESULTS = ROOT / "benchmarks" / "results"

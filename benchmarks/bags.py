@@ -1,0 +1,241 @@
+"""Recording and replaying: a recorder beside programs that take the same and do less, a replay beside timers.
+
+Bags and what is compared with them are files in memory, where there is a place for such.
+"""
+
+import re
+import sys
+from collections.abc import Mapping
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import monotonic_ns
+
+import msgspec
+from msgspec.structs import replace
+
+import bus
+from benchmarks import throughput
+from benchmarks.adapters.bagging import COUNT, FOLDER, RECORD, Instants, Robot, Topics
+from benchmarks.cases import Case, Figures, Outcome, interleave
+from benchmarks.figures import percentiles
+from benchmarks.harness import START_S, Child, Failure, Group
+from benchmarks.plan import Plan
+from benchmarks.report import Column, Comparison, Row, Section, compare
+from benchmarks.systems import BUS
+from benchmarks.versus import against
+from benchmarks.work import Work, text_of
+from bus.msg.std_msgs import String
+from bus_bag.metadata import TopicMetadata
+from bus_bag.storage import BagWriter
+from bus_cli.bench.figures import bytes_text
+from bus_ros.cdr import codec_of
+
+NAME = "bags"
+_MODULE = "benchmarks.adapters.bagging"
+_SIZES = (64, 1 << 10)
+_MEMORY = Path("/dev/shm")
+_LIMIT_S = 60.0
+_ROBOT = Robot(seconds=4.0, rates={"image": 30.0, "imu": 200.0, "tf": 50.0}, image=6 << 20)
+_PACED = Work(size=1 << 10, count=1, warm_up=200, rate=1000.0, subscribers=2, take_by="callback")
+_TOPICS = 100
+_COUNTED, _RECORDED, _WRITTEN = "counted", "recorded", "written as it comes"
+_ROBOT_IS = "a robot"
+_BESIDE = "a publisher with one more "
+_SUBSCRIPTION, _RECORDER = f"{_BESIDE}subscription", f"{_BESIDE}recorder"
+_REPLAY, _TIMER = "a replay", "a timer of the event loop"
+_SUBSCRIBED = f"{_TOPICS} topics"
+_LATENESS = re.compile(r"Lateness: p50 ([\d.]+) ms, p99 ([\d.]+) ms, max ([\d.]+) ms \((\d+) messages\)")
+_COLUMNS = [
+    Column("per_s", "messages/s", "higher"),
+    Column("lost", "lost", "lower"),
+    Column("cpu_taker", "CPU us per message: who takes it", "lower"),
+    Column("cpu_s", "CPU s: who takes it", "lower"),
+    Column("publish_p50", "us of publish: p50", "lower"),
+    Column("publish_p99", "p99", "lower"),
+    Column("publish_cpu_p99", "its CPU time: p99", "lower"),
+    Column("late_p50", "us late: p50", "lower"),
+    Column("late_p99", "p99", "lower"),
+    Column("s", "s: all subscribed", "lower"),
+]
+_NOTES = [
+    "64 B, 1 KiB: a flood of String, reliable + keep all, until the last one is counted, by a callback with "
+    "raw messages, or is in the file; every run checked: none lost",
+    f"{_ROBOT_IS}: images of {bytes_text(_ROBOT.image)} at 30 Hz, an IMU at 200 Hz, transforms at 50 Hz; "
+    "written as it comes: raw messages by os.write, one by one",
+    f"{_BESIDE}...: how long each call takes of a publisher of 1 KiB at {_PACED.rate:,.0f} Hz that has one "
+    "subscription already",
+    f"{_REPLAY}: what `bus bag play -v` says of its lateness; the timer: of uvloop, for the same instants",
+    f"{_SUBSCRIBED}: from the word to begin, to a recorder that has imported all, until the last publisher "
+    "has its subscription",
+]
+
+
+def run(plan: Plan) -> Section:
+    """Measure each beside what it is compared with."""
+    missing = BUS.missing() or ("" if find_spec("mcap") else "mcap is not installed")
+    cases: list[Case] = []
+    for size in _SIZES:
+        count = plan.choose(100_000, 300_000)
+        for what, way in ((_COUNTED, COUNT), (_RECORDED, RECORD)):
+            work = Work(size=size, count=count, warm_up=count // 10, publish_by="publish", take_by=way)
+            cases.append(Case(_flood(size, what), partial(measure_flood, work), series=what, at=size))
+    for what, way in ((_WRITTEN, COUNT), (_RECORDED, RECORD)):
+        robot = replace(_ROBOT, seconds=plan.choose(2, 4), take_by=way)
+        cases.append(Case(f"{_ROBOT_IS}, {what}", partial(measure_robot, robot)))
+    for what, way in ((_SUBSCRIPTION, COUNT), (_RECORDER, RECORD)):
+        paced = replace(_PACED, count=plan.choose(2_000, 5_000))
+        cases.append(Case(what, partial(measure_publisher, paced, way)))
+    instants = Instants(plan.choose(1_000, 5_000), 1000.0)
+    cases.append(Case(_REPLAY, partial(measure_replay, instants)))
+    cases.append(Case(_TIMER, partial(measure_timer, instants)))
+    cases.append(Case(_SUBSCRIBED, partial(measure_topics, Topics(_TOPICS))))
+    cases = [one._replace(missing=missing) for one in cases]
+    outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
+    rows = [Row.of(outcomes[case.name]) for case in cases]
+    title = "Bags: recording and replaying"
+    return Section(NAME, title, _COLUMNS, rows, comparisons(outcomes), _NOTES)
+
+
+def comparisons(outcomes: Mapping[str, Outcome]) -> list[Comparison]:
+    """Each beside what it is compared with."""
+    found: list[Comparison] = []
+    for size in _SIZES:
+        ours, theirs = _flood(size, _RECORDED), _flood(size, _COUNTED)
+        found += against(outcomes, ours, theirs, "per_s", at_least=0.4, label=_COUNTED)
+        found += against(outcomes, ours, theirs, "cpu_taker", at_most=2.5, label=_COUNTED)
+    ours = f"{_ROBOT_IS}, {_RECORDED}"
+    found += against(outcomes, ours, f"{_ROBOT_IS}, {_WRITTEN}", "cpu_s", at_most=1.5, label=_WRITTEN)
+    if ours in outcomes:
+        lost = [one["lost"] for one in outcomes[ours].repetitions]
+        found += compare(f"{ours}: messages lost", lost, at_most=0.0)
+    for key in ("publish_p50", "publish_p99", "publish_cpu_p99"):
+        goal = 1.2 if key == "publish_p99" else None
+        found += against(outcomes, _RECORDER, _SUBSCRIPTION, key, at_most=goal, label="subscription")
+    found += against(outcomes, _REPLAY, _TIMER, "late_p99", at_most=3.0, label=_TIMER)
+    if _SUBSCRIBED in outcomes:
+        took = [one["s"] for one in outcomes[_SUBSCRIBED].repetitions]
+        found += compare(f"s until {_TOPICS} topics are subscribed", took, at_most=0.3)
+    return found
+
+
+def _flood(size: int, what: str) -> str:
+    return f"{bytes_text(size)}, {what}"
+
+
+def _in_memory() -> "TemporaryDirectory[str]":
+    return TemporaryDirectory(prefix="busd-bench-", dir=_MEMORY if _MEMORY.is_dir() else None)
+
+
+def _start(group: Group, role: str, work: msgspec.Struct, *, is_ready: bool = True) -> Child:
+    child = group.start_python(role, "-m", _MODULE, role, msgspec.json.encode(work).decode())
+    if is_ready:
+        group.expect(child, "ready", within_s=START_S)
+    return child
+
+
+def measure_flood(work: Work) -> Figures:
+    """A flood to one who records it, or counts. Raises Failure where something was lost."""
+    with _in_memory() as folder:
+        publisher = "benchmarks.adapters.bus_string"
+        system = BUS._replace(module=_MODULE, publisher=publisher, environ={FOLDER: folder})
+        found = throughput.measure(system, work)
+    return {"per_s": found["per_s"], "cpu_taker": found["cpu_subscriber"] * 10}
+
+
+def measure_robot(robot: Robot) -> Figures:
+    """What a robot says, recorded or written."""
+    with _in_memory() as folder, Group() as group:
+        group.environ[FOLDER] = folder
+        group.start_busd()
+        taker = _start(group, "robots_taker", robot)
+        publisher = _start(group, "robot", robot)
+        before_ns = taker.cpu_ns()
+        publisher.tell("go")
+        group.expect(publisher, "sent", within_s=_LIMIT_S)
+        taker.tell("report")
+        received = group.expect(taker, "received", within_s=START_S)
+        cpu_s = (taker.cpu_ns() - before_ns) / 1e9
+    return {
+        "lost": robot.total - received["count"],
+        "cpu_taker": cpu_s * 1e6 / robot.total,
+        "cpu_s": cpu_s,
+    }
+
+
+def measure_publisher(work: Work, way: str) -> Figures:
+    """How long a publisher's calls take."""
+    with _in_memory() as folder, Group() as group:
+        group.environ[FOLDER] = folder
+        group.start_busd()
+        _start(group, "listener", work)
+        beside = group.start_python(
+            "beside", "-m", _MODULE, "subscriber", msgspec.json.encode(replace(work, take_by=way)).decode()
+        )
+        group.expect(beside, "ready", within_s=START_S)
+        publisher = _start(group, "publisher", work)
+        before_ns = beside.cpu_ns()
+        publisher.tell("go")
+        sent = group.expect(publisher, "sent", within_s=_LIMIT_S)
+        cpu_s = (beside.cpu_ns() - before_ns) / 1e9
+    found, cpu = (percentiles(sent[key], scale=1e-3) for key in ("took_ns", "cpu_ns"))
+    return {
+        "publish_p50": found["p50"],
+        "publish_p99": found["p99"],
+        "publish_cpu_p99": cpu["p99"],
+        "cpu_taker": cpu_s * 1e6 / work.total,
+    }
+
+
+def measure_replay(instants: Instants) -> Figures:
+    """What `bus bag play` says of its lateness. Raises Failure where not all was played."""
+    with _in_memory() as folder, Group() as group:
+        bag = Path(folder) / "bag"
+        write_bag(bag, instants)
+        group.start_busd()
+        _start(group, "listener", Work(size=64, count=0, warm_up=0))
+        command = (sys.executable, "-m", "bus_cli", "bag", "play", "-v", "--disable-keyboard-controls")
+        player = group.start("player", *command, str(bag), ends=True)
+        group.wait(player, within_s=_LIMIT_S)
+        said = _LATENESS.search((group.folder / "player.log").read_text())
+    if said is None or int(said[4]) != instants.count:
+        raise Failure(f"the replay said {said and said[0]!r} of {instants.count} messages")
+    return {"late_p50": float(said[1]) * 1e3, "late_p99": float(said[2]) * 1e3}
+
+
+def write_bag(folder: Path, instants: Instants) -> None:
+    """A bag with a message at each instant."""
+    codec = codec_of(bus.MessageSchema.of(String))
+    writer = BagWriter(folder)
+    topic = TopicMetadata("/bench", codec.type_name, "cdr", (bus.QoSProfile(1000),), codec.type_hash)
+    channel = writer.add_topic(topic, codec.definition)
+    data = codec.encode(msgspec.msgpack.encode(String(data=text_of(64))))
+    for number in range(instants.count):
+        at_ns = 10**18 + int(number * 1e9 / instants.rate)
+        writer.write(channel, at_ns, at_ns, number, data)
+    writer.close()
+
+
+def measure_timer(instants: Instants) -> Figures:
+    """How late timers are that do nothing."""
+    with Group() as group:
+        child = _start(group, "timer", instants)
+        child.tell("go")
+        late = group.expect(child, "late", within_s=_LIMIT_S)["late_ns"]
+    found = percentiles(late, scale=1e-3)
+    return {"late_p50": found["p50"], "late_p99": found["p99"]}
+
+
+def measure_topics(topics: Topics) -> Figures:
+    """From a recorder's beginning until it has subscribed to all topics."""
+    with _in_memory() as folder, Group() as group:
+        group.environ[FOLDER] = folder
+        group.start_busd()
+        publisher = _start(group, "topics", topics)
+        taker = _start(group, "topics_taker", topics)
+        before_ns, begin_ns = taker.cpu_ns(), monotonic_ns()
+        taker.tell("go")
+        matched = group.expect(publisher, "matched", within_s=_LIMIT_S)
+        cpu_s = (taker.cpu_ns() - before_ns) / 1e9
+    return {"s": (matched["at_ns"] - begin_ns) / 1e9, "cpu_s": cpu_s}
