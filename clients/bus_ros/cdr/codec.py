@@ -90,8 +90,8 @@ class Codec:
             head, body = data[:2], data[4:]
         else:
             head, body = bytes(data[:2]), memoryview(data)[4:]
-        decode = self._decoders.get(head) or self._decoder(head, len(data))
         try:
+            decode = self._decoders.get(head) or self._decoder(head, len(data))
             return _pack(decode(body))
         except _WRONG as error:
             raise CdrError(f"no CDR message of {self.type_name}: {error}") from None
@@ -107,8 +107,7 @@ class Codec:
     def _decoder(self, head: bytes, size: int) -> Callable[[Buffer], Any]:
         representation = REPRESENTATIONS.get(head)
         if representation is None or size < 4:
-            begin = f"it begins with {head.hex(' ')}" if size >= 4 else f"it has {size} bytes"
-            raise CdrError(f"no CDR message of {self.type_name}: {begin}")
+            raise ValueError(f"it begins with {head.hex(' ')}" if size >= 4 else f"it has {size} bytes")
         made = self._decoders[head] = decoder(self._description, self._shape, representation)
         return made
 

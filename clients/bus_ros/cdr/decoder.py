@@ -167,7 +167,7 @@ class _Writer:
         name = self._add("I")
         self._flush()
         product = name if least == 1 else f"{name} * {least}"
-        self.source.line(f"if {product} > {self._end} - p: short({name})")
+        self.source.line(f"if {product} > {self._end} - p: short()")
         if most is not None:
             self.source.line(f"if {name} > {most}: many({name}, {most})")
         return name
@@ -189,7 +189,7 @@ class _Writer:
         else:
             self._flush()
             count = str(size)
-            self.source.line(f"if {count} > {self._end} - p: short({count})")
+            self.source.line(f"if {count} > {self._end} - p: short()")
         name = self.source.variable()
         self.source.line(f"{name} = data[p : p + {count}]")
         self.source.line(f"p += {count}")
@@ -212,7 +212,7 @@ class _Writer:
         boundary = min(width, self._alignment)
         if boundary > 1 and (size is not None or boundary > 4):
             line(f"if {count}: p += -p % {boundary}")
-        line(f"if {count} * {width} > {self._end} - p: short({count})")
+        line(f"if {count} * {width} > {self._end} - p: short()")
         arrays = self.source.constant(Arrays(self._order, code))
         line(f"{name} = {arrays}[{count}](data, p)")
         line(f"p += {count} * {width}")
@@ -226,7 +226,7 @@ class _Writer:
             else:
                 self._flush()
                 count = str(size)
-                self.source.line(f"if {size * least(item)} > {self._end} - p: short({size})")
+                self.source.line(f"if {size * least(item)} > {self._end} - p: short()")
             self._moved()
             found = self.source.variable()
             self.source.line(f"{found} = []")
@@ -320,7 +320,7 @@ class _Writer:
         self._end = end
         value = get()
         self._flush()
-        self.source.line(f"if p > {end}: short(p - {end})")
+        self.source.line(f"if p > {end}: short()")
         self.source.line(f"p = {end}")
         self._moved()
         self._end = outer
@@ -358,8 +358,8 @@ def _without(fields: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in fields.items() if value is not UNSET}
 
 
-def _short(count: int) -> None:
-    raise _Malformed(f"it ends before {count} elements or bytes that it announces")
+def _short() -> None:
+    raise _Malformed("it ends before what it announces")
 
 
 def _many(count: int, most: int) -> None:

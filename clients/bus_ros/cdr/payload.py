@@ -34,7 +34,8 @@ def json_annotation(description: Mapping[str, Any], node: Any) -> Any:
     root = "busd/msg/Value"
     fields = [{"name": "value", "type": node, "required": True}]
     value = {"array": True, "fields": fields}
-    return build({"root": root, "types": {**description["types"], root: value}}).__annotations__["value"]
+    made = build({"root": root, "types": {**description["types"], root: value}})
+    return msgspec.structs.fields(made)[0].type
 
 
 class Annotations:
