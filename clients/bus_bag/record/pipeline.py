@@ -220,19 +220,25 @@ class Pipeline:
         if self._latched.has_unwritten and not self._is_snapshot:
             self._take_up(self._latched.take_unwritten())
         channel = self._channel(topic)
-        if self._splitting or topic.is_latched:
-            for sample in samples:
-                log_time = sample[1][1]
-                if self._splitting.is_due(self._size, log_time):
-                    self.split(log_time)
-                topic.written += self._write_one(topic, channel, sample, log_time)
-            if not self._is_snapshot:
-                self._keep(topic, samples, is_written=True)
-            return
+        if samples:
+            self._split_if_due(samples[0])
         if len(samples) > 1 and size <= _SHORT_BYTES and self._write_many(topic, channel, samples):
+            self._keep_written(topic, samples)
             return
         for sample in samples:
+            self._split_if_due(sample)
             topic.written += self._write_one(topic, channel, sample, sample[1][1])
+            self._keep_written(topic, [sample])
+
+    def _split_if_due(self, sample: Sample) -> None:
+        """Before this one is written."""
+        log_time = sample[1][1]
+        if self._splitting and self._splitting.is_due(self._size, log_time):
+            self.split(log_time)
+
+    def _keep_written(self, topic: RecordedTopic, samples: Batch) -> None:
+        if topic.is_latched and not self._is_snapshot:
+            self._keep(topic, samples, is_written=True)
 
     def _write_many(self, topic: RecordedTopic, channel: int, samples: Batch) -> bool:
         """False, with nothing written, where one is no message of the type."""

@@ -2,6 +2,7 @@
 end."""
 
 import asyncio
+import gc
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,6 +22,7 @@ from bus_bag.status_line import StatusLine
 
 __all__ = ["run"]
 
+_ALLOCATIONS = 50_000
 _SPACE = b" "
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -32,6 +34,10 @@ def run(options: RecordOptions, open_node: Callable[[], Node]) -> int:
     where the recording can't begin, BagError where it has failed, with what is in the bag.
     """
     keep_freed_memory()  # chunks come and go
+    # Messages come and go by the hundred thousand, and none is in a cycle: to look for cycles as often as
+    # usual takes a fifth of the time.
+    gc.freeze()
+    gc.set_threshold(_ALLOCATIONS)
     with asyncio.Runner(loop_factory=loop_factory()) as runner:
         return runner.run(_record(options, open_node))
 

@@ -73,6 +73,16 @@ class World:
         self.pipeline.offers(topic, {b"gid": 1} if is_latched else {}, is_new=True)
         return topic
 
+    def put_together(self, topic: RecordedTopic, *texts: str, at: list[int]) -> None:
+        """As one batch, each with its time."""
+        counted = self._counted[topic.name]
+        batch = []
+        for text, time in zip(texts, at, strict=True):
+            counted.delivered += 1
+            info = MessageInfo(time, time, counted.delivered, counted.delivered, b"gid")
+            batch.append((encode(String(data=text)), info))
+        self.pipeline.put(topic, batch, is_paused=False)
+
     def put(self, topic: RecordedTopic, *texts: str, at: int = 0, is_paused: bool = False) -> None:
         counted = self._counted[topic.name]
         for text in texts:
@@ -170,6 +180,17 @@ def test_each_further_file_begins_with_the_state(folder: Path) -> None:
     assert losses["/map"] == TopicLosses(2, 2)
     assert world.splits == [("walk_0.mcap", "walk_1.mcap")]
     assert world.bag.losses(first)["/topic"].written == 1
+
+
+def test_a_file_that_begins_within_a_batch_has_what_the_batch_brought_before(folder: Path) -> None:
+    world = World(folder, max_bag_duration=1)
+    latched = world.topic("/map", is_latched=True)
+    world.put_together(latched, "x" * 300_000, "hall", "plan", at=[0, 1, 10**9])
+    world.finish()
+    assert [[one[2].sequence for one in world.bag.messages(file, "/map")] for file in world.bag.files] == [
+        [1, 2],
+        [2, 3],
+    ]
 
 
 def test_what_came_in_a_pause_is_taken_up_as_state(folder: Path) -> None:
