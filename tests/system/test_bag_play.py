@@ -215,6 +215,21 @@ async def test_topics_are_chosen_and_renamed(audience: Audience, tmp_path: Path)
 
 
 @on_one_loop
+async def test_it_waits_until_all_has_left(
+    audience: Audience, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    qos = {"/b": [sensor_data], "/c": [sensor_data]}
+    bag = write_bag(tmp_path / "bag", [Sample(f"/{name}", 0, Int64()) for name in "abc"], qos=qos)
+    await audience.listen(Int64, "/a", "/b", "/c", qos=sensor_data)
+    for within_ms in (0, 5000):
+        async with replay(audience.node, bag, acknowledged_within=within_ms) as player:
+            await player.task
+    await audience.has_heard(6)
+    warning = "--wait-for-all-acked is invalid for the below topics since reliability of QOS is BestEffort.\n"
+    assert capfd.readouterr().err.count(f"{warning}/b, /c\n") == 2
+
+
+@on_one_loop
 async def test_by_the_time_of_sending(audience: Audience, tmp_path: Path) -> None:
     samples = [
         Sample("/words", at_ms, String(data=f"{sent_ms}"), sent_ms)
