@@ -48,10 +48,7 @@ def find_loan_class() -> "type[Loan]":
 
 
 class Sender:
-    """`owner` is the publisher that the port knows; without a `ring` all goes by socket.
-
-    `sends`, if any, learns which quick way there is.
-    """
+    """`owner` is the publisher that the port knows; without a `ring` all goes by socket."""
 
     def __init__(
         self,
@@ -88,7 +85,8 @@ class Sender:
         self.publish: Callable[[Any], bool | int | bytes] = _no_quick_way
         """The quick way for a message. True or REPORT_DUE: done; False: nothing was done; bytes: `put`
         them."""
-        self._sends = sends
+        self.sends = sends
+        """Learns which quick way there is."""
         self.write: Callable[[Any], bool] = _no_quick_way
         """The quick way for an encoded sample, by socket; False: ask `put`."""
         self.lend_field: LendField = _no_quick_way
@@ -396,9 +394,9 @@ class Sender:
         self.publish = publish or _no_quick_way
         self.write = write or _no_quick_way
         self.lend_field = lend_field or _no_quick_way
-        if self._sends is not None:
-            self._sends.publish = self.publish
-            self._sends.spares_turns = spares_turns
+        if self.sends is not None:
+            self.sends.publish = self.publish
+            self.sends.spares_turns = spares_turns
 
     def _returned(self) -> None:
         self._is_returning = False

@@ -94,6 +94,15 @@ class Sends:
         forgotten: Callable[[Any], object],
     ) -> None: ...
     def send(self, message: Any, /) -> Coroutine[Any, Any, None]: ...
+    def share(self, loop: Any, rest: Callable[[Any, Any], None], /) -> None:
+        """Threads share `loop`, which has a `guard` and `is_interrupted`: see `publish_shared`. Once."""
+
+    def publish_shared(self, message: Any, /) -> None:
+        """`publish` under the loop's guard. `rest(message, status)`, without it, does what that leaves to do.
+
+        `status`: as `publish` gave it; None where another thread has the guard, and nothing was tried; True
+        where the message is taken, and only an interrupt is left.
+        """
 
 class Writer:
     """A publisher's end of its ring, for the thread that made it; `memory` is its own, formatted."""

@@ -2,7 +2,9 @@
  *
  * A Sending is to its users what the coroutine of an async function is: nothing happens before it is awaited or a task
  * runs it, it can be cancelled, and it is good for once. Where the quick way takes the message, that is all. Else it is
- * the coroutine of the publisher's own `send`, behind a Sending. */
+ * the coroutine of the publisher's own `send`, behind a Sending.
+ *
+ * Where threads share the event loop, `publish_shared` holds its guard for the quick way. */
 #include "py.h"
 
 /* A program that sends without ever waiting gives the event loop a turn after so many messages; where `spares_turns`,
@@ -22,6 +24,11 @@ typedef struct {
     unsigned in_turn;
     uint64_t turn_ns; /* when the last turn ended that was given */
     char spares_turns;
+    /* Of a loop that threads share; NULL: it is not. */
+    PyObject *acquire, *release; /* its guard's */
+    PyObject *loop;              /* has `is_interrupted`, which `rest_shared` sees to */
+    PyObject *interrupted;       /* that name */
+    PyObject *rest_shared;       /* of a message and what `publish` gave */
 } Sends;
 
 typedef struct {
@@ -331,6 +338,88 @@ static PyObject *sends_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
     return (PyObject *)self;
 }
 
+static PyObject *sends_share(PyObject *object, PyObject *args)
+{
+    Sends *self = (Sends *)object;
+    PyObject *loop, *rest;
+    if (!PyArg_ParseTuple(args, "OO", &loop, &rest))
+        return NULL;
+    if (self->loop != NULL) {
+        PyErr_SetString(PyExc_RuntimeError, "share() is called once");
+        return NULL;
+    }
+    PyObject *guard = PyObject_GetAttrString(loop, "guard");
+    if (guard == NULL)
+        return NULL;
+    self->acquire = PyObject_GetAttrString(guard, "acquire");
+    self->release = PyObject_GetAttrString(guard, "release");
+    Py_DECREF(guard);
+    self->interrupted = PyUnicode_InternFromString("is_interrupted");
+    if (self->acquire == NULL || self->release == NULL || self->interrupted == NULL) {
+        Py_CLEAR(self->acquire);
+        Py_CLEAR(self->release);
+        Py_CLEAR(self->interrupted);
+        return NULL;
+    }
+    self->rest_shared = Py_NewRef(rest);
+    self->loop = Py_NewRef(loop);
+    Py_RETURN_NONE;
+}
+
+/* What the quick way gives under the guard, a new reference; None where another thread has the guard. NULL: an error is
+ * set. */
+static PyObject *publish_guarded(const Sends *self, PyObject *message)
+{
+    PyObject *is_held = PyObject_CallFunctionObjArgs(self->acquire, Py_False, NULL);
+    if (is_held == NULL)
+        return NULL;
+    Py_DECREF(is_held);
+    if (is_held != Py_True)
+        Py_RETURN_NONE;
+    PyObject *publish = Py_NewRef(self->publish); /* it may be exchanged meanwhile */
+    PyObject *status = PyObject_CallFunctionObjArgs(publish, message, NULL);
+    Py_DECREF(publish);
+    PyObject *type, *value, *traceback;
+    PyErr_Fetch(&type, &value, &traceback);
+    PyObject *released = PyObject_CallNoArgs(self->release);
+    if (released == NULL)
+        Py_CLEAR(status);
+    else
+        PyErr_Restore(type, value, traceback);
+    Py_XDECREF(released);
+    return status;
+}
+
+/* A wait for the guard, what is not taken quickly, an interrupt that came where the message's encoding runs Python: all
+ * of that is the rest's. */
+static PyObject *sends_publish_shared(PyObject *object, PyObject *message)
+{
+    const Sends *self = (const Sends *)object;
+    if (self->loop == NULL || self->publish == NULL) {
+        PyErr_SetString(PyExc_RuntimeError, "share() comes first");
+        return NULL;
+    }
+    PyObject *status = publish_guarded(self, message);
+    if (status == NULL)
+        return NULL;
+    if (status == Py_True) {
+        PyObject *is_interrupted = PyObject_GetAttr(self->loop, self->interrupted);
+        if (is_interrupted == Py_False) {
+            Py_DECREF(is_interrupted);
+            Py_DECREF(status);
+            Py_RETURN_NONE;
+        }
+        Py_XDECREF(is_interrupted);
+        if (is_interrupted == NULL) {
+            Py_DECREF(status);
+            return NULL;
+        }
+    }
+    PyObject *answer = PyObject_CallFunctionObjArgs(self->rest_shared, message, status, NULL);
+    Py_DECREF(status);
+    return answer;
+}
+
 static int sends_traverse(PyObject *object, visitproc visit, void *arg)
 {
     const Sends *self = (Sends *)object;
@@ -339,6 +428,10 @@ static int sends_traverse(PyObject *object, visitproc visit, void *arg)
     Py_VISIT(self->slow);
     Py_VISIT(self->go_on);
     Py_VISIT(self->forgotten);
+    Py_VISIT(self->acquire);
+    Py_VISIT(self->release);
+    Py_VISIT(self->loop);
+    Py_VISIT(self->rest_shared);
     return 0;
 }
 
@@ -350,12 +443,19 @@ static void sends_dealloc(PyObject *object)
     Py_XDECREF(self->slow);
     Py_XDECREF(self->go_on);
     Py_XDECREF(self->forgotten);
+    Py_XDECREF(self->acquire);
+    Py_XDECREF(self->release);
+    Py_XDECREF(self->loop);
+    Py_XDECREF(self->interrupted);
+    Py_XDECREF(self->rest_shared);
     DROP(self->sending);
     core_free(self);
 }
 
 static PyMethodDef sends_methods[] = {
     {"send", sends_send, METH_O, NULL},
+    {"share", sends_share, METH_VARARGS, NULL},
+    {"publish_shared", sends_publish_shared, METH_O, NULL},
     {0},
 };
 

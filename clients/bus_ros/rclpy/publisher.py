@@ -43,6 +43,11 @@ class Publisher(Destroyable, Generic[M]):
         self._loop = engine.loop
         self._guard = engine.loop.guard
         self.native = native
+        sends = native._sender.sends
+        if sends is not None and type(self).publish is Publisher.publish:
+            sends.share(self._loop, self._publish_on)
+            # Guard and quick way in one native call: half the time of a message.
+            self.publish = sends.publish_shared  # type: ignore[method-assign, assignment]
 
     @property
     def is_destroyed(self) -> bool:
@@ -76,21 +81,7 @@ class Publisher(Destroyable, Generic[M]):
         raises RuntimeError. Raises TypeError for a message of another class, or with a wrong field;
         InvalidHandle after it, or its node, was destroyed.
         """
-        if msg.__class__ is not self.msg_type:
-            self._publish_other(msg)
-            return
-        try:
-            native = self.native
-            with self._guard:
-                is_taken = native._sender.publish(msg)
-                if is_taken is not True:
-                    is_taken = native._publish_on(msg, is_taken)
-        except ConnectionClosed as error:
-            raise self._why_closed(error) from None
-        if self._loop.is_interrupted:
-            self._loop.check()
-        if not is_taken:
-            self._wait_for_room(msg)
+        self._publish_on(msg, None)
 
     def get_subscription_count(self) -> int:
         """Subscriptions matched now."""
@@ -114,6 +105,26 @@ class Publisher(Destroyable, Generic[M]):
         self.node.destroy_publisher(self)
 
     # --- inside
+
+    def _publish_on(self, msg: Any, status: int | bytes | None) -> None:
+        """What the quick way has left to do, as its `status` says; None: it was not tried."""
+        if msg.__class__ is not self.msg_type:
+            self._publish_other(msg)
+            return
+        is_taken = status is True
+        native = self.native
+        try:
+            if not is_taken:
+                with self._guard:
+                    if status is None:
+                        status = native._sender.publish(msg)
+                    is_taken = status is True or native._publish_on(msg, status)
+        except ConnectionClosed as error:
+            raise self._why_closed(error) from None
+        if self._loop.is_interrupted:
+            self._loop.check()
+        if not is_taken:
+            self._wait_for_room(msg)
 
     def _watch_event(self, event_type: IntEnum, enqueue: Any) -> Any:
         from bus_ros.rclpy.event_handler import watch_event  # late: few programs have wait sets
