@@ -322,9 +322,13 @@ class Pipeline:
                 raise BagError(f"the disk does not answer: '{self._writer.folder}' is left as it is")
             self._failure, self._thread = self._thread.failure, None
         self._is_ending = True
-        if self._failure is None:
-            for topic in self._topics.values():
-                self._channel(topic)
+        try:
+            if self._failure is None:
+                for topic in self._topics.values():
+                    self._channel(topic)
+            self.flush()  # before it is counted what is in the files
+        except _Faults as error:
+            self._failure = self._failure or error
         counts = self._writer.counts()
         for topic in self._topics.values():
             if missing := topic.written + topic.repeated - counts.get(topic.name, 0):

@@ -42,10 +42,10 @@ class WritingThread:
             return not self._jobs and not self._is_busy
 
     def drop(self) -> None:
-        """What waits will not be run."""
+        """What waits will not be run, but for jobs of no size: what comes later needs topics and files."""
         with self._condition:
             self.waiting_bytes -= sum(size for _, size in self._jobs)
-            self._jobs.clear()
+            self._jobs = deque(one for one in self._jobs if not one[1])
 
     def end(self, timeout_s: float | None = None) -> bool:
         """Wait until all has run, and end the thread; returns False where that takes too long."""

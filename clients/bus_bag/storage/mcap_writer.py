@@ -79,6 +79,7 @@ class McapWriter:
         """The chunks that can still be taken back."""
         self._metadata: list[tuple[int, int, str]] = []
         self._summary_size = 0
+        self._is_full = False
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
         self._reserve = _Reserve(path.parent)
         with suppress(OSError):  # some file systems have no locks
@@ -133,7 +134,9 @@ class McapWriter:
         self._append([record])
 
     def write_chunk(self, chunk: Chunk) -> None:
-        """Messages whose channels were written before."""
+        """Messages whose channels were written before; without these, or once the file is full, none is."""
+        if self._is_full or not chunk.index.keys() <= self._channels.keys():
+            return
         before = self.size
         if not self._preset.chunk_bytes:
             self._append_chunk(chunk.pieces)
@@ -172,6 +175,7 @@ class McapWriter:
         try:
             self._append(pieces)
         except BagFull as full:
+            self._is_full = True
             room = full.room + (0 if full.is_limit else self._reserve.size)
             while self._last and room + before - self.size < max(3 * self._summary_size, _LEAST_ROOM):
                 self._take_back()

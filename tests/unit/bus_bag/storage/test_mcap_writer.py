@@ -61,6 +61,7 @@ def fill(writer: BagWriter, channels: dict[str, int], count: int) -> str:
             write(writer, channels, [one])
             if one.sequence % 10 == 9:
                 writer.flush()
+    write(writer, channels, said(3))  # which are lost, as those that did not fit
     writer.write_metadata("busd.losses", {"/chatter": "{}"})
     writer.close()
     return str(full.value)

@@ -89,6 +89,19 @@ def test_jobs_of_another_thread(tmp_path: Path) -> None:
     assert writer.metadata().message_count == 10
 
 
+def test_messages_of_a_topic_that_is_not_in_the_file(tmp_path: Path) -> None:
+    """No reader could tell what they are: where the job that describes the topic was dropped, so are they."""
+    jobs: list[Callable[[], None]] = []
+    writer, channels = begin_bag(tmp_path / "walk", run=lambda job, size: jobs.append(job))
+    write(writer, channels, said(10))
+    writer.close()
+    for job in jobs[2:]:
+        job()
+    assert writer.counts() == {CHATTER.name: 0, LATCHED.name: 0}
+    with open_bag(tmp_path / "walk") as reader:
+        assert (read(reader), reader.problems) == ([], [])
+
+
 def test_a_bag_without_messages(tmp_path: Path) -> None:
     folder = write_bag(tmp_path / "walk", [])
     with open_bag(folder) as reader:
