@@ -8,12 +8,12 @@ import msgspec
 
 from bus_bag import losses
 from bus_bag.metadata import BagMetadata, TopicInformation
+from bus_bag.sizes import size_text
 from bus_bag.storage import BagReader
 
-__all__ = ["SORTINGS", "describe", "find_losses", "size_text", "topic_names"]
+__all__ = ["SORTINGS", "describe", "find_losses", "topic_names"]
 
 _INDENT = 19
-_UNITS = ("KiB", "MiB", "GiB", "TiB")
 _EVENTS = "/_service_event"
 _NS_PER_S = 1_000_000_000
 
@@ -83,17 +83,6 @@ def find_losses(reader: BagReader) -> dict[str, losses.TopicLosses]:
                 except ValueError:
                     continue
     return {}
-
-
-def size_text(size: float) -> str:
-    """Bytes as rosbag2 writes them: `57 B`, `1.5 KiB`, `127.9 MiB`."""
-    if size < 1024:
-        return f"{size:.0f} B"
-    unit = 0
-    while size >= 1024 and unit < len(_UNITS):
-        size /= 1024
-        unit += 1
-    return f"{size:.1f} {_UNITS[unit - 1]}"
 
 
 def is_event(topic: TopicInformation) -> bool:

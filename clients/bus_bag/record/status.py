@@ -2,7 +2,9 @@
 
 from collections import deque
 
-__all__ = ["Status", "size_text"]
+from bus_bag.sizes import size_text
+
+__all__ = ["Status"]
 
 _WINDOW_NS = 2_000_000_000
 
@@ -25,13 +27,3 @@ class Status:
         time = f"{seconds // 3600}:{seconds // 60 % 60:02}:{seconds % 60:02}"
         flow = f"{messages} messages | {rate:.1f} MB/s | cache {size_text(cached)} | lost {lost}"
         return f"{'paused' if is_paused else 'recording'} {time} | {flow}"
-
-
-def size_text(size: int) -> str:
-    """As rosbag2 writes sizes: `57 B`, `1.5 KiB`, `127.9 MiB`."""
-    value, unit = float(size), "B"
-    for larger in ("KiB", "MiB", "GiB", "TiB"):
-        if value < 1024:
-            break
-        value, unit = value / 1024, larger
-    return f"{size} B" if unit == "B" else f"{value:.1f} {unit}"

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from bags import CHATTER, START, begin_bag, cdr, said, write, write_bag
-from bus_bag.info import describe, size_text, topic_names
+from bus_bag.info import describe, topic_names
 from bus_bag.losses import RECORD, TopicLosses, to_record
 from bus_bag.metadata import BagMetadata, TopicMetadata
+from bus_bag.sizes import size_text
 from bus_bag.storage import open_bag
-from rows import for_each
 
 TEXT = """
 Files:             walk_0.mcap
@@ -100,14 +100,6 @@ def test_services(tmp_path: Path) -> None:
         assert "Request Count: 2 | Response Count: 1 | Size Contribution: 220 B" in describe(
             reader, verbose=True
         )
-
-
-@for_each(
-    ("size", "text"),
-    [(0, "0 B"), (1023, "1023 B"), (1024, "1.0 KiB"), (134113280, "127.9 MiB"), (2**60, "1048576.0 TiB")],
-)
-def test_sizes(size: int, text: str) -> None:
-    assert size_text(size) == text
 
 
 def test_times_of_nobody(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """The line on the terminal."""
 
-from bus_bag.record.status import Status, size_text
+from bus_bag.record.status import Status
 
 S = 1_000_000_000
 
@@ -20,8 +20,3 @@ def test_the_rate_is_that_of_the_last_seconds() -> None:
             second * S, 0, second * 5_000_000 if second < 10 else 45_000_000, 0, 0, is_paused=False
         )
     assert " 0.0 MB/s " in line
-
-
-def test_sizes() -> None:
-    sizes = (0, 1023, 1024, 134_113_434, 1 << 41)
-    assert [size_text(size) for size in sizes] == ["0 B", "1023 B", "1.0 KiB", "127.9 MiB", "2.0 TiB"]

@@ -1,0 +1,139 @@
+"""The recorder's node, in the test's process: what it finds, what it says, how it ends."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import bus
+from bus.msg.std_msgs import Int32, String
+from bus_bag.info import find_losses
+from bus_bag.losses import TopicLosses
+from bus_bag.record import recorder as module
+from bus_bag.record.choice import Wanted
+from bus_bag.record.options import RecordOptions
+from bus_bag.record.recorder import Recorder
+from bus_bag.storage import open_bag
+from recording import Bag
+from semantics import node as node
+from semantics import until
+
+ALL = Wanted(all_topics=True)
+
+
+@asynccontextmanager
+async def recording(bag: Bag, **options: Any) -> AsyncIterator[Recorder]:
+    """A recorder that has begun; at the end of the block it has ended."""
+    async with bus.Node("rosbag2_recorder", arguments=[], rosout=False) as node:
+        recorder = Recorder(node, RecordOptions(folder=bag.folder, **{"wanted": ALL, **options}))
+        running = asyncio.create_task(recorder.run())
+        await until(lambda: recorder._has_begun)
+        try:
+            yield recorder
+        finally:
+            recorder.stop()
+            await running
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Bag:
+    return Bag(tmp_path / "walk")
+
+
+async def test_many_topics_are_found_together(node: bus.Node, bag: Bag) -> None:
+    publishers = [await node.create_publisher(Int32, f"topic_{number}", 10) for number in range(100)]
+    async with recording(bag) as recorder:
+        for publisher in publishers:
+            publisher.publish(Int32(data=1))
+        later = await node.create_publisher(Int32, "later", 10)
+        await later.wait_for_subscriptions()
+        later.publish(Int32(data=2))
+        await until(lambda: recorder.pipeline.losses()["/later"].written)
+    written = {topic: losses.written for topic, losses in bag.losses().items()}
+    assert {topic: count for topic, count in written.items() if "topic_" in topic or topic == "/later"} == {
+        **{f"/topic_{number}": 1 for number in range(100)},
+        "/later": 1,
+    }
+
+
+async def test_the_accounts_are_written_while_it_records(
+    node: bus.Node, bag: Bag, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "_PERIOD_S", 0.01)
+    monkeypatch.setattr(module, "_LOSSES_S", 0.01)
+    publisher = await node.create_publisher(Int32, "topic", 10)
+    publisher.publish(Int32())
+
+    def losses() -> dict[str, TopicLosses]:
+        with open_bag(bag.folder) as reader:
+            return find_losses(reader)
+
+    async with recording(bag):
+        publisher.publish(Int32(data=1))
+        await until(lambda: losses().get("/topic") == TopicLosses(1, 1))
+
+
+async def test_a_topic_that_becomes_another(
+    node: bus.Node, bag: Bag, capfd: pytest.CaptureFixture[str]
+) -> None:
+    first = await node.create_publisher(Int32, "topic", 10)
+    async with recording(bag):
+        first.publish(Int32(data=1))
+        await first.close()
+        second = await node.create_publisher(String, "topic", 10)
+        said: list[str] = []
+        await until(lambda: said.append(capfd.readouterr().err) or "of another type" in "".join(said))
+        second.publish(String(data="unheard"))
+    assert (
+        "Topic '/topic' is recorded as std_msgs/msg/Int32; what publishers of another type send there is not "
+        "recorded"
+    ) in "".join(said)
+    assert bag.losses()["/topic"] == TopicLosses(1, 1)
+
+
+async def test_profiles_may_be_chosen(node: bus.Node, bag: Bag, capfd: pytest.CaptureFixture[str]) -> None:
+    await node.create_publisher(Int32, "topic", 10)
+    async with recording(bag, overrides={"/topic": bus.QoSProfile(7)}):
+        graph = await node.graph()
+        assert [one.qos for one in graph.subscriptions_of("/topic")] == [bus.QoSProfile(7)]
+    assert "Overriding subscription profile for /topic\n" in capfd.readouterr().err
+
+
+async def test_all_that_was_named_is_there(
+    node: bus.Node, bag: Bag, capfd: pytest.CaptureFixture[str]
+) -> None:
+    await node.create_publisher(Int32, "topic", 10)
+    async with recording(bag, wanted=Wanted(topics=frozenset(["/topic"]))):
+        pass
+    assert "All requested topics are subscribed. Stopping discovery...\n" in capfd.readouterr().err
+
+
+async def test_without_discovery_only_what_is_there(node: bus.Node, bag: Bag) -> None:
+    await node.create_publisher(Int32, "topic", 10)
+    async with recording(bag, has_discovery=False) as recorder:
+        await node.create_publisher(Int32, "later", 10)
+        await node.wait_for_graph(lambda graph: "/later" in graph.topics())
+        assert "/topic" in recorder.pipeline.losses()
+        assert "/later" not in recorder.pipeline.losses()
+
+
+async def test_what_fails_in_the_middle_ends_it_with_a_whole_bag(
+    node: bus.Node, bag: Bag, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    publisher = await node.create_publisher(Int32, "topic", 10)
+    with pytest.raises(ZeroDivisionError):
+        async with recording(bag) as recorder:
+            publisher.publish(Int32(data=1))
+            await until(lambda: recorder.pipeline.losses()["/topic"].written)
+
+            def fail(graph: bus.Graph) -> None:
+                raise ZeroDivisionError
+
+            monkeypatch.setattr(recorder._choice, "choose", fail)
+            await node.create_publisher(Int32, "later", 10)
+            await until(lambda: recorder._error)
+    assert bag.losses()["/topic"] == TopicLosses(1, 1)
+    assert bag.metadata.message_count >= 1
