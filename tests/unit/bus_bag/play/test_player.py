@@ -1,6 +1,7 @@
 """What happens when: pauses, outputs without room or with errors, seeks, and a bag that can't be read on."""
 
 import asyncio
+import threading
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from time import monotonic_ns
@@ -28,8 +29,11 @@ class Reader:
     def __init__(self, *times_ms: float, error: Exception | None = None) -> None:
         self.times_ms = times_ms
         self.error = error
+        self.may_read = threading.Event()
+        self.may_read.set()
 
     def messages(self, start: int | None, topics: Any, by: str) -> Iterator[BagMessage]:
+        assert self.may_read.wait(30)
         for number, at_ms in enumerate(self.times_ms):
             if (at_ns := round(at_ms * MS)) >= (start or 0):
                 yield BagMessage("/a", at_ns, 0, 0, bytes([number]))
@@ -178,3 +182,15 @@ async def test_a_seek_where_the_bag_cannot_be_read_is_answered() -> None:
         assert not await player.seek(5)
         with pytest.raises(BagError, match="broken"):
             await task
+
+
+async def test_the_bags_time_stands_still_while_it_is_read() -> None:
+    output, reader = Output(), Reader(0, 1, 2)
+    reader.may_read.clear()
+    async with playing(reader, output, rate=50.0) as player:
+        task = asyncio.create_task(player.play())
+        await turns()
+        assert player.bag_time == 0
+        reader.may_read.set()
+        assert await task
+        assert output.taken == [0, 1, 2] and player.bag_time >= 2 * MS
