@@ -137,3 +137,26 @@ async def test_what_fails_in_the_middle_ends_it_with_a_whole_bag(
             await until(lambda: recorder._error)
     assert bag.losses()["/topic"] == TopicLosses(1, 1)
     assert bag.metadata.message_count >= 1
+
+
+async def test_ended_before_the_simulation_begins(node: bus.Node, bag: Bag) -> None:
+    arguments = ["--ros-args", "-p", "use_sim_time:=true"]
+    async with bus.Node("rosbag2_recorder", arguments=arguments, rosout=False) as recording_node:
+        recorder = Recorder(recording_node, RecordOptions(folder=bag.folder, wanted=ALL, is_simulated=True))
+        running = asyncio.create_task(recorder.run())
+        await node.wait_for_graph(lambda graph: bool(graph.subscriptions_of("/clock")))
+        recorder.stop()
+        assert await running == {}
+    assert bag.metadata.message_count == 0
+
+
+async def test_cancelled(node: bus.Node, bag: Bag) -> None:
+    publisher = await node.create_publisher(Int32, "topic", 10)
+    async with bus.Node("rosbag2_recorder", arguments=[], rosout=False) as recording_node:
+        recorder = Recorder(recording_node, RecordOptions(folder=bag.folder, wanted=ALL))
+        running = asyncio.create_task(recorder.run())
+        await publisher.wait_for_subscriptions()
+        running.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await running
+    assert bag.metadata.message_count == 0

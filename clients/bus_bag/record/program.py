@@ -16,7 +16,6 @@ from bus_bag.keyboard import Keyboard
 from bus_bag.losses import TopicLosses, lines
 from bus_bag.record.options import RecordOptions
 from bus_bag.record.recorder import Recorder
-from bus_bag.record.services import serve
 from bus_bag.record.status import Status
 from bus_bag.status_line import StatusLine
 
@@ -50,7 +49,6 @@ async def _record(options: RecordOptions, open_node: Callable[[], Node]) -> int:
             keyboard = None
             showing = asyncio.create_task(_show(recorder, line, options.progress_hz))
             try:
-                await serve(node, recorder)
                 if options.has_keys and Keyboard.is_there():
                     keyboard = Keyboard(lambda keys: _press(recorder, keys), line.erase)
                     node.get_logger().info("Press SPACE for pausing/resuming")

@@ -20,6 +20,7 @@ from bus_bag.losses import TopicLosses
 from bus_bag.record.choice import Choice, Found
 from bus_bag.record.options import RecordOptions
 from bus_bag.record.pipeline import Pipeline
+from bus_bag.record.services import serve
 from bus_bag.record.topic import RecordedTopic, profile_for
 from bus_ros.cdr import CdrError
 
@@ -54,7 +55,7 @@ class Recorder:
         self._progress = asyncio.Event()
         self._stopped = asyncio.Event()
         self._has_begun = False
-        self._is_hurried = False
+        self._is_told = self._is_hurried = False
         self._error: BaseException | None = None
         self._splits: Any = None
         self.is_paused = options.is_paused
@@ -78,15 +79,19 @@ class Recorder:
     async def run(self) -> dict[str, TopicLosses]:
         """Record until `stop`, or until nothing more can be written (`failure`); returns the accounts.
 
-        Cancellation: the bag is closed with what is in it.
+        Whatever it raises, the bag is closed with what is in it. Cancellation: the same.
         """
-        self._splits = await self._node.create_publisher(message_class(_SPLIT_EVENT), "events/write_split")
-        await self._wait_for_clock()
-        self._log.info("Listening for topics...")
-        tasks = [asyncio.create_task(self._discover()), asyncio.create_task(self._keep_time())]
-        for task in tasks:
-            task.add_done_callback(self._ended)
+        tasks: list[asyncio.Task[None]] = []
         try:
+            self._splits = await self._node.create_publisher(
+                message_class(_SPLIT_EVENT), "events/write_split"
+            )
+            await serve(self._node, self)
+            await self._wait_for_clock()
+            self._log.info("Listening for topics...")
+            tasks += [asyncio.create_task(self._discover()), asyncio.create_task(self._keep_time())]
+            for task in tasks:
+                task.add_done_callback(self._ended)
             await self._stopped.wait()
             for task in tasks:
                 task.cancel()
@@ -107,10 +112,11 @@ class Recorder:
 
     def stop(self) -> None:
         """End the recording; the second time without what still waits for the file."""
-        if self._stopped.is_set():
+        if self._is_told:
             self._is_hurried = True
             self.pipeline.drop()
             self._progress.set()
+        self._is_told = True
         self._stopped.set()
 
     @property
@@ -189,10 +195,10 @@ class Recorder:
 
     def _begin(self) -> None:
         self._has_begun = True
-        if self.is_paused:
-            self._log.info("Wait for recording: Press SPACE to start.")
-        else:
+        if not self.is_paused:
             self._log.info("Recording...")
+        elif self._options.has_keys:
+            self._log.info("Wait for recording: Press SPACE to start.")
 
     async def _look(self, graph: Graph) -> None:
         found, reasons = self._choice.choose(graph)

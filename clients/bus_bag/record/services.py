@@ -1,16 +1,29 @@
 """The services of a recorder's node: those of rosbag2's."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 from bus.node import Node
 from bus.types.classes import service_class
-from bus_bag.record.recorder import Recorder
 
-__all__ = ["serve"]
+__all__ = ["Served", "serve"]
 
 
-async def serve(node: Node, recorder: Recorder) -> None:
+class Served(Protocol):
+    """What the services steer: a recorder."""
+
+    is_paused: bool
+
+    def pause(self) -> None: ...
+
+    def resume(self) -> None: ...
+
+    def split(self) -> None: ...
+
+    def snapshot(self) -> bool: ...
+
+
+async def serve(node: Node, recorder: Served) -> None:
     """Have `node` do with `recorder` what others ask for, until it is closed."""
 
     async def offer(name: str, service: str, answer: Callable[[], dict[str, Any] | None]) -> None:
