@@ -73,7 +73,7 @@ class Feed:
         self._decode = decode
         self._order: Order = order
         self._size = max(1, size)
-        self._low = int(self._size * _LOW)
+        self._low = max(1, int(self._size * _LOW))
         self._run = _Run(None)
         self._run.has_ended = True
         self._runs: deque[_Run | None] = deque()

@@ -2,6 +2,7 @@
 
 import asyncio
 import threading
+import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from typing import Any
@@ -123,6 +124,19 @@ async def test_no_more_is_read_ahead_than_allowed(monkeypatch: pytest.MonkeyPatc
         await feed.wait(is_full=True)
         assert len(feed._run.entries) == 5
         assert [data[0] for data in await take(feed)] == list(range(50))
+
+
+@pytest.mark.parametrize("size", [0, 1, 2])
+async def test_one_message_at_a_time(size: int) -> None:
+    async with reading(Reader(*(message("/a", at) for at in range(10))), size=size) as feed:
+        feed.start_at(None)
+        found = []
+        end_s = time.monotonic() + 5
+        while not feed.has_ended and time.monotonic() < end_s:
+            if feed.peek() is not None:
+                found.append(feed.pop().payload)
+            await feed.wait()
+        assert found == [str(at).encode() for at in range(10)]
 
 
 async def test_a_new_beginning_while_the_thread_reads_or_waits_for_room() -> None:
