@@ -113,7 +113,8 @@ def overrides_from_yaml(document: object) -> dict[str, QoSProfile]:
     for topic, profile in document.items():
         if not isinstance(profile, dict):
             raise ConfigurationError(f"QoS profile of topic '{topic}' must be a map of policies")
-        profiles[str(topic)] = _override(profile)
+        name = str(topic)
+        profiles[name if name.startswith("/") else f"/{name}"] = _override(profile)
     return profiles
 
 

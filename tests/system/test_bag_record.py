@@ -75,10 +75,21 @@ def test_what_does_not_go_together(tmp_path: Path) -> None:
         "/clock topic needs to be discovered to record with sim time.\n"
     )
     assert refused("-e", "[", "-o", str(tmp_path / "walk")).startswith("'[' is no regular expression: ")
-    (tmp_path / "qos.yaml").write_text("/topic: {depth: 5, colour: red}")
-    assert refused("-a", "--qos-profile-overrides-path", str(tmp_path / "qos.yaml")) == (
-        "Unexpected key `colour` for QoS profile.\n"
+    assert refused("/a!").startswith("Invalid topic name: topic name must not contain characters other than")
+    assert refused("-a", "--custom-data", "a=b=c", "site") == (
+        "[ERROR] [ros2bag]: --custom-data takes KEY=VALUE, not 'site'\n"
     )
+    qos = tmp_path / "qos.yaml"
+    for content, text in (
+        (b"/topic: {depth: 5, colour: red}", "Unexpected key `colour` for QoS profile."),
+        (b"/topic: [", f"'{qos}' can't be used: it is no YAML, line "),
+        (b"\xff\xfe\0", f"'{qos}' can't be used: it is no YAML: "),
+        (b"[" * 100_000, f"'{qos}' can't be used: it is nested too deeply"),
+    ):
+        qos.write_bytes(content)
+        told = refused("-a", "--qos-profile-overrides-path", str(qos))
+        assert told.startswith(f"[ERROR] [ros2bag]: {text}")
+        assert told.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir() if path.is_dir()] == []
 
 

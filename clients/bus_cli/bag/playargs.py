@@ -4,6 +4,7 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
 from typing import Any
 
+from bus_cli.bag.reading import STORAGES, overrides_in
 from bus_cli.output import CommandError
 
 __all__ = ["add_reader_arguments", "nanoseconds", "not_negative", "not_negative_int", "play", "seconds"]
@@ -16,7 +17,11 @@ _LEVELS = ("debug", "info", "warn", "error", "fatal")
 def add_reader_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("bag_path", help="Bag to play: its folder, or a file .mcap or .db3")
     parser.add_argument(
-        "-s", "--storage", metavar="ID", help="ros2's: mcap or sqlite3; here the files say what they are"
+        "-s",
+        "--storage",
+        default="",
+        choices=STORAGES,
+        help="Storage implementation of bag; taken, and without effect: files say what they are",
     )
     parser.add_argument(
         "--read-ahead-queue-size",
@@ -90,7 +95,7 @@ def play(args: Namespace, *, burst: int | None = None, **options: Any) -> int:
         raise CommandError(error) from None
     given = PlayOptions(
         selection=selection,
-        overrides=_overrides(args.qos_profile_overrides_path),
+        overrides=overrides_in(args.qos_profile_overrides_path),
         remaps=args.remap,
         start_offset=nanoseconds(args.start_offset),
         read_ahead=args.read_ahead_queue_size,
@@ -105,21 +110,6 @@ def play(args: Namespace, *, burst: int | None = None, **options: Any) -> int:
         return 0
 
     return run_stream(main())
-
-
-def _overrides(path: str | None) -> Any:
-    if path is None:
-        return {}
-    from bus.errors import ConfigurationError
-    from bus_bag.profiles import overrides_from_yaml
-    from bus_bag.yaml_text import load
-
-    try:
-        return overrides_from_yaml(load(Path(path).read_text(errors="replace")))
-    except ConfigurationError as error:
-        raise CommandError(f"[ERROR] [ros2bag]: {error}") from None
-    except ValueError as error:
-        raise CommandError(f"[ERROR] [ros2bag]: '{path}' can't be used: {error}") from None
 
 
 def nanoseconds(seconds: float) -> int:

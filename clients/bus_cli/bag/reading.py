@@ -1,4 +1,4 @@
-"""What verbs that read bags have in common."""
+"""What the verbs have in common."""
 
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
@@ -6,12 +6,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bus_cli.output import complain
+from bus_cli.output import CommandError, complain
 
 if TYPE_CHECKING:
+    from bus.qos import QoSProfile
     from bus_bag.storage import BagReader
 
-__all__ = ["add_bag_argument", "opened", "tell_problems"]
+__all__ = ["STORAGES", "add_bag_argument", "opened", "overrides_in", "tell_problems"]
 
 STORAGES = ("mcap", "sqlite3")
 _MOST = 20
@@ -52,3 +53,19 @@ def tell_problems(reader: "BagReader") -> None:
     is_whole = not reader.is_cut and (reader.path / "metadata.yaml").exists()
     if problems and reader.path.is_dir() and not is_whole and not reader.is_being_written:
         complain(f"[WARN] [ros2bag]: to make it whole: bus bag reindex {reader.path}")
+
+
+def overrides_in(path: str | None) -> "dict[str, QoSProfile]":
+    """The profiles of a file `--qos-profile-overrides-path`, by topic; none without one."""
+    if path is None:
+        return {}
+    from bus.errors import ConfigurationError
+    from bus_bag.profiles import overrides_from_yaml
+    from bus_bag.yaml_text import load
+
+    try:
+        return overrides_from_yaml(load(Path(path).read_text(errors="replace")))
+    except ConfigurationError as error:
+        raise CommandError(f"[ERROR] [ros2bag]: {error}") from None
+    except ValueError as error:
+        raise CommandError(f"[ERROR] [ros2bag]: '{path}' can't be used: {error}") from None

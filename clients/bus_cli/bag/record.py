@@ -4,8 +4,9 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from time import localtime, strftime
 
+from bus.names import validate_full_topic_name
 from bus.node import Node
-from bus.qos import QoSProfile
+from bus_cli.bag.reading import overrides_in
 from bus_cli.completion import completed_by, topics, types
 from bus_cli.output import CommandError, complain
 from bus_cli.query import full_type_name
@@ -145,7 +146,7 @@ def main(args: Namespace) -> int:
             include_unpublished_topics=args.include_unpublished_topics,
             ignore_leaf_topics=args.ignore_leaf_topics,
         ),
-        overrides=_overrides(args.qos_profile_overrides_path),
+        overrides=overrides_in(args.qos_profile_overrides_path),
         has_discovery=not args.no_discovery,
         max_bag_size=args.max_bag_size,
         max_bag_duration=args.max_bag_duration,
@@ -155,7 +156,7 @@ def main(args: Namespace) -> int:
         is_paused=args.start_paused,
         is_simulated=args.use_sim_time,
         is_snapshot=args.snapshot_mode,
-        custom_data=dict(pair.partition("=")[::2] for pair in args.custom_data or ()),
+        custom_data=dict(map(_pair, args.custom_data or ())),
         node_name=args.node_name,
         progress_hz=args.progress_bar_update_rate,
         has_keys=not args.disable_keyboard_controls,
@@ -216,21 +217,18 @@ def _warn(text: str) -> None:
 
 
 def _names(names: list[str]) -> frozenset[str]:
-    return frozenset(name if name.startswith("/") else f"/{name}" for name in names)
+    found = frozenset(name if name.startswith("/") else f"/{name}" for name in names)
+    for name in found:
+        validate_full_topic_name(name)
+    return found
 
 
 def _types(names: list[str]) -> frozenset[str]:
     return frozenset(map(full_type_name, names))
 
 
-def _overrides(path: str | None) -> dict[str, QoSProfile]:
-    if path is None:
-        return {}
-    import yaml
-
-    from bus_bag.profiles import overrides_from_yaml
-
-    try:
-        return overrides_from_yaml(yaml.safe_load(Path(path).read_text()))
-    except yaml.YAMLError as error:
-        raise _error(f"'{path}' is no YAML: {error}") from None
+def _pair(text: str) -> tuple[str, str]:
+    key, is_pair, value = text.partition("=")
+    if not (key and is_pair):
+        raise _error(f"--custom-data takes KEY=VALUE, not '{text}'")
+    return key, value

@@ -50,7 +50,7 @@ def test_no_profiles(value: object) -> None:
 def test_overrides() -> None:
     document = {
         "/scan": {"depth": 3, "reliability": "best_effort", "deadline": {"sec": 2, "nsec": 0}},
-        "/x": {},
+        "x": {},
     }
     assert overrides_from_yaml(document) == {
         "/scan": QoSProfile(3, reliability="best_effort", deadline=2.0),
