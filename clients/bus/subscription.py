@@ -20,7 +20,7 @@ from bus.delivery.receiver import Receiver, Taken
 from bus.delivery.sequence import PublisherProxy
 from bus.delivery.shm_receiver import ShmReceiver
 from bus.endpoint import Endpoint, NodeContext
-from bus.errors import BusError, ConnectionClosed, again
+from bus.errors import BusError, ConfigurationError, ConnectionClosed, again
 from bus.events import LivelinessChanged, MessageLost, SubscriptionEvents
 from bus.qos import Durability, History, QoSProfile
 from bus.types.large_fields import view_type
@@ -101,7 +101,6 @@ class Subscription(Endpoint[M]):
         self._ack_timer: asyncio.TimerHandle | None = None
         self._arrivals = link.waiters()
         self._on_arrival: Callable[[], object] | None = None
-        """Called on the event loop when something has come that may be taken; in place of a callback."""
         self._on_end: Callable[[BusError], object] | None = None
         """Called once it can't be used any more, whatever the cause."""
         self._rings: ShmReceiver | None = None
@@ -157,6 +156,19 @@ class Subscription(Endpoint[M]):
             )
             for message, stamp_ns, seq, proxy, received_ns in batch
         ]
+
+    def set_arrival_callback(self, callback: Callable[[], object] | None) -> None:
+        """Have `callback` called on the event loop when messages have come, once for all that came together.
+
+        For programs that take from many subscriptions as soon as something is there, without a task for each.
+        Messages that wait already are not announced. While it is set, `receive` and iteration are not woken;
+        None ends that. Raises ConfigurationError where the subscription delivers its messages to a callback.
+
+            subscription.set_arrival_callback(lambda: write(subscription.take_many(1000)))
+        """
+        if self._dispatcher is not None:
+            raise ConfigurationError("a subscription that delivers to a callback announces no arrivals")
+        self._on_arrival = callback
 
     async def receive(self) -> tuple[M, MessageInfo]:
         """Wait for the next message; returns it with its info.

@@ -264,6 +264,26 @@ class TestTakingMany:
         assert subscription.take_many(0) == []
 
 
+class TestArrivals:
+    async def test_they_are_announced_until_nobody_wants_it(self, node: bus.Node) -> None:
+        publisher = await node.create_publisher(Wheel, "t", 10)
+        subscription = await node.create_subscription(Wheel, "t", 10)
+        taken: list[Any] = []
+        subscription.set_arrival_callback(lambda: taken.extend(subscription.take_many(10)))
+        for number in (1, 2):
+            publisher.publish(Wheel("front"))
+            await until(lambda number=number: len(taken) == number)
+        subscription.set_arrival_callback(None)
+        publisher.publish(Wheel("rear"))
+        assert (await subscription.receive())[0].name == "rear"
+        assert len(taken) == 2
+
+    async def test_not_where_messages_go_to_a_callback(self, node: bus.Node) -> None:
+        subscription = await node.create_subscription(Wheel, "t", 10, lambda message: None)
+        with pytest.raises(bus.ConfigurationError, match="delivers to a callback"):
+            subscription.set_arrival_callback(lambda: None)
+
+
 THEN_NS = 1_234_567_890_123_456_789
 
 

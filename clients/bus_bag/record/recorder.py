@@ -253,7 +253,7 @@ class Recorder:
             self._log.error(f"Topic '{found.topic}' is not recorded: {error}")
             return
         topic.subscription = subscription
-        subscription._on_arrival = partial(self._take, topic)
+        subscription.set_arrival_callback(partial(self._take, topic))
         self._meet(topic)
         self._take(topic)
         self._log.info(f"Subscribed to topic '{found.topic}'")

@@ -78,7 +78,7 @@ class Subscription(Entity, Destroyable, Generic[M]):
         self._is_waited_for = False  # a thread is in `sleep`, and takes what comes: the order stays
         self._is_quiet = False  # nobody wants to hear of losses, for which each message would be looked at
         with engine.loop:
-            native._on_arrival = self._look
+            native.set_arrival_callback(self._look)
 
     @property
     def callback(self) -> Callable[..., object]:

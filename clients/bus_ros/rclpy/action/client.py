@@ -157,7 +157,8 @@ class ActionClient(ActionEntity):
             self.notify()  # for what has come before
 
     def _begin_to_hear(self) -> None:
-        self._ends.feedback._on_arrival = self._ends.status._on_arrival = self.notify
+        for subscription in (self._ends.feedback, self._ends.status):
+            subscription.set_arrival_callback(self.notify)
 
     def get_num_entities(self) -> NumberOfEntities:
         """Of rclpy's wait sets: two subscriptions and three clients."""

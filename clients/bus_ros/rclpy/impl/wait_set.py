@@ -162,7 +162,7 @@ class Subscription(Source):
         super().__init__(self.native.close)
         self._next: Any = None
         with engine().loop:
-            self.native._on_arrival = self._tell
+            self.native.set_arrival_callback(self._tell)
 
     def is_ready(self) -> bool:
         with engine().loop:
