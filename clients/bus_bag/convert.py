@@ -22,7 +22,7 @@ from bus_bag.metadata import TopicMetadata
 from bus_bag.record.choice import Choice, Wanted
 from bus_bag.record.splitting import Splitting
 from bus_bag.storage import BagMessage, BagReader, BagWriter, open_bag
-from bus_bag.storage.merge import Place, merge
+from bus_bag.storage.merge import Place, merge, timed
 from bus_bag.yaml_text import load
 from bus_ros.cdr import codec_of
 
@@ -228,11 +228,11 @@ def _copy(
 
 
 def _merged(readers: Iterable[BagReader], topics: Mapping[str, _Topic]) -> Iterator[BagMessage]:
-    def place(reader: BagReader) -> Place:
+    def place(reader: BagReader) -> Place[BagMessage]:
         chosen = [name for name, one in reader.topics.items() if one.type == topics[name].metadata.type]
-        return Place(reader.metadata.starting_time, lambda: reader.messages(topics=chosen))
+        return Place(reader.metadata.starting_time, lambda: timed(reader.messages(topics=chosen), "log_time"))
 
-    return merge([place(reader) for reader in readers], "log_time")
+    return merge([place(reader) for reader in readers])
 
 
 def _topics_of(readers: Sequence[BagReader], warnings: list[str]) -> dict[str, _Topic]:

@@ -4,25 +4,24 @@ Whatever bytes a file has, reading it ends, raises nothing but BagError, and hol
 index says in memory. What can't be read is a Problem, and is passed over.
 """
 
-import fcntl
-import os
 import struct
 import zlib
-from collections import Counter, OrderedDict
+from array import array
+from bisect import bisect_left
+from collections import Counter
 from collections.abc import Iterator
-from itertools import pairwise
+from itertools import islice, repeat
+from operator import le
 from pathlib import Path
 from typing import Any
-
-import msgspec
 
 from bus_bag.errors import BagError
 from bus_bag.metadata import BagMetadata, TopicMetadata, from_record
 from bus_bag.profiles import profiles_from_yaml
+from bus_bag.storage.mcap_bytes import INDEX_HEAD, McapBytes, Segment
 from bus_bag.storage.mcap_format import CHUNK_HEAD, FOOTER_SIZE, MAGIC, MESSAGE, RECORD, Opcode, decode
 from bus_bag.storage.merge import Place, merge
-from bus_bag.storage.unpacking import unpack
-from bus_bag.storage.values import BagMessage, Buffer, Order, Problem, Summary
+from bus_bag.storage.values import BagMessage, Buffer, Order, Summary
 
 __all__ = ["McapFile"]
 
@@ -30,35 +29,21 @@ _MAX_RECORD = 64 << 20
 """Of records that are neither messages nor chunks: more is not believed."""
 _RUN = 1 << 20
 """Messages outside of chunks are read together up to so many bytes."""
-_LOADED = 64 << 20
-"""Chunks that wait for their turn are read again if they are more bytes together."""
-_MAX_PROBLEMS = 1000
-_WINDOW = 64 << 10
+_MOST_WAITING = 20_000_000
+"""Messages of chunks that overlap in time: no recorder makes so many."""
+_SHORT = 64 << 10
+"""Records up to here are read with those around them."""
 _HEAD = MESSAGE.size
 _CHUNK_INDEX = struct.Struct("<QQQQI")
 """First and last log time, offset, length, bytes of the entries: where the index of each channel is."""
 _INDEX_ENTRY = struct.Struct("<HQ")
-_INDEX_HEAD = struct.Struct("<HI")
 
 
-class _Segment(msgspec.Struct):
-    """Messages that are read together: a chunk, or messages outside of chunks."""
-
-    offset: int
-    """Of the first record."""
-    length: int
-    start: int
-    end: int
-    channels: frozenset[int] | None
-    """Of which it has messages; None: not known."""
-    is_chunk: bool
-
-
-class McapFile:
+class McapFile(McapBytes):
     """See `BagFile`. Raises BagError for what is no MCAP file, OSError where it can't be opened."""
 
     def __init__(self, path: Path, descriptor: int | None = None) -> None:
-        self.path = path
+        super().__init__(path, descriptor)
         self.summary = Summary()
         self.topics: dict[str, TopicMetadata] = {}
         self.extra: dict[str, dict[str, str]] = {}
@@ -67,21 +52,15 @@ class McapFile:
         """The metadata records: name, texts."""
         self.attachments = 0
         """How many it has; they are not read."""
-        self.problems: list[Problem] = []
         self.is_cut = False
         self.has_index = False
-        self._segments: list[_Segment] = []
         self.schemas: dict[int, Any] = {}
         """By their numbers, as records of `mcap.records`, and so are channels."""
         self.channels: dict[int, Any] = {}
         self._channels: dict[int, str] = {}
         """Channel -> topic; those that can be read."""
         self._refused: set[int] = set()
-        self._loaded: OrderedDict[int, Buffer] = OrderedDict()
-        self._loaded_size = 0
-        self._window = b""
-        self._window_at = 0
-        self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC) if descriptor is None else descriptor
+        self._waiting = 0
         try:
             self._open()
         except BaseException:
@@ -92,36 +71,6 @@ class McapFile:
     def has_message_index(self) -> bool:
         """Whether it also says where in its chunks messages are: others need that to begin anywhere."""
         return self.has_index and all(one.channels is not None for one in self._segments)
-
-    @property
-    def is_being_written(self) -> bool:
-        """Whether a recorder has it open."""
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-        except OSError:  # some file systems have no locks
-            return False
-        fcntl.flock(self._file, fcntl.LOCK_UN)
-        return False
-
-    @property
-    def is_compressed(self) -> bool:
-        """Whether its first chunk is."""
-        chunk = next((segment for segment in self._segments if segment.is_chunk), None)
-        if chunk is None:
-            return False
-        try:
-            return bool(_chunk_head(self._read(chunk.offset, min(chunk.length, 1024)))[0])
-        except ValueError:
-            return False
-
-    def close(self) -> None:
-        """Close the file."""
-        if self._file >= 0:
-            os.close(self._file)
-            self._file = -1
-        self._loaded.clear()
 
     def metadata(self) -> BagMetadata | None:
         """What the last `rosbag2` record says of the whole bag."""
@@ -161,133 +110,73 @@ class McapFile:
         else:
             places = self._by_publish_time(segments, wanted, start)
 
-        def place(begin: int, segment: _Segment) -> Place:
+        def place(begin: int, segment: Segment) -> Place[tuple[Segment, int]]:
             return Place(begin, lambda: self._in_order(segment, wanted, start, by))
 
-        return merge([place(begin, segment) for begin, segment in places], by)
+        for segment, position in merge([place(begin, segment) for begin, segment in places]):
+            if (message := self._message(segment, position, wanted)) is not None:
+                yield message
 
     def _by_publish_time(
-        self, segments: list[_Segment], wanted: dict[int, str], start: int | None
-    ) -> list[tuple[int, _Segment]]:
+        self, segments: list[Segment], wanted: dict[int, str], start: int | None
+    ) -> list[tuple[int, Segment]]:
         """Nothing in a file says when the messages of a chunk were published, but they."""
         places = []
         for segment in segments:
-            times = [time for time, *_ in self._entries(segment, wanted, 5)]
+            times, _ = self._entries(segment, wanted, 5)
             if times and (start is None or max(times) >= start):
                 places.append((min(times), segment))
         return places
 
     def _in_order(
-        self, segment: _Segment, wanted: dict[int, str], start: int | None, by: Order
-    ) -> Iterator[BagMessage]:
-        at = 4 if by == "log_time" else 5
-        entries = self._entries(segment, wanted, at)
-        if start is not None:
-            entries = [entry for entry in entries if entry[0] >= start]
-        if any(after < before for (before, _), (after, _) in pairwise(entries)):
-            entries.sort()
-        unpack_head = MESSAGE.unpack_from
-        for _, position in entries:
-            data = self._load(segment)
-            _, length, channel, sequence, log_time, publish_time = unpack_head(data, position)
-            begin = position + _HEAD
-            content = memoryview(data)[begin : begin + length - 22]
-            yield BagMessage(wanted[channel], log_time, publish_time, sequence, content)
+        self, segment: Segment, wanted: dict[int, str], start: int | None, by: Order
+    ) -> Iterator[tuple[int, tuple[Segment, int]]]:
+        """Times and places of messages, and not these: they would keep their chunks in memory."""
+        times, positions = self._entries(segment, wanted, 4 if by == "log_time" else 5)
+        if self._waiting + len(times) > _MOST_WAITING:
+            self._problem(segment.offset, f"{len(times)} messages are passed over: too many overlap in time")
+            return
+        self._waiting += len(times)
+        if not all(map(le, times, islice(times, 1, None))):
+            order = sorted(range(len(times)), key=times.__getitem__)
+            positions = array("Q", map(positions.__getitem__, order))
+            times = array("Q", sorted(times))
+        first = 0 if start is None else bisect_left(times, start)
+        entries = zip(times, zip(repeat(segment), positions, strict=False), strict=False)
+        try:
+            yield from islice(entries, first, None)
+        finally:
+            self._waiting -= len(times)
 
-    def _entries(self, segment: _Segment, wanted: dict[int, str], at: int) -> list[tuple[int, int]]:
-        """Time and position of each message that is wanted; `at` is where the time stands in its head."""
-        found = []
+    def _message(self, segment: Segment, position: int, wanted: dict[int, str]) -> BagMessage | None:
+        """The message at a place of a segment; None: its chunk could not be read again."""
+        data = self._loaded.get(segment.offset) or self._load(segment)
+        if position + _HEAD > len(data):
+            return None
+        _, length, channel, sequence, log_time, publish_time = MESSAGE.unpack_from(data, position)
+        begin = position + _HEAD
+        content = memoryview(data)[begin : begin + length - 22]
+        return BagMessage(wanted[channel], log_time, publish_time, sequence, content)
+
+    def _entries(
+        self, segment: Segment, wanted: dict[int, str], at: int
+    ) -> tuple["array[int]", "array[int]"]:
+        """Times and positions of the messages that are wanted; `at`: where the time stands in heads."""
+        times, positions = array("Q"), array("Q")
         unpack_head = MESSAGE.unpack_from
         for opcode, position, data in self._walk(segment):
             if opcode != Opcode.MESSAGE:
                 continue
             head = unpack_head(data, position)
             if head[2] in wanted:
-                found.append((head[at], position))
+                times.append(head[at])
+                positions.append(position)
             elif head[2] not in self._channels and head[2] not in self._refused:
                 self._refused.add(head[2])
                 self._problem(segment.offset, f"messages of channel {head[2]}, which is not described")
-        return found
-
-    def _walk(self, segment: _Segment) -> Iterator[tuple[int, int, Buffer]]:
-        """The records of a segment: opcode, where it begins, and in what."""
-        data = self._load(segment)
-        position, size = 0, len(data)
-        unpack_record = RECORD.unpack_from
-        while position + 9 <= size:
-            opcode, length = unpack_record(data, position)
-            after = position + 9 + length
-            if after > size or (opcode == Opcode.MESSAGE and length < 22):
-                break
-            yield opcode, position, data
-            position = after
-        if position != size:
-            self._problem(segment.offset, f"a record in it, at {position}, does not end within it")
-
-    def _load(self, segment: _Segment) -> Buffer:
-        """The records of a segment; empty where they can't be read."""
-        data = self._loaded.get(segment.offset)
-        if data is not None:
-            return data
-        try:
-            data = (
-                self._read_chunk(segment) if segment.is_chunk else self._read(segment.offset, segment.length)
-            )
-        except (ValueError, OSError, MemoryError) as error:
-            why = str(error) or type(error).__name__
-            self._problem(segment.offset, f"a chunk{self._how_many(segment)} is passed over: {why}")
-            data = b""
-        self._loaded[segment.offset] = data
-        self._loaded_size += len(data)
-        while self._loaded_size > _LOADED and len(self._loaded) > 1:
-            self._loaded_size -= len(self._loaded.popitem(last=False)[1])
-        return data
-
-    def _how_many(self, segment: _Segment) -> str:
-        """How many messages a chunk has, as far as its message indexes say."""
-        count, position = 0, segment.offset + segment.length
-        while True:
-            head = self._read(position, 9 + _INDEX_HEAD.size)
-            if len(head) < 9 + _INDEX_HEAD.size or head[0] != Opcode.MESSAGE_INDEX:
-                return f" with {count} messages" if count else ""
-            count += _INDEX_HEAD.unpack_from(head, 9)[1] // 16
-            position += RECORD.size + RECORD.unpack_from(head)[1]
-
-    def _read_chunk(self, segment: _Segment) -> Buffer:
-        """Raises ValueError for what is no whole chunk."""
-        content = self._read(segment.offset, segment.length)
-        if len(content) < segment.length or segment.length < 9:
-            raise ValueError("the file ends within it")
-        opcode, length = RECORD.unpack_from(content)
-        if opcode != Opcode.CHUNK or length != segment.length - 9:
-            raise ValueError("it is none")
-        compression, begin, size, crc = _chunk_head(content)
-        stored = int.from_bytes(content[begin - 8 : begin], "little")
-        if begin + stored > len(content):
-            raise ValueError("it is longer than its record")
-        data = unpack(compression, memoryview(content)[begin : begin + stored], size)
-        if crc and zlib.crc32(data) != crc:
-            raise ValueError("its CRC is wrong")
-        return data
-
-    def _read(self, offset: int, size: int) -> bytes:
-        """So much of the file, or less at its end, or nothing outside of it."""
-        if not 0 <= offset < self._size:
-            return b""
-        content = os.pread(self._file, min(size, self._size - offset), offset)
-        while len(content) < size and (
-            more := os.pread(self._file, size - len(content), offset + len(content))
-        ):
-            content += more
-        return content
-
-    def _problem(self, offset: int | None, text: str) -> None:
-        problem = Problem(str(self.path), offset, text)
-        if len(self.problems) < _MAX_PROBLEMS and problem not in self.problems:
-            self.problems.append(problem)
+        return times, positions
 
     def _open(self) -> None:
-        self._size = os.fstat(self._file).st_size
         if not self._size:
             raise BagError(f"'{self.path}' is empty")
         if self._read(0, len(MAGIC)) != MAGIC:
@@ -366,7 +255,7 @@ class McapFile:
             opcode, length = RECORD.unpack(self._peek(position, 9)) if position + 9 <= end else (0, end)
             if length > min(_MAX_RECORD, end - position - 9):
                 raise ValueError(f"its index is damaged at byte {position}")
-            is_short = length < _WINDOW
+            is_short = length < _SHORT
             yield (
                 opcode,
                 position,
@@ -383,7 +272,7 @@ class McapFile:
         if len(entries) != size or size % 10:
             raise ValueError("no valid ChunkIndex record")
         channels = frozenset(channel for channel, _ in _INDEX_ENTRY.iter_unpack(entries))
-        self._segments.append(_Segment(offset, length, start, end, channels or None, True))
+        self._segments.append(Segment(offset, length, start, end, channels or None, True))
 
     def _read_metadata(self, offset: int) -> None:
         try:
@@ -444,13 +333,13 @@ class McapFile:
         """Go through all records once, for there is no index of them."""
         scan = _Scan()
         position = len(MAGIC)
-        chunk: _Segment | None = None
+        chunk: Segment | None = None
         while position + 9 <= self._size:
             opcode, length = RECORD.unpack_from(self._peek(position, 9))
             if length > self._size - position - 9 or not opcode or opcode == Opcode.DATA_END:
                 break
             if opcode == Opcode.MESSAGE_INDEX and chunk is not None and length >= 6:
-                channel, size = _INDEX_HEAD.unpack(self._peek(position + 9, 6))
+                channel, size = INDEX_HEAD.unpack(self._peek(position + 9, 6))
                 scan.indexed[channel] += size // 16
             else:
                 self._settle(chunk, scan)
@@ -489,10 +378,10 @@ class McapFile:
             dict(counts),
         )
 
-    def _add_chunk(self, position: int, length: int) -> _Segment:
+    def _add_chunk(self, position: int, length: int) -> Segment:
         content = self._peek(position + 9, min(length, CHUNK_HEAD.size))
         start, end = struct.unpack("<QQ", content[:16]) if len(content) >= 16 else (0, 0)
-        segment = _Segment(position, 9 + length, start, end, None, True)
+        segment = Segment(position, 9 + length, start, end, None, True)
         self._segments.append(segment)
         return segment
 
@@ -501,12 +390,12 @@ class McapFile:
         scan.counts[channel] += 1
         last = self._segments[-1] if self._segments else None
         if last is None or last.is_chunk or last.offset + last.length != position or last.length > _RUN:
-            self._segments.append(_Segment(position, 9 + length, log_time, log_time, None, False))
+            self._segments.append(Segment(position, 9 + length, log_time, log_time, None, False))
         else:
             last.length += 9 + length
             last.start, last.end = min(last.start, log_time), max(last.end, log_time)
 
-    def _settle(self, chunk: _Segment | None, scan: "_Scan") -> None:
+    def _settle(self, chunk: Segment | None, scan: "_Scan") -> None:
         """Count the messages of a chunk: by its message indexes, or where there are none by what is in it.
 
         It is looked into also where it has messages of a channel that was not described: that may stand in
@@ -526,8 +415,7 @@ class McapFile:
                     self._try_describe(
                         chunk.offset, opcode, bytes(data[position + 9 : position + 9 + length])
                     )
-            self._loaded.clear()
-            self._loaded_size = 0
+            self._unload()
         scan.indexed = Counter()
 
     def _describe_at(self, position: int, length: int) -> None:
@@ -543,18 +431,6 @@ class McapFile:
         except ValueError as error:
             self._problem(offset, str(error))
 
-    def _peek(self, position: int, size: int) -> bytes:
-        """A few bytes. They are read with what is behind them, unless they are far from those before."""
-        begin = position - self._window_at
-        if not 0 <= begin <= len(self._window) - size:
-            is_near = 0 <= begin <= len(self._window)
-            self._window, self._window_at = (
-                self._read(position, _WINDOW if is_near else max(size, 4096)),
-                position,
-            )
-            begin = 0
-        return self._window[begin : begin + size]
-
 
 class _Scan:
     """What was counted while a file was gone through."""
@@ -564,15 +440,3 @@ class _Scan:
         """Channel -> messages."""
         self.indexed: Counter[int] = Counter()
         """The same of the present chunk, by the message indexes behind it."""
-
-
-def _chunk_head(content: bytes) -> tuple[str, int, int, int]:
-    """Compression, where the records begin, their size unpacked, and their CRC. Raises ValueError."""
-    at = 9 + CHUNK_HEAD.size
-    if len(content) < at + 4:
-        raise ValueError("it is too short")
-    _, _, size, crc = CHUNK_HEAD.unpack_from(content, 9)
-    begin = at + 4 + int.from_bytes(content[at : at + 4], "little")
-    if begin + 8 > len(content):
-        raise ValueError("it is too short")
-    return content[at + 4 : begin].decode(errors="replace"), begin + 8, size, crc

@@ -1,4 +1,4 @@
-"""Messages of several places in one order. Pure.
+"""What is at several places in the order of time. Pure.
 
 A place (a chunk of a file, a file of a bag) is opened when the order comes to where it begins, so that of
 places that don't overlap only one is in memory.
@@ -6,32 +6,30 @@ places that don't overlap only one is in memory.
 
 from collections.abc import Callable, Iterable, Iterator
 from heapq import heappop, heappush
-from typing import NamedTuple, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from bus_bag.storage.values import BagMessage, Order
 
-__all__ = ["Place", "merge"]
+__all__ = ["Place", "merge", "timed"]
 
 T = TypeVar("T")
 
 
-class Place(NamedTuple):
-    """Where messages are: from when on, and how to read them in order."""
+class Place(NamedTuple, Generic[T]):
+    """Where things are: from when on, and how to get them in order, each with its time."""
 
     start: int
-    open: Callable[[], Iterator[BagMessage]]
+    open: Callable[[], Iterator[tuple[int, T]]]
 
 
-def merge(places: Iterable[Place], by: Order) -> Iterator[BagMessage]:
-    """All messages by time; those of one time as their places stand, and within a place as they come."""
+def merge(places: Iterable[Place[T]]) -> Iterator[T]:
+    """All by time; those of one time as their places stand, and within a place as they come."""
     waiting = sorted(enumerate(places), key=lambda one: (one[1].start, one[0]), reverse=True)
-    heads: list[tuple[int, int, BagMessage, Iterator[BagMessage]]] = []
-    is_by_log_time = by == "log_time"
+    heads: list[tuple[int, int, T, Iterator[tuple[int, T]]]] = []
 
-    def push(number: int, messages: Iterator[BagMessage]) -> None:
-        for message in messages:
-            time = message.log_time if is_by_log_time else message.publish_time
-            heappush(heads, (time, number, message, messages))
+    def push(number: int, things: Iterator[tuple[int, T]]) -> None:
+        for time, thing in things:
+            heappush(heads, (time, number, thing, things))
             return
 
     while heads or waiting:
@@ -40,9 +38,17 @@ def merge(places: Iterable[Place], by: Order) -> Iterator[BagMessage]:
             push(number, place.open())
         if not heads:
             continue
-        _, number, message, messages = heappop(heads)
-        yield message
+        _, number, thing, things = heappop(heads)
+        yield thing
         if heads or waiting:
-            push(number, messages)
+            push(number, things)
         else:
-            yield from messages
+            for _, rest in things:
+                yield rest
+
+
+def timed(messages: Iterator[BagMessage], by: Order) -> Iterator[tuple[int, BagMessage]]:
+    """Messages with that time."""
+    if by == "log_time":
+        return ((message.log_time, message) for message in messages)
+    return ((message.publish_time, message) for message in messages)

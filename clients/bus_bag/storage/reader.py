@@ -17,7 +17,7 @@ from bus_bag.metadata import (
     from_yaml,
 )
 from bus_bag.storage.mcap_reader import McapFile
-from bus_bag.storage.merge import Place, merge
+from bus_bag.storage.merge import Place, merge, timed
 from bus_bag.storage.packed import SUFFIX as PACKED
 from bus_bag.storage.packed import open_packed, unpack_messages
 from bus_bag.storage.sqlite_reader import SqliteFile
@@ -88,15 +88,18 @@ class BagReader:
         """Messages of all files in the order of that time; `start`: from then on; `topics`: only of these."""
         wanted = None if topics is None else frozenset(topics)
 
-        def place(file: BagFile) -> Place:
+        def place(file: BagFile) -> Place[BagMessage]:
             # When messages were published is known once they are read.
             begin = file.summary.starting_time if by == "log_time" else 0
-            return Place(begin, lambda: file.messages(start, wanted, by))
+            return Place(begin, lambda: timed(file.messages(start, wanted, by), by))
 
         files = [
             file for file in self.files if start is None or by != "log_time" or file.summary.end_time >= start
         ]
-        messages = merge([place(file) for file in files], by)
+        if len(files) == 1:
+            messages = files[0].messages(start, wanted, by)
+        else:
+            messages = merge([place(file) for file in files])
         if self.metadata.compression_mode.upper() == "MESSAGE":
             return unpack_messages(messages, self.path, self._problems)
         return messages

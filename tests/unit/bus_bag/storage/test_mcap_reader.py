@@ -178,9 +178,10 @@ def test_hostile_files(tmp_path: Path, name: str) -> None:
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < most + 100_000  # KiB
 
 
-def test_chunks_that_claim_to_overlap(tmp_path: Path) -> None:
+def test_chunks_that_overlap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """More of them than may be in memory at once: they are read again when their messages' time comes."""
-    messages = said(1200, length=200_000)
+    monkeypatch.setattr("bus_bag.storage.mcap_bytes._LOADED", 4 << 20)
+    messages = said(240, length=200_000)
     writer, channels = begin_bag(tmp_path / "walk")
     shuffled = [one for first in range(3) for one in messages[first::3]]
     write(writer, channels, shuffled)
@@ -190,4 +191,20 @@ def test_chunks_that_claim_to_overlap(tmp_path: Path) -> None:
         assert times == [one.log_time for one in messages]
         file = reader.files[0]
         assert isinstance(file, McapFile)
-        assert file._loaded_size <= 65 << 20
+        assert file._loaded_size <= 4 << 20
+        assert file._waiting == 0
+
+
+def test_more_messages_overlap_than_can_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A small file may unpack to very many."""
+    monkeypatch.setattr("bus_bag.storage.mcap_reader._MOST_WAITING", 50)
+    messages = said(60)
+    writer, channels = begin_bag(tmp_path / "walk")
+    for first in range(2):
+        write(writer, channels, messages[first::2])
+        writer.flush()
+    writer.close()
+    with open_bag(tmp_path / "walk") as reader:
+        assert read(reader) == messages[::2]
+        (problem,) = reader.problems
+        assert problem.text == "30 messages are passed over: too many overlap in time"
