@@ -26,6 +26,7 @@ from bus.transport.memory import keep_freed_memory
 from bus.types.classes import message_class
 from bus_bag.record.choice import Wanted
 from bus_bag.record.options import RecordOptions
+from bus_bag.record.program import settle_process
 from bus_bag.record.recorder import Recorder
 from bus_bag.record.topic import profile_for
 
@@ -35,6 +36,8 @@ RECORD, COUNT = "record", "count"
 """How messages are taken (`Work.take_by`)."""
 _LOOK_S = 0.002
 _END_S, _LIMIT_S = 5.0, 60.0
+_CACHE = 1 << 30
+"""A flood that is lossless may be ahead of the file, but must get there in the time that is measured."""
 _LOSSLESS = bus.QoSProfile(history="keep_all")
 
 
@@ -84,10 +87,11 @@ class Topics(msgspec.Struct, frozen=True):
 @contextmanager
 def _recording(node: bus.Node, overrides: dict[str, bus.QoSProfile]) -> Iterator[Recorder]:
     """A recording of all topics, which ends with this."""
-    keep_freed_memory()  # as `bus bag record` does
+    settle_process()
     folder = Path(os.environ[FOLDER]) / f"bag_{os.getpid()}"
     wanted = Wanted(all_topics=True)
-    recorder = Recorder(node, RecordOptions(folder=folder, wanted=wanted, overrides=overrides))
+    record = RecordOptions(folder=folder, wanted=wanted, overrides=overrides, max_cache_size=_CACHE)
+    recorder = Recorder(node, record)
     running = asyncio.create_task(recorder.run())
     try:
         yield recorder

@@ -3,6 +3,7 @@
 A bag has one serialization format, so that the text is CDR too: of `busd/msg/Json`, which has one field.
 """
 
+from collections.abc import Iterable
 from functools import cache
 from typing import Protocol
 
@@ -28,6 +29,8 @@ class Form(Protocol):
     as_json: tuple[str, ...]
 
     def encode(self, payload: Buffer) -> list[Buffer]: ...
+
+    def encode_many(self, payloads: Iterable[Buffer]) -> list[bytes]: ...
 
 
 def form_of(schema: MessageSchema) -> tuple[Form, str]:
@@ -56,6 +59,9 @@ class _JsonForm:
         except (ValueError, TypeError, RecursionError) as error:
             raise CdrError(f"no payload that JSON can say: {error}") from None
         return self._codec.encode(msgspec.msgpack.encode([text]))
+
+    def encode_many(self, payloads: Iterable[Buffer]) -> list[bytes]:
+        return [b"".join(self.encode(payload)) for payload in payloads]
 
 
 @cache

@@ -27,8 +27,8 @@ __all__ = ["Pipeline"]
 _MOST_IN_FLIGHT = 8 << 20
 """Bytes in chunks that wait for the thread, or are being written."""
 
-_SHORT_BYTES = 256 << 10
-"""Batches up to this go into a chunk as one."""
+_SHORT = 4 << 10
+"""Batches of messages that have up to so many bytes on the average go into a chunk as one."""
 
 _TURN_NS = 2_000_000
 """How long the event loop may be held up by encoding: meanwhile nothing is taken."""
@@ -144,9 +144,7 @@ class Pipeline:
 
     def put(self, topic: RecordedTopic, samples: Batch, *, is_paused: bool) -> None:
         """These were taken; while the recording is paused, only the state of latched topics is kept."""
-        size = 0
-        for payload, _ in samples:
-            size += len(payload)
+        size = sum([len(payload) for payload, _ in samples])
         if self._is_snapshot:
             self._keep(topic, samples, is_written=False)
         if self._thread is None:
@@ -222,7 +220,7 @@ class Pipeline:
         channel = self._channel(topic)
         if samples:
             self._split_if_due(samples[0])
-        if len(samples) > 1 and size <= _SHORT_BYTES and self._write_many(topic, channel, samples):
+        if len(samples) > 1 and size <= len(samples) * _SHORT and self._write_many(topic, channel, samples):
             self._keep_written(topic, samples)
             return
         for sample in samples:
@@ -242,12 +240,12 @@ class Pipeline:
 
     def _write_many(self, topic: RecordedTopic, channel: int, samples: Batch) -> bool:
         """False, with nothing written, where one is no message of the type."""
-        encode = topic.encode
+        payloads, infos = zip(*samples, strict=True)
         try:
-            messages = [encode(payload) for payload, _ in samples]
+            messages = topic.encode_many(payloads)
         except CdrError:
             return False
-        self.bytes += self._writer.write_many(channel, [info for _, info in samples], messages)
+        self.bytes += self._writer.write_many(channel, infos, messages)
         topic.written += len(messages)
         self.messages += len(messages)
         return True

@@ -19,7 +19,7 @@ from bus_bag.record.recorder import Recorder
 from bus_bag.record.status import Status
 from bus_bag.status_line import StatusLine
 
-__all__ = ["run"]
+__all__ = ["run", "settle_process"]
 
 _ALLOCATIONS = 50_000
 _SPACE = b" "
@@ -32,13 +32,18 @@ def run(options: RecordOptions, open_node: Callable[[], Node]) -> int:
     A second Ctrl-C gives up what still waits for the file. Raises BagError, OSError and ConfigurationError
     where the recording can't begin, BagError where it has failed, with what is in the bag.
     """
+    settle_process()
+    with asyncio.Runner(loop_factory=loop_factory()) as runner:
+        return runner.run(_record(options, open_node))
+
+
+def settle_process() -> None:
+    """Have this process be one for recording: it takes and gives memory all the time."""
     keep_freed_memory()  # chunks come and go
     # Messages come and go by the hundred thousand, and none is in a cycle: to look for cycles as often as
     # usual takes a fifth of the time.
     gc.freeze()
     gc.set_threshold(_ALLOCATIONS)
-    with asyncio.Runner(loop_factory=loop_factory()) as runner:
-        return runner.run(_record(options, open_node))
 
 
 async def _record(options: RecordOptions, open_node: Callable[[], Node]) -> int:

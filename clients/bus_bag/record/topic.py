@@ -55,6 +55,7 @@ class RecordedTopic:
         self.name = found.topic
         self.form, self.why_json = form_of(schema)
         self.encode: Callable[[Any], list[Any]] = self.form.encode
+        self.encode_many: Callable[[Iterable[Any]], list[bytes]] = self.form.encode_many
         self.schema = schema
         self.subscription: Subscription[Any] | None = None
         self.channel: int | None = None

@@ -1,7 +1,7 @@
 """A bag that is being written: a folder of files, and metadata.yaml when it is closed."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
@@ -116,8 +116,9 @@ class BagWriter:
             self.flush()
         return taken
 
-    def write_many(self, channel: int, stamps: Iterable[Stamp], messages: Iterable[Sequence[Buffer]]) -> int:
-        """Add short messages of one topic, in less time than one by one; returns the bytes that they take.
+    def write_many(self, channel: int, stamps: Sequence[Stamp], messages: Sequence[Buffer]) -> int:
+        """Add short messages of one topic, of one part each, in less time than one by one; returns the bytes
+        that they take.
 
         They go into one chunk, however many they are.
         """

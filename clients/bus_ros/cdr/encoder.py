@@ -27,19 +27,19 @@ _ENCAPSULATION: Final = 0x0100
 """As a little-endian number: 00 01 00 00."""
 
 
-def encoder(description: Mapping[str, Any], shape: Message, views: bool) -> Callable[[Buffer], list[Buffer]]:
-    """A function that gives the parts of a CDR message for a payload.
+def encoder(description: Mapping[str, Any], shape: Message, views: bool) -> Callable[[Buffer], Any]:
+    """A function that gives a CDR message for a payload.
 
-    With `views` long fields are parts of their own, views of the payload; without, there is one part. It
-    raises ValueError (msgspec.DecodeError), struct.error, OverflowError or TypeError for what is no message
-    of the type.
+    With `views` it gives parts, where long fields are parts of their own, views of the payload; without, the
+    whole as bytes. It raises ValueError (msgspec.DecodeError), struct.error, OverflowError or TypeError for
+    what is no message of the type.
     """
     decoder: Any = msgspec.msgpack.Decoder(Annotations(description, views).of(shape))
     writer = _Writer(description, views)
     writer.root(shape)
     made = writer.source.compile(shape.name)
     made["unpack"] = decoder.decode
-    encode: Callable[[Buffer], list[Buffer]] = made["encode"]
+    encode: Callable[[Buffer], Any] = made["encode"]
     return encode
 
 
@@ -76,7 +76,7 @@ class _Writer:
             self.source.first("add = None")
             self.source.first("out = []")
         if not self._views:
-            line(f"return [join({'out' if self._has_list else self._taken()})]")
+            line(f"return join({'out' if self._has_list else self._taken()})")
         else:
             line("if out: parts.append(join(out))")
             line("return parts")

@@ -6,14 +6,14 @@ from bus_bag.storage.values import Buffer
 
 def test_many_at_once_are_as_one_by_one() -> None:
     stamps: list[Stamp] = [(7, 10, 1, 0, b""), (8, 9, (1 << 32) + 2, 0, b""), (6, 11, 3, 0, b"")]
-    messages: list[list[Buffer]] = [[b"one"], [b"two", memoryview(b"parts")], [b""]]
+    messages: list[Buffer] = [b"one", memoryview(b"another"), b""]
     together, alone = ChunkBuilder(), ChunkBuilder()
     for builder in (together, alone):
         builder.add(4, 1, 1, 1, [b"before"])
     taken = together.add_many(4, stamps, messages)
     sizes = [
-        alone.add(4, log_time, publish_time, sequence, parts)
-        for (publish_time, log_time, sequence, _, _), parts in zip(stamps, messages, strict=True)
+        alone.add(4, log_time, publish_time, sequence, [message])
+        for (publish_time, log_time, sequence, _, _), message in zip(stamps, messages, strict=True)
     ]
     assert (taken, together.size) == (sum(sizes), alone.size)
     chunk, expected = together.close(), alone.close()

@@ -56,6 +56,17 @@ def test_parts_of_services_and_actions_come_back(name: str) -> None:
 # Long fields.
 
 
+def test_many_at_once_are_as_one_by_one() -> None:
+    codec = codec_of(bus.MessageSchema.of(Image))
+    payloads = [
+        msgspec.msgpack.encode(Image(header=Header(frame_id=name), data=bytes(size)))
+        for name, size in (("a", 3), ("four", 0), ("long", 20 << 10))
+    ]
+    assert codec.encode_many(payloads) == [b"".join(codec.encode(payload)) for payload in payloads]
+    with pytest.raises(CdrError, match="sensor_msgs/msg/Image"):
+        codec.encode_many([*payloads, b"\xc1"])
+
+
 def test_a_long_field_of_bytes_is_a_view_of_the_payload() -> None:
     image = Image(
         header=Header(frame_id="camera"), height=480, width=640, encoding="rgb8", data=bytes(921600)
