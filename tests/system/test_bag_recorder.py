@@ -1,6 +1,7 @@
 """The recorder's node, in the test's process: what it finds, what it says, how it ends."""
 
 import asyncio
+import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -18,8 +19,8 @@ from bus_bag.record.options import RecordOptions
 from bus_bag.record.recorder import Recorder
 from bus_bag.storage import open_bag
 from recording import Bag
+from semantics import KEEP_ALL, send_all, until
 from semantics import node as node
-from semantics import until
 
 ALL = Wanted(all_topics=True)
 
@@ -160,3 +161,23 @@ async def test_cancelled(node: bus.Node, bag: Bag) -> None:
         with pytest.raises(asyncio.CancelledError):
             await running
     assert bag.metadata.message_count == 0
+
+
+async def test_a_lossless_topic_waits_for_the_disk(node: bus.Node, bag: Bag) -> None:
+    publisher = await node.create_publisher(String, "topic", KEEP_ALL)
+    may_write, count = threading.Event(), 3000
+    options = {"overrides": {"/topic": KEEP_ALL}, "max_cache_size": 1_000_000}
+    async with recording(bag, wanted=Wanted(topics=frozenset(["/topic"])), **options) as recorder:
+        assert recorder.pipeline._thread is not None
+
+        def hold_up() -> None:
+            may_write.wait(30)
+
+        recorder.pipeline._thread.run(hold_up, 9 << 20)
+        sending = asyncio.create_task(send_all(publisher, [String(data="x" * 1000)] * count))
+        await until(lambda: recorder._held)
+        assert recorder.pipeline.cached < 12_000_000
+        may_write.set()
+        await sending
+        await until(lambda: recorder.pipeline.losses()["/topic"].written == count)
+    assert bag.losses()["/topic"] == TopicLosses(count, count)

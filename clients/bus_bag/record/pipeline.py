@@ -57,6 +57,7 @@ class Pipeline:
         self._on_split = on_split
         self._on_reject = on_reject
         self._is_snapshot = options.is_snapshot
+        self._crowd = options.max_cache_size // 2
         self._cache: Cache[tuple[Batch, int, bool]] = Cache(
             options.max_cache_size, is_circular=options.is_snapshot
         )
@@ -103,6 +104,11 @@ class Pipeline:
     def cached(self) -> int:
         """Bytes that are on their way to the file."""
         return self._cache.bytes + self._in_flight
+
+    @property
+    def is_crowded(self) -> bool:
+        """Whether the cache is so full that who can wait should."""
+        return self._cache.bytes > self._crowd and not self._is_snapshot
 
     @property
     def is_idle(self) -> bool:

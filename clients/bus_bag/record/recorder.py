@@ -51,6 +51,7 @@ class Recorder:
         self._topics: dict[str, RecordedTopic] = {}
         self._refused: set[Found] = set()
         self._taken: dict[RecordedTopic, None] = {}
+        self._held: dict[RecordedTopic, None] = {}
         self._pumping: asyncio.Handle | None = None
         self._progress = asyncio.Event()
         self._stopped = asyncio.Event()
@@ -286,6 +287,9 @@ class Recorder:
         subscription = topic.subscription
         if subscription is None or topic.is_finished:
             return
+        if subscription.qos.is_lossless and self.pipeline.is_crowded and not self._stopped.is_set():
+            self._held[topic] = None  # so are its publishers, until there is room
+            return
         samples = subscription.take_many(_BATCH)
         if not samples:
             return
@@ -321,6 +325,10 @@ class Recorder:
         self._pumping = None
         if self.pipeline.pump():
             self._pump()
+        if self._held and not self.pipeline.is_crowded:
+            held, self._held = self._held, {}
+            for topic in held:
+                self._take(topic)
         self._look_for_failure()
 
     def _progressed(self) -> None:
