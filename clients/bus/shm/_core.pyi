@@ -74,6 +74,13 @@ class Plan:
     def encode(self, message: Any, /) -> Bytes | None:
         """What the encoder would give; None where the message is not just as planned: go the long way."""
 
+    decode_slowly: Callable[[Any], Any]
+    """The long way of `decode`. May be set, where `kind` is no Struct."""
+    def decode(self, payload: Any, /) -> Any:
+        """The message, made by no constructor and no setter. Where the bytes are not just as planned, what
+        `decode_slowly` gives or raises; TypeError where there is none.
+        """
+
 class Sends:
     """What gives a publisher's `send` where there is room, with no coroutine.
 

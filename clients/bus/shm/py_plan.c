@@ -3,7 +3,9 @@
  * A plan is for classes of text, bytes, numbers, bool, such classes again, and lists of all these. Whatever is not just
  * as planned (another type, a number out of its range, a lone surrogate, a field that was deleted) ends its work, and the
  * caller goes the long way, which knows what is wrong. Fields are read out of their slots, as msgspec's encoder does; no
- * Python code runs. */
+ * Python code runs.
+ *
+ * Classes that stand for others, which msgspec does not know, are decoded by it, too: straight into their slots. */
 #include "py.h"
 
 #include <endian.h>
@@ -23,6 +25,7 @@ struct plan_value {
 struct plan_field {
     PyObject *slot; /* its member descriptor */
     descrgetfunc get;
+    descrsetfunc set;
     PyObject *key; /* bytes that come before the value: its encoded name in a map, nothing in an array */
     struct plan_value value;
 };
@@ -33,6 +36,7 @@ struct Plan {
     bool is_array;
     Py_ssize_t count;
     struct plan_field *fields;
+    PyObject *decode_slowly; /* NULL: it does not decode */
 };
 
 /* Where the next byte goes. */
@@ -283,6 +287,130 @@ Py_ssize_t plan_encode_around(const Plan *self, PyObject *message, Py_ssize_t in
     return length;
 }
 
+/* Decoding. NULL with no error set, too: it is not just as planned. */
+
+struct source {
+    const unsigned char *at, *end;
+};
+
+static inline bool has_left(const struct source *from, uint64_t size) { return (uint64_t)(from->end - from->at) >= size; }
+
+/* The number of `size` bytes behind a head. There are so many left. */
+static inline uint64_t get_number(struct source *from, int size)
+{
+    uint64_t number = 0;
+    for (int i = 1; i <= size; i++)
+        number = number << 8 | from->at[i];
+    from->at += 1 + size;
+    return number;
+}
+
+static PyObject *get_text(struct source *from)
+{
+    const unsigned char head = *from->at;
+    uint64_t size;
+    if (head >= 0xa0 && head <= 0xbf) {
+        size = head & 0x1f;
+        from->at++;
+    } else if (head >= 0xd9 && head <= 0xdb && has_left(from, 1 + (UINT64_C(1) << (head - 0xd9)))) {
+        size = get_number(from, 1 << (head - 0xd9));
+    } else {
+        return NULL;
+    }
+    if (!has_left(from, size))
+        return NULL;
+    PyObject *text = PyUnicode_DecodeUTF8((const char *)from->at, (Py_ssize_t)size, NULL);
+    from->at += size;
+    return text;
+}
+
+static PyObject *get_int(struct source *from, int64_t least, uint64_t most)
+{
+    const unsigned char head = *from->at;
+    uint64_t whole;
+    if (head < 0x80) {
+        whole = head;
+        from->at++;
+    } else if (head >= 0xe0) {
+        whole = (uint64_t)(int64_t)(int8_t)head;
+        from->at++;
+    } else if (head >= 0xcc && head <= 0xd3) {
+        const int size = 1 << (head & 3);
+        if (!has_left(from, 1 + (uint64_t)size))
+            return NULL;
+        whole = get_number(from, size);
+        if (head >= 0xd0 && size < 8 && whole >> (8 * size - 1) != 0)
+            whole |= UINT64_MAX << (8 * size); /* its sign */
+    } else {
+        return NULL;
+    }
+    const bool is_negative = (head >= 0xd0) && (int64_t)whole < 0;
+    if (is_negative)
+        return (int64_t)whole < least ? NULL : PyLong_FromLongLong((int64_t)whole);
+    return whole > most || (least > 0 && whole < (uint64_t)least) ? NULL : PyLong_FromUnsignedLongLong(whole);
+}
+
+static PyObject *get_double(struct source *from)
+{
+    if (*from->at != 0xcb || !has_left(from, MOST_HEAD))
+        return NULL;
+    const uint64_t bits = get_number(from, 8);
+    double number;
+    memcpy(&number, &bits, sizeof number);
+    return PyFloat_FromDouble(number);
+}
+
+static PyObject *get_struct(const Plan *self, struct source *from);
+
+static PyObject *get_value(const struct plan_value *plan, struct source *from)
+{
+    if (!has_left(from, 1))
+        return NULL;
+    switch (plan->code) {
+    case AS_TEXT:
+        return get_text(from);
+    case AS_FLOAT:
+        return get_double(from);
+    case AS_BOOL:
+        return *from->at == 0xc2 || *from->at == 0xc3 ? PyBool_FromLong(*from->at++ == 0xc3) : NULL;
+    case AS_INT:
+        return get_int(from, plan->least, plan->most);
+    case AS_STRUCT:
+        return get_struct(plan->plan, from);
+    default:
+        return NULL;
+    }
+}
+
+static PyObject *get_struct(const Plan *self, struct source *from)
+{
+    if (!self->is_array || !has_left(from, 1))
+        return NULL;
+    if (self->count < 16 && *from->at == (0x90 | self->count))
+        from->at++;
+    else if (*from->at != 0xdc || !has_left(from, 3) || get_number(from, 2) != (uint64_t)self->count)
+        return NULL;
+    PyTypeObject *kind = (PyTypeObject *)self->kind;
+    PyObject *message = ((allocfunc)PyType_GetSlot(kind, Py_tp_alloc))(kind, 0);
+    for (Py_ssize_t i = 0; message != NULL && i < self->count; i++) {
+        const struct plan_field *field = &self->fields[i];
+        PyObject *value = get_value(&field->value, from);
+        if (value == NULL || field->set(field->slot, message, value) < 0)
+            Py_CLEAR(message);
+        Py_XDECREF(value);
+    }
+    return message;
+}
+
+static PyObject *plan_decode(const Plan *self, const void *bytes, Py_ssize_t size)
+{
+    struct source from = {.at = bytes, .end = (const unsigned char *)bytes + size};
+    PyObject *message = get_struct(self, &from);
+    if (message != NULL && from.at != from.end)
+        Py_CLEAR(message);
+    return message;
+}
+
 /* Types */
 
 static void forget_value(struct plan_value *value)
@@ -302,6 +430,7 @@ static void plan_dealloc(PyObject *object)
         forget_value(&self->fields[i].value);
     }
     PyMem_Free(self->fields);
+    Py_XDECREF(self->decode_slowly);
     Py_XDECREF(self->kind);
     core_free(self);
 }
@@ -346,6 +475,7 @@ static bool read_field(const CoreState *state, PyObject *given, struct plan_fiel
         return false;
     }
     field->get = (descrgetfunc)PyType_GetSlot(&PyMemberDescr_Type, Py_tp_descr_get);
+    field->set = (descrsetfunc)PyType_GetSlot(&PyMemberDescr_Type, Py_tp_descr_set);
     Py_INCREF(field->slot);
     Py_INCREF(field->key);
     return true;
@@ -408,8 +538,35 @@ static PyObject *plan_encoded(PyObject *object, PyObject *message)
     return encoded;
 }
 
+static PyObject *plan_decoded(PyObject *object, PyObject *payload)
+{
+    const Plan *self = (const Plan *)object;
+    PyObject *message = NULL;
+    Py_buffer buffer;
+    if (self->decode_slowly == NULL) {
+        PyErr_SetString(PyExc_TypeError, "this plan does not decode");
+        return NULL;
+    }
+    if (PyBytes_Check(payload)) {
+        message = plan_decode(self, PyBytes_AsString(payload), PyBytes_Size(payload));
+    } else if (PyObject_GetBuffer(payload, &buffer, PyBUF_SIMPLE) == 0) {
+        message = plan_decode(self, buffer.buf, buffer.len);
+        PyBuffer_Release(&buffer);
+    }
+    if (message != NULL)
+        return message;
+    PyErr_Clear();
+    return PyObject_CallFunctionObjArgs(self->decode_slowly, payload, NULL);
+}
+
 static PyMethodDef methods[] = {
     {"encode", plan_encoded, METH_O, NULL},
+    {"decode", plan_decoded, METH_O, NULL},
+    {0},
+};
+
+static PyMemberDef members[] = {
+    {"decode_slowly", T_OBJECT_EX, offsetof(Plan, decode_slowly), 0, NULL},
     {0},
 };
 
@@ -417,6 +574,7 @@ static PyType_Slot slots[] = {
     {Py_tp_new, (void *)plan_new},
     {Py_tp_dealloc, (void *)plan_dealloc},
     {Py_tp_methods, methods},
+    {Py_tp_members, members},
     {0},
 };
 

@@ -40,6 +40,8 @@ class RosTypeSupport(TypeSupport[Any]):
         self.name = cls.__type_name__
         self.hash, self.description = hash_and_description(native)
         self.encode, self.decode = codec(cls, native)
+        if self.plan is not None:  # which does it in half the time
+            self.plan.decode_slowly, self.decode = self.decode, self.plan.decode
         # A message without a method of its own for that is always true, and this is a function of C.
         self.is_valid = truth if os.environ.get("ROS_PYTHON_CHECK_FIELDS") != "0" else self._survives
 
