@@ -21,6 +21,7 @@ from benchmarks.adapters.round_trips import FEEDBACKS, MESSAGES
 from benchmarks.cases import Case, Figures, interleave
 from benchmarks.figures import percentiles, ratios
 from benchmarks.harness import START_S, Failure, Group
+from benchmarks.installed import Installed, installed
 from benchmarks.plan import Plan
 from benchmarks.report import Column, Row, Section, compare
 from benchmarks.startup import FIRST, compiling, measure_first_message
@@ -87,6 +88,7 @@ _COLUMNS = [
     Column("talker_ms", "start, ms: talker", "lower"),
     Column("listener_ms", "listener", "lower"),
 ]
+_AS_INSTALLED = "where this tree is installed with what it requires, and nothing else; round trips do not"
 _NOTES = [
     f"String of {_SIZE} B, or of 1 MiB, by shared memory, a new object each; rclpy: `rclpy.spin` in both "
     "processes, but floods, and what goes by schedule, are published in a loop that does not spin; its "
@@ -109,7 +111,13 @@ _NOTES = [
 
 
 def run(plan: Plan) -> Section:
-    """Measure each work by both."""
+    """Measure each work by both, with busd as its users have it."""
+    plan.tell(f"{NAME} installing busd")
+    with installed() as found:
+        return _run(plan, found)
+
+
+def _run(plan: Plan, found: Installed) -> Section:
     timed = Work(
         size=_SIZE,
         count=plan.choose(600, 5_000),
@@ -136,8 +144,9 @@ def run(plan: Plan) -> Section:
         for name, system in _SYSTEMS.items():
             if (what, name) in _WITHOUT:
                 continue
+            system = run_by(system, found.python)
             series = f"{what}, {name}"
-            if what == _LONG and system is ROS:
+            if what == _LONG and name == _GENUINE:
                 system = ROS_LARGE
             done = replace(work, gives_turns=system.gives_turns) if work.rate else work
             measured: Callable[[], dict[str, float]] = partial(measure, system, done)
@@ -166,7 +175,15 @@ def run(plan: Plan) -> Section:
         comparisons += compare(text, ratios(ours, theirs, "p50"), at_most=3.0)
     rows = [Row.of(outcomes[case.name]) for case in cases]
     title = "The facade of rclpy beside the asyncio API"
-    return Section(NAME, title, _COLUMNS, rows, comparisons, _NOTES, "size in B")
+    where = f"in the environment of its developers, for it can't be installed: {found.why_not}"
+    notes = [*_NOTES, f"busd's programs run {where if found.why_not else _AS_INSTALLED}"]
+    return Section(NAME, title, _COLUMNS, rows, comparisons, notes, "size in B")
+
+
+def run_by(system: System, python: str) -> System:
+    """`system` with another Python than this one, where its programs are run by this one."""
+    first, *rest = system.runner
+    return system._replace(runner=(python, *rest)) if first == sys.executable else system
 
 
 def measure_start(system: System, work: Work) -> Figures:
