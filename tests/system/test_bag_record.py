@@ -123,6 +123,27 @@ class TestFaults:
                 recorder.process.wait(WAIT_S)
         assert bag.texts_now() == [str(number) for number in range(100)]
 
+    def test_killed_at_any_moment(self, tmp_path: Path) -> None:
+        """The file is readable up to some message, and can be made whole."""
+        with speaking() as speaker:
+            speaker.say("/topic")
+            for count in (3, 300, 900):
+                bag = Bag(tmp_path / f"walk_{count}")
+                with recording(bag, "/topic") as recorder:
+                    for begin in range(0, count, 3):
+                        speaker.say("/topic", *range(begin, begin + 3))
+                        if begin == 300:
+                            wait_until(bag.texts_now)
+                    recorder.process.kill()
+                    recorder.process.wait(WAIT_S)
+                texts = bag.texts_now()
+                assert texts == [str(number) for number in range(len(texts))]
+                assert count < 900 or len(texts) >= 300
+                result = bus("bag", "reindex", str(bag.folder))
+                assert result.code == 0, result.err
+                assert bag.texts() == texts
+                assert bag.metadata.message_count == len(texts)
+
     def test_busd_restarts(self, bag: Bag, daemon: Daemon, route: str) -> None:
         """The recording goes on; by socket the publisher keeps twenty meanwhile, and the rest is counted."""
         with speaking(depth=20) as speaker:
