@@ -13,15 +13,15 @@ from bus.node import Node
 from bus.publisher import Publisher
 from bus.qos import QoSProfile, Reliability
 from bus.types.classes import message_class
-from bus_bag.keyboard import Keyboard
 from bus_bag.play.feed import Feed
 from bus_bag.play.keys import Key, Keys
 from bus_bag.play.options import PlayOptions
 from bus_bag.play.player import Player, Span
 from bus_bag.play.services import serve
 from bus_bag.play.topics import Topics
-from bus_bag.status_line import StatusLine
 from bus_bag.storage import BagReader, Problem, open_bag
+from bus_bag.terminal.keyboard import Keyboard
+from bus_bag.terminal.status_line import StatusLine
 
 __all__ = ["run"]
 

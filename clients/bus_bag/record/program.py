@@ -12,12 +12,12 @@ from bus.node import Node
 from bus.runner import loop_factory
 from bus.transport.memory import keep_freed_memory
 from bus_bag.errors import BagError
-from bus_bag.keyboard import Keyboard
 from bus_bag.losses import TopicLosses, lines
 from bus_bag.record.options import RecordOptions
 from bus_bag.record.recorder import Recorder
 from bus_bag.record.status import Status
-from bus_bag.status_line import StatusLine
+from bus_bag.terminal.keyboard import Keyboard
+from bus_bag.terminal.status_line import StatusLine
 
 __all__ = ["run", "settle_process"]
 

@@ -30,7 +30,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 def main(args: Namespace) -> int:
     from bus_bag.convert import convert, read_outputs
     from bus_bag.errors import BagError
-    from bus_bag.status_line import StatusLine
+    from bus_bag.terminal.status_line import StatusLine
 
     inputs = [_input(words) for words in args.input]
     try:

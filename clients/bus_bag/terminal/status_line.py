@@ -5,7 +5,7 @@ import sys
 from typing import Final
 
 from bus.logger import TOP_NAME
-from bus_bag.foreground import is_in_foreground
+from bus_bag.terminal.foreground import is_in_foreground
 
 __all__ = ["StatusLine"]
 

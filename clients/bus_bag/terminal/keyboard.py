@@ -12,7 +12,7 @@ from contextlib import suppress
 from types import FrameType
 from typing import Any
 
-from bus_bag.foreground import is_in_foreground
+from bus_bag.terminal.foreground import is_in_foreground
 
 __all__ = ["Keyboard"]
 
