@@ -9,7 +9,7 @@ from collections import OrderedDict
 from collections.abc import Iterator, Mapping
 from typing import Generic, NamedTuple, TypeVar
 
-__all__ = ["Identity", "Latched"]
+__all__ = ["Identity", "LatchedState"]
 
 M = TypeVar("M")
 
@@ -25,7 +25,7 @@ class Identity(NamedTuple):
     """As it is encoded."""
 
 
-class Latched(Generic[M]):
+class LatchedState(Generic[M]):
     """The last messages of each transient local topic; `depths` has these topics, and how many each keeps."""
 
     def __init__(self, depths: Mapping[str, int]) -> None:

@@ -12,10 +12,10 @@ from typing import NamedTuple, Protocol, Self
 from bus.errors import BusError
 from bus.logger import Logger
 from bus_bag.play.alarm import Alarm
-from bus_bag.play.feed import Entry, Feed
 from bus_bag.play.lateness import Lateness
 from bus_bag.play.options import PlayOptions
 from bus_bag.play.progress import Progress, Status
+from bus_bag.play.read_ahead import Entry, ReadAheadQueue
 from bus_bag.play.time_line import TimeLine
 
 __all__ = ["Output", "Player", "Span"]
@@ -50,14 +50,14 @@ class Span(NamedTuple):
 
 
 class Player:
-    """Plays what `feed` reads to `outputs`, by topic. To be used as `async with`.
+    """Plays what `queue` reads to `outputs`, by topic. To be used as `async with`.
 
     `clock` is called with the time of the bag before each message that asks for it.
     """
 
     def __init__(
         self,
-        feed: Feed,
+        queue: ReadAheadQueue,
         outputs: Mapping[str, Output],
         span: Span,
         options: PlayOptions,
@@ -67,7 +67,7 @@ class Player:
         self.lateness = Lateness()
         self.messages = 0
         """Published until now; not those of the latched state."""
-        self._feed = feed
+        self._queue = queue
         self._outputs = outputs
         self._span = span
         self._options = options
@@ -239,11 +239,11 @@ class Player:
     async def _go_to(self, time_ns: int, start: int | None, delay: int = 0) -> None:
         """Have read what comes from there on, then let the time run from there."""
         async with self._reading:
-            self._feed.start_at(start)
+            self._queue.start_at(start)
             self._time.jump(time_ns, monotonic_ns(), _FOR_EVER_NS)
-            await self._feed.wait(is_full=True)
-            while (entry := self._feed.peek()) is not None and entry.is_state:
-                await self._publish(self._feed.pop())
+            await self._queue.wait(is_full=True)
+            while (entry := self._queue.peek()) is not None and entry.is_state:
+                await self._publish(self._queue.pop())
             self._time.jump(time_ns, monotonic_ns(), delay)
 
     async def _play_to_the_end(self) -> None:
@@ -255,10 +255,10 @@ class Player:
             if self.is_paused:
                 await self._alarm.wait(None)
                 continue
-            entry = self._feed.peek()
-            if entry is None and not self._feed.has_ended:
+            entry = self._queue.peek()
+            if entry is None and not self._queue.has_ended:
                 self._logger.warning(_STARVED, throttle_duration_sec=1.0)
-                await self._feed.wait()
+                await self._queue.wait()
                 continue
             if entry is None or self._is_beyond(entry):
                 return
@@ -270,7 +270,7 @@ class Player:
             if self._reading.locked():  # a burst that a `resume` has overtaken
                 async with self._reading:
                     continue
-            self._feed.pop()
+            self._queue.pop()
             await self._publish(entry)
             if due_ns is not None and entry.time >= self._span.start:
                 self.lateness.add(now_ns - due_ns)
@@ -300,8 +300,8 @@ class Player:
         return until == 0 or -1 < until < entry.time
 
     async def _play_next(self) -> bool:
-        while (entry := self._feed.peek()) is None and not self._feed.has_ended:
-            await self._feed.wait()
+        while (entry := self._queue.peek()) is None and not self._queue.has_ended:
+            await self._queue.wait()
         if (
             entry is None
             or self._has_ended
@@ -310,7 +310,7 @@ class Player:
             or self._is_beyond(entry)
         ):
             return False
-        self._feed.pop()
+        self._queue.pop()
         await self._publish(entry)
         self._time.jump(entry.time, monotonic_ns())
         return True

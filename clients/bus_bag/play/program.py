@@ -13,10 +13,10 @@ from bus.node import Node
 from bus.publisher import Publisher
 from bus.qos import QoSProfile, Reliability
 from bus.types.classes import message_class
-from bus_bag.play.feed import Feed
 from bus_bag.play.keys import Key, Keys
 from bus_bag.play.options import PlayOptions
 from bus_bag.play.player import Player, Span
+from bus_bag.play.read_ahead import ReadAheadQueue
 from bus_bag.play.services import serve
 from bus_bag.play.topics import Topics
 from bus_bag.storage import BagReader, Problem, open_bag
@@ -64,8 +64,8 @@ async def _play(node: Node, reader: BagReader, options: PlayOptions, burst: int 
     publishers = await topics.publish_on(node)
     clock = await _clock(node, options)
     span = _span(reader, options)
-    with _switching(), _feeding(reader, topics, options) as feed, closing(StatusLine()) as line:
-        async with Player(feed, publishers, span, options, logger, clock) as player:
+    with _switching(), _reading_ahead(reader, topics, options) as queue, closing(StatusLine()) as line:
+        async with Player(queue, publishers, span, options, logger, clock) as player:
             async with _controls(node, player, options, logger, clock, line):
                 playing = asyncio.create_task(player.play())
                 try:
@@ -112,14 +112,14 @@ def _switching() -> Iterator[None]:
 
 
 @contextmanager
-def _feeding(reader: BagReader, topics: Topics, options: PlayOptions) -> Iterator[Feed]:
-    feed = Feed(
+def _reading_ahead(reader: BagReader, topics: Topics, options: PlayOptions) -> Iterator[ReadAheadQueue]:
+    queue = ReadAheadQueue(
         reader, topics.names, topics.depths, topics.decode, order=options.order, size=options.read_ahead
     )
     try:
-        yield feed
+        yield queue
     finally:
-        feed.close()
+        queue.close()
 
 
 async def _clock(node: Node, options: PlayOptions) -> Callable[[int], None] | None:

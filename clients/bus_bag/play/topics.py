@@ -12,8 +12,8 @@ from bus.qos import QoSProfile, Reliability
 from bus.schema import MessageSchema
 from bus.types.classes import message_class
 from bus_bag.metadata import TopicMetadata
-from bus_bag.play.offers import MIXED, kept_for_late_joiners, offer_for
 from bus_bag.play.options import PlayOptions
+from bus_bag.play.qos import MIXED, kept_for_late_joiners, offered_profile
 from bus_bag.schemas import SCHEMA, schema_from_text
 from bus_bag.storage import BagMessage, BagReader
 from bus_ros.cdr import CdrError, Codec, codec_of, schema_of_definition
@@ -99,7 +99,7 @@ class Topics:
         if override is not None:
             self._logger.info(f"Overriding QoS profile for topic {topic.name}")
             return override
-        profile, is_mixed = offer_for(topic.offered_qos_profiles)
+        profile, is_mixed = offered_profile(topic.offered_qos_profiles)
         if is_mixed:
             self._logger.warning(MIXED.format(topic=topic.name))
         return profile

@@ -278,7 +278,7 @@ class Pipeline:
 
     def _channel(self, topic: RecordedTopic) -> int:
         if topic.channel is None:
-            topic.channel = self._writer.add_topic(topic.metadata, topic.form.definition, topic.extra)
+            topic.channel = self._writer.add_topic(topic.metadata, topic.encoder.definition, topic.extra)
         return topic.channel
 
     def _keep(self, topic: RecordedTopic, samples: Batch, *, is_written: bool) -> None:

@@ -14,8 +14,8 @@ from bus.transport.memory import keep_freed_memory
 from bus_bag.errors import BagError
 from bus_bag.losses import TopicLosses, lines
 from bus_bag.record.options import RecordOptions
+from bus_bag.record.progress import Progress
 from bus_bag.record.recorder import Recorder
-from bus_bag.record.status import Status
 from bus_bag.terminal.keyboard import Keyboard
 from bus_bag.terminal.status_line import StatusLine
 
@@ -91,10 +91,10 @@ def _press(recorder: Recorder, keys: bytes) -> None:
 async def _show(recorder: Recorder, line: StatusLine, hz: float) -> None:
     if not line.is_shown or hz <= 0:
         return
-    status = Status(monotonic_ns())
+    progress = Progress(monotonic_ns())
     while True:
         pipeline = recorder.pipeline
-        text = status.line(
+        text = progress.line(
             monotonic_ns(),
             pipeline.messages,
             pipeline.bytes,

@@ -260,8 +260,8 @@ class Recorder:
         self._log.info(f"Subscribed to topic '{found.topic}'")
         if topic.why_json:
             self._log.warning(f"Topic '{found.topic}' is recorded as texts of JSON: {topic.why_json}")
-        elif topic.form.as_json:
-            fields = ", ".join(topic.form.as_json)
+        elif topic.encoder.as_json:
+            fields = ", ".join(topic.encoder.as_json)
             self._log.warning(
                 f"Topic '{found.topic}': ROS 2 can't describe {fields}; recorded as a text of JSON"
             )

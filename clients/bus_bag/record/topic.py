@@ -11,7 +11,7 @@ from bus.subscription import MessageInfo, Subscription, SubscriptionStatistics
 from bus_bag.losses import TopicLosses
 from bus_bag.metadata import TopicMetadata
 from bus_bag.record.choice import Found
-from bus_bag.record.form import form_of
+from bus_bag.record.encoder import encoder_of
 from bus_bag.schemas import SCHEMA, TYPE_HASH, schema_to_text
 
 __all__ = ["Batch", "RecordedTopic", "Sample", "profile_for"]
@@ -53,9 +53,9 @@ class RecordedTopic:
     def __init__(self, found: Found, schema: MessageSchema) -> None:
         self.found = found
         self.name = found.topic
-        self.form, self.why_json = form_of(schema)
-        self.encode: Callable[[Any], list[Any]] = self.form.encode
-        self.encode_many: Callable[[Iterable[Any]], list[bytes]] = self.form.encode_many
+        self.encoder, self.why_json = encoder_of(schema)
+        self.encode: Callable[[Any], list[Any]] = self.encoder.encode
+        self.encode_many: Callable[[Iterable[Any]], list[bytes]] = self.encoder.encode_many
         self.schema = schema
         self.subscription: Subscription[Any] | None = None
         self.channel: int | None = None
@@ -87,10 +87,10 @@ class RecordedTopic:
     def metadata(self) -> TopicMetadata:
         return TopicMetadata(
             self.name,
-            self.form.type_name,
+            self.encoder.type_name,
             "cdr",
             tuple(self._profiles.elements()),
-            self.form.type_hash,
+            self.encoder.type_hash,
         )
 
     @property

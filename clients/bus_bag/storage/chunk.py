@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from itertools import accumulate, repeat
 from typing import Any, TypeAlias
 
+from bus_bag.storage.bag_file import Buffer
 from bus_bag.storage.mcap_format import CHUNK_HEAD, MESSAGE, RECORD, Opcode
-from bus_bag.storage.values import Buffer
 
 __all__ = ["Chunk", "ChunkBuilder", "Stamp"]
 

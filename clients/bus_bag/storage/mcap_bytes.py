@@ -13,9 +13,9 @@ from pathlib import Path
 
 import msgspec
 
+from bus_bag.storage.bag_file import Buffer, Problem
+from bus_bag.storage.decompression import decompress
 from bus_bag.storage.mcap_format import CHUNK_HEAD, RECORD, Opcode
-from bus_bag.storage.unpacking import unpack
-from bus_bag.storage.values import Buffer, Problem
 
 __all__ = ["INDEX_HEAD", "McapBytes", "Segment"]
 
@@ -140,7 +140,7 @@ class McapBytes:
         stored = int.from_bytes(content[begin - 8 : begin], "little")
         if begin + stored > len(content):
             raise ValueError("it is longer than its record")
-        data = unpack(compression, memoryview(content)[begin : begin + stored], size)
+        data = decompress(compression, memoryview(content)[begin : begin + stored], size)
         if crc and zlib.crc32(data) != crc:
             raise ValueError("its CRC is wrong")
         return data

@@ -18,10 +18,10 @@ from typing import Any
 from bus_bag.errors import BagError
 from bus_bag.metadata import BagMetadata, TopicMetadata, from_record
 from bus_bag.profiles import profiles_from_yaml
+from bus_bag.storage.bag_file import BagMessage, Buffer, Order, Summary
 from bus_bag.storage.mcap_bytes import INDEX_HEAD, McapBytes, Segment
 from bus_bag.storage.mcap_format import CHUNK_HEAD, FOOTER_SIZE, MAGIC, MESSAGE, RECORD, Opcode, decode
 from bus_bag.storage.merge import Place, merge
-from bus_bag.storage.values import BagMessage, Buffer, Order, Summary
 
 __all__ = ["McapFile"]
 

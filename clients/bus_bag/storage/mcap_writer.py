@@ -21,9 +21,9 @@ import msgspec
 from bus.base.version import RELEASE
 from bus_bag.errors import BagFull
 from bus_bag.metadata import TopicMetadata, profiles_to_text
+from bus_bag.storage.bag_file import Buffer
 from bus_bag.storage.chunk import Chunk
 from bus_bag.storage.mcap_format import MAGIC, Opcode, encode, package
-from bus_bag.storage.values import Buffer
 
 __all__ = ["PRESETS", "McapWriter", "Preset"]
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from heapq import heappop, heappush
 from typing import Generic, NamedTuple, TypeVar
 
-from bus_bag.storage.values import BagMessage, Order
+from bus_bag.storage.bag_file import BagMessage, Order
 
 __all__ = ["Place", "merge", "timed"]
 

@@ -16,12 +16,12 @@ from bus_bag.metadata import (
     TopicMetadata,
     from_yaml,
 )
+from bus_bag.storage.bag_file import BagFile, BagMessage, Order, Problem
+from bus_bag.storage.compressed import SUFFIX as COMPRESSED
+from bus_bag.storage.compressed import decompress_messages, open_compressed
 from bus_bag.storage.mcap_reader import McapFile
 from bus_bag.storage.merge import Place, merge, timed
-from bus_bag.storage.packed import SUFFIX as PACKED
-from bus_bag.storage.packed import open_packed, unpack_messages
 from bus_bag.storage.sqlite_reader import SqliteFile
-from bus_bag.storage.values import BagFile, BagMessage, Order, Problem
 
 __all__ = ["BagReader", "open_bag"]
 
@@ -101,7 +101,7 @@ class BagReader:
         else:
             messages = merge([place(file) for file in files])
         if self.metadata.compression_mode.upper() == "MESSAGE":
-            return unpack_messages(messages, self.path, self._problems)
+            return decompress_messages(messages, self.path, self._problems)
         return messages
 
     def close(self) -> None:
@@ -220,8 +220,8 @@ def _open_file(path: Path) -> BagFile:
     """By its name, or where that says nothing, by how it begins."""
     if path.exists() and not path.is_file():
         raise BagError(f"'{path}' is no file")
-    if path.suffix == PACKED:
-        return open_packed(path)
+    if path.suffix == COMPRESSED:
+        return open_compressed(path)
     if path.suffix not in _SUFFIXES:
         with path.open("rb") as file:
             if file.read(6) == b"SQLite":
@@ -231,7 +231,7 @@ def _open_file(path: Path) -> BagFile:
 
 def _kind(path: Path) -> str:
     """What kind of a file its name says that it is, if any of a bag."""
-    inner = path.with_suffix("") if path.suffix == PACKED else path
+    inner = path.with_suffix("") if path.suffix == COMPRESSED else path
     return _SUFFIXES.get(inner.suffix, "")
 
 

@@ -12,8 +12,8 @@ from urllib.parse import quote
 from bus_bag.errors import BagError
 from bus_bag.metadata import BagMetadata, TopicMetadata, from_record
 from bus_bag.profiles import profiles_from_yaml
-from bus_bag.storage.unpacking import MAX_SIZE
-from bus_bag.storage.values import BagMessage, Order, Problem, Summary
+from bus_bag.storage.bag_file import BagMessage, Order, Problem, Summary
+from bus_bag.storage.decompression import MAX_SIZE
 
 __all__ = ["SqliteFile"]
 

@@ -15,9 +15,9 @@ from bus_bag.metadata import (
     to_record,
     to_yaml,
 )
+from bus_bag.storage.bag_file import Buffer
 from bus_bag.storage.chunk import ChunkBuilder, Stamp
 from bus_bag.storage.mcap_writer import PRESETS, McapWriter
-from bus_bag.storage.values import Buffer
 
 __all__ = ["BagWriter", "write_metadata_file"]
 

@@ -1,10 +1,10 @@
 """The latched state of a moment, and what a bag of several files repeats."""
 
-from bus_bag.play.latched import Identity, Latched
+from bus_bag.play.latched import Identity, LatchedState
 
 
 def test_the_last_of_each_topic_are_kept_in_order() -> None:
-    state: Latched[str] = Latched({"/tf_static": 2, "/map": 1})
+    state: LatchedState[str] = LatchedState({"/tf_static": 2, "/map": 1})
     said = [
         ("/tf_static", b"a"),
         ("/map", b"old"),
@@ -18,7 +18,7 @@ def test_the_last_of_each_topic_are_kept_in_order() -> None:
 
 
 def test_what_comes_again_is_told() -> None:
-    state: Latched[int] = Latched({"/map": 2})
+    state: LatchedState[int] = LatchedState({"/map": 2})
     first, second = Identity(1, 1, b"a"), Identity(2, 2, b"b")
     assert state.add("/map", first, 1) and state.add("/map", second, 2)
     assert not state.add("/map", first, 3) and not state.add("/map", second, 4)
@@ -27,6 +27,6 @@ def test_what_comes_again_is_told() -> None:
 
 
 def test_files_without_numbers_repeat_what_has_the_same_content() -> None:
-    state: Latched[int] = Latched({"/map": 2})
+    state: LatchedState[int] = LatchedState({"/map": 2})
     assert state.add("/map", Identity(1, 0, b"a"), 1) and state.add("/map", Identity(1, 0, b"b"), 2)
     assert not state.add("/map", Identity(1, 0, b"a"), 3)

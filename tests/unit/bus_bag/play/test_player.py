@@ -12,10 +12,10 @@ import pytest
 from bus.errors import ConfigurationError
 from bus.logger import get_logger
 from bus_bag.errors import BagError
-from bus_bag.play.feed import Feed
 from bus_bag.play.options import PlayOptions
 from bus_bag.play.player import Player, Span
 from bus_bag.play.progress import Status
+from bus_bag.play.read_ahead import ReadAheadQueue
 from bus_bag.play.selection import Selection
 from bus_bag.storage import BagMessage
 
@@ -64,13 +64,13 @@ class Output:
 
 @asynccontextmanager
 async def playing(reader: Any, output: Output, span: Span = SPAN, **given: Any) -> AsyncIterator[Player]:
-    feed = Feed(reader, frozenset({"/a"}), {}, lambda one: bytes(one.data))
+    queue = ReadAheadQueue(reader, frozenset({"/a"}), {}, lambda one: bytes(one.data))
     options = PlayOptions(selection=Selection(), **given)
     try:
-        async with Player(feed, {"/a": output}, span, options, get_logger("player")) as player:
+        async with Player(queue, {"/a": output}, span, options, get_logger("player")) as player:
             yield player
     finally:
-        feed.close()
+        queue.close()
 
 
 async def turns(count: int = 20) -> None:

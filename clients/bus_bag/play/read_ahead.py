@@ -9,10 +9,10 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
-from bus_bag.play.latched import Identity, Latched
+from bus_bag.play.latched import Identity, LatchedState
 from bus_bag.storage import BagMessage, BagReader, Order
 
-__all__ = ["Entry", "Feed"]
+__all__ = ["Entry", "ReadAheadQueue"]
 
 _MOST_BYTES = 128 << 20
 """Of payloads that wait, whatever their number; one message may be longer."""
@@ -51,7 +51,7 @@ class _Run:
         """How many entries the event loop waits for; 0: it doesn't."""
 
 
-class Feed:
+class ReadAheadQueue:
     """Reads `reader` in `order`, with `depths` for the transient local topics among `topics`.
 
     `decode` gives the payload of a message, or None for one that is left out; it is called in the thread.
@@ -198,7 +198,7 @@ class Feed:
                 pass
 
     def _entries(self, run: _Run) -> Iterator[Entry]:
-        state: Latched[BagMessage] = Latched(self._depths)
+        state: LatchedState[BagMessage] = LatchedState(self._depths)
         if run.start_ns is not None and self._depths:
             yield from self._state(run, run.start_ns, state)
         for message in self._reader.messages(run.start_ns, self._topics, self._order):
@@ -208,7 +208,7 @@ class Feed:
             if payload is not None:
                 yield Entry(message.topic, self._time(message), message.publish_time, payload, False)
 
-    def _state(self, run: _Run, start_ns: int, state: Latched[BagMessage]) -> Iterator[Entry]:
+    def _state(self, run: _Run, start_ns: int, state: LatchedState[BagMessage]) -> Iterator[Entry]:
         for message in self._reader.messages(None, frozenset(self._depths), self._order):
             if run.is_given_up:
                 return
@@ -224,7 +224,7 @@ class Feed:
         return message.log_time if self._order == "log_time" else message.publish_time
 
 
-def _add(state: Latched[BagMessage], message: BagMessage) -> bool:
+def _add(state: LatchedState[BagMessage], message: BagMessage) -> bool:
     data = bytes(message.data)  # not the piece of the file of which it may be a view
     message.data = data
     return state.add(message.topic, Identity(message.publish_time, message.sequence, data), message)

@@ -1,4 +1,4 @@
-"""What the messages of a type are in a bag: CDR, or where there is none of that type a text of JSON.
+"""How messages of a type are encoded in a bag: as CDR, or where the type has none, as a text of JSON.
 
 A bag has one serialization format, so that the text is CDR too: of `busd/msg/Json`, which has one field.
 """
@@ -15,13 +15,13 @@ from bus.types.schema import build
 from bus.wire.runs import Buffer
 from bus_ros.cdr import CdrError, Codec, codec_of, schema_of_definition
 
-__all__ = ["Form", "form_of"]
+__all__ = ["Encoder", "encoder_of"]
 
 _NAME, _DEFINITION = "busd/msg/Json", "string data\n"
 
 
-class Form(Protocol):
-    """How a type stands in a bag; `Codec` is one."""
+class Encoder(Protocol):
+    """Encodes messages of one type, and describes the type; `Codec` is one."""
 
     type_name: str
     type_hash: str
@@ -33,8 +33,8 @@ class Form(Protocol):
     def encode_many(self, payloads: Iterable[Buffer]) -> list[bytes]: ...
 
 
-def form_of(schema: MessageSchema) -> tuple[Form, str]:
-    """The form, and why that is a text of JSON, if it is.
+def encoder_of(schema: MessageSchema) -> tuple[Encoder, str]:
+    """The encoder of a type; and, where it makes texts of JSON, the reason.
 
     Raises ConfigurationError for a schema that is malformed or too large.
     """
@@ -42,10 +42,10 @@ def form_of(schema: MessageSchema) -> tuple[Form, str]:
         return codec_of(schema), ""
     except ConfigurationError as error:
         build(schema.description)
-        return _JsonForm(schema.type_name), str(error)
+        return _JsonEncoder(schema.type_name), str(error)
 
 
-class _JsonForm:
+class _JsonEncoder:
     def __init__(self, type_name: str) -> None:
         self._codec = _codec()
         self.type_name, self.type_hash = self._codec.type_name, self._codec.type_hash

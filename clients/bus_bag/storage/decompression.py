@@ -1,24 +1,24 @@
-"""Compressed data of anybody, unpacked: never to more than it says, and never to gigabytes."""
+"""Untrusted data, decompressed: never to more than it announces, and never to gigabytes."""
 
+from bus_bag.storage.bag_file import Buffer
 from bus_bag.storage.mcap_format import package
-from bus_bag.storage.values import Buffer
 
-__all__ = ["MAX_SIZE", "unpack", "unpack_frame"]
+__all__ = ["MAX_SIZE", "decompress", "decompress_frame"]
 
 MAX_SIZE = 256 << 20
 """What claims to be larger is not unpacked."""
 
 
-def unpack(compression: str, data: Buffer, size: int) -> Buffer:
+def decompress(compression: str, data: Buffer, size: int) -> Buffer:
     """`data` as it was, which is `size` bytes. Raises ValueError where it is not."""
     if not compression:
         unpacked: Buffer = data
     elif size > MAX_SIZE:
         raise ValueError(f"it would be {size:,} bytes, more than {MAX_SIZE:,}")
     elif compression == "zstd":
-        unpacked = _unpack_zstd(data, size)
+        unpacked = _decompress_zstd(data, size)
     elif compression == "lz4":
-        unpacked = _unpack_lz4(data, size)
+        unpacked = _decompress_lz4(data, size)
     else:
         raise ValueError(f"its compression is '{compression}', neither 'zstd' nor 'lz4'")
     if len(unpacked) != size:
@@ -26,7 +26,7 @@ def unpack(compression: str, data: Buffer, size: int) -> Buffer:
     return unpacked
 
 
-def unpack_frame(data: Buffer) -> bytes:
+def decompress_frame(data: Buffer) -> bytes:
     """A frame of zstd that says how large it is. Raises ValueError for none."""
     zstd = package("zstandard")
     try:
@@ -35,10 +35,10 @@ def unpack_frame(data: Buffer) -> bytes:
         raise ValueError(str(error)) from None
     if size < 0:
         raise ValueError("it does not say its size")
-    return bytes(unpack("zstd", data, size))
+    return bytes(decompress("zstd", data, size))
 
 
-def _unpack_zstd(data: Buffer, size: int) -> bytes:
+def _decompress_zstd(data: Buffer, size: int) -> bytes:
     zstd = package("zstandard")
     try:
         told = zstd.frame_content_size(data)
@@ -49,7 +49,7 @@ def _unpack_zstd(data: Buffer, size: int) -> bytes:
         raise ValueError(str(error)) from None
 
 
-def _unpack_lz4(data: Buffer, size: int) -> bytes:
+def _decompress_lz4(data: Buffer, size: int) -> bytes:
     lz4 = package("lz4.frame")
     try:
         return bytes(lz4.LZ4FrameDecompressor().decompress(bytes(data), max_length=size + 1))

@@ -4,12 +4,12 @@ from collections import deque
 
 from bus_bag.sizes import size_text
 
-__all__ = ["Status"]
+__all__ = ["Progress"]
 
 _WINDOW_NS = 2_000_000_000
 
 
-class Status:
+class Progress:
     """What it says: time, messages, MB/s over the last two seconds, the cache, what was lost."""
 
     def __init__(self, began_ns: int) -> None:

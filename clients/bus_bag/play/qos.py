@@ -6,7 +6,7 @@ from msgspec.structs import replace
 
 from bus.qos import MAX_DEPTH, Durability, History, QoSProfile
 
-__all__ = ["MIXED", "kept_for_late_joiners", "offer_for"]
+__all__ = ["MIXED", "kept_for_late_joiners", "offered_profile"]
 
 MIXED = (
     "Not all original publishers on topic {topic} offered the same QoS profiles. "
@@ -15,7 +15,7 @@ MIXED = (
 )
 
 
-def offer_for(profiles: Sequence[QoSProfile]) -> tuple[QoSProfile, bool]:
+def offered_profile(profiles: Sequence[QoSProfile]) -> tuple[QoSProfile, bool]:
     """The profile to offer, and whether the recorded ones differ so that it is none of them.
 
     As in rosbag2 history and lifespan don't count as a difference, and what differs is played with the

@@ -1,4 +1,4 @@
-"""What readers of bags give, and what all files of bags have in common."""
+"""What a file of a bag offers, whatever its format, and what reading it gives."""
 
 from collections.abc import Iterator
 from pathlib import Path

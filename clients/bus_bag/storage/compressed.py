@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from bus_bag.errors import BagError
+from bus_bag.storage.bag_file import BagFile, BagMessage, Problem
+from bus_bag.storage.decompression import decompress_frame
 from bus_bag.storage.mcap_format import package
 from bus_bag.storage.mcap_reader import McapFile
 from bus_bag.storage.sqlite_reader import SqliteFile
-from bus_bag.storage.unpacking import unpack_frame
-from bus_bag.storage.values import BagFile, BagMessage, Problem
 
-__all__ = ["SUFFIX", "open_packed", "unpack_messages"]
+__all__ = ["SUFFIX", "decompress_messages", "open_compressed"]
 
 SUFFIX = ".zstd"
 _PIECE = 1 << 20
@@ -21,17 +21,17 @@ _MOST_TIMES = 1000
 """A file that grows more when it is unpacked is made to fill the disk."""
 
 
-def open_packed(path: Path) -> BagFile:
-    """The file that is packed in this one, out of a temporary file. Raises BagError for what is none."""
+def open_compressed(path: Path) -> BagFile:
+    """The file that was compressed into this one, from a temporary copy. Raises BagError for what is none."""
     inner = path.with_suffix("").suffix
     with tempfile.NamedTemporaryFile(prefix="busd_bag_", suffix=inner) as file:
-        _unpack_file(path, file.fileno())
+        _decompress_file(path, file.fileno())
         if inner == ".db3":
             return SqliteFile(path, Path(file.name))  # which opens it before its name is gone
         return McapFile(path, os.open(file.name, os.O_RDONLY | os.O_CLOEXEC))
 
 
-def _unpack_file(path: Path, target: int) -> None:
+def _decompress_file(path: Path, target: int) -> None:
     zstd = package("zstandard")
     most = max(path.stat().st_size * _MOST_TIMES, _LEAST)
     size = 0
@@ -49,14 +49,14 @@ def _unpack_file(path: Path, target: int) -> None:
         raise BagError(f"'{path}' can't be unpacked: there is nothing in it")
 
 
-def unpack_messages(
+def decompress_messages(
     messages: Iterator[BagMessage], path: Path, problems: list[Problem]
 ) -> Iterator[BagMessage]:
     """Messages that are packed each for itself; those that can't be unpacked are counted and left out."""
     passed_over, why = 0, ""
     for message in messages:
         try:
-            message.data = unpack_frame(message.data)
+            message.data = decompress_frame(message.data)
         except ValueError as error:
             passed_over += 1
             why = str(error)

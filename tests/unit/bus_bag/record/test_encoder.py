@@ -9,7 +9,7 @@ from bus.errors import ConfigurationError
 from bus.msg.sensor_msgs import Imu
 from bus.schema import MessageSchema
 from bus.types.support import type_support
-from bus_bag.record.form import form_of
+from bus_bag.record.encoder import encoder_of
 from bus_ros.cdr import CdrError, codec_of
 
 
@@ -22,26 +22,26 @@ def schema(*types: Any) -> MessageSchema:
 
 def test_cdr() -> None:
     imu = MessageSchema.of(Imu)
-    form, why = form_of(imu)
-    assert (form.type_name, form.as_json, why) == ("sensor_msgs/msg/Imu", (), "")
+    encoder, why = encoder_of(imu)
+    assert (encoder.type_name, encoder.as_json, why) == ("sensor_msgs/msg/Imu", (), "")
     payload = type_support(Imu).encode(Imu())
-    assert form.encode(payload) == codec_of(imu).encode(payload)
+    assert encoder.encode(payload) == codec_of(imu).encode(payload)
 
 
 def test_what_can_not_be_cdr_is_a_text_of_json() -> None:
-    form, why = form_of(schema("int32", ["wstring"]))
+    encoder, why = encoder_of(schema("int32", ["wstring"]))
     assert "wstring" in why
-    assert (form.type_name, form.definition, form.as_json) == (
+    assert (encoder.type_name, encoder.definition, encoder.as_json) == (
         "busd/msg/Json",
         "string data\n",
         ("demo/msg/Own",),
     )
-    data = b"".join(form.encode(msgspec.msgpack.encode([7, "wide"])))
+    data = b"".join(encoder.encode(msgspec.msgpack.encode([7, "wide"])))
     assert data[8:-1] == b'[7,"wide"]'
     with pytest.raises(CdrError, match="no payload that JSON can say"):
-        form.encode(b"\xc1")
+        encoder.encode(b"\xc1")
 
 
 def test_what_is_no_schema_is_refused() -> None:
     with pytest.raises(ConfigurationError):
-        form_of(MessageSchema("demo/msg/Own", "x", msgspec.msgpack.encode({"root": "demo/msg/Own"})))
+        encoder_of(MessageSchema("demo/msg/Own", "x", msgspec.msgpack.encode({"root": "demo/msg/Own"})))
