@@ -5,6 +5,7 @@ import re
 __all__ = ["load"]
 
 _DEEP = re.compile(r"^[\s\-?:]{200}", re.MULTILINE)
+_TOO_DEEP = re.compile(r"[\[{]{200}")
 _MOST_OPENED = 2000
 
 
@@ -12,6 +13,8 @@ def load(text: str) -> object:
     """The document. Raises ValueError with the reason where `text` is no YAML."""
     import yaml
 
+    if _TOO_DEEP.search(text):
+        raise ValueError("it is nested too deeply")
     is_deep = text.count("[") + text.count("{") > _MOST_OPENED or _DEEP.search(text) is not None
     in_c = None if is_deep else getattr(yaml, "CSafeLoader", None)
     try:

@@ -134,6 +134,7 @@ def test_an_old_version() -> None:
         ("rosbag2_bagfile_information: {version: 9, files: 1}", "'files' is no list"),
         ("rosbag2_bagfile_information: {version: 9, duration: 1}", "'duration' is no map"),
         ("[" * 3_000, "it is nested too deeply"),
+        ("[1, " * 2_001, "it is "),
         ("- " * 1_000, "it is nested too deeply"),
         ("a: \x01", "it is no YAML: unacceptable character #x0001: "),
         ("a: 2026-13-45", "it is no YAML: month must be"),
