@@ -156,7 +156,7 @@ def positive_int(text: str) -> int:
 
 def unsigned_int(text: str) -> int:
     """For argparse."""
-    if not (text.isascii() and text.isdigit() and len(text) < 10):
+    if not (text.isascii() and text.isdigit() and len(text) < 19):
         raise ArgumentTypeError("value must be non-negative integer")
     return int(text)
 

@@ -2,7 +2,8 @@
 
 from argparse import ArgumentParser, Namespace
 
-from bus_cli.bag.playargs import add_reader_arguments, not_negative_int, play
+from bus_cli.bag.playargs import add_reader_arguments, play
+from bus_cli.stream import unsigned_int
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -11,7 +12,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         "-n",
         "--num-messages",
         metavar="N",
-        type=not_negative_int,
+        type=unsigned_int,
         default=0,
         help="How many messages come at once, before the pause (default: all)",
     )

@@ -6,11 +6,10 @@ from bus_cli.bag.playargs import (
     add_reader_arguments,
     nanoseconds,
     not_negative,
-    not_negative_int,
     play,
     seconds,
 )
-from bus_cli.stream import positive
+from bus_cli.stream import positive, unsigned_int
 
 _CLOCK_HZ = 40.0
 _ORDERS = {"received": "log_time", "sent": "publish_time"}
@@ -75,7 +74,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--wait-for-all-acked",
         metavar="MS",
-        type=not_negative_int,
+        type=unsigned_int,
         help="At the end wait until what was published has left, at most so long (0: as long as it takes)",
     )
     parser.add_argument(

@@ -6,8 +6,9 @@ from typing import Any
 
 from bus_cli.bag.reading import STORAGES, overrides_in
 from bus_cli.output import CommandError
+from bus_cli.stream import run_stream, unsigned_int
 
-__all__ = ["add_reader_arguments", "nanoseconds", "not_negative", "not_negative_int", "play", "seconds"]
+__all__ = ["add_reader_arguments", "nanoseconds", "not_negative", "play", "seconds"]
 
 _MOST_S = 1e10
 _NS_PER_S = 1_000_000_000
@@ -26,7 +27,7 @@ def add_reader_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--read-ahead-queue-size",
         metavar="N",
-        type=not_negative_int,
+        type=unsigned_int,
         default=1000,
         help="How many messages are read ahead of their time (default: 1000)",
     )
@@ -76,7 +77,6 @@ def play(args: Namespace, *, burst: int | None = None, **options: Any) -> int:
     from bus_bag.play.options import PlayOptions
     from bus_bag.play.program import run
     from bus_bag.play.selection import Selection
-    from bus_cli.stream import run_stream
 
     if args.log_level:
         from bus.logger import set_default_level
@@ -132,10 +132,3 @@ def not_negative(text: str) -> float:
     if (value := seconds(text)) < 0:
         raise ArgumentTypeError(f"{text} is no number of seconds from 0")
     return value
-
-
-def not_negative_int(text: str) -> int:
-    """For argparse."""
-    if not (text.isascii() and text.isdigit() and len(text) < 19):
-        raise ArgumentTypeError(f"{text} is no whole number from 0")
-    return int(text)

@@ -5,14 +5,14 @@ from collections.abc import Callable
 
 import pytest
 
-from bus_cli.bag.playargs import nanoseconds, not_negative, not_negative_int, seconds
+from bus_cli.bag.playargs import nanoseconds, not_negative, seconds
 
 
 def test_seconds() -> None:
     assert [nanoseconds(seconds(text)) for text in ("0.1", "-1", "1795342862.5")] == [
         *(100_000_000, -(10**9), 1_795_342_862_500_000_000),
     ]
-    assert (not_negative("0"), not_negative("2.5"), not_negative_int("1000")) == (0.0, 2.5, 1000)
+    assert (not_negative("0"), not_negative("2.5")) == (0.0, 2.5)
 
 
 @pytest.mark.parametrize(
@@ -20,9 +20,8 @@ def test_seconds() -> None:
     [
         *((seconds, text) for text in ("", "x", "nan", "inf", "-inf", "1e10")),
         *((not_negative, text) for text in ("-0.1", "nan", "x")),
-        *((not_negative_int, text) for text in ("-1", "1.5", "", "9" * 19, "²")),
     ],
 )
 def test_what_is_no_such_number(parse: Callable[[str], object], text: str) -> None:
-    with pytest.raises(ArgumentTypeError, match=r" is no (number of seconds|whole number)"):
+    with pytest.raises(ArgumentTypeError, match=r" is no number of seconds"):
         parse(text)
