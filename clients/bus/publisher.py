@@ -146,7 +146,7 @@ class Publisher(Endpoint[M]):
             payload = self._encode(message)
         except ENCODE_ERRORS as error:
             raise self._support.explain(message) or error from None
-        return self._sender.write(payload) or self._put(payload)
+        return self._write(payload)
 
     def publish_encoded(self, payload: Buffer, *, source_time_ns: int | None = None) -> bool:
         """Publish a message that is encoded already; as `publish`, but nothing checks its type here.
@@ -162,7 +162,7 @@ class Publisher(Endpoint[M]):
             raise TypeError(f"an encoded message on '{self.topic_name}' must be bytes, not text")
         if source_time_ns is not None:
             return self._put(source_head(source_time_ns), in_bytes(payload))
-        return self._sender.write(payload) or self._put(in_bytes(payload))
+        return self._write(payload)
 
     def loan(self, message: M, field: str, size: int) -> "Loan | None":
         """A buffer of `size` bytes, to be filled by the caller: the field `field` of `message`.
@@ -385,6 +385,16 @@ class Publisher(Endpoint[M]):
             return encode_around(message, field, size, self._encode, is_text=isinstance(value, str))
         except ENCODE_ERRORS as error:
             raise self._support.explain(with_field(message, field, value)) or error from None
+
+    def _write(self, payload: Buffer) -> bool:
+        """Publish an encoded sample."""
+        status = self._sender.write(payload)
+        if status is True:
+            return True
+        if status and status == shm.native.REPORT_DUE:
+            self._link.report(self)
+            return True
+        return self._put(in_bytes(payload))
 
     def _put(self, *parts: Buffer | str) -> bool:
         """Publish a sample by the slow way: check its size, and count it where there is no room."""

@@ -51,3 +51,19 @@ async def test_calls_by_socket_without_the_core(monkeypatch: pytest.MonkeyPatch)
     assert 8 <= counter.python <= 15
     assert counter.native <= 15
     assert counter.switches <= 10
+
+
+@natively
+async def test_calls_of_an_encoded_message_by_shared_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BUS_ROUTE", "shm")
+    async with bus.Node("talker", rosout=False, arguments=[]) as node:
+        subscription = await node.create_subscription(String, "calls", 10)
+        publisher = await node.create_publisher(String, "calls", 10)
+        await publisher.wait_for_subscriptions(1)
+        payload = msgspec.msgpack.encode(String(data="x" * 64))
+        publisher.publish_encoded(payload)  # the first asks for a report
+        with CallCounter() as counter:
+            publisher.publish_encoded(payload)
+        assert counter.python <= 2
+        for _ in range(2):
+            assert (await subscription.receive())[0] == String(data="x" * 64)

@@ -218,6 +218,7 @@ class Client(ListPort):
         self, qos: QoSProfile, topic: str = TOPIC, support: Any = SUPPORT, **more: Any
     ) -> Publisher[Any]:
         made = Publisher(self._context, topic, support, qos, PublisherEvents(), **more)
+        made._write = made._put  # type: ignore[method-assign, assignment]  # not by the machine's clock
         self._add(made)
         return made
 

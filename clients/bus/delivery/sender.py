@@ -87,8 +87,8 @@ class Sender:
         them."""
         self.sends = sends
         """Learns which quick way there is."""
-        self.write: Callable[[Any], bool] = _no_quick_way
-        """The quick way for an encoded sample, by socket; False: ask `put`."""
+        self.write: Callable[[Any], bool | int] = _no_quick_way
+        """The quick way for an encoded sample. True or REPORT_DUE: done; anything else: ask `put`."""
         self.lend_field: LendField = _no_quick_way
         """The quick way for a loan, to be ended by `end_loan`; anything but a Loan: ask `lend`."""
         self._choose_routes()
@@ -378,6 +378,7 @@ class Sender:
             # Subscriptions of this loop get a turn at every hundredth `send`, or their depth loses samples.
             self._set_quick(
                 ring.writer.publish if ring.can_publish else None,
+                ring.writer.write,
                 lend_field=ring.writer.lend_field,
                 spares_turns=not ring.is_read_here,
             )
@@ -385,7 +386,7 @@ class Sender:
     def _set_quick(
         self,
         publish: Callable[[Any], bool | int | bytes] | None = None,
-        write: Callable[[Any], bool] | None = None,
+        write: Callable[[Any], bool | int] | None = None,
         *,
         lend_field: "LendField | None" = None,
         spares_turns: bool = False,

@@ -138,8 +138,9 @@ class Writer:
     """From `lend` to `publish_lent`: `publish` takes nothing. May be set to False: it was given back."""
 
     def __init__(self, memory: Mapping, keep: int) -> None: ...
-    def write(self, payload: Buffer, /) -> Literal[True] | int:
-        """Stamp `payload`, publish it and wake readers that sleep. True, or one of the numbers above."""
+    def write(self, payload: Buffer, /) -> bool | int:
+        """Stamp `payload`, publish it and wake readers that sleep. True, or one of the numbers above. False:
+        it is longer than 64 KiB, or `is_lent` is set."""
     def prepare(
         self,
         kind: type,

@@ -118,20 +118,36 @@ static inline PyObject *put(Writer *self, const void *bytes, Py_ssize_t size)
     return status == RING_OK ? published(self, (uint64_t)size) : refused_for_now(self, status);
 }
 
+static PyObject *write_payload(Writer *self, PyObject *payload, uint64_t most)
+{
+    PyObject *outcome;
+    if (!is_open(self, &outcome))
+        return outcome;
+    if (PyBytes_Check(payload)) {
+        const Py_ssize_t size = PyBytes_Size(payload);
+        return (uint64_t)size > most ? PyBool_FromLong(0) : put(self, PyBytes_AsString(payload), size);
+    }
+    Py_buffer buffer;
+    if (PyObject_GetBuffer(payload, &buffer, PyBUF_SIMPLE) < 0)
+        return NULL;
+    outcome = (uint64_t)buffer.len > most ? PyBool_FromLong(0) : put(self, buffer.buf, buffer.len);
+    PyBuffer_Release(&buffer);
+    return outcome;
+}
+
+/* Longer samples go step by step: the copy is what costs, and the memory that they take is seen to there. */
+enum { QUICK_BYTES = 64 << 10 };
+
+/* The quick way of an encoded sample. False: nothing was done. */
 static PyObject *writer_write(PyObject *object, PyObject *payload)
 {
     Writer *self = (Writer *)object;
     PyObject *outcome;
     if (!is_open(self, &outcome))
         return outcome;
-    if (PyBytes_Check(payload))
-        return put(self, PyBytes_AsString(payload), PyBytes_Size(payload));
-    Py_buffer buffer;
-    if (PyObject_GetBuffer(payload, &buffer, PyBUF_SIMPLE) < 0)
-        return NULL;
-    outcome = put(self, buffer.buf, buffer.len);
-    PyBuffer_Release(&buffer);
-    return outcome;
+    if (self->is_lent)
+        Py_RETURN_FALSE;
+    return write_payload(self, payload, QUICK_BYTES);
 }
 
 static PyObject *writer_prepare(PyObject *object, PyObject *args)
@@ -159,7 +175,7 @@ static PyObject *writer_publish(PyObject *object, PyObject *message)
         return PyErr_Occurred() ? NULL : PyBool_FromLong(0);
     /* A long one is followed by others, which writer_write_parts() copies once less. */
     self->is_long = PyBytes_Check(payload) && (uint64_t)PyBytes_Size(payload) > self->longest;
-    outcome = writer_write(object, payload);
+    outcome = write_payload(self, payload, UINT64_MAX);
     Py_DECREF(payload);
     return outcome;
 }

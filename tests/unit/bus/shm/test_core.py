@@ -143,7 +143,8 @@ def test_a_loan_is_filled_in_place(talker: Talker, listener: Listener) -> None:
     with pytest.raises(ValueError, match="nothing is lent"):
         talker.writer.publish_lent()
     talker.writer.lend(5)
-    talker.write(b"between")
+    assert talker.writer.write(b"quickly") is talker.writer.publish("quickly") is False
+    assert talker.writer.write_parts([b"between"]) is True
     with pytest.raises(ValueError, match="took the place back"):
         talker.writer.publish_lent()
     assert listener.take() == [b"hello", b"between"]
