@@ -23,6 +23,7 @@ from bus_bag.record.choice import Choice, Wanted
 from bus_bag.record.splitting import Splitting
 from bus_bag.storage import BagMessage, BagReader, BagWriter, open_bag
 from bus_bag.storage.merge import Place, merge, timed
+from bus_bag.topic_names import absolute_names
 from bus_bag.yaml_text import load
 from bus_ros.cdr import codec_of
 
@@ -156,10 +157,8 @@ class _Options:
         for key in _CHOICES:
             values = self._take(key, list, None)
             if values:
-                names[key] = frozenset(
-                    value if "types" in key or str(value).startswith("/") else f"/{value}"
-                    for value in map(str, values)
-                )
+                texts = map(str, values)
+                names[key] = frozenset(texts) if "types" in key else absolute_names(texts)
         takes_all = self._take("all", bool, False)
         for key in ("all_topics", "all_services"):
             if self._take(key, bool, False) or takes_all:

@@ -10,11 +10,11 @@ from bus_bag import losses
 from bus_bag.metadata import BagMetadata, TopicInformation
 from bus_bag.sizes import size_text
 from bus_bag.storage import BagReader
+from bus_bag.topic_names import SERVICE_EVENT, is_event_topic
 
 __all__ = ["SORTINGS", "describe", "find_losses", "topic_names"]
 
 _INDENT = 19
-_EVENTS = "/_service_event"
 _NS_PER_S = 1_000_000_000
 
 SORTINGS: Mapping[str, Callable[[TopicInformation], object]] = {
@@ -40,8 +40,8 @@ def describe(reader: BagReader, *, verbose: bool = False, sort: str = "name") ->
     if verbose:
         _read(reader, sizes, services)
     topics = sorted(metadata.topics, key=SORTINGS[sort])  # type: ignore[arg-type]
-    events = [one for one in topics if is_event(one)]
-    topics = [one for one in topics if not is_event(one)]
+    events = [one for one in topics if _is_event(one)]
+    topics = [one for one in topics if not _is_event(one)]
     start, end = metadata.starting_time, metadata.starting_time + metadata.duration
     bag_size = sum(file.path.stat().st_size for file in reader.files)
     lines = [
@@ -70,7 +70,7 @@ def describe(reader: BagReader, *, verbose: bool = False, sort: str = "name") ->
 def topic_names(metadata: BagMetadata, sort: str = "name") -> list[str]:
     """Names of topics, without those of services' events."""
     topics = sorted(metadata.topics, key=SORTINGS[sort])  # type: ignore[arg-type]
-    return [one.topic_metadata.name for one in topics if not is_event(one)]
+    return [one.topic_metadata.name for one in topics if not _is_event(one)]
 
 
 def find_losses(reader: BagReader) -> dict[str, losses.TopicLosses]:
@@ -85,10 +85,9 @@ def find_losses(reader: BagReader) -> dict[str, losses.TopicLosses]:
     return {}
 
 
-def is_event(topic: TopicInformation) -> bool:
+def _is_event(topic: TopicInformation) -> bool:
     """Whether it is the events of a service."""
-    kind = topic.topic_metadata.type
-    return topic.topic_metadata.name.endswith(_EVENTS) and "/srv/" in kind and kind.endswith("_Event")
+    return is_event_topic(topic.topic_metadata.name, (topic.topic_metadata.type,))
 
 
 def _block(title: str, lines: Iterable[str], indent: int = _INDENT) -> Iterator[str]:
@@ -114,7 +113,7 @@ def _service_line(
     one: TopicInformation, sizes: Mapping[str, int], services: Mapping[str, _Service] | None
 ) -> str:
     topic = one.topic_metadata
-    head = f"Service: {topic.name.removesuffix(_EVENTS)} | Type: {topic.type.removesuffix('_Event')} | "
+    head = f"Service: {topic.name.removesuffix(SERVICE_EVENT)} | Type: {topic.type.removesuffix('_Event')} | "
     tail = f"Serialization Format: {topic.serialization_format}"
     if services is None:
         return f"{head}Event Count: {one.message_count} | {tail}"
@@ -126,7 +125,7 @@ def _service_line(
 
 
 def _read(reader: BagReader, sizes: Counter[str], services: dict[str, _Service]) -> None:
-    events = {one.topic_metadata.name for one in reader.metadata.topics if is_event(one)}
+    events = {one.topic_metadata.name for one in reader.metadata.topics if _is_event(one)}
     for message in reader.messages():
         sizes[message.topic] += len(message.data)
         if message.topic in events and len(message.data) >= 44:

@@ -10,6 +10,7 @@ from typing import Any
 
 from bus.errors import ConfigurationError
 from bus.qos import MAX_DEPTH, History, QoSProfile
+from bus_bag.topic_names import absolute
 from bus_bag.yaml_text import load
 
 __all__ = ["overrides_from_yaml", "profile_to_yaml", "profiles_from_yaml"]
@@ -113,8 +114,7 @@ def overrides_from_yaml(document: object) -> dict[str, QoSProfile]:
     for topic, profile in document.items():
         if not isinstance(profile, dict):
             raise ConfigurationError(f"QoS profile of topic '{topic}' must be a map of policies")
-        name = str(topic)
-        profiles[name if name.startswith("/") else f"/{name}"] = _override(profile)
+        profiles[absolute(str(topic))] = _override(profile)
     return profiles
 
 

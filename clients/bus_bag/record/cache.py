@@ -81,12 +81,6 @@ class Cache(Generic[T]):
             thrown[taken[0]] = thrown.get(taken[0], 0) + taken[2]
         return thrown
 
-    def counts(self) -> dict[str, int]:
-        """Topic -> messages that wait."""
-        return {
-            topic: sum(one.count for one in entries) for topic, entries in self._topics.items() if entries
-        }
-
     def _lose(self) -> None:
         if self._is_circular:
             while self._order[0].batch is None:

@@ -5,19 +5,15 @@ excluded is left out of all that, and so are hidden topics. Events of services s
 which options for topics don't choose. The topics by which services are called are none to a user.
 """
 
-import re
 from collections.abc import Iterable
-from re import Pattern
 
 import msgspec
 
-from bus.errors import ConfigurationError
 from bus.graph import Graph, GraphEndpoint
 from bus.names import is_hidden_topic, service_of_topic
+from bus_bag.topic_names import compiled, event_topics, is_event_topic
 
 __all__ = ["Choice", "Found", "Wanted"]
-
-_EVENTS = "/_service_event"
 
 
 class Wanted(msgspec.Struct, frozen=True, kw_only=True):
@@ -60,10 +56,10 @@ class Choice:
     def __init__(self, wanted: Wanted, own_node: str) -> None:
         self._wanted = wanted
         self._own_node = own_node
-        self._events = frozenset(service + _EVENTS for service in wanted.services)
-        self._excluded_events = frozenset(service + _EVENTS for service in wanted.exclude_services)
-        self._regex = _compiled(wanted.regex)
-        self._exclude_regex = _compiled(wanted.exclude_regex)
+        self._events = event_topics(wanted.services)
+        self._excluded_events = event_topics(wanted.exclude_services)
+        self._regex = compiled(wanted.regex)
+        self._exclude_regex = compiled(wanted.exclude_regex)
         self._said: set[str] = set()
 
     def choose(self, graph: Graph) -> tuple[list[Found], list[str]]:
@@ -89,7 +85,7 @@ class Choice:
             if (
                 not self._wanted.include_hidden_topics
                 and is_hidden_topic(topic)
-                and not _is_event(topic, names)
+                and not is_event_topic(topic, names)
             ):
                 reason = "Hidden topics are not recorded. Enable them with --include-hidden-topics"
             elif len(kinds) > 1:
@@ -114,14 +110,16 @@ class Choice:
         """Whether a topic with messages of these types is chosen, wherever it comes from."""
         if not self._wants(topic, types):
             return False
-        return self._wanted.include_hidden_topics or not is_hidden_topic(topic) or _is_event(topic, types)
+        return (
+            self._wanted.include_hidden_topics or not is_hidden_topic(topic) or is_event_topic(topic, types)
+        )
 
     def _has_others(self, subscriptions: Iterable[GraphEndpoint]) -> bool:
         return any(one.node.full_name != self._own_node for one in subscriptions)
 
     def _wants(self, topic: str, types: set[str]) -> bool:
         wanted = self._wanted
-        is_event = _is_event(topic, types)
+        is_event = is_event_topic(topic, types)
         if self._exclude_regex is not None and self._exclude_regex.search(topic):
             return False
         if is_event:
@@ -133,16 +131,3 @@ class Choice:
                 return False
             is_named = wanted.all_topics or topic in wanted.topics or bool(types & wanted.topic_types)
         return is_named or (self._regex is not None and bool(self._regex.search(topic)))
-
-
-def _is_event(topic: str, types: set[str]) -> bool:
-    return topic.endswith(_EVENTS) and all(name.endswith("_Event") for name in types)
-
-
-def _compiled(pattern: str) -> Pattern[str] | None:
-    if not pattern:
-        return None
-    try:
-        return re.compile(pattern)
-    except re.error as error:
-        raise ConfigurationError(f"'{pattern}' is no regular expression: {error}") from None

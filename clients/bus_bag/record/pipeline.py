@@ -159,10 +159,9 @@ class Pipeline:
         self._cache.put(topic.name, (samples, size, is_paused), len(samples), size)
 
     def resume(self) -> None:
-        """What latched topics have said while the recording was paused comes first."""
-        for topic in self._topics.values():
-            self.put(topic, [], is_paused=False)
-            return
+        """Write what latched topics have said while the recording was paused; it comes first."""
+        for topic in tuple(self._topics.values())[:1]:
+            self.put(topic, [], is_paused=False)  # an empty batch of any topic takes it along
 
     # --- messages out
 

@@ -4,9 +4,9 @@ import threading
 from collections import deque
 from collections.abc import Callable
 
-__all__ = ["WritingThread"]
+from bus_bag.storage.writer import Job
 
-Job = Callable[[], None]
+__all__ = ["WritingThread"]
 
 
 class WritingThread:

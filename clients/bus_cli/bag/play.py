@@ -86,11 +86,13 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def main(args: Namespace) -> int:
+    from bus_bag.topic_names import absolute_names
+
     clock_topics = None
     if args.clock_topics_all:
         clock_topics = frozenset[str]()
     elif args.clock_topics:
-        clock_topics = frozenset(name if name.startswith("/") else f"/{name}" for name in args.clock_topics)
+        clock_topics = absolute_names(args.clock_topics)
     until = args.playback_until_nsec if args.playback_until_nsec >= 0 else None
     if args.playback_until_sec >= 0:
         until = nanoseconds(args.playback_until_sec)

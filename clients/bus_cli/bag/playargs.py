@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from bus_cli.bag.reading import STORAGES, overrides_in
-from bus_cli.output import CommandError
 from bus_cli.stream import run_stream, unsigned_int
 
 __all__ = ["add_reader_arguments", "nanoseconds", "not_negative", "play", "seconds"]
@@ -82,17 +81,14 @@ def play(args: Namespace, *, burst: int | None = None, **options: Any) -> int:
         from bus.logger import set_default_level
 
         set_default_level(args.log_level)
-    try:
-        selection = Selection(
-            topics=args.topics,
-            services=args.services,
-            regex=getattr(args, "regex", ""),
-            exclude_topics=getattr(args, "exclude_topics", ()),
-            exclude_services=getattr(args, "exclude_services", ()),
-            exclude_regex=getattr(args, "exclude_regex", ""),
-        )
-    except ValueError as error:
-        raise CommandError(error) from None
+    selection = Selection(
+        topics=args.topics,
+        services=args.services,
+        regex=getattr(args, "regex", ""),
+        exclude_topics=getattr(args, "exclude_topics", ()),
+        exclude_services=getattr(args, "exclude_services", ()),
+        exclude_regex=getattr(args, "exclude_regex", ""),
+    )
     given = PlayOptions(
         selection=selection,
         overrides=overrides_in(args.qos_profile_overrides_path),

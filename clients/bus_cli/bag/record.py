@@ -217,7 +217,9 @@ def _warn(text: str) -> None:
 
 
 def _names(names: list[str]) -> frozenset[str]:
-    found = frozenset(name if name.startswith("/") else f"/{name}" for name in names)
+    from bus_bag.topic_names import absolute_names
+
+    found = absolute_names(names)
     for name in found:
         validate_full_topic_name(name)
     return found
