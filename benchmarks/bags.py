@@ -23,6 +23,7 @@ from benchmarks.figures import percentiles
 from benchmarks.harness import START_S, Child, Failure, Group
 from benchmarks.plan import Plan
 from benchmarks.report import Column, Comparison, Row, Section, compare
+from benchmarks.startup import compiling
 from benchmarks.systems import BUS
 from benchmarks.versus import against
 from benchmarks.work import Work, text_of
@@ -49,6 +50,7 @@ _SUBSCRIBED = f"{_TOPICS} topics"
 _LATENESS = re.compile(r"Lateness: p50 ([\d.]+) ms, p99 ([\d.]+) ms, max ([\d.]+) ms \((\d+) messages\)")
 _COLUMNS = [
     Column("per_s", "messages/s", "higher"),
+    Column("per_cpu_s", "per CPU second of the busier process", "higher"),
     Column("lost", "lost", "lower"),
     Column("cpu_taker", "CPU us per message: who takes it", "lower"),
     Column("cpu_s", "CPU s: who takes it", "lower"),
@@ -61,7 +63,8 @@ _COLUMNS = [
 ]
 _NOTES = [
     "64 B, 1 KiB: a flood of String, reliable + keep all, until the last one is counted, by a callback with "
-    "raw messages, or is in the file; every run checked: none lost",
+    "raw messages, or is in the file; every run checked: none lost; on a "
+    "machine that others use the rate is what they leave, and that per CPU second tells more",
     f"{_ROBOT_IS}: images of {bytes_text(_ROBOT.image)} at 30 Hz, an IMU at 200 Hz, transforms at 50 Hz; "
     "written as it comes: raw messages by os.write, one by one",
     f"{_BESIDE}...: how long each call takes of a publisher of 1 KiB at {_PACED.rate:,.0f} Hz that has one "
@@ -92,7 +95,8 @@ def run(plan: Plan) -> Section:
     cases.append(Case(_TIMER, partial(measure_timer, instants)))
     cases.append(Case(_SUBSCRIBED, partial(measure_topics, Topics(_TOPICS))))
     cases = [one._replace(missing=missing) for one in cases]
-    outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
+    with compiling():
+        outcomes = interleave(cases, plan.repetitions, lambda text: plan.tell(f"{NAME} {text}"))
     rows = [Row.of(outcomes[case.name]) for case in cases]
     title = "Bags: recording and replaying"
     return Section(NAME, title, _COLUMNS, rows, comparisons(outcomes), _NOTES)
@@ -104,7 +108,7 @@ def comparisons(outcomes: Mapping[str, Outcome]) -> list[Comparison]:
     for size in _SIZES:
         ours, theirs = _flood(size, _RECORDED), _flood(size, _COUNTED)
         found += against(outcomes, ours, theirs, "per_s", at_least=0.4, label=_COUNTED)
-        found += against(outcomes, ours, theirs, "cpu_taker", at_most=2.5, label=_COUNTED)
+        found += against(outcomes, ours, theirs, "per_cpu_s", label=_COUNTED)
     ours = f"{_ROBOT_IS}, {_RECORDED}"
     found += against(outcomes, ours, f"{_ROBOT_IS}, {_WRITTEN}", "cpu_s", at_most=1.5, label=_WRITTEN)
     if ours in outcomes:
@@ -141,7 +145,12 @@ def measure_flood(work: Work) -> Figures:
         publisher = "benchmarks.adapters.bus_string"
         system = BUS._replace(module=_MODULE, publisher=publisher, environ={FOLDER: folder})
         found = throughput.measure(system, work)
-    return {"per_s": found["per_s"], "cpu_taker": found["cpu_subscriber"] * 10}
+    busiest_s = max(found["cpu_publisher"], found["cpu_subscriber"])
+    return {
+        "per_s": found["per_s"],
+        "per_cpu_s": 100_000 / busiest_s,
+        "cpu_taker": found["cpu_subscriber"] * 10,
+    }
 
 
 def measure_robot(robot: Robot) -> Figures:
@@ -151,6 +160,8 @@ def measure_robot(robot: Robot) -> Figures:
         group.start_busd()
         taker = _start(group, "robots_taker", robot)
         publisher = _start(group, "robot", robot)
+        taker.tell("look")
+        group.expect(taker, "warm", within_s=START_S)
         before_ns = taker.cpu_ns()
         publisher.tell("go")
         group.expect(publisher, "sent", within_s=_LIMIT_S)

@@ -36,8 +36,6 @@ RECORD, COUNT = "record", "count"
 """How messages are taken (`Work.take_by`)."""
 _LOOK_S = 0.002
 _END_S, _LIMIT_S = 5.0, 60.0
-_CACHE = 1 << 30
-"""A flood that is lossless may be ahead of the file, but must get there in the time that is measured."""
 _LOSSLESS = bus.QoSProfile(history="keep_all")
 
 
@@ -51,8 +49,8 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def total(self) -> int:
-        """All messages."""
-        return sum(self.counts.values())
+        """All messages, with the first of each topic, which comes before the others."""
+        return sum(self.counts.values()) + len(self.rates)
 
     @property
     def counts(self) -> dict[str, int]:
@@ -90,7 +88,7 @@ def _recording(node: bus.Node, overrides: dict[str, bus.QoSProfile]) -> Iterator
     settle_process()
     folder = Path(os.environ[FOLDER]) / f"bag_{os.getpid()}"
     wanted = Wanted(all_topics=True)
-    record = RecordOptions(folder=folder, wanted=wanted, overrides=overrides, max_cache_size=_CACHE)
+    record = RecordOptions(folder=folder, wanted=wanted, overrides=overrides)
     recorder = Recorder(node, record)
     running = asyncio.create_task(recorder.run())
     try:
@@ -207,6 +205,8 @@ async def robot(parent: Parent) -> None:
         }
         for pub in pubs.values():
             await pub.wait_for_subscriptions()
+        for topic, message in messages.items():
+            await pubs[topic].send(message)  # with the first of a type its encoder is made
         parent.tell("ready")
         await parent.wait_for("go")
         begin_s = loop.time()
@@ -225,6 +225,9 @@ async def robots_taker(parent: Parent) -> None:
         if work.take_by == RECORD:
             with _recording(node, {}) as recorder:
                 parent.tell("ready")
+                await parent.wait_for("look")
+                await _until_written(recorder, len(work.rates), _END_S)
+                parent.tell("warm")
                 await parent.wait_for("report")
                 await _until_written(recorder, work.total, _END_S)
                 parent.tell("received", count=recorder.pipeline.messages, lost=_lost(recorder))
@@ -247,6 +250,9 @@ async def _write_all(parent: Parent, node: bus.Node, work: Robot) -> None:
         schema = bus.MessageSchema.of(type(message))
         subs.append(await node.create_subscription(schema, topic, profile_for(schema), write, raw=True))
     parent.tell("ready")
+    await parent.wait_for("look")
+    await _until(lambda: written >= len(work.rates), _END_S)
+    parent.tell("warm")
     await parent.wait_for("report")
     await _until(lambda: written >= work.total, _END_S)
     dropped = (Counter(sub.statistics().dropped) for sub in subs)

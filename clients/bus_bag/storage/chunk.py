@@ -150,13 +150,13 @@ class ChunkBuilder:
         )
         records[1::2] = messages
         self._short += records
-        places = [0] * (2 * count)
+        places: list[int] = [0] * (2 * count)
         places[::2] = log_times
         places[1::2] = offsets
         entries = self._index.get(channel)
         if entries is None:
             entries = self._index[channel] = array("Q")
-        entries.extend(places)
+        entries += array("Q", places)
         return self.size - begin
 
     def close(self) -> Chunk | None:
