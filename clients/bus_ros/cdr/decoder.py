@@ -13,9 +13,21 @@ import msgspec
 from msgspec import UNSET
 
 from bus.wire.runs import Buffer
+from bus_ros.cdr.annotations import json_annotation
 from bus_ros.cdr.layout import CODES, Arrays, lay_out
-from bus_ros.cdr.payload import json_annotation
-from bus_ros.cdr.shapes import SIZES, Bytes, Dict, Item, Json, Maybe, Message, One, Several, Shape, least
+from bus_ros.cdr.shapes import (
+    SIZES,
+    Bytes,
+    Dict,
+    Json,
+    Message,
+    Optional,
+    Primitive,
+    Sequence,
+    Shape,
+    Wrapped,
+    least,
+)
 from bus_ros.cdr.source import Source
 
 __all__ = ["REPRESENTATIONS", "Representation", "decoder"]
@@ -43,10 +55,6 @@ REPRESENTATIONS: Final = {
     b"\x00\x08": Representation(">", True, True),
     b"\x00\x09": Representation("<", True, True),
 }
-
-
-class _Malformed(ValueError):
-    """Bytes that are no message of the type."""
 
 
 def decoder(
@@ -138,21 +146,21 @@ class _Writer:
     def _get(self, shape: Shape) -> str:
         """Read a value; the expression for it, which holds after the next `_flush`."""
         match shape:
-            case One("string"):
+            case Primitive("string"):
                 return self._string()
-            case One(kind):
+            case Primitive(kind):
                 return self._add(CODES[kind])
             case Bytes(size, most):
                 return self._bytes(size, most)
-            case Several(One(kind), size, most) if kind != "string":
+            case Sequence(Primitive(kind), size, most) if kind != "string":
                 return self._numbers(kind, size, most)
-            case Several(item, size, most):
+            case Sequence(item, size, most):
                 return self._each(item, size, most)
             case Dict(key, item):
                 return self._pairs(key, item)
-            case Maybe(item, can_be_absent):
+            case Optional(item, can_be_absent):
                 return self._maybe(item, "UNSET" if can_be_absent else "None")
-            case Item(item):
+            case Wrapped(item):
                 return self._delimited(lambda: self._get(item))
             case Json(node):
                 decode = msgspec.json.Decoder(json_annotation(self._description, node)).decode
@@ -273,7 +281,7 @@ class _Writer:
             self._block(item, f"{found} = {{}}")
             return found
 
-        return get() if isinstance(item, One) and item.kind != "string" else self._with_length(get)
+        return get() if isinstance(item, Primitive) and item.kind != "string" else self._with_length(get)
 
     def _block(self, item: Shape, use: str) -> None:
         self.source.indent()
@@ -303,7 +311,7 @@ class _Writer:
         if tag is not None:
             keys, values = [self.source.constant(shape.tag_field or "type"), *keys], [tag, *values]
         made = "{" + ", ".join(f"{key}: {value}" for key, value in zip(keys, values, strict=True)) + "}"
-        absent = any(isinstance(part, Maybe) and part.can_be_absent for part in shape.shapes)
+        absent = any(isinstance(part, Optional) and part.can_be_absent for part in shape.shapes)
         return f"without({made})" if absent else made
 
     def _delimited(self, get: Callable[[], str]) -> str:
@@ -359,8 +367,8 @@ def _without(fields: dict[str, Any]) -> dict[str, Any]:
 
 
 def _short() -> None:
-    raise _Malformed("it ends before what it announces")
+    raise ValueError("it ends before what it announces")
 
 
 def _many(count: int, most: int) -> None:
-    raise _Malformed(f"a sequence of at most {most} elements has {count}")
+    raise ValueError(f"a sequence of at most {most} elements has {count}")

@@ -13,9 +13,9 @@ import msgspec
 from msgspec import UNSET, Raw
 
 from bus.wire.runs import Buffer
+from bus_ros.cdr.annotations import Annotations, field_name, json_annotation
 from bus_ros.cdr.layout import CODES, Runs, lay_out
-from bus_ros.cdr.payload import Annotations, field_name, json_annotation
-from bus_ros.cdr.shapes import Bytes, Dict, Item, Json, Maybe, Message, One, Several, Shape
+from bus_ros.cdr.shapes import Bytes, Dict, Json, Message, Optional, Primitive, Sequence, Shape, Wrapped
 from bus_ros.cdr.source import Source
 
 __all__ = ["LONG", "encoder"]
@@ -157,26 +157,26 @@ class _Writer:
 
     def _put(self, shape: Shape, value: str) -> None:
         match shape:
-            case One("string"):
+            case Primitive("string"):
                 name = self.source.variable()
                 self.source.line(f"{name} = text({value})" if self._views else f"{name} = {value}.encode()")
                 self._string(name)
-            case One(kind):
+            case Primitive(kind):
                 self._add(CODES[kind], value)
             case Bytes(size):
                 self._bytes(size, value)
-            case Several(One(kind), size) if kind != "string":
+            case Sequence(Primitive(kind), size) if kind != "string":
                 self._numbers(kind, size, value)
-            case Several(item, size):
+            case Sequence(item, size):
                 if size is None:
                     self._add("I", f"len({value})")
                 self._each(item, value)
             case Dict(key, item):
                 self._add("I", f"len({value})")
                 self._pairs(key, item, value)
-            case Maybe(item, can_be_absent):
+            case Optional(item, can_be_absent):
                 self._maybe(item, "UNSET" if can_be_absent else "None", value)
-            case Item(item):
+            case Wrapped(item):
                 self._put(item, value)
             case Json(node):
                 name = self.source.variable()

@@ -4,7 +4,7 @@ Owns: alignment. Must not know: shapes, payloads.
 """
 
 from collections.abc import Callable
-from struct import Struct
+from struct import Struct, calcsize
 from typing import Any, Final, NamedTuple
 
 __all__ = ["CODES", "Arrays", "Run", "Runs", "lay_out"]
@@ -28,21 +28,7 @@ CODES: Final = {
 
 _MOST_KEPT: Final = 256
 
-_SIZES: Final = {
-    "x": 1,
-    "?": 1,
-    "c": 1,
-    "B": 1,
-    "b": 1,
-    "h": 2,
-    "H": 2,
-    "i": 4,
-    "I": 4,
-    "q": 8,
-    "Q": 8,
-    "f": 4,
-    "d": 8,
-}
+_SIZES: Final = {code: calcsize(f"={code}") for code in ("x", *CODES.values())}
 
 
 class Run(NamedTuple):

@@ -30,13 +30,13 @@ __all__ = [
     "Bytes",
     "Described",
     "Dict",
-    "Item",
     "Json",
-    "Maybe",
     "Message",
-    "One",
-    "Several",
+    "Optional",
+    "Primitive",
+    "Sequence",
     "Shape",
+    "Wrapped",
     "describe",
     "least",
 ]
@@ -53,7 +53,7 @@ SIZES: Final = {
 
 
 @dataclass(frozen=True)
-class One:
+class Primitive:
     """One value of a primitive type: a key of SIZES, or `string`."""
 
     kind: str
@@ -68,7 +68,7 @@ class Bytes:
 
 
 @dataclass(frozen=True, eq=False)
-class Several:
+class Sequence:
     """A list: a sequence, or an array of exactly `size`."""
 
     item: "Shape"
@@ -77,7 +77,7 @@ class Several:
 
 
 @dataclass(frozen=True, eq=False)
-class Maybe:
+class Optional:
     """One or none. Nothing is null in MessagePack, or left out where it `can_be_absent`."""
 
     item: "Shape"
@@ -93,7 +93,7 @@ class Dict:
 
 
 @dataclass(frozen=True, eq=False)
-class Item:
+class Wrapped:
     """A sequence in a sequence: in ROS 2 there is a message around it."""
 
     item: "Shape"
@@ -123,19 +123,19 @@ class Message:
     """How many bytes it takes in CDR at least."""
 
 
-Shape: TypeAlias = One | Bytes | Several | Maybe | Dict | Item | Json | Message
+Shape: TypeAlias = Primitive | Bytes | Sequence | Optional | Dict | Wrapped | Json | Message
 
 
 def least(shape: Shape) -> int:
     """How many bytes a value takes in CDR at least."""
     match shape:
-        case One(kind):
+        case Primitive(kind):
             return SIZES.get(kind, 4)
         case Bytes(int(size)):
             return size
-        case Several(item, int(size)):
+        case Sequence(item, int(size)):
             return size * least(item)
-        case Item(item):
+        case Wrapped(item):
             return least(item)
         case Message():
             return shape.least
@@ -204,8 +204,8 @@ class _Describer:
                 field_name = _numbered(_field_name(field_name), names)
                 names.add(field_name)
             part, node = self._field(_Place(name, one["name"], ros_name, field_name), one["type"])
-            if shape.is_array and isinstance(part, Maybe):
-                part = Maybe(part.item, can_be_absent=False)  # an array has no gaps
+            if shape.is_array and isinstance(part, Optional):
+                part = Optional(part.item, can_be_absent=False)  # an array has no gaps
             shape.keys.append(one.get("key", one["name"]))
             shape.shapes.append(part)
             shape.leaves += part.leaves if isinstance(part, Message) else 1
@@ -220,13 +220,13 @@ class _Describer:
             case str() if "/" in node:
                 return self.message(node), self.names[node]
             case "int":
-                return One("int64"), "int64"
+                return Primitive("int64"), "int64"
             case "uint8[]" | "byte[]":
                 return Bytes(), node
             case "string" | ["string", _]:
-                return One("string"), node
+                return Primitive("string"), node
             case str() if node in SIZES:
-                return One(node), node
+                return Primitive(node), node
             case "wstring" | ["wstring", *_]:
                 raise ConfigurationError(
                     f"field '{place.field}' of {place.type} is a wstring, of which implementations of ROS 2 "
@@ -242,21 +242,21 @@ class _Describer:
                 one, element = self._element(place, item)
                 bounds = _bounds(*limits) if limits else None
                 if bounds is None:
-                    return Several(one), ["list", element]
-                return Several(one, *_sizes(bounds)), ["list", element, *bounds]
+                    return Sequence(one), ["list", element]
+                return Sequence(one, *_sizes(bounds)), ["list", element, *bounds]
             case ["tuple", first, *others] if all(other == first for other in others):
                 return self._field(place, ["list", first, 1 + len(others), 1 + len(others)])
             case ["dict", key, value]:
                 return self._dict(place, key, value)
             case ["literal", *values] if all(type(value) is int for value in values):
-                return One("int64"), "int64"
+                return Primitive("int64"), "int64"
             case ["literal", *values] if all(type(value) is str for value in values):
-                return One("string"), "string"
+                return Primitive("string"), "string"
             case ["union", *members] if len(members) == 2 and ("none" in members) != ("unset" in members):
                 nothing = "none" if "none" in members else "unset"
                 (item,) = (member for member in members if member != nothing)
                 one, element = self._element(place, item)
-                return Maybe(one, nothing == "unset"), ["list", element, 0, 1]
+                return Optional(one, nothing == "unset"), ["list", element, 0, 1]
         if not self.as_json or self.as_json[-1] != f"{place.type}.{place.field}":
             self.as_json.append(f"{place.type}.{place.field}")
         self.made[JSON] = {"fields": [{"name": "data", "type": "string"}], "array": True}
@@ -268,7 +268,7 @@ class _Describer:
         if ros in ("uint8[]", "byte[]") or (isinstance(ros, list) and ros[0] in ("list", "bytes")):
             name = self._unique(f"{place.ros_type}{_camel(place.ros_field)}Item")
             self.made[name] = {"fields": [{"name": "value", "type": ros}], "array": True}
-            return Item(shape), name
+            return Wrapped(shape), name
         return shape, ros
 
     def _dict(self, place: "_Place", key: Node, value: Node) -> tuple[Shape, Node]:

@@ -6,7 +6,7 @@ into the source: they come from other processes.
 
 from typing import Any, Final
 
-from bus_ros.cdr.shapes import Bytes, Json, Message, One, Shape
+from bus_ros.cdr.shapes import Bytes, Json, Message, Primitive, Shape
 
 __all__ = ["Source"]
 
@@ -59,7 +59,7 @@ class Source:
         """Whether a value of this shape is written where it stands, and not by a function of its own."""
         if isinstance(shape, Message) and (shape.leaves > _MOST_INLINE or self._length > _MOST_LINES):
             return False
-        return self.loops < _MOST_LOOPS or isinstance(shape, One | Bytes | Json)
+        return self.loops < _MOST_LOOPS or isinstance(shape, Primitive | Bytes | Json)
 
     def variable(self) -> str:
         self._count += 1

@@ -12,7 +12,7 @@ import msgspec
 from msgspec import NODEFAULT, UNSET, Meta, Raw, UnsetType
 
 from bus.types.schema import build
-from bus_ros.cdr.shapes import Bytes, Dict, Item, Json, Maybe, Message, One, Several, Shape
+from bus_ros.cdr.shapes import Bytes, Dict, Json, Message, Optional, Primitive, Sequence, Shape, Wrapped
 
 __all__ = ["Annotations", "field_name", "json_annotation"]
 
@@ -49,22 +49,22 @@ class Annotations:
 
     def of(self, shape: Shape) -> Any:
         match shape:
-            case One("string"):
+            case Primitive("string"):
                 return Raw if self._views else str
-            case One(kind):
+            case Primitive(kind):
                 return _KINDS.get(kind, int)
             case Bytes(size, most):
                 return _limited(memoryview if self._views else bytes, size, most)
-            case Several(item, size, most):
+            case Sequence(item, size, most):
                 return _limited(_generic(list, self.of(item)), size, most)
-            case Maybe(item, can_be_absent):
+            case Optional(item, can_be_absent):
                 # msgspec takes no union of Raw and others.
-                inner = (self._plain if item == One("string") else self).of(item)
+                inner = (self._plain if item == Primitive("string") else self).of(item)
                 return inner | UnsetType if can_be_absent else inner | None
             case Dict(key, value):
                 # A view can't always be the key of a dict.
                 return _generic(dict, (self._plain.of(key), self.of(value)))
-            case Item(item):
+            case Wrapped(item):
                 return self.of(item)
             case Json():
                 return Any
