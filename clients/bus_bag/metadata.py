@@ -4,7 +4,7 @@ Written as version 9, in ROS 2's order of keys; versions 1 to 9 are read. The sa
 is in the `rosbag2` records of MCAP files (`to_record`, `from_record`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import msgspec
@@ -24,6 +24,7 @@ __all__ = [
     "from_record",
     "from_yaml",
     "profiles_to_text",
+    "time_span",
     "to_record",
     "to_yaml",
 ]
@@ -79,6 +80,14 @@ class BagMetadata(msgspec.Struct, frozen=True):
     custom_data: Mapping[str, str] = {}
     ros_distro: str = ""
     version: int = VERSION
+
+
+def time_span(files: Iterable[FileInformation]) -> tuple[int, int]:
+    """When the first message of these files was received, and how long after it the last; 0 without any."""
+    with_messages = [file for file in files if file.message_count]
+    start = min((file.starting_time for file in with_messages), default=0)
+    end = max((file.starting_time + file.duration for file in with_messages), default=0)
+    return start, end - start
 
 
 def to_yaml(metadata: BagMetadata) -> str:

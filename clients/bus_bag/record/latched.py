@@ -55,17 +55,17 @@ class LatchedState(Generic[T]):
         """Whether this publisher keeps some."""
         return (topic, publisher) in self._kept
 
-    def offers(self, topic: str, offers: Mapping[bytes, int], now_ns: int) -> None:
+    def set_publishers(self, topic: str, depths: Mapping[bytes, int], now_ns: int) -> None:
         """The publishers of `topic` that are there and keep some: gid -> depth (0: all). Others are gone.
 
         A publisher that is gone only for a moment, because busd restarts, is as one that was there all the
         time.
         """
-        for publisher, depth in offers.items():
+        for publisher, depth in depths.items():
             kept = self._kept.setdefault((topic, publisher), _Kept())
             kept.depth, kept.gone_ns = min(depth or MOST_MESSAGES, MOST_MESSAGES), None
             kept.trim()
-        for key in [one for one in self._kept if one[0] == topic and one[1] not in offers]:
+        for key in [one for one in self._kept if one[0] == topic and one[1] not in depths]:
             gone_ns = self._kept[key].gone_ns
             if gone_ns is None:
                 self._kept[key].gone_ns = now_ns

@@ -27,8 +27,7 @@ class RecordOptions(msgspec.Struct, frozen=True, kw_only=True):
     max_bag_files: int = 0
     """The oldest files beyond are deleted; 0: none."""
     max_cache_size: int = 100 << 20
-    """Bytes that may wait; 0: messages are written as they come, and those who wait are in the
-    subscriptions."""
+    """Bytes that may wait; 0: messages are written as they are taken, and wait in the subscriptions."""
     preset: str = "none"
     is_paused: bool = False
     is_simulated: bool = False

@@ -107,7 +107,7 @@ class Pipeline:
 
     @property
     def is_crowded(self) -> bool:
-        """Whether the cache is so full that who can wait should."""
+        """Whether the cache is so full that publishers that can wait should."""
         return self._cache.bytes > self._crowd and not self._is_snapshot
 
     @property
@@ -139,12 +139,12 @@ class Pipeline:
         """From now on there may be messages of it."""
         self._topics[topic.name] = topic
 
-    def offers(self, topic: RecordedTopic, depths: Mapping[bytes, int], *, is_new: bool) -> None:
+    def set_publishers(self, topic: RecordedTopic, depths: Mapping[bytes, int], *, is_new: bool) -> None:
         """The publishers of `topic` that keep messages for late joiners: gid -> depth (0: all).
 
         `is_new`: the metadata of the topic have changed.
         """
-        self._latched.offers(topic.name, depths, monotonic_ns())
+        self._latched.set_publishers(topic.name, depths, monotonic_ns())
         if topic.channel is not None and is_new:
             self._writer.update_topic(topic.channel, topic.metadata)
 

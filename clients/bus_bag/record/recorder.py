@@ -106,7 +106,7 @@ class Recorder:
         return losses
 
     def _ended(self, task: "asyncio.Task[None]") -> None:
-        """What must not happen in the middle of a recording ends it, with a whole bag."""
+        """A task that fails ends the recording; the bag is closed with what is in it."""
         if not task.cancelled() and (error := task.exception()) is not None:
             self._error = error
             self._stopped.set()
@@ -278,7 +278,7 @@ class Recorder:
             for match in matches
             if match.qos.durability is Durability.TRANSIENT_LOCAL
         }
-        self.pipeline.offers(topic, depths, is_new=is_new)
+        self.pipeline.set_publishers(topic, depths, is_new=is_new)
 
     # --- messages
 

@@ -15,6 +15,7 @@ from bus_bag.metadata import (
     TopicInformation,
     TopicMetadata,
     from_yaml,
+    time_span,
 )
 from bus_bag.storage.bag_file import BagFile, BagMessage, Order, Problem
 from bus_bag.storage.compressed import SUFFIX as COMPRESSED
@@ -182,17 +183,15 @@ class BagReader:
         for file in self.files:
             summary = file.summary
             counts.update(summary.counts)
-            duration = max(summary.end_time - summary.starting_time, 0)
+            length = max(summary.end_time - summary.starting_time, 0)
             files.append(
-                FileInformation(file.path.name, summary.starting_time, duration, summary.message_count)
+                FileInformation(file.path.name, summary.starting_time, length, summary.message_count)
             )
-        with_messages = [file for file in files if file.message_count]
-        start = min((file.starting_time for file in with_messages), default=0)
-        end = max((file.starting_time + file.duration for file in with_messages), default=0)
+        start, duration = time_span(files)
         return BagMetadata(
             storage_identifier="sqlite3" if isinstance(self.files[0], SqliteFile) else "mcap",
             starting_time=start,
-            duration=end - start,
+            duration=duration,
             message_count=counts.total(),
             topics=tuple(TopicInformation(topic, counts[name]) for name, topic in self.topics.items()),
             files=tuple(files),

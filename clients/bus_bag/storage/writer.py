@@ -12,6 +12,7 @@ from bus_bag.metadata import (
     FileInformation,
     TopicInformation,
     TopicMetadata,
+    time_span,
     to_record,
     to_yaml,
 )
@@ -188,9 +189,7 @@ class BagWriter:
     def metadata(self) -> BagMetadata:
         """Of all that is in the files. For jobs, or once all jobs have run."""
         files = [*self._files, *([self._information()] if self._file.is_open else [])]
-        with_messages = [file for file in files if file.message_count]
-        start = min((file.starting_time for file in with_messages), default=0)
-        end = max((file.starting_time + file.duration for file in with_messages), default=0)
+        start, duration = time_span(files)
         counts = Counter(self.counts())
         for channel, (_, topic, _) in enumerate(list(self._topics)):
             counts[topic.name] -= self._deleted[channel]
@@ -200,7 +199,7 @@ class BagWriter:
         return BagMetadata(
             storage_identifier="mcap",
             starting_time=start,
-            duration=end - start,
+            duration=duration,
             message_count=sum(file.message_count for file in files),
             topics=tuple(topics.values()),
             files=tuple(files),

@@ -1,4 +1,4 @@
-"""Whose a terminal is just now."""
+"""Whether this program is in the foreground of its terminal."""
 
 import errno
 import os

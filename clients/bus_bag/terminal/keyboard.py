@@ -75,7 +75,7 @@ class Keyboard:
         self._loop.remove_signal_handler(signal.SIGCONT)
 
     def _attach(self) -> None:
-        """To a terminal whose foreground is another program's, neither is allowed: it would stop this one."""
+        """Listen to the keys once in the foreground: in the background this would stop the program."""
         if self._look is not None:
             self._look.cancel()
         if not is_in_foreground(self._terminal):

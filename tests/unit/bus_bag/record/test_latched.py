@@ -8,7 +8,7 @@ A, B = b"a", b"b"
 
 def state(offers: dict[bytes, int]) -> LatchedState[int]:
     made: LatchedState[int] = LatchedState()
-    made.offers("/map", offers, 0)
+    made.set_publishers("/map", offers, 0)
     return made
 
 
@@ -34,11 +34,11 @@ def test_a_publisher_that_has_gone_is_remembered_for_a_while() -> None:
     made = state({A: 1, B: 1})
     add(made, A, 1)
     add(made, B, 2)
-    made.offers("/map", {B: 1}, 5)
+    made.set_publishers("/map", {B: 1}, 5)
     assert kept(made, 5 + RETURN_NS) == [1, 2]
     assert kept(made, 6 + RETURN_NS) == [2]
-    made.offers("/map", {}, 10)
-    made.offers("/map", {B: 1}, 20)
+    made.set_publishers("/map", {}, 10)
+    made.set_publishers("/map", {B: 1}, 20)
     assert kept(made, 20 + 2 * RETURN_NS) == [2]
 
 

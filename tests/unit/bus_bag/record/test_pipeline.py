@@ -70,7 +70,7 @@ class World:
         self._counted[name] = topic.subscription = counted
         topic.meet([QoSProfile(1, durability="transient_local") if is_latched else QoSProfile()])
         self.pipeline.add(topic)
-        self.pipeline.offers(topic, {b"gid": 1} if is_latched else {}, is_new=True)
+        self.pipeline.set_publishers(topic, {b"gid": 1} if is_latched else {}, is_new=True)
         return topic
 
     def put_together(self, topic: RecordedTopic, *texts: str, at: list[int]) -> None:
@@ -213,7 +213,7 @@ def test_offers_that_come_later_are_in_the_metadata(folder: Path) -> None:
     world.put(topic, "a")
     world.pipeline.pump()
     assert topic.meet([QoSProfile(), QoSProfile(7)])
-    world.pipeline.offers(topic, {}, is_new=True)
+    world.pipeline.set_publishers(topic, {}, is_new=True)
     world.finish()
     (found,) = world.bag.metadata.topics
     assert [qos.depth for qos in found.topic_metadata.offered_qos_profiles] == [10, 7]
