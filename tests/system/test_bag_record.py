@@ -1,8 +1,13 @@
 """`bus bag record`, as a process: what is in the bag, and that it says what it lacks."""
 
+import os
 import re
 import resource
+import select
+import shlex
 import signal
+import subprocess
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -55,6 +60,25 @@ def test_what_is_said_is_recorded(bag: Bag, number: int) -> None:
         "busd.type_hash",
         "busd.schema",
     }
+
+
+def test_in_the_background_of_a_script(bag: Bag) -> None:
+    """There a shell has SIGINT ignored."""
+    command = shlex.join([*BUS, "bag", "record", "-o", str(bag.folder), "/topic"])
+    script = f"{command} & echo $!; wait $!; echo $?"
+    with subprocess.Popen(["sh", "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as shell:
+        assert shell.stdout is not None and shell.stderr is not None
+        recorder = int(shell.stdout.readline())
+        try:
+            while b"Recording..." not in shell.stderr.readline():
+                pass
+            os.kill(recorder, signal.SIGINT)
+            readable, _, _ = select.select([shell.stdout], [], [], WAIT_S)
+            assert readable and shell.stdout.readline() == b"0\n"
+        finally:
+            if shell.poll() is None:
+                with suppress(ProcessLookupError):
+                    os.kill(recorder, signal.SIGKILL)
 
 
 def test_what_does_not_go_together(tmp_path: Path) -> None:

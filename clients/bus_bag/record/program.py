@@ -71,9 +71,14 @@ async def _record(options: RecordOptions, open_node: Callable[[], Node]) -> int:
 
 @contextmanager
 def _ended_by_signals(end: Callable[[], None]) -> Iterator[None]:
-    """A terminal that is closed ends a recording as Ctrl-C does, unless nohup was asked to prevent that."""
+    """A terminal that is closed ends a recording as Ctrl-C does, unless nohup was asked to prevent that.
+
+    A shell script has the programs in its background ignore SIGINT; `kill -INT` ends a recorder there all the
+    same, as it ends that of ROS 2.
+    """
     loop = asyncio.get_running_loop()
-    numbers = [one for one in _ENDING if signal.getsignal(one) is not signal.SIG_IGN]
+    is_kept = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    numbers = [one for one in _ENDING if one != signal.SIGHUP or not is_kept]
     for number in numbers:
         loop.add_signal_handler(number, end)
     try:
