@@ -5,20 +5,29 @@ from pathlib import Path
 import pytest
 
 from bus_bag.metadata import TopicMetadata
+from bus_bag.schemas import SCHEMA
 from bus_bag.storage import open_bag
 from cli import bus, script
 from recording import Bag, end, recording
 
 ROBOT = """
-import asyncio, sys, bus
+import asyncio, enum, sys, bus
 from bus.msg.sensor_msgs import Image, Imu
 from bus.msg.std_msgs import String
 from bus.types.classes import message_class
 TF, Transform = message_class("tf2_msgs/msg/TFMessage"), message_class("geometry_msgs/msg/TransformStamped")
+class Mode(enum.Enum):
+    IDLE = "idle"
+    DRIVEN = "driven"
+class Gear(enum.IntEnum):
+    LOW = 1
+    HIGH = 2
 class Wheel(bus.msg.Message, kw_only=True):
     index: int = 0
     names: dict[str, float] = {}
     note: str | None = None
+    mode: Mode = Mode.IDLE
+    gear: Gear = Gear.LOW
     pair: tuple[int, str] = (0, "")
 KEPT = bus.QoSProfile(3, durability="transient_local")
 async def main():
@@ -33,7 +42,8 @@ async def main():
         sys.stdin.readline()
         for number in range(20):
             imu.publish(Imu(angular_velocity_covariance=[float(number)] * 9))
-            wheel.publish(Wheel(index=number, names={"left": 1.5}, note="x" if number % 2 else None))
+            note, mode = ("x", Mode.DRIVEN) if number % 2 else (None, Mode.IDLE)
+            wheel.publish(Wheel(index=number, names={"left": 1.5}, note=note, mode=mode, gear=Gear.HIGH))
             if not number % 5:
                 image.publish(Image(height=number, width=1, data=bytes(200_000)))
             await asyncio.sleep(0.01)
@@ -54,11 +64,16 @@ def content(bag: Bag) -> dict[str, list[tuple[int, bytes]]]:
     return found
 
 
-def topics(bag: Bag) -> dict[str, TopicMetadata]:
-    return {one.topic_metadata.name: one.topic_metadata for one in bag.metadata.topics}
+def topics(bag: Bag) -> dict[str, tuple[TopicMetadata, str, str]]:
+    """Topic -> what the metadata say, the definition of its type, and the type as busd knows it."""
+    with open_bag(bag.folder) as reader:
+        return {
+            name: (topic, reader.definitions[topic.type], reader.extra[name][SCHEMA])
+            for name, topic in reader.topics.items()
+        }
 
 
-@pytest.mark.usefixtures("daemon")
+@pytest.mark.usefixtures("daemon", "route")
 def test_a_robot(tmp_path: Path) -> None:
     """The first bag has several files, each of which begins with the transforms: they are played once."""
     first, second = Bag(tmp_path / "first"), Bag(tmp_path / "second")
