@@ -3,9 +3,11 @@ end."""
 
 import asyncio
 import gc
+import os
 import signal
+import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from time import monotonic_ns
 
 from bus.node import Node
@@ -33,8 +35,11 @@ def run(options: RecordOptions, open_node: Callable[[], Node]) -> int:
     where the recording can't begin, BagError where it has failed, with what is in the bag.
     """
     settle_process()
-    with asyncio.Runner(loop_factory=loop_factory()) as runner:
-        return runner.run(_record(options, open_node))
+    try:
+        with asyncio.Runner(loop_factory=loop_factory()) as runner:
+            return runner.run(_record(options, open_node))
+    finally:
+        _set_policy("SCHED_OTHER")
 
 
 def settle_process() -> None:
@@ -44,6 +49,14 @@ def settle_process() -> None:
     # usual takes a fifth of the time.
     gc.freeze()
     gc.set_threshold(_ALLOCATIONS)
+    _set_policy("SCHED_BATCH")  # a message does not take its publisher's CPU away
+
+
+def _set_policy(name: str) -> None:
+    """How the kernel shares out CPU time to this thread and those that it starts (Linux only)."""
+    if sys.platform == "linux":
+        with suppress(OSError):
+            os.sched_setscheduler(0, getattr(os, name), os.sched_param(0))
 
 
 async def _record(options: RecordOptions, open_node: Callable[[], Node]) -> int:
