@@ -129,7 +129,7 @@ def _flood(size: int, what: str) -> str:
 
 
 def _in_memory() -> "TemporaryDirectory[str]":
-    return TemporaryDirectory(prefix="busd-bench-", dir=_MEMORY if _MEMORY.is_dir() else None)
+    return TemporaryDirectory(prefix="bench-bags-", dir=_MEMORY if _MEMORY.is_dir() else None)
 
 
 def _start(group: Group, role: str, work: msgspec.Struct, *, is_ready: bool = True) -> Child:

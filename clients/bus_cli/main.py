@@ -180,7 +180,7 @@ def main() -> NoReturn:
     try:
         sys.stdout.flush()
         sys.stderr.flush()
-    except BrokenPipeError:
+    except OSError:  # nobody reads it any more; whatever else is wrong, the text before this one has met
         pass
     if code < 0:
         die_now(-code)
