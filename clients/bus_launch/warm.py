@@ -96,11 +96,11 @@ class _Warm:
         try:
             talk, other = socket.socketpair()
             with talk:
-                with other:
-                    socket.send_fds(warm, [message], [stdin, *outputs, other.fileno()])
                 talk.settimeout(_PATIENCE_S)
-                _adopt(True)
+                _adopt(True)  # before it is asked for: its parent may be gone at once
                 try:
+                    with other:
+                        socket.send_fds(warm, [message], [stdin, *outputs, other.fileno()])
                     pid = int(talk.recv(16))
                     ready = warm.recv(1)
                 finally:

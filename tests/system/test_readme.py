@@ -29,7 +29,8 @@ ROBOT_SECONDS = "1"
 CONSOLE = console(README)
 COMMANDS = {shown.command: shown for shown in CONSOLE}
 RUN = [shown for shown in CONSOLE if shown.command.startswith("bus run ")]
-BUS = [shown for shown in CONSOLE if shown.command.startswith("bus ") and shown not in RUN]
+BAG = [shown for shown in CONSOLE if shown.command.startswith("bus bag ")]
+BUS = [shown for shown in CONSOLE if shown.command.startswith("bus ") and shown not in (*RUN, *BAG)]
 
 
 @pytest.fixture
@@ -57,6 +58,19 @@ def test_separate_terminals(talking: dict[str, Program], start: Start) -> None:
         assert talking[command].end(signal.SIGINT) == -signal.SIGINT
         assert "Traceback" not in talking[command].text
     assert talking["busd"].end(signal.SIGINT) == 0
+
+
+def test_a_bag(daemon: Daemon, start: Start, tmp_path: Path) -> None:
+    pytest.importorskip("mcap")
+    start("python examples/talker.py")
+    recorded, played = BAG
+    program = start(recorded.command, tmp_path)
+    check(program, recorded)
+    assert program.end(signal.SIGINT) == 0
+    assert re.search(shape(recorded.farewell[0]), program.text) and "Traceback" not in program.text
+    program = start(played.command, tmp_path)
+    program.read_until(shape(played.output[0]))  # what it says of keys is for terminals
+    assert program.end() == 0
 
 
 def test_the_command_line_is_shown_with_what_newcomers_need() -> None:

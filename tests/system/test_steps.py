@@ -111,13 +111,13 @@ async def test_calls_of_a_subscription_that_is_made(route: str, most: int) -> No
 
 
 @natively
-@pytest.mark.parametrize(("route", "most"), [("shm", 134), ("socket", 107)], indirect=["route"])
+@pytest.mark.parametrize(("route", "most"), [("shm", 135), ("socket", 108)], indirect=["route"])
 async def test_calls_of_a_publisher_that_is_made(route: str, most: int) -> None:
     async with bus.Node("maker", rosout=False, arguments=[]) as node:
         for number in range(3):
             await node.create_publisher(String, f"warm_up_{number}", 10)
         calls = []
-        for number in range(10):  # on a busy machine an answer may come in two reads, and heartbeats come
+        for number in range(5):  # on a busy machine a heartbeat may fall into one
             with CallCounter() as counter:
                 await node.create_publisher(String, f"made_{number}", 10)
             calls.append(counter.python)
