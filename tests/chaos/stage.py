@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections import deque
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -77,6 +78,16 @@ class Actor:
         self._channel.close()
 
 
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """A Ctrl-C waits: between an actor's start and its name in `actors` nothing would end it."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 class Stage:
     """The actors that live, in `folder`. Leaving kills them."""
 
@@ -117,9 +128,9 @@ class Stage:
             role = replace(role, cgroup=str(cgroup.make(role.name, role.cgroup_bytes)))
         ours, theirs = socket.socketpair()
         ours.settimeout(PATIENCE_S)
-        with theirs:
+        with theirs, _uninterrupted():
             socket.send_fds(self._line, [msgspec.json.encode(role)], [theirs.fileno()])
-        actor = self.actors[role.name] = Actor(role, int(self._line.recv(64)), ours)
+            actor = self.actors[role.name] = Actor(role, int(self._line.recv(64)), ours)
         return actor
 
     def kill(self, name: str) -> int:
