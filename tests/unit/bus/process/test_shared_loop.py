@@ -164,11 +164,12 @@ class TestRunning:
     def test_in_the_order_of_asyncio(self, loop: GuardedLoop) -> None:
         told: list[str] = []
         with loop:
-            loop.call_later(0.002, told.append, "later")
-            loop.call_later(0.001, told.append, "sooner")
+            now = loop.time()
+            loop.call_at(now + 0.002, told.append, "later")
+            loop.call_at(now + 0.001, told.append, "sooner")
             loop.call_soon(told.append, "first")
             loop.call_soon(told.append, "second")
-            loop.call_later(0.003, loop.stop)
+            loop.call_at(now + 0.003, loop.stop)
             loop.run()
         assert told == ["first", "second", "sooner", "later"]
 
