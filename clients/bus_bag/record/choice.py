@@ -82,11 +82,7 @@ class Choice:
             names = {name for name, _ in kinds}
             if service_of_topic(topic) is not None or not self._wants(topic, names):
                 continue
-            if (
-                not self._wanted.include_hidden_topics
-                and is_hidden_topic(topic)
-                and not is_event_topic(topic, names)
-            ):
+            if self._is_hidden(topic, names):
                 reason = "Hidden topics are not recorded. Enable them with --include-hidden-topics"
             elif len(kinds) > 1:
                 reason = (
@@ -108,11 +104,13 @@ class Choice:
 
     def takes(self, topic: str, types: set[str]) -> bool:
         """Whether a topic with messages of these types is chosen, wherever it comes from."""
-        if not self._wants(topic, types):
+        return self._wants(topic, types) and not self._is_hidden(topic, types)
+
+    def _is_hidden(self, topic: str, types: set[str]) -> bool:
+        """Whether it is left out because of its name; events of services are not."""
+        if self._wanted.include_hidden_topics:
             return False
-        return (
-            self._wanted.include_hidden_topics or not is_hidden_topic(topic) or is_event_topic(topic, types)
-        )
+        return is_hidden_topic(topic) and not is_event_topic(topic, types)
 
     def _has_others(self, subscriptions: Iterable[GraphEndpoint]) -> bool:
         return any(one.node.full_name != self._own_node for one in subscriptions)

@@ -43,6 +43,9 @@ class _Kept(Generic[T]):
         while len(self.messages) > 1 and (len(self.messages) > self.depth or self.bytes > MOST_BYTES):
             self.bytes -= self.messages.popleft()[1]
 
+    def mark_written(self) -> None:
+        self.messages = deque((message, size, True) for message, size, _ in self.messages)
+
 
 class LatchedState(Generic[T]):
     """The last messages of each publisher that offers some."""
@@ -88,7 +91,7 @@ class LatchedState(Generic[T]):
                 del self._kept[topic, publisher]
                 continue
             found += [Latched(topic, publisher, message) for message, _, _ in kept.messages]
-            kept.messages = deque((message, size, True) for message, size, _ in kept.messages)
+            kept.mark_written()
         self.has_unwritten = False
         return found
 
@@ -97,6 +100,6 @@ class LatchedState(Generic[T]):
         found: list[Latched[T]] = []
         for (topic, publisher), kept in self._kept.items():
             found += [Latched(topic, publisher, message) for message, _, done in kept.messages if not done]
-            kept.messages = deque((message, size, True) for message, size, _ in kept.messages)
+            kept.mark_written()
         self.has_unwritten = False
         return found

@@ -75,7 +75,6 @@ class Pipeline:
             options.folder,
             preset=options.preset,
             custom_data=options.custom_data,
-            ros_distro="jazzy",
             most_files=options.max_bag_files,
             run=self._run,
         )

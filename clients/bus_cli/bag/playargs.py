@@ -4,7 +4,7 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
 from typing import Any
 
-from bus_cli.bag.reading import STORAGES, overrides_in
+from bus_cli.bag.reading import add_storage_argument, overrides_in
 from bus_cli.stream import run_stream, unsigned_int
 
 __all__ = ["add_reader_arguments", "nanoseconds", "not_negative", "play", "seconds"]
@@ -16,13 +16,7 @@ _LEVELS = ("debug", "info", "warn", "error", "fatal")
 
 def add_reader_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("bag_path", help="Bag to play: its folder, or a file .mcap or .db3")
-    parser.add_argument(
-        "-s",
-        "--storage",
-        default="",
-        choices=STORAGES,
-        help="Storage implementation of bag; taken, and without effect: files say what they are",
-    )
+    add_storage_argument(parser)
     parser.add_argument(
         "--read-ahead-queue-size",
         metavar="N",

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from bus.qos import QoSProfile
     from bus_bag.storage import BagReader
 
-__all__ = ["STORAGES", "add_bag_argument", "opened", "overrides_in", "tell_problems"]
+__all__ = ["STORAGES", "add_bag_argument", "add_storage_argument", "opened", "overrides_in", "tell_problems"]
 
 STORAGES = ("mcap", "sqlite3")
 _MOST = 20
@@ -22,6 +22,11 @@ _MOST = 20
 def add_bag_argument(parser: ArgumentParser) -> None:
     """`bag_path`, and `-s`."""
     parser.add_argument("bag_path", type=Path, help="Bag to open.")
+    add_storage_argument(parser)
+
+
+def add_storage_argument(parser: ArgumentParser) -> None:
+    """`-s`."""
     parser.add_argument(
         "-s",
         "--storage",

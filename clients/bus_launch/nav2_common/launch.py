@@ -20,6 +20,7 @@ from bus_launch.launch.core import (
     perform_substitutions,
 )
 from bus_launch.launch.substitutions import LaunchConfiguration
+from bus_launch.launch.substitutions.values import described
 from bus_launch.launch.yaml_values import dump
 
 __all__ = ["HasNodeParams", "LaunchConfigAsBool", "ParseMultiRobotPose", "ReplaceString", "RewrittenYaml"]
@@ -41,7 +42,7 @@ class _OfFile(Substitution):
         return self.__source_file
 
     def describe(self) -> str:
-        return f"{type(self).__name__}({' + '.join(one.describe() for one in self.name)})"
+        return f"{type(self).__name__}({described(self.name)})"
 
     def _path(self, context: LaunchContext) -> str:
         return perform_substitutions(context, self.name)
