@@ -1,0 +1,232 @@
+"""The interface between the bridge and what carries its messages: zenoh, or DDS.
+
+The bridge knows no engine, and an engine knows neither busd nor nodes on this bus. Names are those on the
+engine's wire: the namespace is on them already. Everything here happens on the event loop; an engine that
+hears something in a thread of its own brings it there, bounded. Values and protocols only.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Literal, NamedTuple, Protocol
+
+import msgspec
+
+from bus.qos import QoSProfile
+from bus.schema import MessageSchema
+
+__all__ = [
+    "Engine",
+    "FarBus",
+    "FarEndpoint",
+    "FarNode",
+    "FarSide",
+    "LinkStatus",
+    "LocalEndpoint",
+    "LocalNode",
+    "Reader",
+    "RouteRule",
+    "Sample",
+    "Writer",
+]
+
+Kind = Literal["publisher", "subscription"]
+Priority = Literal[
+    "real_time", "interactive_high", "interactive_low", "data_high", "data", "data_low", "background"
+]
+
+
+class Sample(NamedTuple):
+    """One message on its way."""
+
+    payload: bytes
+    """MessagePack, as on every bus."""
+    number: int
+    """Which of its publisher's messages it is, from 1; 0 where the engine does not know."""
+    source_time_ns: int
+    """When it was published: wall clock of the publisher's machine."""
+
+
+class RouteRule(msgspec.Struct, frozen=True):
+    """What the rules say of one topic."""
+
+    depth: int | None = None
+    """How many messages may wait in the bridge; None: 1,000, or fewer of large types."""
+    max_rate_hz: float | None = None
+    priority: Priority = "data"
+    transit: bool = False
+    """Whether what another bridge has brought in goes on."""
+
+
+# --- from this bus to the far side
+
+
+class LocalNode(msgspec.Struct, frozen=True):
+    """A node of this bus that the far side is to see."""
+
+    id: int
+    """busd's number for it: one node keeps it while the connection to busd lives."""
+    name: str
+    namespace: str
+    via: tuple[str, ...] = ()
+    """Ids of the buses that it came through before this one, its own first: in transit only."""
+
+
+class LocalEndpoint(msgspec.Struct, frozen=True):
+    """A publisher or subscription of this bus that the far side is to see."""
+
+    kind: Kind
+    gid: bytes
+    node: LocalNode
+    topic: str
+    type_name: str
+    type_hash: str
+    qos: QoSProfile
+
+
+class Writer(Protocol):
+    """The way out of one publisher of this bus."""
+
+    @property
+    def is_wanted(self) -> bool:
+        """Whether a subscription on the far side is matched with it."""
+
+    def write(self, samples: Sequence[Sample]) -> int:
+        """Send `samples`, in order; never blocks. Returns how many of them, from the front, have gone.
+
+        The rest waits with the caller until `on_change`, or is lost there and counted.
+        """
+
+    def close(self) -> None:
+        """The publisher has gone, and so does its mirror on the far side."""
+
+
+# --- from the far side to this bus
+
+
+class FarBus(msgspec.Struct, frozen=True):
+    """A bus, or a DDS domain, that the engine has found."""
+
+    id: str
+    """Short text that no other bus has: part of names, shown to users."""
+    address: str = ""
+    """Where it is, as far as known: for `bus bridge status`."""
+
+
+class FarNode(msgspec.Struct, frozen=True):
+    """A node on a far bus."""
+
+    key: str
+    """The engine's name for it, which no other node has."""
+    bus: str
+    """The `id` of its FarBus."""
+    name: str
+    namespace: str
+    via: tuple[str, ...] = ()
+    """Ids of the buses that it came through, its own first, where that is not `bus`: in transit only."""
+
+
+class FarEndpoint(msgspec.Struct, frozen=True):
+    """A publisher or subscription on a far bus."""
+
+    kind: Kind
+    gid: bytes
+    """16 bytes, the same on every bus."""
+    node: str
+    """The `key` of its FarNode."""
+    topic: str
+    type_name: str
+    type_hash: str
+    qos: QoSProfile
+
+
+class FarSide(Protocol):
+    """Who is told what the engine finds: the bridge. Calls never raise, and may come in any order; what is
+    said of an unknown bus, node or gid is ignored. Of a bus that has gone all nodes and endpoints have gone.
+    """
+
+    def bus_came(self, bus: FarBus) -> None: ...
+    def bus_went(self, bus_id: str, reason: str) -> None: ...
+    def node_came(self, node: FarNode) -> None: ...
+    def node_went(self, key: str) -> None: ...
+    def endpoint_came(self, endpoint: FarEndpoint) -> None: ...
+    def endpoint_went(self, gid: bytes) -> None: ...
+
+    def warn(self, text: str) -> None:
+        """Something that the user should know; the same text is said once."""
+
+
+class Reader(Protocol):
+    """The way in from one far publisher, while its mirror has a subscription."""
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Messages that the engine had and lost, by reason."""
+
+    def taken(self, size: int) -> None:
+        """So many bytes of payload have gone on: for lossless ways, whose writer waits for that."""
+
+    def close(self) -> None:
+        """No subscription is matched any more."""
+
+
+class LinkStatus(msgspec.Struct, frozen=True):
+    """One link, or one address that the engine tries to reach."""
+
+    address: str
+    state: Literal["up", "trying", "refused"]
+    bus: str = ""
+    text: str = ""
+    """Why it is not up."""
+
+
+class Engine(Protocol):
+    """A wire. Made with its own options; opened once."""
+
+    name: str
+    """As the user calls it: `zenoh`, `ros2`."""
+
+    async def open(self, far: FarSide) -> None:
+        """Begin; what is found is told `far`. Raises BridgeError. Cancellation: closed."""
+
+    async def close(self) -> None:
+        """End: the far side sees nothing of this bus any more. Within half a second."""
+
+    def announce_node(self, node: LocalNode) -> None: ...
+    def withdraw_node(self, node: LocalNode) -> None: ...
+
+    def announce_publisher(
+        self,
+        endpoint: LocalEndpoint,
+        schema: MessageSchema,
+        rule: RouteRule,
+        on_change: Callable[[], None],
+    ) -> Writer:
+        """Show it to the far side. `on_change` is called when `is_wanted` has changed, and when `write` may
+        go on.
+
+        Raises BridgeError where the engine can't carry the type or the QoS.
+        """
+
+    def announce_subscription(self, endpoint: LocalEndpoint, schema: MessageSchema) -> Callable[[], None]:
+        """Show it to the far side; the result withdraws it. Raises as `announce_publisher`."""
+
+    async def find_schema(self, endpoint: FarEndpoint) -> MessageSchema:
+        """How the type of a far endpoint is described. Raises BridgeError where nobody knows, or it is
+        broken. Cancellation leaves nothing behind.
+        """
+
+    def read(
+        self,
+        endpoint: FarEndpoint,
+        schema: MessageSchema,
+        on_samples: Callable[[Sequence[Sample]], None],
+    ) -> Reader:
+        """Have what the far publisher sends brought here. With transient local, first what it keeps.
+
+        Raises BridgeError.
+        """
+
+    def refuse(self, bus_id: str, reason: str) -> None:
+        """End with that bus: it has lied, or asked for more than it may. It is not heard again until its
+        bridge comes back."""
+
+    def links(self) -> Sequence[LinkStatus]: ...
