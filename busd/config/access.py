@@ -14,8 +14,8 @@ from typing import Any
 import msgspec
 
 from bus.errors import ConfigurationError
+from bus.topic_patterns import compiled, shown
 from busd.core.access import ACTIONS, AccessRule
-from busd.core.patterns import compiled, shown
 
 __all__ = ["AccessTable", "SocketTable", "find_doubts"]
 

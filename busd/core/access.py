@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import msgspec
 
-from busd.core.patterns import compiled
+from bus.topic_patterns import compiled
 
 __all__ = ["ACTIONS", "Access", "AccessRule", "Action", "Subject", "Verdict"]
 

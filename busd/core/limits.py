@@ -15,8 +15,8 @@ from msgspec import Meta, structs
 
 from bus.errors import ConfigurationError
 from bus.qos import MAX_DEPTH, History, QoSProfile
+from bus.topic_patterns import compiled, shown
 from bus.wire.layout import MAX_MESSAGE_BYTES
-from busd.core.patterns import compiled, shown
 
 __all__ = ["Limits", "TopicCaps", "TopicRule", "checked", "rules_for"]
 

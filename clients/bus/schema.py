@@ -1,5 +1,6 @@
 """Message types as they are described on the bus, for programs that have no class of them."""
 
+import re
 from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping
 from contextlib import suppress
 from functools import cached_property
@@ -12,6 +13,10 @@ from bus.types.support import TypeSupport, find_type, type_hash, type_support, w
 
 if TYPE_CHECKING:  # most programs never look
     from bus.graph import Graph
+
+_DEPTH, _DEPTH_OF_ARRAYS, _DEPTH_OF_BULK = 1000, 200, 20
+_BULK = ("uint8[]", "byte[]")
+_NUMBER = r"u?int\d+|float\d+"
 
 
 class MessageSchema(msgspec.Struct, frozen=True, dict=True):
@@ -74,6 +79,24 @@ class MessageSchema(msgspec.Struct, frozen=True, dict=True):
 
 def schema_of(support: TypeSupport[Any]) -> MessageSchema:
     return MessageSchema(support.name, support.hash, support.description)
+
+
+def depth_for(schema: MessageSchema) -> int:
+    """How many messages should wait in a program that takes all of a topic, a recorder or a bridge.
+
+    Of types with arrays of numbers fewer than of others, of those with images and the like fewer still: the
+    memory of their publishers grows with it. Raises ConfigurationError where the description is broken.
+    """
+    fields = [field["type"] for kind in schema.description["types"].values() for field in kind["fields"]]
+    if any(field in _BULK for field in fields):
+        return _DEPTH_OF_BULK
+    if any(len(field) == 2 and field[0] == "list" and _is_number(field[1]) for field in fields):
+        return _DEPTH_OF_ARRAYS
+    return _DEPTH
+
+
+def _is_number(field: object) -> bool:
+    return isinstance(field, str) and re.fullmatch(_NUMBER, field) is not None
 
 
 async def find_schema(

@@ -1,12 +1,11 @@
 """One topic that is recorded: its subscription, how its messages become CDR, what was counted."""
 
-import re
 from collections import Counter
 from collections.abc import Callable, Iterable
 from typing import Any
 
 from bus.qos import Durability, QoSProfile, Reliability
-from bus.schema import MessageSchema
+from bus.schema import MessageSchema, depth_for
 from bus.subscription import MessageInfo, Subscription, SubscriptionStatistics
 from bus_bag.losses import TopicLosses
 from bus_bag.metadata import TopicMetadata
@@ -16,31 +15,15 @@ from bus_bag.schemas import SCHEMA, TYPE_HASH, schema_to_text
 
 __all__ = ["Batch", "RecordedTopic", "Sample", "profile_for"]
 
-_DEPTH, _DEPTH_OF_ARRAYS, _DEPTH_OF_BULK = 1000, 200, 20
-"""How many messages may wait until they are taken. Of types with arrays of numbers fewer, of those with
-images and the like fewer still: the memory of their publishers grows with it."""
-_BULK = ("uint8[]", "byte[]")
-_NUMBER = re.compile(r"u?int\d+|float\d+")
-
 
 def profile_for(schema: MessageSchema) -> QoSProfile:
     """What a recorder subscribes with: it matches every offer, holds nobody up, and gets what publishers
     keep."""
-    fields = [field["type"] for kind in schema.description["types"].values() for field in kind["fields"]]
-    depth = _DEPTH
-    if any(field in _BULK for field in fields):
-        depth = _DEPTH_OF_BULK
-    elif any(len(field) == 2 and field[0] == "list" and _is_number(field[1]) for field in fields):
-        depth = _DEPTH_OF_ARRAYS
     return QoSProfile(
-        depth,
+        depth_for(schema),
         reliability=Reliability.BEST_EFFORT,
         durability=Durability.BEST_AVAILABLE,
     )
-
-
-def _is_number(field: object) -> bool:
-    return isinstance(field, str) and _NUMBER.fullmatch(field) is not None
 
 
 Sample = tuple[bytes, MessageInfo]

@@ -1,4 +1,4 @@
-"""Patterns for topic names, as rules have them.
+"""Patterns for topic names, as rules have them: those of busd.toml, and those of a bridge.
 
 Owns what a pattern means and which ones can never match. Must not know what a rule does with the topics.
 

@@ -1,0 +1,126 @@
+"""Which topics cross a bridge, in which direction, and how: what options and busd.toml say, as one answer.
+
+Names are those of this bus. A rule or pattern for a service is for both of its topics, one for an action for
+all of its services and topics: each stands under the name that users know. Pure.
+"""
+
+import re
+from collections.abc import Iterable
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from bus.names import is_hidden_topic, request_topic, service_of_topic
+from bus.qos import MAX_DEPTH
+from bus.topic_patterns import compiled
+from bus_bridge.engine import Priority, RouteRule
+
+__all__ = ["Crossing", "Direction", "Rules", "TopicRule", "subject_of"]
+
+Direction = Literal["both", "out", "in"]
+
+_MOST_REMEMBERED = 10_000
+_PRIVATE = frozenset(("/rosout", "/parameter_events"))
+"""Each bus has its own: they cross only where a pattern is just this name."""
+_OF_ACTION = re.compile(r"(/.+)/_action/(?:feedback|status|send_goal|cancel_goal|get_result)")
+_WILD = frozenset("*?[")
+
+
+class TopicRule(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the user wants of the topics that `pattern` is for, as `[[bridge.<engine>.topics]]` has it.
+
+    None: another rule says it, or nobody. The names of the fields are the keys.
+    """
+
+    pattern: str
+    direction: Direction | None = None
+    """`out`: from this bus only; `in`: to this bus only. Of a service or action it says which side serves it:
+    `out` offers ours to the far side."""
+    depth: Annotated[int, Meta(ge=1, le=MAX_DEPTH)] | None = None
+    max_rate_hz: Annotated[float, Meta(gt=0)] | None = None
+    priority: Priority | None = None
+    transit: bool | None = None
+
+
+class Crossing(msgspec.Struct, frozen=True):
+    """What the rules say of one topic."""
+
+    goes_out: bool
+    """Whether messages of this bus go to the far side."""
+    comes_in: bool
+    """Whether messages of the far side come to this bus."""
+    rule: RouteRule
+
+
+class Rules:
+    """`allow` and `deny` are patterns as in busd.toml. Without `allow` all cross that are not private.
+
+    `deny` goes before `allow`. Where several of `topics` are for one topic and say the same thing, the last
+    of them counts.
+
+    Raises ConfigurationError for a pattern that can match nothing.
+    """
+
+    def __init__(
+        self,
+        allow: Iterable[str] = (),
+        deny: Iterable[str] = (),
+        topics: Iterable[TopicRule] = (),
+        *,
+        table: str = "bridge",
+    ) -> None:
+        self._allow = [(one, compiled(one, "allow")) for one in allow]
+        self._deny = [compiled(one, "deny") for one in deny]
+        self._topics = [(one, compiled(one.pattern, f"{table}.topics.pattern")) for one in topics]
+        self._known: dict[str, Crossing] = {}
+
+    def crossing(self, topic: str) -> Crossing:
+        """What is to become of `topic`, a full name."""
+        known = self._known.get(topic)
+        if known is None:
+            if len(self._known) >= _MOST_REMEMBERED:  # names come from the far side, too
+                self._known.clear()
+            known = self._known[topic] = self._find(topic)
+        return known
+
+    def _find(self, topic: str) -> Crossing:
+        subject = subject_of(topic)
+        direction: Direction = "both"
+        changes: dict[str, object] = {}
+        for one, pattern in self._topics:
+            if pattern.fullmatch(subject):
+                said = {name: value for name, value in _fields(one).items() if value is not None}
+                direction = said.pop("direction", direction)  # type: ignore[assignment]
+                changes |= said
+        rule = RouteRule(**changes)  # type: ignore[arg-type]
+        if not self._may_cross(subject):
+            return Crossing(goes_out=False, comes_in=False, rule=rule)
+        ways = {"both": (True, True), "out": (True, False), "in": (False, True)}[direction]
+        service = service_of_topic(topic)
+        if service is not None and topic == request_topic(service):
+            ways = ways[1], ways[0]  # requests go to where the server is
+        return Crossing(goes_out=ways[0], comes_in=ways[1], rule=rule)
+
+    def _may_cross(self, subject: str) -> bool:
+        if any(pattern.fullmatch(subject) for pattern in self._deny):
+            return False
+        matching = [text for text, pattern in self._allow if pattern.fullmatch(subject)]
+        if subject in _PRIVATE:
+            return subject in matching
+        if is_hidden_topic(subject):
+            return any("/_" in text or not _WILD.intersection(text) for text in matching)
+        return bool(matching) or not self._allow
+
+
+def subject_of(topic: str) -> str:
+    """What users call the thing that `topic` is part of: an action, a service, or the topic itself."""
+    name = service_of_topic(topic) or topic
+    action = _OF_ACTION.fullmatch(name)
+    return name if action is None else action[1]
+
+
+def _fields(rule: TopicRule) -> dict[str, object]:
+    found = msgspec.structs.asdict(rule)
+    del found["pattern"]
+    return found

@@ -1,0 +1,124 @@
+import pytest
+
+from bus.errors import ConfigurationError
+from bus_bridge.core.rules import Direction, Rules, TopicRule, subject_of
+from bus_bridge.engine import RouteRule
+from rows import for_each
+
+
+@for_each(
+    "topic, subject",
+    [
+        ("/chatter", "/chatter"),
+        ("/add/_request", "/add"),
+        ("/add/_reply", "/add"),
+        ("/fibonacci/_action/feedback", "/fibonacci"),
+        ("/fibonacci/_action/status", "/fibonacci"),
+        ("/fibonacci/_action/send_goal/_request", "/fibonacci"),
+        ("/fibonacci/_action/get_result/_reply", "/fibonacci"),
+        ("/fibonacci/_action/other", "/fibonacci/_action/other"),
+        ("/_request", "/_request"),
+    ],
+)
+def test_the_subject_is_what_users_call_it(topic: str, subject: str) -> None:
+    assert subject_of(topic) == subject
+
+
+@for_each(
+    "allow, deny, topic, crosses",
+    [
+        ([], [], "/chatter", True),
+        ([], [], "/a/b/_request", True),
+        ([], [], "/a/b/_reply", True),
+        ([], [], "/fibonacci/_action/feedback", True),
+        ([], [], "/fibonacci/_action/cancel_goal/_request", True),
+        ([], [], "/rosout", False),
+        ([], [], "/parameter_events", False),
+        ([], [], "/_hidden", False),
+        ([], [], "/a/_hidden/b", False),
+        ([], [], "/a/_hidden/_request", False),
+        (["/chatter"], [], "/chatter", True),
+        (["/chatter"], [], "/chatter2", False),
+        (["/camera/*"], [], "/camera/left", True),
+        (["/camera/*"], [], "/camera/left/raw", False),
+        (["/camera/**"], [], "/camera/left/raw", True),
+        (["/add"], [], "/add/_request", True),
+        (["/add"], [], "/add/_reply", True),
+        (["/add"], [], "/added/_reply", False),
+        (["/fibonacci"], [], "/fibonacci/_action/status", True),
+        (["/**"], [], "/rosout", False),
+        (["/rosout"], [], "/rosout", True),
+        (["/**", "/rosout"], [], "/parameter_events", False),
+        (["/**"], [], "/_hidden", False),
+        (["/_hidden"], [], "/_hidden", True),
+        (["/a/_*"], [], "/a/_hidden", True),
+        (["/chatter"], ["/chatter"], "/chatter", False),
+        (["/rosout"], ["**"], "/rosout", False),
+        ([], ["/camera/**"], "/camera/left", False),
+        ([], ["/add"], "/add/_reply", False),
+        ([], ["/camera/**"], "/chatter", True),
+    ],
+)
+def test_what_crosses(allow: list[str], deny: list[str], topic: str, crosses: bool) -> None:
+    crossing = Rules(allow, deny).crossing(topic)
+    assert (crossing.goes_out, crossing.comes_in) == (crosses, crosses)
+
+
+@for_each(
+    "direction, topic, goes_out, comes_in",
+    [
+        ("both", "/chatter", True, True),
+        ("out", "/chatter", True, False),
+        ("in", "/chatter", False, True),
+        ("out", "/chatter/_request", False, True),
+        ("out", "/chatter/_reply", True, False),
+        ("in", "/chatter/_request", True, False),
+        ("in", "/chatter/_reply", False, True),
+        ("out", "/chatter/_action/feedback", True, False),
+        ("out", "/chatter/_action/send_goal/_request", False, True),
+    ],
+)
+def test_directions(direction: Direction, topic: str, goes_out: bool, comes_in: bool) -> None:
+    crossing = Rules(topics=[TopicRule(pattern="/chatter", direction=direction)]).crossing(topic)
+    assert (crossing.goes_out, crossing.comes_in) == (goes_out, comes_in)
+
+
+def test_the_last_rule_that_says_something_counts() -> None:
+    rules = Rules(
+        topics=[
+            TopicRule(pattern="/camera/**", depth=5, max_rate_hz=10.0, priority="background"),
+            TopicRule(pattern="/camera/left", max_rate_hz=30.0, transit=True),
+            TopicRule(pattern="/other", depth=7, direction="in"),
+        ]
+    )
+    left = rules.crossing("/camera/left")
+    assert left.rule == RouteRule(depth=5, max_rate_hz=30.0, priority="background", transit=True)
+    assert left.goes_out and left.comes_in
+    assert rules.crossing("/camera/right").rule == RouteRule(depth=5, max_rate_hz=10.0, priority="background")
+    assert rules.crossing("/chatter").rule == RouteRule()
+
+
+def test_a_rule_alone_lets_nothing_private_cross() -> None:
+    assert not Rules(topics=[TopicRule(pattern="/rosout", depth=5)]).crossing("/rosout").goes_out
+
+
+def test_names_that_never_come_again_are_forgotten() -> None:
+    rules = Rules(deny=["/topic_7*"])
+    for number in range(30_000):
+        assert rules.crossing(f"/topic_{number}").goes_out is not str(number).startswith("7")
+
+
+@for_each(
+    "rules, text",
+    [
+        ({"allow": ["chatter"]}, "allow = 'chatter' can never match"),
+        ({"deny": ["/a//b"]}, "deny = '/a//b' can never match"),
+        (
+            {"topics": [TopicRule(pattern="a*")], "table": "bridge.zenoh"},
+            "bridge.zenoh.topics.pattern = 'a*' can never match",
+        ),
+    ],
+)
+def test_patterns_that_can_never_match(rules: dict[str, object], text: str) -> None:
+    with pytest.raises(ConfigurationError, match=text.replace("*", r"\*")):
+        Rules(**rules)  # type: ignore[arg-type]
