@@ -4,11 +4,11 @@ from argparse import ArgumentParser, Namespace
 from functools import cache
 from typing import Any
 
+from bus.diagnostics.mismatch import Describe, mismatch
 from bus.graph import EndpointStatistics, Graph, GraphEndpoint
 from bus.process.address import socket_path
 from bus.qos import History, describe_profile
 from bus_cli.completion import completed_by, topics
-from bus_cli.mismatch import Describe, mismatch
 from bus_cli.output import CommandError, dropped_text, print_json, say, size_text
 from bus_cli.query import Query, full_topic_name
 

@@ -1,4 +1,4 @@
-"""Why a publisher and a subscription of one topic are no match, in the broker's words."""
+"""Why a publisher and a subscription of one topic are no match, in busd's words."""
 
 from collections.abc import Callable
 

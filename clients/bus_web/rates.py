@@ -1,0 +1,73 @@
+"""Rates out of counters that are told now and then. Pure: times come in as arguments."""
+
+from collections import deque
+
+__all__ = ["HISTORY_S", "Meter", "Seconds"]
+
+_NS = 1_000_000_000
+_WINDOW_NS = 2 * _NS
+"""Over so long a rate is taken: half a second of 10 Hz has four or five messages, or six."""
+_SILENCE_NS = 5 * _NS // 2
+"""Processes tell twice a second of what has changed, of a thousand endpoints every two seconds. Whoever has
+not told for longer, and for twice its usual pause, has nothing to tell."""
+
+HISTORY_S = 60
+"""How many seconds a history has, a value for each."""
+
+
+class Meter:
+    """Some counters of one endpoint that grow together, such as messages and bytes, told at the same time."""
+
+    __slots__ = ("_told",)
+
+    def __init__(self) -> None:
+        self._told: deque[tuple[int, tuple[int, ...]]] = deque()
+
+    def add(self, at_ns: int, *counters: int) -> None:
+        """What they were at `at_ns`; 0, or what has been told before, is no news."""
+        told = self._told
+        if told:
+            last_ns, last = told[-1]
+            if at_ns <= last_ns:
+                return
+            if any(new < old for new, old in zip(counters, last, strict=True)):
+                told.clear()  # another process has them now, or another busd
+        elif not at_ns:
+            return
+        told.append((at_ns, counters))
+        while len(told) > 2 and told[1][0] <= at_ns - _WINDOW_NS:
+            told.popleft()
+
+    def rates(self, now_ns: int) -> tuple[float, ...] | None:
+        """Per second, of each counter; None until they were told twice."""
+        told = self._told
+        if len(told) < 2:
+            return None
+        (began_ns, first), (ended_ns, last) = told[0], told[-1]
+        if now_ns - ended_ns > max(_SILENCE_NS, 2 * (ended_ns - told[-2][0])):
+            return (0.0,) * len(last)
+        return tuple((new - old) * _NS / (ended_ns - began_ns) for old, new in zip(first, last, strict=True))
+
+
+class Seconds:
+    """A value for each of the last 60 seconds, the newest last; fewer in the beginning."""
+
+    __slots__ = ("_last_ns", "_values")
+
+    def __init__(self) -> None:
+        self._values: deque[float] = deque(maxlen=HISTORY_S)
+        self._last_ns = 0
+
+    def add(self, now_ns: int, value: float) -> bool:
+        """Note it where a second has gone by since the last; returns whether. Seconds in which nobody looked
+        have the value that was seen next."""
+        passed = (now_ns - self._last_ns + _NS // 4) // _NS if self._last_ns else 1  # a look may come early
+        if passed < 1:
+            return False
+        self._last_ns = self._last_ns + passed * _NS if self._last_ns else now_ns
+        self._values.extend([value] * min(passed, HISTORY_S))
+        return True
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        return tuple(self._values)

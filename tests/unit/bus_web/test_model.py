@@ -1,0 +1,196 @@
+"""Rows of topics and endpoints: rates, losses, routes, what doesn't match and why."""
+
+from typing import Any
+
+from msgspec.structs import replace
+
+from bus.graph import EndpointStatistics, Graph, GraphEndpoint, GraphMatch, GraphNode
+from bus.qos import History, QoSProfile, Reliability
+from bus_web.model import Model, Pair
+
+S = 1_000_000_000
+TALKER = GraphNode(1, "talker", "/", 10)
+LISTENER = GraphNode(2, "listener", "/ns", 20)
+TOOL = GraphNode(3, "_bus_web_30", "/", 30)
+
+
+def endpoint(
+    number: int, kind: str, node: GraphNode, topic: str = "/chatter", **others: Any
+) -> GraphEndpoint:
+    given = {"type_name": "std_msgs/msg/String", "type_hash": "h", "qos": QoSProfile(7), **others}
+    return GraphEndpoint(number, kind, node, topic, gid=bytes([number]) * 16, **given)
+
+
+def graph(*ends: GraphEndpoint, matches: tuple[GraphMatch, ...] = (), revision: int = 1) -> Graph:
+    return Graph(
+        revision=revision,
+        broker_pid=1,
+        nodes=(TALKER, LISTENER, TOOL),
+        publishers=tuple(one for one in ends if one.kind == "publisher"),
+        subscriptions=tuple(one for one in ends if one.kind == "subscription"),
+        matches=matches,
+    )
+
+
+def count(one: GraphEndpoint, **counters: Any) -> GraphEndpoint:
+    return replace(one, statistics=EndpointStatistics(**counters))
+
+
+PUBLISHER = endpoint(11, "publisher", TALKER)
+SUBSCRIPTION = endpoint(12, "subscription", LISTENER)
+MATCHES = (GraphMatch(11, 12, "shm"),)
+
+
+def test_a_topic_at_the_first_look() -> None:
+    model = Model()
+    assert model.take(graph(PUBLISHER, SUBSCRIPTION, matches=MATCHES), S)
+    (row,) = model.topics()
+    assert (row.topic, row.types, row.publishers, row.subscriptions) == (
+        "/chatter",
+        ("std_msgs/msg/String",),
+        1,
+        1,
+    )
+    assert (row.hz, row.bytes_per_s, row.lost, row.why, row.mismatches) == (None, None, 0, "", 0)
+    assert (row.routes, row.depth, row.is_hidden) == (("shm",), 7, False)
+    assert model.pairs("/chatter") == (Pair(11, 12, "shm"),)
+
+
+def test_rates_queues_and_losses() -> None:
+    model = Model()
+    for turn in range(4):
+        lost = {"replaced": 5 * turn, "expired": turn // 3} if turn else {}
+        model.take(
+            graph(
+                count(PUBLISHER, samples=100 * turn, bytes=5000 * turn, at_ns=(turn + 1) * S),
+                count(
+                    SUBSCRIPTION, samples=95 * turn, bytes=4750 * turn, at_ns=(turn + 1) * S,
+                    queued=3, dropped=lost,
+                ),
+                matches=MATCHES,
+            ),
+            (turn + 1) * S,
+        )  # fmt: skip
+    (row,) = model.topics()
+    assert (row.hz, row.bytes_per_s, row.queued, row.depth) == (100.0, 5000.0, 3, 7)
+    assert (row.lost, row.why, row.dropped) == (16, "replaced", {"replaced": 15, "expired": 1})
+    assert row.lost_per_s == 16 / 3
+    assert row.history == (0.0, 100.0, 100.0, 100.0)
+    publisher, subscription = model.endpoints("/chatter")
+    assert (publisher.kind, publisher.node, publisher.pid, publisher.hz) == (
+        "publisher",
+        "/talker",
+        10,
+        100.0,
+    )
+    assert (subscription.node, subscription.messages, subscription.hz) == ("/ns/listener", 285, 95.0)
+    assert (subscription.lost, subscription.queued, subscription.depth) == (16, 3, 7)
+    assert subscription.routes == ("shm",)
+    sums = model.sums([row])
+    assert (sums.nodes, sums.topics, sums.hz, sums.bytes_per_s, sums.lost) == (2, 1, 100.0, 5000.0, 16)
+
+
+def test_losses_of_long_ago_are_not_of_now() -> None:
+    model = Model()
+    for turn in range(10):
+        subscription = count(SUBSCRIPTION, dropped={"replaced": min(turn, 2) * 6})
+        model.take(graph(PUBLISHER, subscription, matches=MATCHES), (turn + 1) * S)
+        (row,) = model.topics()
+        assert (row.lost_per_s > 0) == (1 <= turn <= 4), turn
+    assert row.lost == 12
+
+
+def test_what_does_not_match_and_why() -> None:
+    reliable = endpoint(13, "subscription", LISTENER, qos=QoSProfile(reliability=Reliability.RELIABLE))
+    offer = endpoint(11, "publisher", TALKER, qos=QoSProfile(reliability=Reliability.BEST_EFFORT))
+    other = endpoint(14, "subscription", LISTENER, type_name="std_msgs/msg/Int32")
+    model = Model()
+    model.take(graph(offer, reliable, other), S)
+    (row,) = model.topics()
+    assert row.mismatches == 2
+    assert row.types == ("std_msgs/msg/Int32", "std_msgs/msg/String")
+    one, two = model.pairs("/chatter")
+    assert (one.publisher, one.subscription, one.route) == (11, 13, "")
+    assert one.reason == "ERROR: Best effort publisher and reliable subscription"
+    assert two.reason == "the publisher has std_msgs/msg/String, the subscription std_msgs/msg/Int32"
+
+
+def test_pairs_that_are_yet_to_be_matched_are_no_mismatch() -> None:
+    model = Model()
+    model.take(graph(PUBLISHER, SUBSCRIPTION), S)
+    assert model.pairs("/chatter") == ()
+
+
+def test_types_of_one_name_are_asked_for_and_asked_again() -> None:
+    asked = []
+
+    def describe(name: str, number: str) -> None:
+        asked.append((name, number))
+
+    model = Model(describe=describe)
+    model.take(graph(PUBLISHER, endpoint(12, "subscription", LISTENER, type_hash="g")), S)
+    assert [pair.reason for pair in model.pairs("/chatter")] == [
+        "both call it std_msgs/msg/String, but their definitions differ"
+    ]
+    model.pairs("/chatter")
+    assert asked == [("std_msgs/msg/String", "h"), ("std_msgs/msg/String", "g")]
+    model.forget_pairs()
+    model.pairs("/chatter")
+    assert len(asked) == 4
+
+
+def test_a_crowd_has_its_matches_and_some_of_the_others() -> None:
+    many = [endpoint(number, "publisher", TALKER) for number in range(100, 150)]
+    wrong = [
+        endpoint(number, "subscription", LISTENER, type_name="std_msgs/msg/Int32")
+        for number in range(200, 250)
+    ]
+    model = Model()
+    model.take(graph(*many, *wrong), S)
+    assert len(model.pairs("/chatter")) == 1000
+
+
+def test_those_who_look_are_left_out() -> None:
+    mine = endpoint(13, "subscription", TOOL)
+    model = Model(own=[30])
+    model.take(graph(PUBLISHER, mine, matches=(GraphMatch(11, 13, "shm"),)), S)
+    (row,) = model.topics()
+    assert (row.subscriptions, row.publishers) == (0, 1)
+    assert model.pairs("/chatter") == ()
+    others = Model()
+    others.take(graph(PUBLISHER, mine), S)
+    assert others.topics()[0].subscriptions == 1
+    assert [row.is_hidden for row in others.endpoints("/chatter")] == [False, True]
+
+
+def test_hidden_topics_on_request() -> None:
+    model = Model()
+    model.take(graph(PUBLISHER, endpoint(13, "publisher", TALKER, "/add/_request")), S)
+    assert [row.topic for row in model.topics()] == ["/chatter"]
+    assert [row.topic for row in model.topics(hidden=True)] == ["/add/_request", "/chatter"]
+
+
+def test_news_is_what_has_another_revision_or_is_of_another_busd() -> None:
+    model = Model()
+    here = graph(PUBLISHER)
+    assert model.take(here, S)
+    assert not model.take(here, 2 * S)
+    assert model.take(graph(PUBLISHER, SUBSCRIPTION, matches=MATCHES, revision=2), 3 * S)
+    assert model.take(replace(here, revision=2, broker_pid=2), 4 * S)
+
+
+def test_who_keeps_all_has_no_depth() -> None:
+    model = Model()
+    model.take(graph(endpoint(12, "subscription", LISTENER, qos=QoSProfile(history=History.KEEP_ALL))), S)
+    assert model.endpoints("/chatter")[0].depth is None
+    assert model.topic("/chatter").depth is None
+    assert model.topic("/nothing") is None
+
+
+def test_after_a_restart_of_busd_counting_goes_on() -> None:
+    """Endpoints come back with other ids and the same gids."""
+    model = Model()
+    for turn, revision in enumerate((9, 9, 1), start=1):
+        here = replace(PUBLISHER, id=11 + (revision == 1))
+        model.take(graph(count(here, samples=10 * turn, at_ns=turn * S), revision=revision), turn * S)
+    assert model.topic("/chatter").hz == 10.0
