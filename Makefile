@@ -9,8 +9,9 @@ export BUS_NATIVE
 STAMP  := $(VENV)/.busd-$(BUS_NATIVE)
 TOOLS  := $(STAMP) $(VENV)/.tools
 BENCH_STAMP := $(VENV)/.bench
-ROS_VENV := .venv-ros
-ROS_STAMP := $(ROS_VENV)/.peers
+# ROS 2's own rclpy, of each of its distributions in an environment of its own. Benchmarks need Jazzy only.
+PEERS := jazzy kilted
+ROS_STAMP := .venv-jazzy/.peers
 FUZZ_STAMP := $(VENV)/.fuzz
 SOAK_STAMP := $(VENV)/.soak
 VISION_STAMP := $(VENV)/.vision
@@ -166,15 +167,16 @@ bench-report: $(BENCH_STAMP) ## the report, its pictures and the README's table 
 	$(if $(RESULT),,$(error say of which: make bench-report RESULT=benchmarks/results/....json))
 	$(BIN)/python -m benchmarks.write $(RESULT)
 
-peers: $(ROS_STAMP) ## ROS 2's own rclpy into .venv-ros, to compare with busd's: half a minute, 280 MB, x86_64
+peers: $(PEERS:%=.venv-%/.peers) ## ROS 2's own rclpy into .venv-jazzy and .venv-kilted: half a minute and 270 MB each, x86_64
 
-# Its modules have the names of busd's facade, so it is kept apart. Where it can't be had, its rows say so.
-$(ROS_STAMP): benchmarks/peers.txt | $(TOOLS)
-	@echo "installing ROS 2's rclpy into $(ROS_VENV): half a minute, 280 MB"
-	@mkdir -p $(ROS_VENV)
-	@{ $(BIN)/python -m venv $(ROS_VENV) \
-			&& $(ROS_VENV)/bin/python -m pip install -qq --disable-pip-version-check --requirement $<; } \
-		|| echo "rclpy can't be installed (there are packages for x86_64 and Python 3.10 to 3.14 only): its rows say so"
+# Its modules have the names of busd's facade, so it is kept apart. Where it can't be had, what needs it says so.
+.venv-%/.peers: benchmarks/%.txt | $(TOOLS)
+	@echo "installing ROS 2's rclpy ($*) into .venv-$*: half a minute, 270 MB"
+	@mkdir -p $(@D)
+	@{ $(BIN)/python -m venv $(@D) \
+			&& $(@D)/bin/python -m pip install -qq --disable-pip-version-check --requirement $<; } \
+		|| echo "rclpy ($*) can't be installed (there are packages for x86_64 and Python 3.10 to 3.14 only):" \
+			"what needs it says so"
 	@touch $@
 
 # What is measured beside busd. Where it can't be had, its rows say so, and the rest is measured.
@@ -197,7 +199,7 @@ $(RELEASE_STAMP): pyproject.toml | $(TOOLS)
 	@touch $@
 
 clean: ## remove what the other targets made
-	rm -rf $(VENV) $(ROS_VENV) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so clients/bus_tf2/core/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
+	rm -rf $(VENV) $(PEERS:%=.venv-%) build dist tests/native/build benchmarks/floors/build clients/bus/shm/*.so clients/bus_tf2/core/*.so *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .fuzz .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 .PHONY: help setup demo robot test compiled nightly test-nightly mutants native arm lint sanitize differential fuzz api messages fmt bench-quick bench peers chaos soak bench-compare bench-report wheels test-pythons clean

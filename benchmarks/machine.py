@@ -13,7 +13,7 @@ import msgspec
 
 ROOT = Path(__file__).resolve().parent.parent
 
-ROS_VENV = ROOT / ".venv-ros"
+ROS_VENV = ROOT / ".venv-jazzy"
 """Where `make peers` puts ROS 2's rclpy, whose modules are named as those of busd's facade."""
 _PACKAGES = (
     "busd",

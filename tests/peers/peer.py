@@ -1,0 +1,185 @@
+"""A peer as a test has it: started, told what to do, its answers and what it heard."""
+
+import importlib.util
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal, Self
+
+import pytest
+
+from conftest import WAIT_S
+from netns import Machine
+
+ROOT = Path(__file__).parents[2]
+PROGRAMS = Path(__file__).parent / "programs"
+Distro = Literal["jazzy", "kilted"]
+
+_LOOPBACK_ONLY = (
+    "<CycloneDDS><Domain><General><Interfaces>"
+    "<NetworkInterface address='127.0.0.1' multicast='false'/></Interfaces></General>"
+    "<Compatibility><IgnoreTypeInformation>1.15,1.16</IgnoreTypeInformation></Compatibility>"
+    "<Discovery><Peers><Peer address='127.0.0.1'/></Peers><ParticipantIndex>auto</ParticipantIndex>"
+    "<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex></Discovery></Domain></CycloneDDS>"
+)
+
+
+def python_of(distro: Distro) -> Path:
+    return ROOT / f".venv-{distro}" / "bin" / "python"
+
+
+@cache
+def why_no_ros(distro: Distro) -> str:
+    """Why there is no rclpy of that distribution; empty where there is one."""
+    site = python_of(distro).parents[1].glob("lib/python*/site-packages/rclpy")
+    return "" if any(site) else f"ROS 2's own rclpy ({distro}) is not installed: make peers"
+
+
+class Peer:
+    """A program of `programs/`, whose standard error goes to a file that a failure shows."""
+
+    def __init__(
+        self, command: Sequence[str], environ: Mapping[str, str] | None = None, machine: Machine | None = None
+    ) -> None:
+        self.heard: defaultdict[str, list[dict[str, Any]]] = defaultdict(list)
+        """Messages by topic, in the order in which they came."""
+        self.source_times_ns: defaultdict[str, list[int]] = defaultdict(list)
+        self._answers: list[dict[str, Any]] = []
+        self._news = threading.Condition()
+        self._has_ended = False
+        self._errors = tempfile.TemporaryFile("w+")  # noqa: SIM115
+        self.process = subprocess.Popen(
+            [*(machine.prefix if machine else ()), *command],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            text=True,
+            env={**os.environ, **(environ or {})},
+        )
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
+        try:
+            self._take_answer("ready")
+        except BaseException:
+            self.close()
+            raise
+
+    def ask(self, order: str, **arguments: Any) -> Any:
+        """Give an order, and return the answer."""
+        assert self.process.stdin is not None
+        self.process.stdin.write(json.dumps([order, arguments]) + "\n")
+        self.process.stdin.flush()
+        return self._take_answer(order)
+
+    def wait(self, topic: str, count: int = 1) -> list[dict[str, Any]]:
+        """The messages of a topic, once there are so many."""
+        self._wait_until(lambda: len(self.heard[topic]) >= count, f"{count} messages on {topic}")
+        return self.heard[topic]
+
+    def wait_for(self, order: str, fits: Callable[[Any], object], **arguments: Any) -> Any:
+        """The first answer that fits. Raises TimeoutError."""
+        end = time.monotonic() + WAIT_S
+        while not fits(answer := self.ask(order, **arguments)):
+            if time.monotonic() > end:
+                raise TimeoutError(f"{order} {arguments}: {answer}")
+            time.sleep(0.02)
+        return answer
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait(WAIT_S)
+
+    def close(self) -> None:
+        assert self.process.stdin is not None and self.process.stdout is not None
+        self.process.stdin.close()
+        try:
+            self.process.send_signal(signal.SIGCONT)
+            self.process.wait(WAIT_S / 4)
+        except subprocess.TimeoutExpired:
+            self.kill()
+        self._thread.join(WAIT_S)
+        self.process.stdout.close()
+        self._errors.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _take_answer(self, order: str) -> Any:
+        self._wait_until(lambda: self._answers, f"answer to {order!r}")
+        with self._news:
+            answer = self._answers.pop(0)
+        if "error" in answer:
+            pytest.fail(answer["error"])
+        return answer["answer"]
+
+    def _wait_until(self, holds: Callable[[], object], what: str) -> None:
+        end = time.monotonic() + WAIT_S
+        with self._news:
+            while not holds():
+                left_s = end - time.monotonic()
+                if self._has_ended or left_s <= 0:
+                    self._errors.seek(0)
+                    raise TimeoutError(f"no {what}; stderr: {self._errors.read()[-2000:]}")
+                self._news.wait(left_s)
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            if not line.startswith("{"):
+                continue  # what a library prints for people
+            event = json.loads(line)
+            with self._news:
+                if "heard" in event:
+                    self.heard[event["heard"]].append(event["message"])
+                    self.source_times_ns[event["heard"]].append(event.get("source_time_ns", 0))
+                else:
+                    self._answers.append(event)
+                self._news.notify_all()
+        with self._news:
+            self._has_ended = True
+            self._news.notify_all()
+
+
+def ros(distro: Distro, name: str, machine: Machine | None, *, namespace: str = "", domain: int = 0) -> Peer:
+    """A node of ROS 2's own rclpy, that looks for others on its machine only. Skips where there is none."""
+    if reason := why_no_ros(distro):
+        pytest.skip(reason)
+    environ = {
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_LOG_DIR": tempfile.gettempdir(),
+        "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
+        "PYTHONPATH": "",
+    }
+    command = (str(python_of(distro)), str(PROGRAMS / "ros.py"), name, *([namespace] if namespace else []))
+    return Peer(command, environ, machine)
+
+
+def cyclone(machine: Machine | None, *, domain: int = 0) -> Peer:
+    """A participant of cyclonedds alone, on loopback."""
+    if importlib.util.find_spec("cyclonedds") is None:
+        pytest.skip("cyclonedds is not installed: pip install 'busd[ros2]'")
+    environ = {"CYCLONEDDS_URI": _LOOPBACK_ONLY}
+    return Peer((sys.executable, str(PROGRAMS / "cyclone.py"), str(domain)), environ, machine)
+
+
+def zenoh(machine: Machine | None, way: Literal["listen", "connect"], endpoint: str) -> Peer:
+    """A session of zenoh alone."""
+    if importlib.util.find_spec("zenoh") is None:
+        pytest.skip("eclipse-zenoh is not installed: pip install 'busd[zenoh]'")
+    return Peer((sys.executable, str(PROGRAMS / "zenoh_alone.py"), way, endpoint), None, machine)

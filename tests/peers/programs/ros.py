@@ -1,0 +1,188 @@
+"""A node of ROS 2's own rclpy, which does what it is told: `python ros.py NAME [NAMESPACE]`.
+
+Arguments are texts, numbers and objects of JSON. A long array of numbers is an object with its size and the
+CRC of its bytes; one to be sent may be just an object with its `size`.
+"""
+
+import importlib
+import os
+import signal
+import sys
+import threading
+from functools import partial
+from typing import Any
+from zlib import crc32
+
+import rclpy
+from orders import serve, tell
+from rclpy.duration import Duration
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+_LONG = 100
+
+
+def profile_of(
+    depth: int = 10, reliability: str = "reliable", durability: str = "volatile", **times_s: float
+) -> QoSProfile:
+    """`depth` 0 is keep all."""
+    return QoSProfile(
+        depth=depth,
+        history=HistoryPolicy.KEEP_LAST if depth else HistoryPolicy.KEEP_ALL,
+        reliability=ReliabilityPolicy[reliability.upper()],
+        durability=DurabilityPolicy[durability.upper()],
+        **{name: Duration(seconds=time_s) for name, time_s in times_s.items()},
+    )
+
+
+def class_of(type_name: str) -> Any:
+    package, kind, name = type_name.split("/")
+    return getattr(importlib.import_module(f"{package}.{kind}"), name)
+
+
+def as_values(value: Any) -> Any:
+    """A message, or what is in one, for JSON."""
+    if hasattr(value, "get_fields_and_field_types"):
+        return {name: as_values(getattr(value, name)) for name in value.get_fields_and_field_types()}
+    if isinstance(value, bytes):
+        return list(value)
+    if hasattr(value, "tobytes"):
+        return {"size": len(value), "crc": crc32(value.tobytes())} if len(value) > _LONG else list(value)
+    return [as_values(one) for one in value] if isinstance(value, list | tuple) else value
+
+
+def fill(message: Any, values: dict[str, Any]) -> Any:
+    """`message`, with what `values` has."""
+    for name, value in values.items():
+        held = getattr(message, name)
+        if hasattr(held, "get_fields_and_field_types"):
+            fill(held, value)
+        elif isinstance(value, dict):
+            held.frombytes(bytes(number % 251 for number in range(value["size"])))
+        else:
+            setattr(message, name, value)
+    return message
+
+
+class Peer:
+    """One node and its endpoints, which a thread spins."""
+
+    def __init__(self, name: str, namespace: str = "") -> None:
+        rclpy.init(args=[])
+        self.node = rclpy.create_node(name, namespace=namespace or None)
+        self._publishers: dict[str, Any] = {}
+        self._subscriptions: dict[str, Any] = {}
+        self._streams: dict[str, Any] = {}
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self.node)
+        threading.Thread(target=self._spin, daemon=True).start()
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except (ExternalShutdownException, rclpy.executors.ShutdownException):
+            pass
+
+    def publish(self, topic: str, type_name: str, **qos: Any) -> None:
+        """Make a publisher."""
+        self._publishers[topic] = self.node.create_publisher(class_of(type_name), topic, profile_of(**qos))
+
+    def listen(self, topic: str, type_name: str, **qos: Any) -> None:
+        """Make a subscription, which tells what it hears."""
+        self._subscriptions[topic] = self.node.create_subscription(
+            class_of(type_name), topic, partial(self._hear, topic), profile_of(**qos)
+        )
+
+    def _hear(self, topic: str, message: Any, info: Any) -> None:
+        time_ns = info["source_timestamp"] if isinstance(info, dict) else info.source_timestamp
+        tell(heard=topic, message=as_values(message), source_time_ns=time_ns)
+
+    def send(self, topic: str, *messages: dict[str, Any], **one: Any) -> None:
+        publisher = self._publishers[topic]
+        for values in (*messages, one):
+            publisher.publish(fill(publisher.msg_type(), values))
+
+    def stream(self, topic: str, hz: float) -> None:
+        """Strings that are numbers, from 1, until `stop`."""
+        publisher, number = self._publishers[topic], 0
+
+        def publish() -> None:
+            nonlocal number
+            number += 1
+            publisher.publish(publisher.msg_type(data=str(number)))
+
+        self._streams[topic] = self.node.create_timer(1 / hz, publish)
+
+    def stop(self, topic: str) -> None:
+        self.node.destroy_timer(self._streams.pop(topic))
+
+    def end(self, topic: str) -> None:
+        """The endpoints go."""
+        if topic in self._publishers:
+            self.node.destroy_publisher(self._publishers.pop(topic))
+        if topic in self._subscriptions:
+            self.node.destroy_subscription(self._subscriptions.pop(topic))
+
+    def matched(self, topic: str) -> list[int]:
+        """How many subscriptions and publishers there are, by the node's own graph."""
+        return [self.node.count_subscribers(topic), self.node.count_publishers(topic)]
+
+    def nodes(self) -> list[str]:
+        """Full names, sorted, as `ros2 node list` has them: hidden ones are left out."""
+        found = self.node.get_node_names_and_namespaces()
+        return sorted(f"{space.rstrip('/')}/{name}" for name, space in found if not name.startswith("_"))
+
+    def topics(self) -> dict[str, list[str]]:
+        """Names and types, as `ros2 topic list -t` has them."""
+        return dict(self.node.get_topic_names_and_types())
+
+    def info(self, topic: str) -> list[dict[str, Any]]:
+        """The publishers and subscriptions of a topic, as `ros2 topic info -v` has them."""
+        found = [
+            *self.node.get_publishers_info_by_topic(topic),
+            *self.node.get_subscriptions_info_by_topic(topic),
+        ]
+        return [
+            {
+                "kind": one.endpoint_type.name.lower(),
+                "node": f"{one.node_namespace.rstrip('/')}/{one.node_name}",
+                "type": one.topic_type,
+                "gid": bytes(one.endpoint_gid[:16]).hex(),
+                "reliability": one.qos_profile.reliability.name.lower(),
+                "durability": one.qos_profile.durability.name.lower(),
+            }
+            for one in found
+        ]
+
+    def of_node(self, name: str, namespace: str = "/") -> list[dict[str, list[str]]]:
+        """Topics that a node publishes, and those it subscribes to."""
+        return [
+            dict(self.node.get_publisher_names_and_types_by_node(name, namespace)),
+            dict(self.node.get_subscriber_names_and_types_by_node(name, namespace)),
+        ]
+
+
+def main() -> None:
+    peer = Peer(*sys.argv[1:])
+    orders = (
+        "publish",
+        "listen",
+        "send",
+        "stream",
+        "stop",
+        "end",
+        "matched",
+        "nodes",
+        "topics",
+        "info",
+        "of_node",
+    )
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    serve({order: getattr(peer, order) for order in orders})
+    rclpy.try_shutdown()
+    sys.stdout.flush()
+    os._exit(0)  # what rclpy's threads do while Python ends is not looked at here
+
+
+if __name__ == "__main__":
+    main()
