@@ -4,23 +4,22 @@ Owns reading and the texts that say what is wrong where. Must not know what the 
 rules belong to busd.core.limits, users and groups to busd.config.access.
 """
 
-import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
 
 import msgspec
-from msgspec import structs
 
 from bus.errors import ConfigurationError
+from bus.process.tables import check_keys, checked, each_of, filled, read_file
 from busd.config.access import AccessTable, SocketTable
 from busd.core.access import AccessRule
-from busd.core.limits import Limits, TopicRule, checked
+from busd.core.limits import Limits, TopicRule
 from busd.process.logs import LOG_FORMATS, LOG_LEVELS
 
 __all__ = ["Config", "load"]
 
-_Table = TypeVar("_Table", Limits, TopicRule, SocketTable, AccessTable)
+_OF_BRIDGES = "bridge"
+"""The table that bridges read, and busd does not."""
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -59,70 +58,27 @@ def load(path: Path) -> Config:
 
     Raises ConfigurationError, naming the file and the key or line, for everything that is wrong with it.
     """
+    content = read_file(path)
     try:
-        with path.open("rb") as file:
-            return _config(tomllib.load(file))
-    except OSError as error:
-        raise ConfigurationError(f"{path}: can't be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path}: not valid TOML: {error}") from None
+        return _config(content)
     except ConfigurationError as error:
         raise ConfigurationError(f"{path}: {error}") from None
 
 
 def _config(content: Mapping[str, object]) -> Config:
     places = {name: f"limits.{name}" for name in Limits.__struct_fields__}
-    _check_keys("", content, {name: name for name in Config.__struct_fields__}, elsewhere=places)
+    known = {name: name for name in (*Config.__struct_fields__, _OF_BRIDGES)}
+    check_keys("", content, known, elsewhere=places)
     return Config(
         log_level=checked("log_level", content.get("log_level", "info"), str),
         log_format=checked("log_format", content.get("log_format", "text"), str),
-        limits=_table("limits", content.get("limits", {}), Limits),
-        topics=tuple(_table(key, rule, TopicRule) for key, rule in _rules("topics", content)),
-        socket=_table("socket", content.get("socket", {}), SocketTable),
-        access=tuple(_table(key, rule, AccessTable).rule(key) for key, rule in _rules("access", content)),
+        limits=filled("limits", content.get("limits", {}), Limits),
+        topics=tuple(
+            filled(key, rule, TopicRule) for key, rule in each_of("topics", content.get("topics", []))
+        ),
+        socket=filled("socket", content.get("socket", {}), SocketTable),
+        access=tuple(
+            filled(key, rule, AccessTable).rule(key)
+            for key, rule in each_of("access", content.get("access", []))
+        ),
     )
-
-
-def _rules(name: str, content: Mapping[str, object]) -> Iterator[tuple[str, object]]:
-    """Each of an array of tables, with what it is called in an error's text."""
-    rules = content.get(name, [])
-    if not isinstance(rules, list):
-        raise ConfigurationError(f"{name}: expected an array of tables, each under [[{name}]]")
-    for at, rule in enumerate(rules):
-        yield f"{name}[{at}]", rule
-
-
-def _table(name: str, table: object, kind: type[_Table]) -> _Table:
-    if not isinstance(table, dict):
-        raise ConfigurationError(f"{name}: expected a table, got {table!r}")
-    fields = {field.name: field for field in structs.fields(kind)}
-    _check_keys(f"{name}.", table, {key: key for key in fields})
-    for key, field in fields.items():
-        if field.required and key not in table:
-            raise ConfigurationError(f"{name}: '{key}' is missing")
-    values: dict[str, Any] = {
-        key: checked(f"{name}.{key}", value, fields[key].type) for key, value in table.items()
-    }
-    return kind(**values)
-
-
-def _check_keys(
-    where: str,
-    table: Mapping[str, object],
-    known: Mapping[str, str],
-    *,
-    elsewhere: Mapping[str, str] | None = None,
-) -> None:
-    """Refuse the first key of `table` that is not `known`; `elsewhere` are keys known in another table."""
-    for key in table:
-        if key not in known:
-            raise ConfigurationError(
-                f"unknown key '{where}{key}'{_hint(key, {**(elsewhere or {}), **known})}"
-            )
-
-
-def _hint(key: str, known: Mapping[str, str]) -> str:
-    from bus.base.suggest import nearest
-
-    near = nearest(key.lower(), known)
-    return f"; did you mean '{known[near]}'?" if near else f" (known: {', '.join(known.values())})"

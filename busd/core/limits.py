@@ -8,17 +8,18 @@ its one connection, however many nodes it has. A limit "per user" is for all pro
 """
 
 from collections.abc import Collection, Iterable
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, TypeVar
 
 import msgspec
 from msgspec import Meta, structs
 
 from bus.errors import ConfigurationError
+from bus.process.tables import checked
 from bus.qos import MAX_DEPTH, History, QoSProfile
-from bus.topic_patterns import compiled, shown
+from bus.topic_patterns import compiled
 from bus.wire.layout import MAX_MESSAGE_BYTES
 
-__all__ = ["Limits", "TopicCaps", "TopicRule", "checked", "rules_for"]
+__all__ = ["Limits", "TopicCaps", "TopicRule", "rules_for"]
 
 _Cap = TypeVar("_Cap", int, float)
 
@@ -193,18 +194,6 @@ def rules_for(topic: str, rules: Collection[TopicRule]) -> TopicCaps:
         max_message_bytes=_tightest(rule.max_message_bytes for rule in found),
         max_lifespan_s=_tightest(rule.max_lifespan_s for rule in found),
     )
-
-
-def checked(key: str, value: object, kind: Any) -> Any:
-    """`value` as the type `kind`, with the range that its annotation sets.
-
-    Raises ConfigurationError that names the key, the value and what was expected.
-    """
-    try:
-        return msgspec.convert(value, kind)
-    except msgspec.ValidationError as error:
-        text = str(error).replace(" | null", "")
-        raise ConfigurationError(f"{key} = {shown(value)}: {text[0].lower()}{text[1:]}") from None
 
 
 def _settle(table: str, struct: msgspec.Struct) -> None:

@@ -1,0 +1,70 @@
+"""`[bridge.zenoh]` and `[bridge.ros2]` of busd.toml, and what the command line says besides."""
+
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+from msgspec import structs
+
+from bus.errors import ConfigurationError
+from bus.process.tables import check_keys, each_of, filled, read_file
+from bus_bridge.core.rules import TopicRule
+from bus_bridge.options import BridgeTable, Ros2Table, TlsTable, ZenohTable
+
+__all__ = ["TABLES", "load", "merged"]
+
+T = TypeVar("T", bound=BridgeTable)
+
+TABLES = {"zenoh": ZenohTable, "ros2": Ros2Table}
+"""By the name of the engine, as users call it."""
+
+
+def load(path: Path, kind: type[T]) -> T:
+    """What the file says of bridges of one kind; the defaults where it says nothing.
+
+    Raises ConfigurationError, naming the file and the key, for everything that is wrong with the table. What
+    else stands in the file is busd's, and not looked at.
+    """
+    content = read_file(path)
+    try:
+        bridges = check_keys("bridge.", content.get("bridge", {}), {name: name for name in TABLES})
+        (name,) = (name for name, one in TABLES.items() if one is kind)
+        return _table(f"bridge.{name}", bridges.get(name, {}), kind, path.parent)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{path}: {error}") from None
+
+
+def merged(file: T, flags: T) -> T:
+    """`flags` go before what `file` says; what there may be several of is added to it."""
+    merged: T = _both(file, flags)
+    return merged
+
+
+def _both(ours: Any, theirs: Any) -> Any:
+    match ours:
+        case tuple():
+            return (*ours, *(one for one in theirs if one not in ours))
+        case msgspec.Struct():
+            pairs = zip(structs.astuple(ours), structs.astuple(theirs), strict=True)
+            return type(ours)(
+                **dict(zip(ours.__struct_fields__, (_both(*pair) for pair in pairs), strict=True))
+            )
+        case _:
+            return ours if theirs is None else theirs
+
+
+def _table(name: str, table: object, kind: type[T], folder: Path) -> T:
+    """What lies one table deeper is filled first, so that its keys are told from this one's."""
+    fields = {field.name: field for field in structs.fields(kind)}
+    entries = dict(check_keys(f"{name}.", table, {key: key for key in fields}))
+    topics, tls = entries.pop("topics", []), entries.pop("tls", {})
+    for key, value in entries.items():
+        if isinstance(value, str) and fields[key].default == ():
+            entries[key] = [value]
+    changes: dict[str, Any] = {
+        "topics": tuple(filled(key, one, TopicRule) for key, one in each_of(f"{name}.topics", topics))
+    }
+    if "tls" in fields:
+        paths = structs.asdict(filled(f"{name}.tls", tls, TlsTable))
+        changes["tls"] = TlsTable(**{key: value and str(folder / value) for key, value in paths.items()})
+    return structs.replace(filled(name, entries, kind), **changes)
