@@ -354,6 +354,9 @@ class Subscription(Endpoint):
             dropped=dropped,
             expected=min(max(self.expected + (mine.expected - mine.repeated if mine else 0), 0), MAX_COUNT),
             at_ns=mine.at_ns if mine else 0,
+            age_count=mine.age_count if mine else 0,
+            age_sum_ns=mine.age_sum_ns if mine else 0,
+            age_max_ns=mine.age_max_ns if mine else 0,
         )
 
 

@@ -321,6 +321,7 @@ class Subscription(Endpoint[M]):
         if self._rings is not None:
             self._rings.reader.is_report_due = False
             self._rings.sweep()
+        age_count, age_sum_ns, age_max_ns = receiver.ages.report()
         return m.Report(
             endpoint=self._id,
             samples=receiver.delivered,
@@ -330,6 +331,9 @@ class Subscription(Endpoint[M]):
             expected=self._counters.expected_here,
             repeated=receiver.tracker.repeated,
             at_ns=monotonic_ns(),
+            age_count=age_count,
+            age_sum_ns=age_sum_ns,
+            age_max_ns=age_max_ns,
         )
 
     def _end(self, reason: Any) -> None:

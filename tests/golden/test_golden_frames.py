@@ -55,6 +55,12 @@ HEARING = m.EndpointRecord(
 COUNTED = msgspec.structs.replace(
     ENDPOINT, statistics=m.EndpointStatistics(samples=3, bytes=99, at_ns=1_000_000_007)
 )
+AGED = msgspec.structs.replace(
+    HEARING,
+    statistics=m.EndpointStatistics(
+        samples=3, bytes=99, at_ns=1_000_000_007, age_count=2, age_sum_ns=90_000, age_max_ns=50_000
+    ),
+)
 MATCH = m.MatchRecord(publisher=2, subscription=3)
 
 FROM_CLIENT: dict[str, m.Message] = {
@@ -113,6 +119,15 @@ FROM_CLIENT: dict[str, m.Message] = {
         endpoint=3, samples=10, bytes=400, queued=2, dropped={"undecodable": 1}, expected=13, repeated=2
     ),
     "report_at": m.Report(endpoint=3, samples=10, bytes=400, at_ns=1_000_000_007),
+    "report_ages": m.Report(
+        endpoint=3,
+        samples=10,
+        bytes=400,
+        at_ns=1_000_000_007,
+        age_count=4,
+        age_sum_ns=90_000,
+        age_max_ns=50_000,
+    ),
     "get_graph": m.GetGraph(request=4, statistics=True),
     "get_type": m.GetType(request=5, type_name="std_msgs/msg/String", type_hash="RIHS01_df66"),
     "observe": m.Observe(request=6),
@@ -181,6 +196,7 @@ FROM_BROKER: dict[str, m.Message] = {
     ),
     "graph_expected": m.GraphSnapshot(request=4, revision=9, nodes=(), endpoints=(HEARING,), matches=()),
     "graph_at": m.GraphSnapshot(request=4, revision=9, nodes=(), endpoints=(COUNTED,), matches=()),
+    "graph_ages": m.GraphSnapshot(request=4, revision=9, nodes=(), endpoints=(AGED,), matches=()),
     "graph_changed": m.GraphChanged(
         revision=10,
         nodes_added=(NODE,),

@@ -38,6 +38,13 @@ class SubscriptionStatistics(msgspec.Struct, frozen=True):
     sequence numbers. Those of publishers that have gone stay counted."""
     at_ns: int = 0
     """When this was counted: nanoseconds of the monotonic clock (`time.monotonic_ns`)."""
+    age_count: int = 0
+    """Messages of the last half second whose age was looked at when they were taken: the time since they were
+    published. All, where they are few. Of the last half second in which there were some."""
+    age_sum_ns: int = 0
+    """The sum of these ages, in nanoseconds."""
+    age_max_ns: int = 0
+    """The highest of them."""
 
 
 class DropCounters:
@@ -115,6 +122,7 @@ class DropCounters:
 
     def statistics(self, publishers: int) -> SubscriptionStatistics:
         receiver = self._receiver
+        age_count, age_sum_ns, age_max_ns = receiver.ages.window
         return SubscriptionStatistics(
             queued=receiver.queued,  # first: it looks at the rings
             delivered=receiver.delivered,
@@ -123,6 +131,9 @@ class DropCounters:
             publishers=publishers,
             expected=self.expected,
             at_ns=monotonic_ns(),
+            age_count=age_count,
+            age_sum_ns=age_sum_ns,
+            age_max_ns=age_max_ns,
         )
 
 

@@ -11,6 +11,7 @@ from time import monotonic_ns
 from typing import Any, Generic, TypeAlias, TypeVar
 
 from bus import shm
+from bus.delivery.ages import Ages
 from bus.delivery.allowance import STEP_BYTES, begin, extend
 from bus.delivery.sequence import PublisherProxy, SequenceTracker
 from bus.wire.layout import MAX_COUNT, RECORD_HEAD, RECORD_HEAD_BYTES
@@ -56,6 +57,9 @@ class Receiver(Generic[M]):
         self._samples = 0
         self._bytes = 0
         self._dropped: dict[str, int] = {}
+        self._ages = Ages()
+        self._age_due = 0
+        """Once `_samples` is as much, the age of the next sample that comes by socket is looked at."""
         self.tracker = SequenceTracker(self.drop)
         self.is_lossless = is_lossless
         self._decode = decode
@@ -86,6 +90,13 @@ class Receiver(Generic[M]):
     @property
     def bytes(self) -> int:
         return self._bytes if self.reader is None else self._bytes + self.reader.bytes
+
+    @property
+    def ages(self) -> Ages:
+        """How old samples were when they were taken."""
+        if self.reader is not None:
+            self._ages.add_all(*self.reader.pop_ages())
+        return self._ages
 
     @property
     def queued(self) -> int:
@@ -268,6 +279,8 @@ class Receiver(Generic[M]):
         self._samples += 1
         size = found[1] - RECORD_HEAD_BYTES
         self._bytes += size
+        if self._samples >= self._age_due:
+            self._look_at_age(_unpack_record(run.body)[1])
         if self.is_lossless:
             run.origin = proxy
             self._note_taken(run, run.first_seq, size)
@@ -323,6 +336,8 @@ class Receiver(Generic[M]):
         self._count(
             run, number, run.first_seq + skipped + number - 1, offset - begin - number * RECORD_HEAD_BYTES
         )
+        if not begin and self._samples >= self._age_due:
+            self._look_at_age(_unpack_record(run.body)[1])
         return messages
 
     def _is_head(self, run: Run, skipped: int) -> bool:
@@ -338,6 +353,7 @@ class Receiver(Generic[M]):
         if RECORD_HEAD_BYTES + size > len(body):
             self.drop("undecodable", 1)
             return None
+        published_ns = stamp_ns
         payload = body[RECORD_HEAD_BYTES : RECORD_HEAD_BYTES + size]
         if payload[:8] == SOURCE_MARK and (source_ns := source_ns_of(payload)):
             payload, stamp_ns = payload[SOURCE_BYTES:], -source_ns
@@ -348,6 +364,8 @@ class Receiver(Generic[M]):
             return None
         self._samples += 1
         self._bytes += size
+        if self._samples >= self._age_due:
+            self._look_at_age(published_ns)
         return message, stamp_ns, run.first_seq, run.origin, run.received_ns
 
     def _decode_ahead(self, run: Run, limit: int) -> None:
@@ -373,6 +391,8 @@ class Receiver(Generic[M]):
                     queue.advance(number, offset)
                     size = offset - begin - number * RECORD_HEAD_BYTES
                     self._count(run, number, first_seq + number - 1, size)
+                    if not begin and self._samples >= self._age_due:
+                        self._look_at_age(_unpack_record(run.body)[1])
                 return
         length = len(run.body)
         # Slicing bytes copies and is faster for short payloads; a view is for long ones.
@@ -398,6 +418,8 @@ class Receiver(Generic[M]):
             queue.advance(number, offset)
             size = offset - begin - number * RECORD_HEAD_BYTES
             self._count(run, len(ahead), seq, size, rejected)
+            if not begin and self._samples >= self._age_due:
+                self._look_at_age(_unpack_record(body)[1])
             self._reject(rejected)
             return
         # The run is shorter than it claims: what it still claims is gone with it.
@@ -418,6 +440,10 @@ class Receiver(Generic[M]):
             self._bytes -= sum(one for one, _ in rejected)
         if self.is_lossless:
             self._note_taken(run, seq, size)
+
+    def _look_at_age(self, published_ns: int) -> None:
+        """The first sample of a run was taken, perhaps with others."""
+        self._age_due = self._samples + self._ages.add(monotonic_ns() - published_ns)
 
     def _let_go(self, gone: list[Run]) -> None:
         """Runs went untaken; a lossless publisher must not wait for them."""

@@ -338,6 +338,8 @@ class Reader(Generic[S]):
         """
     def pop_rejected(self) -> list[tuple[int, Exception]]:
         """Size and error of the samples that `decode` refused since the last call."""
+    def pop_ages(self) -> tuple[int, int, int]:
+        """Ages of samples taken since the last call, in ns: of how many, their sum, the highest."""
     def pop_left(self) -> list[tuple[S, str, int]]:
         """Sources whose ring the reader has left by itself, the reason ("": it was finished), and the next
         number."""

@@ -179,6 +179,12 @@ struct feed {
     unsigned forks;          /* in a child of a fork, the slot is the parent's */
 };
 
+/* How old samples were when they were taken, of some: below AGES_AT_ONCE, of all. */
+struct ages {
+    uint64_t count, sum_ns, most_ns;
+    uint32_t passed; /* samples since the last that counts */
+};
+
 /* With what a Reader calls back by itself. */
 struct prepared {
     PyObject *callback, *decode, *on_error;
@@ -197,6 +203,7 @@ struct Reader {
     uint64_t bound; /* on what may wait: the depth, and the history of late joins until nothing waits; 0: none */
     bool tells_cursor;
     uint64_t samples, bytes, expired, undecodable;
+    struct ages ages;
     uint64_t replaced, overrun, passed; /* of feeds that were left; passed: all that they have stepped over */
     uint64_t lost_reported;    /* of all that was lost, what the owner knows */
     PyObject *rejected, *left; /* lists */

@@ -338,6 +338,15 @@ static PyObject *reader_pop_left(PyObject *object, PyObject *Py_UNUSED(none))
     return pop(&((Reader *)object)->left);
 }
 
+static PyObject *reader_pop_ages(PyObject *object, PyObject *Py_UNUSED(none))
+{
+    Reader *self = (Reader *)object;
+    const struct ages ages = self->ages;
+    self->ages = (struct ages){0};
+    return Py_BuildValue("(KKK)", (unsigned long long)ages.count, (unsigned long long)ages.sum_ns,
+                         (unsigned long long)ages.most_ns);
+}
+
 static PyObject *get_depth(PyObject *object, void *Py_UNUSED(closure))
 {
     return PyLong_FromUnsignedLongLong(((Reader *)object)->depth);
@@ -415,6 +424,7 @@ static PyMethodDef methods[] = {
     {"wait", (PyCFunction)(void (*)(void))reader_wait, METH_FASTCALL, NULL},
     {"pop_rejected", reader_pop_rejected, METH_NOARGS, NULL},
     {"pop_left", reader_pop_left, METH_NOARGS, NULL},
+    {"pop_ages", reader_pop_ages, METH_NOARGS, NULL},
     {0},
 };
 

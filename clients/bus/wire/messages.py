@@ -149,7 +149,8 @@ class Ack(Message, frozen=True, tag="ack"):
 class Report(Message, frozen=True, tag="report"):
     """Totals that only the endpoint's process knows; sent when they change, twice a second at most.
 
-    `at_ns`: when they were counted, on the monotonic clock.
+    `at_ns`: when they were counted, on the monotonic clock. The ages are no totals: of messages that a
+    subscription has taken since its last report, of so many the sum of their ages and the highest.
     """
 
     endpoint: int
@@ -160,6 +161,9 @@ class Report(Message, frozen=True, tag="report"):
     expected: Count = 0
     repeated: Count = 0
     at_ns: Count = 0
+    age_count: Count = 0
+    age_sum_ns: Count = 0
+    age_max_ns: Count = 0
 
 
 class GetGraph(Message, frozen=True, tag="graph?"):

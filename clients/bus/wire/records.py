@@ -40,6 +40,13 @@ class EndpointStatistics(msgspec.Struct, frozen=True, omit_defaults=True, gc=Fal
     at_ns: int = 0
     """When `samples` and `bytes` were counted: nanoseconds of the monotonic clock, which all processes of the
     machine share (`time.monotonic_ns`); 0 where its process has not said. The way to a rate."""
+    age_count: int = 0
+    """Messages whose age, the time since they were published, was looked at when they were taken: of those
+    that a subscription took in the half second up to `at_ns`. All, where they are few."""
+    age_sum_ns: int = 0
+    """The sum of these ages, in nanoseconds."""
+    age_max_ns: int = 0
+    """The highest of them."""
 
 
 class EndpointRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):

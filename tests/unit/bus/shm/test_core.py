@@ -47,6 +47,22 @@ def test_a_batch_ends_with_its_limit_or_at_256_kib(listener: Listener) -> None:
     assert len(listener.take()) == 9
 
 
+def test_ages_of_some_are_looked_at(talker: Talker, listener: Listener) -> None:
+    listener.join(talker)
+    began_ns = time.monotonic_ns()
+    talker.write(b"one", b"two", b"three")
+    assert len(listener.reader.messages(1, bytes)) == 1
+    assert len(listener.reader.take(9, bytes)) == 2
+    count, sum_ns, most_ns = listener.reader.pop_ages()
+    assert count == 3
+    assert 0 < most_ns < sum_ns < 3 * (time.monotonic_ns() - began_ns)
+    assert listener.reader.pop_ages() == (0, 0, 0)
+    for _ in range(64 + 3 * 32):
+        talker.write(b"more")
+        listener.reader.messages(1, bytes)
+    assert listener.reader.pop_ages()[0] == 64 + 3
+
+
 def test_refusals(listener: Listener) -> None:
     talker = Talker(4096, 16, keep=3)
     writer = talker.writer
