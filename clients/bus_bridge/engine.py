@@ -63,7 +63,7 @@ class LocalNode(msgspec.Struct, frozen=True):
     """A node of this bus that the far side is to see."""
 
     id: int
-    """busd's number for it: one node keeps it while the connection to busd lives."""
+    """The bridge's number for it, which no other node gets; it outlives a restart of busd."""
     name: str
     namespace: str
     via: tuple[str, ...] = ()
@@ -87,7 +87,8 @@ class Writer(Protocol):
 
     @property
     def is_wanted(self) -> bool:
-        """Whether a subscription on the far side is matched with it."""
+        """Whether a subscription on the far side is matched with it. Of a transient local publisher it may
+        always be so: what it has written serves late joiners."""
 
     def write(self, samples: Sequence[Sample]) -> int:
         """Send `samples`, in order; never blocks. Returns how many of them, from the front, have gone.
@@ -96,7 +97,7 @@ class Writer(Protocol):
         """
 
     def close(self) -> None:
-        """The publisher has gone, and so does its mirror on the far side."""
+        """The publisher has gone, and so does its mirror on the far side, behind what was written."""
 
 
 # --- from the far side to this bus
@@ -140,7 +141,8 @@ class FarEndpoint(msgspec.Struct, frozen=True):
 
 class FarSide(Protocol):
     """Who is told what the engine finds: the bridge. Calls never raise, and may come in any order; what is
-    said of an unknown bus, node or gid is ignored. Of a bus that has gone all nodes and endpoints have gone.
+    said of an unknown bus, node or gid is ignored. Of a bus that has gone all nodes and endpoints have gone,
+    of a node all endpoints.
     """
 
     def bus_came(self, bus: FarBus) -> None: ...
@@ -148,7 +150,9 @@ class FarSide(Protocol):
     def node_came(self, node: FarNode) -> None: ...
     def node_went(self, key: str) -> None: ...
     def endpoint_came(self, endpoint: FarEndpoint) -> None: ...
-    def endpoint_went(self, gid: bytes) -> None: ...
+
+    def endpoint_went(self, gid: bytes, node: str) -> None:
+        """`node` is the key of its node: with transit one gid may come by two ways."""
 
     def warn(self, text: str) -> None:
         """Something that the user should know; the same text is said once."""
