@@ -4,6 +4,7 @@ Pure: graphs and times come in, rows go out. `bus top` and the page both show th
 """
 
 from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
 import msgspec
 
@@ -13,7 +14,7 @@ from bus.names import is_hidden_node, is_hidden_topic
 from bus.qos import History, QoSProfile
 from bus_web.rates import Meter, Seconds
 
-__all__ = ["EndpointRow", "Model", "Pair", "Sums", "TopicRow"]
+__all__ = ["Ages", "EndpointRow", "Model", "NodeRow", "Pair", "Sums", "TopicRow"]
 
 _NS = 1_000_000_000
 _NOW_NS = 3 * _NS
@@ -22,6 +23,13 @@ _MOST_PAIRS = 1000
 """Pairs of a topic that are looked at: each of a thousand publishers with each of a thousand subscriptions is
 not for reading."""
 _NOTHING = EndpointStatistics()
+
+
+class Ages(msgspec.Struct, frozen=True):
+    """How old messages were when programs took them, of late: seconds since they were published."""
+
+    mean: float
+    most: float
 
 
 class Pair(msgspec.Struct, frozen=True):
@@ -66,6 +74,8 @@ class EndpointRow(msgspec.Struct, frozen=True, kw_only=True):
     """Of late."""
     routes: tuple[str, ...]
     """Of its matches, each route once."""
+    age: Ages | None
+    """Of what a subscription took; None where it took nothing of late."""
 
     @property
     def lost(self) -> int:
@@ -78,12 +88,9 @@ class EndpointRow(msgspec.Struct, frozen=True, kw_only=True):
         return is_hidden_node(self.node.rpartition("/")[2])
 
 
-class TopicRow(msgspec.Struct, frozen=True, kw_only=True):
-    """A topic, with what its endpoints count together."""
+class _Row(msgspec.Struct, frozen=True, kw_only=True):
+    """What some endpoints count together."""
 
-    topic: str
-    types: tuple[str, ...]
-    """More than one is a conflict."""
     hz: float | None
     """Messages a second of all publishers; None until that is known of one."""
     bytes_per_s: float | None
@@ -97,6 +104,8 @@ class TopicRow(msgspec.Struct, frozen=True, kw_only=True):
     """Messages that wait for subscriptions."""
     depth: int | None
     """Of the subscription for which most wait; None where there is none, or it keeps all."""
+    age: Ages | None
+    """Of what subscriptions took; None where they took nothing of late."""
     lost_per_s: float
     """Messages that subscriptions lose, of late."""
     dropped: Mapping[str, int]
@@ -113,9 +122,32 @@ class TopicRow(msgspec.Struct, frozen=True, kw_only=True):
         """The reason of most losses; empty where nothing was lost."""
         return max(self.dropped, key=self.dropped.__getitem__, default="")
 
+
+class TopicRow(_Row, frozen=True, kw_only=True):
+    """A topic, with what its endpoints count together."""
+
+    topic: str
+    types: tuple[str, ...]
+    """More than one is a conflict."""
+
     @property
     def is_hidden(self) -> bool:
         return is_hidden_topic(self.topic)
+
+
+class NodeRow(_Row, frozen=True, kw_only=True):
+    """A node, with what its endpoints count together."""
+
+    node: str
+    """Its full name."""
+    id: int
+    """In the graph."""
+    pid: int
+
+    @property
+    def is_hidden(self) -> bool:
+        """Of a tool."""
+        return is_hidden_node(self.node.rpartition("/")[2])
 
 
 class Sums(msgspec.Struct, frozen=True):
@@ -137,6 +169,13 @@ def _depth(qos: QoSProfile) -> int | None:
     return qos.depth if qos.history is History.KEEP_LAST else None
 
 
+def _ages(told: list[tuple[int, int, int, int]]) -> Ages | None:
+    if not told:
+        return None
+    number = sum(count for _, count, _, _ in told)
+    return Ages(sum(sum_ns for _, _, sum_ns, _ in told) / number / _NS, max(most for *_, most in told) / _NS)
+
+
 def _identity(graph: Graph) -> tuple[int, int]:
     return graph.revision, graph.broker_pid
 
@@ -144,9 +183,10 @@ def _identity(graph: Graph) -> tuple[int, int]:
 class _Counters:
     """Of one endpoint, from look to look."""
 
-    __slots__ = ("losses", "lost_per_s", "meter", "rates")
+    __slots__ = ("ages", "losses", "lost_per_s", "meter", "rates")
 
     def __init__(self) -> None:
+        self.ages: tuple[int, int, int, int] | None = None  # when they were told; how many, sum, most
         self.meter = Meter()
         self.losses: list[tuple[int, int]] = []  # when, and how many in all: of the last seconds
         self.rates: tuple[float, ...] | None = None
@@ -155,6 +195,12 @@ class _Counters:
     def take(self, statistics: EndpointStatistics, now_ns: int) -> None:
         self.meter.add(statistics.at_ns, statistics.samples, statistics.bytes)
         self.rates = self.meter.rates(now_ns)
+        if statistics.age_count:
+            self.ages = (
+                statistics.at_ns, statistics.age_count, statistics.age_sum_ns, statistics.age_max_ns,
+            )  # fmt: skip
+        elif self.ages is not None and now_ns - self.ages[0] > _NOW_NS:
+            self.ages = None
         lost, losses = sum(statistics.dropped.values()), self.losses
         if losses and lost < losses[-1][1]:
             losses.clear()
@@ -177,8 +223,10 @@ class Model:
         self._describe = describe
         self._graph: Graph | None = None
         self._ends: dict[str, _Ends] = {}
+        self._by_node: dict[int, _Ends] = {}
         self._counters: dict[bytes, _Counters] = {}
-        self._histories: dict[str, Seconds] = {}
+        self._histories: dict[str | int, Seconds] = {}
+        """Of topics by name, and of nodes by their id."""
         self._matches: dict[int, list[GraphMatch]] = {}
         """By the ids of both ends."""
         self._pairs: dict[str, tuple[Pair, ...]] = {}
@@ -203,6 +251,7 @@ class Model:
                 self._matches.setdefault(match.publisher, []).append(match)
                 self._matches.setdefault(match.subscription, []).append(match)
         ends: dict[str, _Ends] = {}
+        by_node: dict[int, _Ends] = {}
         counters = {}
         for number, endpoints in enumerate((graph.publishers, graph.subscriptions)):
             for one in endpoints:
@@ -211,10 +260,13 @@ class Model:
                 mine = counters[one.gid] = self._counters.get(one.gid) or _Counters()
                 mine.take(one.statistics or _NOTHING, now_ns)
                 ends.setdefault(one.topic, ([], []))[number].append(one)
+                by_node.setdefault(one.node.id, ([], []))[number].append(one)
         self._counters, self._ends = counters, {topic: ends[topic] for topic in sorted(ends)}
-        histories = {}
-        for topic, (publishers, _) in self._ends.items():
-            history = histories[topic] = self._histories.get(topic) or Seconds()
+        self._by_node = by_node
+        histories: dict[str | int, Seconds] = {}
+        together: list[tuple[str | int, _Ends]] = [*self._ends.items(), *by_node.items()]
+        for key, (publishers, _) in together:
+            history = histories[key] = self._histories.get(key) or Seconds()
             history.add(now_ns, self._rate(publishers, 0) or 0.0)
         self._histories = histories
         return is_new
@@ -235,6 +287,29 @@ class Model:
         """The row of one topic, by its full name; None where it is not there."""
         ends = self._ends.get(name)
         return None if ends is None else self._topic(name, *ends)
+
+    def nodes(self, *, hidden: bool = False) -> list[NodeRow]:
+        """A row for each node that has endpoints, sorted by name; `hidden` ones too."""
+        nodes = sorted(self.graph.nodes, key=lambda one: (one.full_name, one.id))
+        return [
+            NodeRow(
+                node=one.full_name,
+                id=one.id,
+                pid=one.pid,
+                **self._together(one.id, ends),
+                mismatches=self._mismatches_of(ends),
+            )
+            for one in nodes
+            if (hidden or not is_hidden_node(one.name)) and (ends := self._by_node.get(one.id)) is not None
+        ]
+
+    def endpoints_of_node(self, number: int) -> list[EndpointRow]:
+        """The publishers of a node, by its id in the graph, then its subscriptions; sorted by topic."""
+        return [
+            self._endpoint(one)
+            for ends in self._by_node.get(number, _NO_ENDS)
+            for one in sorted(ends, key=lambda one: one.topic)
+        ]
 
     def endpoints(self, topic: str) -> list[EndpointRow]:
         """The publishers of a topic, then its subscriptions; none where it is not there."""
@@ -270,32 +345,53 @@ class Model:
     def _topic(
         self, name: str, publishers: list[GraphEndpoint], subscriptions: list[GraphEndpoint]
     ) -> TopicRow:
+        return TopicRow(
+            topic=name,
+            types=tuple(sorted({one.type_name for one in (*publishers, *subscriptions)})),
+            **self._together(name, (publishers, subscriptions)),
+            mismatches=sum(not pair.route for pair in self.pairs(name)),
+        )
+
+    def _together(self, key: str | int, ends: _Ends) -> dict[str, Any]:
+        """What they count together: the fields that rows have in common, but mismatches."""
+        publishers, subscriptions = ends
         routes: set[str] = set()
         dropped: dict[str, int] = {}
         queued, most, depth, lost_per_s = 0, -1, None, 0.0
+        ages = []
         for one in subscriptions:
-            counters = one.statistics or _NOTHING
+            counters, mine = one.statistics or _NOTHING, self._counters[one.gid]
             routes.update(self._routes(one))
             for reason, count in counters.dropped.items():
                 dropped[reason] = dropped.get(reason, 0) + count
             queued += counters.queued
             if counters.queued > most:
                 most, depth = counters.queued, _depth(one.qos)
-            lost_per_s += self._counters[one.gid].lost_per_s
-        return TopicRow(
-            topic=name,
-            types=tuple(sorted({one.type_name for one in (*publishers, *subscriptions)})),
-            hz=self._rate(publishers, 0),
-            bytes_per_s=self._rate(publishers, 1),
-            history=self._histories[name].values,
-            publishers=len(publishers),
-            subscriptions=len(subscriptions),
-            routes=tuple(sorted(routes)),
-            queued=queued,
-            depth=depth,
-            lost_per_s=lost_per_s,
-            dropped=dropped,
-            mismatches=sum(not pair.route for pair in self.pairs(name)),
+            lost_per_s += mine.lost_per_s
+            if mine.ages is not None:
+                ages.append(mine.ages)
+        if isinstance(key, int):  # a node: its publishers' matches are its own, too
+            routes.update(*map(self._routes, publishers))
+        return {
+            "hz": self._rate(publishers, 0),
+            "bytes_per_s": self._rate(publishers, 1),
+            "history": self._histories[key].values,
+            "publishers": len(publishers),
+            "subscriptions": len(subscriptions),
+            "routes": tuple(sorted(routes)),
+            "queued": queued,
+            "depth": depth,
+            "age": _ages(ages),
+            "lost_per_s": lost_per_s,
+            "dropped": dropped,
+        }
+
+    def _mismatches_of(self, ends: _Ends) -> int:
+        mine = {one.id for some in ends for one in some}
+        return sum(
+            not pair.route and (pair.publisher in mine or pair.subscription in mine)
+            for topic in {one.topic for some in ends for one in some}
+            for pair in self.pairs(topic)
         )
 
     def _endpoint(self, one: GraphEndpoint) -> EndpointRow:
@@ -319,6 +415,7 @@ class Model:
             dropped=counters.dropped,
             lost_per_s=mine.lost_per_s,
             routes=tuple(sorted(self._routes(one))),
+            age=_ages([mine.ages] if mine.ages is not None else []),
         )
 
     def _routes(self, one: GraphEndpoint) -> set[str]:

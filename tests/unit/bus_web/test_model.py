@@ -6,7 +6,7 @@ from msgspec.structs import replace
 
 from bus.graph import EndpointStatistics, Graph, GraphEndpoint, GraphMatch, GraphNode
 from bus.qos import History, QoSProfile, Reliability
-from bus_web.model import Model, Pair
+from bus_web.model import Ages, Model, Pair
 
 S = 1_000_000_000
 TALKER = GraphNode(1, "talker", "/", 10)
@@ -194,3 +194,52 @@ def test_after_a_restart_of_busd_counting_goes_on() -> None:
         here = replace(PUBLISHER, id=11 + (revision == 1))
         model.take(graph(count(here, samples=10 * turn, at_ns=turn * S), revision=revision), turn * S)
     assert model.topic("/chatter").hz == 10.0
+
+
+def test_ages_of_what_was_taken_of_late() -> None:
+    model = Model()
+    other = endpoint(13, "subscription", LISTENER)
+    told = {"age_sum_ns": 30_000_000, "age_max_ns": 20_000_000}
+    model.take(
+        graph(
+            PUBLISHER,
+            count(SUBSCRIPTION, at_ns=S, age_count=2, **told),
+            count(other, at_ns=S, age_count=1, age_sum_ns=60_000_000, age_max_ns=60_000_000),
+        ),
+        S,
+    )
+    (row,) = model.topics()
+    assert row.age == Ages(0.03, 0.06)
+    assert [one.age for one in model.endpoints("/chatter")] == [None, Ages(0.015, 0.02), Ages(0.06, 0.06)]
+    for seconds, age in ((2, Ages(0.015, 0.02)), (4, Ages(0.015, 0.02)), (5, None)):
+        model.take(graph(PUBLISHER, count(SUBSCRIPTION, at_ns=seconds * S)), seconds * S)
+        assert model.topic("/chatter").age == age, seconds
+
+
+def test_nodes() -> None:
+    model = Model()
+    reliable = endpoint(14, "subscription", TALKER, "/b", qos=QoSProfile(7))
+    careless = endpoint(15, "publisher", LISTENER, "/b", qos=QoSProfile(7, reliability="best_effort"))
+    for seconds in (1, 2):
+        model.take(
+            graph(
+                count(PUBLISHER, samples=10 * seconds, at_ns=seconds * S),
+                count(SUBSCRIPTION, queued=3, dropped={"replaced": 4}),
+                reliable,
+                careless,
+                endpoint(16, "subscription", TOOL),
+                matches=MATCHES,
+            ),
+            seconds * S,
+        )
+    listener, talker = model.nodes()
+    assert (listener.node, listener.pid, listener.publishers, listener.subscriptions) == (
+        "/ns/listener", 20, 1, 1,
+    )  # fmt: skip
+    assert (listener.queued, listener.depth, listener.lost, listener.why) == (3, 7, 4, "replaced")
+    assert (listener.mismatches, listener.routes, listener.hz) == (1, ("shm",), None)
+    assert (talker.hz, talker.routes, talker.mismatches, talker.lost) == (10.0, ("shm",), 1, 0)
+    assert talker.history == (0.0, 10.0)
+    assert [one.topic for one in model.endpoints_of_node(talker.id)] == ["/chatter", "/b"]
+    assert [one.node for one in model.nodes(hidden=True)] == ["/_bus_web_30", "/ns/listener", "/talker"]
+    assert model.endpoints_of_node(99) == []
