@@ -30,6 +30,7 @@ BENCHMARKS = (
     "check_cost",
     "codec",
     "bags",
+    "bridge",
     "fairness",
 )
 RESULTS = ROOT / "benchmarks" / "results"

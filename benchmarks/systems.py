@@ -36,6 +36,10 @@ def _serve_nothing(group: Group, module: str) -> list[Child]:
     return []
 
 
+def _no_place(group: Group, role: str) -> Mapping[str, str]:
+    return _NOTHING
+
+
 class System(NamedTuple):
     """A way to get messages from one process to another.
 
@@ -48,7 +52,7 @@ class System(NamedTuple):
     `Work.take_by` by which it waits for events. `floods`: it can do more than paced messages. `largest`: no
     larger messages, in bytes. `gives_turns`: its publisher needs an event loop, that wants its turns.
     `publisher`: the module of its publisher, where that is another than its subscriber's. `runner`: what
-    runs its modules.
+    runs its modules. `place`: what else stands in the environment of the publisher, or of a subscriber.
     """
 
     name: str
@@ -66,6 +70,7 @@ class System(NamedTuple):
     gives_turns: bool = True
     publisher: str = ""
     runner: tuple[str, ...] = (sys.executable,)
+    place: Callable[[Group, str], Mapping[str, str]] = _no_place
     guess: Speed = Speed()
 
     def start_servers(self, group: Group) -> list[Child]:
@@ -82,7 +87,8 @@ class System(NamedTuple):
         """Start one and don't wait for it."""
         module = self.publisher or self.module if role == "publisher" else self.module
         arguments = (module, role, msgspec.json.encode(work).decode())
-        return group.start(name or role, *self.runner, "-m", *arguments)
+        environ = self.place(group, role)
+        return group.start(name or role, *self.runner, "-m", *arguments, environ=environ)
 
     def start_fan(self, group: Group, work: msgspec.Struct, number: int) -> tuple[Child, list[Child]]:
         """Start so many subscribers side by side, and then the publisher, which comes first."""

@@ -4,6 +4,9 @@ Datagrams are as long as they may be, and socket buffers too: with the defaults 
 slower. The subscriber waits in a WaitSet in a thread of its own, since the library's documentation advises
 against Python in listeners, and takes up to a hundred messages at once. No multicast: participants find each
 other by their ports on loopback, and those of other runs have another tag. The wheel has no shared memory.
+
+Where the environment has BENCH_ROS, the number of a domain, it is in that, and topic and type are named as
+ROS 2 names them: so it meets `bus bridge ros2`.
 """
 
 import asyncio
@@ -37,7 +40,11 @@ from benchmarks.work import TOPIC, Work
 from benchmarks.worker import Parent, options, run
 
 _FOREVER = duration(weeks=1000)
-_QOS = Qos(Policy.Reliability.Reliable(_FOREVER), Policy.History.KeepAll)
+_QOS = Qos(
+    Policy.Reliability.Reliable(_FOREVER),
+    Policy.History.KeepAll,
+    Policy.DataRepresentation(use_cdrv0_representation=True),
+)
 _BATCH = 100
 _DOMAINS = 100
 """So few that their ports are below those which the kernel gives out."""
@@ -45,7 +52,7 @@ _CONFIG = """<CycloneDDS><Domain><General>
     <Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces><AllowMulticast>false</AllowMulticast>
     <MaxMessageSize>65500 B</MaxMessageSize><FragmentSize>65000 B</FragmentSize>
 </General><Internal><SocketReceiveBufferSize min="4 MB"/></Internal><Discovery>
-    <ParticipantIndex>auto</ParticipantIndex><Peers><Peer Address="127.0.0.1"/></Peers><Tag>{tag}</Tag>
+    <ParticipantIndex>auto</ParticipantIndex><Peers><Peer Address="127.0.0.1"/></Peers>{tag}
 </Discovery></Domain></CycloneDDS>"""
 
 
@@ -56,12 +63,23 @@ class Text(IdlStruct, typename="bench.Text"):  # type: ignore[call-arg]
     data: str
 
 
-def _join() -> tuple[DomainParticipant, Topic[Text]]:
-    tag = Path(os.environ["BENCH_FOLDER"]).name
-    number = 1 + crc32(tag.encode()) % _DOMAINS
+@dataclass
+class RosText(IdlStruct, typename="std_msgs::msg::dds_::String_"):  # type: ignore[call-arg]
+    """The same, under the name that std_msgs/String has in DDS."""
+
+    data: str
+
+
+def _join() -> tuple[DomainParticipant, Topic[Any], Any]:
+    """The participant, the topic, and the class of its messages."""
+    name = Path(os.environ["BENCH_FOLDER"]).name
+    number, tag = 1 + crc32(name.encode()) % _DOMAINS, f"<Tag>{name}</Tag>"
+    topic, kind = TOPIC, Text
+    if of_ros := os.environ.get("BENCH_ROS"):
+        number, tag, topic, kind = int(of_ros), "", f"rt/{TOPIC}", RosText
     Domain(number, _CONFIG.format(tag=tag))
     participant = DomainParticipant(number)
-    return participant, Topic(participant, TOPIC, Text)
+    return participant, Topic(participant, topic, kind), kind
 
 
 async def publisher(parent: Parent) -> None:
@@ -72,24 +90,24 @@ async def publisher(parent: Parent) -> None:
         if status.current_count == work.subscribers:
             loop.call_soon_threadsafe(reached.set)
 
-    participant, topic = _join()
+    participant, topic, kind = _join()
     listener = Listener(on_publication_matched=count)
     writer = DataWriter(participant, topic, _QOS, listener)
     await reached.wait()
     write = writer.write
-    await roles.publish(parent, work, lambda text: write(Text(data=text)))
+    await roles.publish(parent, work, lambda text: write(kind(data=text)))
 
 
 async def subscriber(parent: Parent) -> None:
     taker = roles.Taker(parent, options(Work))
-    participant, topic = _join()
+    participant, topic, _ = _join()
     reader = DataReader(participant, topic, _QOS)
     roles.take_in_thread(taker, _texts(participant, reader).__next__)
     parent.tell("ready")
     await taker.finish()
 
 
-def _texts(participant: DomainParticipant, reader: DataReader[Text]) -> Iterator[str]:
+def _texts(participant: DomainParticipant, reader: DataReader[Any]) -> Iterator[str]:
     condition = ReadCondition(reader, ViewState.Any | SampleState.NotRead | InstanceState.Alive)
     waitset = WaitSet(participant)
     waitset.attach(condition)

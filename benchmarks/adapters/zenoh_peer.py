@@ -7,14 +7,20 @@ gathered into batches). From zenoh's own limit of 3 KiB on, the text is written 
 the thread that zenoh starts for it by default; in its network thread (`indirect=False`) paced messages are
 as fast and floods are several times slower.
 
+Where the environment has BENCH_ENDPOINT, it is that address instead, without shared memory: as between two
+machines, for comparison with bridges. BENCH_ATTACHMENT: each message has its publisher's id, its number and
+its time as an attachment, as those of ROS 2 have by zenoh, and the subscriber reads it.
+
 With shared memory, zenoh leaves one or two small files in /dev/shm, which the next such process removes.
 """
 
 import asyncio
 import json
 import os
+import struct
 import sys
 from pathlib import Path
+from time import time_ns
 from typing import Any
 
 import msgspec
@@ -28,11 +34,17 @@ from benchmarks.worker import Parent, options, run
 _SHARED_SIZE = 3072
 _POOL = 64 << 20
 _SOCKETS = "zenoh-*.sock"
+_ATTACHMENT = struct.Struct("<16sQq")
 _TOKENS = f"{TOPIC}/*"
+_ENDPOINT = os.environ.get("BENCH_ENDPOINT", "")
 
 
 def _folder() -> Path:
     return Path(os.environ["BENCH_FOLDER"])
+
+
+def _is_shared(work: Work) -> bool:
+    return work.size >= _SHARED_SIZE and not _ENDPOINT
 
 
 def _open(work: Work, where: str, paths: list[Path]) -> zenoh.Session:
@@ -42,8 +54,8 @@ def _open(work: Work, where: str, paths: list[Path]) -> zenoh.Session:
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "listen/endpoints": [],
-        "transport/shared_memory/enabled": work.size >= _SHARED_SIZE,
-        where: [f"unixsock-stream/{path}" for path in paths],
+        "transport/shared_memory/enabled": _is_shared(work),
+        where: [_ENDPOINT] if _ENDPOINT else [f"unixsock-stream/{path}" for path in paths],
     }
     for name, value in settings.items():
         config.insert_json5(name, json.dumps(value))
@@ -76,13 +88,21 @@ async def publisher(parent: Parent) -> None:
         def send(text: str) -> None:
             put(text.encode())
 
-        if work.size >= _SHARED_SIZE:
+        if _is_shared(work):
             allocate, policy = ShmProvider.default_backend(_POOL).alloc, BlockOn(GarbageCollect())
 
             def send(text: str) -> None:
                 place = allocate(len(text), policy)
                 place[:] = text.encode()
                 put(place)
+
+        if os.environ.get("BENCH_ATTACHMENT"):
+            pack, identity, number = _ATTACHMENT.pack, os.urandom(16), 0
+
+            def send(text: str) -> None:
+                nonlocal number
+                number += 1
+                put(text.encode(), attachment=pack(identity, number, time_ns()))
 
         if work.publish_by == "loan":
             body = text_of(work.size).encode()
@@ -105,6 +125,13 @@ async def subscriber(parent: Parent) -> None:
 
     def receive(sample: Any) -> None:
         take(sample.payload.to_string())
+
+    if os.environ.get("BENCH_ATTACHMENT"):
+        unpack = _ATTACHMENT.unpack
+
+        def receive(sample: Any) -> None:
+            unpack(sample.attachment.to_bytes())
+            take(sample.payload.to_string())
 
     if work.publish_by == "loan":
 

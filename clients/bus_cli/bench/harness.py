@@ -228,12 +228,12 @@ class Group:
         self._children.remove(child)
         child.end(monotonic())
 
-    def start_busd(self, program: str = "", *more: str) -> Child:
+    def start_busd(self, program: str = "", *more: str, name: str = "busd") -> Child:
         """A busd of our own, which the children started later find; returns when it listens.
 
-        `program`: that of another checkout. `more`: arguments.
+        `program`: that of another checkout. `more`: arguments. `name`: of the child, and of its socket.
         """
-        path, notify = self.folder / "busd.sock", self.folder / "ready"
+        path, notify = self.folder / f"{name}.sock", self.folder / "ready"
         self.environ["BUSD_SOCKET"] = str(path)
         notify.unlink(missing_ok=True)  # of one that was killed
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ready:
@@ -241,7 +241,7 @@ class Group:
             ready.setblocking(False)
             # Should we be killed, it leaves by itself once the clients have gone.
             child = self.start(
-                "busd",
+                name,
                 *((program,) if program else self._busd),
                 *("--log-level", "warn", "--idle-exit", str(START_S)),
                 *more,

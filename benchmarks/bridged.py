@@ -1,0 +1,104 @@
+"""Two buses with bridges between them, a bus with a bridge to DDS, and the rivals that have no bus at all.
+
+All on loopback: nothing that a network does is part of a figure.
+"""
+
+import signal
+import socket
+import sys
+from collections.abc import Callable, Mapping
+from importlib.util import find_spec
+
+from benchmarks import ros
+from benchmarks.harness import Child, Group
+from benchmarks.systems import BUS, CYCLONE, ZENOH, Speed
+
+ENGINES = {"zenoh": ("zenoh", "busd[zenoh]"), "ros2": ("cyclonedds", "busd[ros2]")}
+"""The package that each engine needs, and what brings it."""
+FAR = "far"
+"""The name of the second bus: its socket is far.sock."""
+
+
+def missing(engine: str) -> str:
+    """Why a bridge can't be measured here; empty where it can."""
+    package, extra = ENGINES[engine]
+    if find_spec(package) is None:
+        return f"{package} is not installed: pip install '{extra}'"
+    return BUS.missing()
+
+
+def free_port() -> int:
+    """A TCP port of loopback that nobody has just now."""
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        port: int = one.getsockname()[1]
+    return port
+
+
+def start_bridge(group: Group, engine: str, *arguments: str, name: str, bus: str = "busd") -> Child:
+    """`bus bridge`, of the bus of that name."""
+    command = (sys.executable, "-m", "bus_cli", "bridge", engine, *arguments)
+    environ = {"BUSD_SOCKET": str(group.folder / f"{bus}.sock")}
+    return group.start(name, *command, environ=environ, stop_signal=signal.SIGINT)
+
+
+def serve_two(group: Group, module: str) -> list[Child]:
+    """Two buses and their bridges, joined by zenoh. Who is started later is on the first one."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    far = group.start_busd(name=FAR)
+    near = group.start_busd()
+    return [
+        near,
+        far,
+        start_bridge(group, "zenoh", "--listen", endpoint, name="far_bridge", bus=FAR),
+        start_bridge(group, "zenoh", "--connect", endpoint, name="near_bridge"),
+    ]
+
+
+def serve_ros2(group: Group, module: str) -> list[Child]:
+    """A bus and its bridge to a domain of DDS on loopback."""
+    domain = ros.environ(group.folder)["ROS_DOMAIN_ID"]
+    group.environ["BENCH_ROS"] = domain
+    busd = group.start_busd()
+    return [busd, start_bridge(group, "ros2", "--domain-id", domain, name="bridge")]
+
+
+def _serve_endpoint(group: Group, module: str) -> list[Child]:
+    group.environ["BENCH_ENDPOINT"] = f"tcp/127.0.0.1:{free_port()}"
+    return []
+
+
+def _subscribers_are_far(group: Group, role: str) -> Mapping[str, str]:
+    return {"BUSD_SOCKET": str(group.folder / f"{FAR}.sock")} if role == "subscriber" else {}
+
+
+def _without(engine: str) -> Callable[[], str]:
+    return lambda: missing(engine)
+
+
+PLAIN_ZENOH = ZENOH._replace(name="eclipse-zenoh, TCP", serve=_serve_endpoint)
+NUMBERED_ZENOH = PLAIN_ZENOH._replace(
+    name=f"{PLAIN_ZENOH.name}, numbered", environ={"BENCH_ATTACHMENT": "1"}, guess=Speed(200_000, 500e6)
+)
+PLAIN_DDS = CYCLONE
+BY_ZENOH = BUS._replace(
+    name="busd - zenoh - busd",
+    serve=serve_two,
+    missing=_without("zenoh"),
+    route="bridge",
+    place=_subscribers_are_far,
+    guess=PLAIN_ZENOH.guess,
+)
+TO_DDS = BUS._replace(
+    name="busd - cyclonedds",
+    serve=serve_ros2,
+    missing=_without("ros2"),
+    publisher=BUS.module,
+    module=CYCLONE.module,
+    route="bridge",
+    guess=CYCLONE.guess,
+)
+FROM_DDS = TO_DDS._replace(name="cyclonedds - busd", publisher=CYCLONE.module, module=BUS.module, route="")
+
+SYSTEMS = (PLAIN_ZENOH, NUMBERED_ZENOH, PLAIN_DDS, BUS, BY_ZENOH, TO_DDS, FROM_DDS)
+"""Rivals first."""
