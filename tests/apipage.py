@@ -71,6 +71,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
                 "Node.wait_for_graph",
                 "Graph",
                 "GraphNode",
+                "Origin",
                 "GraphEndpoint",
                 "GraphMatch",
             ),

@@ -423,6 +423,7 @@ class Broker:
 
     def _forget(self, now_ns: int, peer: Peer) -> None:
         del self._peers[peer.id]
+        peer.has_gone = True
         task = self.unfinished.pop(peer.id, None)
         self._withheld.pop(peer.id, None)
         peer.withheld = 0

@@ -12,8 +12,8 @@ import msgspec
 
 from bus.base.ids import EndpointId, NodeId, PeerId
 from bus.qos import Durability, Liveliness, QoSProfile
-from bus.wire.layout import MAX_COUNT
-from bus.wire.messages import EndpointRecord, EndpointStatistics, NodeRecord, Report
+from bus.wire.layout import BRIDGE, MAX_COUNT
+from bus.wire.messages import EndpointRecord, EndpointStatistics, NodeRecord, Origin, Report
 from bus.wire.runs import Account, RunQueue
 from busd.core.access import Subject
 from busd.core.effects import Flush
@@ -31,7 +31,9 @@ GRAPH = -1
 """In place of an endpoint's number: the graph."""
 
 SOCKET, SHM = "socket", "shm"
-"""The routes of a match."""
+"""The routes of a match; the third is BRIDGE."""
+
+_Bytes = bytes
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -119,6 +121,10 @@ class Peer(Holder):
     """What the process shares, for the route shm: descriptors, opaque here. Both, or none."""
     has_sent_share: bool = False
     """Whether it has sent Share; a second one is a fault."""
+    is_bridge: bool = False
+    """Whether it has, or had, a node with an origin."""
+    has_gone: bool = False
+    """Whether its connection is gone; what it had goes, too."""
     withheld: int = 0
     """The endpoint that is being made for it, or GRAPH: news of that wait until it is done. 0: nothing."""
     subject: Subject = field(init=False)
@@ -147,12 +153,16 @@ class Node:
     full_name: str = field(init=False)
     knows_namesake: bool = False
     """Whether its process knows that another node has the same name."""
+    origin: Origin | None = None
+    """Where a bridge has brought it from."""
 
     def __post_init__(self) -> None:
         self.full_name = f"{self.namespace.rstrip('/')}/{self.name}"
 
     def record(self) -> NodeRecord:
-        return NodeRecord(id=self.id, name=self.name, namespace=self.namespace, pid=self.peer.pid)
+        return NodeRecord(
+            id=self.id, name=self.name, namespace=self.namespace, pid=self.peer.pid, origin=self.origin
+        )
 
 
 @dataclass(slots=True, eq=False)
@@ -177,11 +187,14 @@ class Endpoint:
     max_message_bytes: int
     report: Report | None = field(default=None, init=False)
     is_lossless: bool = field(init=False)
+    shown_gid: bytes = field(init=False)
+    """By which users know it."""
 
     kind = ""
 
     def __post_init__(self) -> None:
         self.is_lossless = self.qos.is_lossless
+        self.shown_gid = self.gid
 
     def statistics(self) -> EndpointStatistics:
         raise NotImplementedError
@@ -194,7 +207,7 @@ class Endpoint:
             topic=self.topic.name,
             type_name=self.type[0],
             type_hash=self.type[1],
-            gid=self.gid,
+            gid=self.shown_gid,
             qos=self.qos,
             statistics=self.statistics() if statistics else None,
         )
@@ -232,8 +245,14 @@ class Publisher(Endpoint):
     is_credit_ahead: bool = False
     """Whether all have taken more than came through here: credit for it is given when it comes."""
     uncredited_bytes: int = 0
+    stands_for: "_Bytes" = b""
+    """The gid of a publisher of another bus, shown in place of its own."""
 
     kind = "publisher"
+
+    def __post_init__(self) -> None:
+        Endpoint.__post_init__(self)
+        self.shown_gid = self.stands_for or self.gid
 
     @property
     def does_more(self) -> bool:
@@ -299,13 +318,21 @@ class Subscription(Endpoint):
     is_drop_report_due: bool = False
     takes_history: bool = False
     """Late or not, it gets what a publisher keeps; from the others what is new."""
+    local_only: bool = False
+    """It matches publishers of nodes without an origin."""
+    is_mirror: bool = False
+    """It stands for one of another bus."""
+    is_tap: bool = False
+    """It takes samples for mirrors."""
     flush: Flush = field(init=False)
     """The effect for a queue that is no longer empty; made once, because each run needs it."""
 
-    kind = "subscription"
+    kind: str = field(default="subscription", init=False)
 
     def __post_init__(self) -> None:
         Endpoint.__post_init__(self)
+        if self.is_tap:
+            self.kind = "tap"
         self.flush = Flush(self.node.peer.id, self.queue)
 
     def owe(self, publisher: Publisher, first_seq: int) -> None:
@@ -387,11 +414,13 @@ class Match:
 
     @property
     def route(self) -> str:
-        return SHM if self.state in SHARED else SOCKET
+        return ROUTE_OF[self.state]
 
     @property
     def is_lossless(self) -> bool:
-        return self.publisher.is_lossless and self.subscription.is_lossless
+        """Whether the publisher waits for the subscription."""
+        are_both = self.publisher.is_lossless and self.subscription.is_lossless
+        return are_both and not self.subscription.is_mirror
 
     def on(self, event: MatchEvent) -> None:
         """`event` happens. Raises MatchError where it can't."""
@@ -475,6 +504,10 @@ class Match:
             f"the match on '{publisher.topic.name}' of publisher {publisher.id} ({publisher.node.full_name}) "
             f"and subscription {subscription.id} ({subscription.node.full_name})"
         )
+
+
+ROUTE_OF = dict.fromkeys(MatchState, SOCKET) | dict.fromkeys(SHARED, SHM) | {MatchState.BRIDGED: BRIDGE}
+"""The route of a match in that state."""
 
 
 def keeps_history(qos: QoSProfile) -> bool:

@@ -9,8 +9,8 @@ from itertools import count
 
 from bus.base.ids import EndpointId, NodeId
 from bus.wire.messages import EndpointRecord, GraphChanged, MatchRecord, NodeRecord
-from busd.core.entities import SHM, SOCKET, Match, MessageType, Node, Peer, Publisher, Subscription, Topic
-from busd.core.match import SHARED, MatchEvent
+from busd.core.entities import ROUTE_OF, Match, MessageType, Node, Peer, Publisher, Subscription, Topic
+from busd.core.match import MatchEvent
 from busd.core.work import TELL, Work
 
 
@@ -28,6 +28,7 @@ class Graph:
         self._matches = 0
         self._left_samples = self._left_bytes = 0  # of publishers that are gone
         self._names: dict[str, dict[NodeId, Node]] = {}
+        self._gids: dict[bytes, Publisher | Subscription] = {}  # as shown
         self._declarers: Counter[MessageType] = Counter()  # peers that have declared a type
         self.next_id = count(1).__next__
         """Gives a number that no node or endpoint ever had."""
@@ -62,6 +63,10 @@ class Graph:
         """The oldest of that name."""
         return next(iter(self._names.get(full_name, {}).values()), None)
 
+    def endpoint_with(self, gid: bytes) -> Publisher | Subscription | None:
+        """The one that users know by that gid; the newest, where it came back before it was seen to go."""
+        return self._gids.get(gid)
+
     def add_endpoint(self, endpoint: Publisher | Subscription) -> None:
         """Its topic is in the table from now on."""
         topic = self.topics.setdefault(endpoint.topic.name, endpoint.topic)
@@ -69,6 +74,7 @@ class Graph:
             topic.publishers[endpoint.id] = self.publishers[endpoint.id] = endpoint
         else:
             topic.subscriptions[endpoint.id] = self.subscriptions[endpoint.id] = endpoint
+        self._gids[endpoint.shown_gid] = endpoint
         peer = endpoint.node.peer
         endpoint.node.endpoints[endpoint.id] = peer.endpoints[endpoint.id] = endpoint
         peer.user.endpoints += 1
@@ -95,6 +101,8 @@ class Graph:
             self._left_bytes += endpoint.bytes
         else:
             del self.subscriptions[endpoint.id]
+        if self._gids.get(endpoint.shown_gid) is endpoint:
+            del self._gids[endpoint.shown_gid]
         peer = endpoint.node.peer
         del endpoint.node.endpoints[endpoint.id], peer.endpoints[endpoint.id]
         peer.user.endpoints -= 1
@@ -105,10 +113,12 @@ class Graph:
         self._endpoints_removed.append(endpoint.id)
 
     def add_match(self, match: Match, *, is_shared: bool) -> None:
-        """A new match, on the route shm or on the route socket."""
+        """A new match: of a mirror, or on the route shm, or on the route socket."""
         publisher, subscription = match.publisher, match.subscription
         publisher.matches[subscription.id] = subscription.matches[publisher.id] = match
-        if is_shared:
+        if subscription.is_mirror:
+            match.on(MatchEvent.BRIDGE)
+        elif is_shared:
             match.share()
         else:
             match.begin_routing()
@@ -229,5 +239,5 @@ def _count_match(match: Match, number: int) -> None:
 
 
 def _match_record(match: Match) -> MatchRecord:
-    route = SHM if match.state in SHARED else SOCKET
-    return MatchRecord(publisher=match.publisher.id, subscription=match.subscription.id, route=route)
+    publisher, subscription = match.publisher.id, match.subscription.id
+    return MatchRecord(publisher=publisher, subscription=subscription, route=ROUTE_OF[match.state])

@@ -23,6 +23,8 @@ class MatchState(Enum):
     """On the route shm: the subscription reads the ring."""
     LEAVING = "leaving"
     """On the route socket: the subscription has yet to say how far it has read the ring (LeaveRing)."""
+    BRIDGED = "bridged"
+    """On the route bridge: the subscription stands for another, and gets nothing here."""
     CATCHING_UP = "catching up"
     """The publisher sends to it alone what it has missed; samples for all are not for it yet."""
     AHEAD = "ahead"
@@ -40,6 +42,8 @@ class MatchEvent(Enum):
 
     SHARE = "share"
     """Both ends can share memory."""
+    BRIDGE = "bridge"
+    """The subscription is a mirror: what is for it crosses by a tap."""
     ROUTE = "route"
     """The next sample that goes to all is for the subscription, too."""
     ROUTE_AHEAD = "route ahead"
@@ -61,6 +65,7 @@ _State, _Event = MatchState, MatchEvent
 TRANSITIONS: Mapping[MatchState, Mapping[MatchEvent, MatchState]] = {
     _State.NEW: {
         _Event.SHARE: _State.OFFERED,
+        _Event.BRIDGE: _State.BRIDGED,
         _Event.ROUTE: _State.ROUTED,
         _Event.ROUTE_AHEAD: _State.AHEAD,
     },
@@ -70,6 +75,7 @@ TRANSITIONS: Mapping[MatchState, Mapping[MatchEvent, MatchState]] = {
         _Event.END: _State.ENDED,
     },
     _State.ATTACHED: {_Event.REROUTE: _State.LEAVING, _Event.END: _State.ENDED},
+    _State.BRIDGED: {_Event.END: _State.ENDED},
     _State.LEAVING: {_Event.LEAVE: _State.CATCHING_UP, _Event.END: _State.ENDED},
     _State.CATCHING_UP: {
         _Event.ROUTE: _State.ROUTED,

@@ -22,8 +22,9 @@ from bus.wire.messages import (
     Unmatched,
 )
 from bus.wire.runs import RunQueue
+from busd.core.bridging import are_for_each_other
 from busd.core.effects import Effect, Note, Send
-from busd.core.entities import SHM, SOCKET, Match, Publisher, Subscription
+from busd.core.entities import ROUTE_OF, Match, Publisher, Subscription
 from busd.core.graph import Graph
 
 _ACKED_SEQ = attrgetter("acked_seq")
@@ -49,14 +50,18 @@ def make_match(
     now_ns: int, graph: Graph, publisher: Publisher, subscription: Subscription, out: list[Effect]
 ) -> None:
     """Make the match, or tell both why there is none."""
+    is_plain = publisher.node.origin is None and not subscription.is_tap
+    if not (is_plain or are_for_each_other(publisher, subscription)):
+        return
     reason = incompatibility(publisher, subscription)
     if reason is not None:
-        _refuse(publisher, subscription, *reason, out)
+        if not subscription.is_tap:
+            _refuse(publisher, subscription, *reason, out)
         return
     is_shared = can_share(publisher, subscription)
     match = Match(publisher, subscription, now_ns)
     graph.add_match(match, is_shared=is_shared)
-    route = SHM if is_shared else SOCKET
+    route = ROUTE_OF[match.state]
     ring: tuple[Any, ...] = (publisher.ring, publisher.node.peer.doorbell) if is_shared else ()
     offered, requested = publisher.qos, subscription.qos
     if subscription.takes_history and requested.durability is not offered.durability:
@@ -74,6 +79,8 @@ def make_match(
             next_seq=publisher.next_seq,
             at_ns=now_ns,
             descriptors=len(brings),
+            stands_for=publisher.stands_for if other is publisher else b"",
+            is_tap=other is subscription and subscription.is_tap,
         )
         out.append(Send(mine.node.peer.id, message, brings))
     if subscription.node.peer.is_silent and match.is_lossless:
@@ -82,7 +89,7 @@ def make_match(
     if not publisher.is_alive:
         lost = LivelinessChanged(subscription=subscription.id, publisher=publisher.id, alive=False)
         out.append(Send(subscription.node.peer.id, lost))
-    if not is_shared:
+    if not is_shared and not subscription.is_mirror:
         last_seq = _replayed_from(match) if publisher.history is not None else None
         _begin_routing(now_ns, match, last_seq, out)
 
@@ -100,6 +107,7 @@ def can_share(publisher: Publisher, subscription: Subscription) -> bool:
     talker, listener = publisher.node.peer, subscription.node.peer
     return (
         publisher.ring is not None
+        and not subscription.is_mirror
         and (talker.hears_of_silence or not listener.is_silent)
         and talker.doorbell is not None
         and listener.readers is not None

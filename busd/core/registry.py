@@ -18,8 +18,9 @@ from bus.errors import ConfigurationError, RemoteProtocolError
 from bus.qos import Durability, History, QoSProfile, check_offer
 from bus.wire import messages as m
 from bus.wire.runs import RunQueue
-from busd.core.absent import Absentees
+from busd.core.absent import Absentees, Steps
 from busd.core.access_guard import AccessGuard
+from busd.core.bridging import check_origin
 from busd.core.effects import Effect, Note, Send
 from busd.core.entities import (
     Endpoint,
@@ -40,7 +41,7 @@ from busd.core.matching import end_match, make_match
 from busd.core.overload import Overload
 from busd.core.quotas import Quotas
 from busd.core.router import Router
-from busd.core.work import ENDPOINT, MATCH, RUNS_PER_UNIT, UNMATCH, Work
+from busd.core.work import ENDPOINT, FRAME, MATCH, RUNS_PER_UNIT, UNMATCH, Work
 
 _GID_BYTES = 16
 _MAX_TYPE_NAME = 255
@@ -94,7 +95,12 @@ class Registry:
         names.validate_node_name(message.name)
         names.validate_namespace(message.namespace)
         self._quotas.check_node(peer)
-        node = Node(NodeId(self._graph.next_id()), peer, message.name, message.namespace)
+        if message.origin is not None:
+            check_origin(message.origin)
+            peer.is_bridge = True
+        node = Node(
+            NodeId(self._graph.next_id()), peer, message.name, message.namespace, origin=message.origin
+        )
         other = self._graph.node_named(node.full_name)
         self._graph.add_node(node)
         out.append(Send(peer.id, m.Created(request=message.request, id=node.id)))
@@ -112,7 +118,9 @@ class Registry:
         """Take `node` with its endpoints out of the graph. `is_lost`: its process ended without a goodbye."""
         endpoints = deque(node.endpoints.values())
         while endpoints:  # one by one: to free thousands at once takes milliseconds
-            yield from self._remove_endpoint(endpoints.popleft(), out, is_lost=is_lost)
+            endpoint = endpoints.popleft()
+            if endpoint.id in node.endpoints:
+                yield from self._remove_endpoint(endpoint, out, is_lost=is_lost)
         self._graph.remove_node(node)
 
     def create_publisher(
@@ -123,6 +131,8 @@ class Registry:
         out: list[Effect],
         ring: object | None = None,
     ) -> Work:
+        if peer.is_bridge:
+            now_ns = yield from self._free_gid(now_ns, peer, message.stands_for or message.gid, out)
         node, topic, kind, qos, max_message_bytes = self._check_endpoint(now_ns, peer, message, out)
         if ring is not None:
             self._quotas.take_descriptors(peer, (ring,))
@@ -143,6 +153,7 @@ class Registry:
             history=RunQueue(depth, peer.history) if keeps_history(qos) else None,
             credited=message.next_seq - 1,
             ring=ring,
+            stands_for=self._access_guard.gid(peer, message.stands_for) if message.stands_for else b"",
         )
         if message.descriptors and ring is None:
             lost = f"{node.full_name} shares no memory on '{message.topic}': its ring was lost"
@@ -163,6 +174,8 @@ class Registry:
     def create_subscription(
         self, now_ns: int, peer: Peer, message: m.CreateSubscription, out: list[Effect]
     ) -> Work:
+        if peer.is_bridge:
+            now_ns = yield from self._free_gid(now_ns, peer, message.gid, out)
         node, topic, kind, qos, max_message_bytes = self._check_endpoint(now_ns, peer, message, out)
         number, depth = EndpointId(self._graph.next_id()), _depth(qos)
         subscription = Subscription(
@@ -176,6 +189,9 @@ class Registry:
             queue=RunQueue(depth, peer.queued, number),
             last_seqs=message.last_seqs,
             takes_history=message.takes_history or keeps_history(qos),
+            local_only=message.local_only,
+            is_mirror=message.role == "mirror",
+            is_tap=message.role == "tap",
         )
         publishers = topic.publishers
         there = tuple(publishers.values())
@@ -252,8 +268,27 @@ class Registry:
                     yield UNMATCH
             yield from _empty(endpoint.queue)
             endpoint.node.peer.perishable.discard(endpoint)
-        self._graph.remove_endpoint(endpoint)
+        if endpoint.id in endpoint.node.endpoints:
+            self._graph.remove_endpoint(endpoint)
         yield ENDPOINT
+
+    def _free_gid(self, now_ns: int, peer: Peer, gid: bytes, out: list[Effect]) -> Steps:
+        """Raises ConfigurationError where an endpoint has that gid: a mirror comes by one way only.
+
+        What a process that has gone had goes first: a bridge may be back.
+        """
+        other = self._graph.endpoint_with(self._access_guard.gid(peer, gid))
+        if other is None:
+            return now_ns
+        if not other.node.peer.has_gone:
+            origin = other.node.origin
+            way = "" if origin is None else f", brought from {origin.bus} by bridge {origin.bridge}"
+            raise ConfigurationError(
+                f"gid {gid.hex()} is on this bus already: "
+                f"{other.kind} of {other.node.full_name} on '{other.topic.name}'{way}"
+            )
+        yield from self._remove_endpoint(other, out, is_lost=True)
+        return (yield FRAME)
 
     def _check_endpoint(
         self,
@@ -268,9 +303,11 @@ class Registry:
         if topic is None:  # else its name was looked at already
             names.validate_full_topic_name(message.topic)
             topic = Topic(message.topic)
-        if len(message.gid) != _GID_BYTES:
-            raise RemoteProtocolError(f"gid of {len(message.gid)} bytes, a gid has {_GID_BYTES}")
         does_publish = isinstance(message, m.CreatePublisher)
+        stands_for = message.stands_for if isinstance(message, m.CreatePublisher) else b""
+        for gid in (message.gid, stands_for or message.gid):
+            if len(gid) != _GID_BYTES:
+                raise RemoteProtocolError(f"gid of {len(gid)} bytes, a gid has {_GID_BYTES}")
         # First of all: what a limit says depends on what there is, also on a topic that is hidden.
         self._access_guard.admit(node, "publish" if does_publish else "subscribe", topic.name, out)
         others: Collection[Endpoint]

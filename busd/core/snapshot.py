@@ -12,9 +12,8 @@ from typing import Any, TypeVar
 
 from bus.wire.codec import ArrayEncoder
 from bus.wire.messages import GraphSnapshot, MatchRecord
-from busd.core.entities import SHM, SOCKET, Publisher, Subscription
+from busd.core.entities import ROUTE_OF, Publisher, Subscription
 from busd.core.graph import Graph
-from busd.core.match import SHARED
 from busd.core.work import LOOKS_PER_UNIT, RECORD
 
 __all__ = ["take_snapshot"]
@@ -60,7 +59,7 @@ def take_snapshot(
         looks = sum(len(one.matches) for one in few) if statistics else 0
         yield RECORD * len(few) + looks // LOOKS_PER_UNIT
     for pairs in _pieces(
-        MatchRecord(publisher=one, subscription=other, route=SHM if state in SHARED else SOCKET)
+        MatchRecord(publisher=one, subscription=other, route=ROUTE_OF[state])
         for one, others, states in matches
         for other, state in zip(others, states, strict=True)
         if shown is None or other in seen

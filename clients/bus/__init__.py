@@ -54,7 +54,7 @@ if TYPE_CHECKING:
         PublisherEvents,
         SubscriptionEvents,
     )
-    from bus.graph import EndpointStatistics, Graph, GraphEndpoint, GraphMatch, GraphNode
+    from bus.graph import EndpointStatistics, Graph, GraphEndpoint, GraphMatch, GraphNode, Origin
     from bus.loan import Loan
     from bus.logger import Logger, Severity, get_logger
     from bus.node import Node
@@ -104,7 +104,7 @@ _HOMES = {
         "PublisherEvents",
         "SubscriptionEvents",
     ),
-    "bus.graph": ("EndpointStatistics", "Graph", "GraphEndpoint", "GraphMatch", "GraphNode"),
+    "bus.graph": ("EndpointStatistics", "Graph", "GraphEndpoint", "GraphMatch", "GraphNode", "Origin"),
     "bus.loan": ("Loan",),
     "bus.logger": ("Logger", "Severity", "get_logger"),
     "bus.node": ("Node",),
@@ -155,6 +155,7 @@ __all__ = [
     "MessageTypeError",
     "Node",
     "NodeStatistics",
+    "Origin",
     "ParameterError",
     "PayloadTooLarge",
     "ProtocolError",

@@ -6,7 +6,7 @@ lists.
 
 import asyncio
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import count
 from time import monotonic_ns
 from typing import Any, Generic, TypeVar
@@ -16,7 +16,7 @@ import msgspec
 from bus.base.awaited import done_anyway
 from bus.base.descriptor import Descriptor
 from bus.diagnostics.provoked import is_worth_asking, warn
-from bus.errors import BusError, ConnectionClosed, again
+from bus.errors import BusError, ConfigurationError, ConnectionClosed, again
 from bus.events import (
     DeadlineMissed,
     IncompatibleQoS,
@@ -37,6 +37,7 @@ from bus.wire.runs import Run
 
 M = TypeVar("M", bound=msgspec.Struct)
 
+GID_BYTES = 16
 _process_prefix = os.urandom(12)
 _gid_numbers = count(1)
 
@@ -64,7 +65,7 @@ class Match(msgspec.Struct, frozen=True):
     qos: QoSProfile
     """Its QoS."""
     route: str
-    """How messages travel: `shm` or `socket`."""
+    """How messages travel: `shm` or `socket`; `bridge` where the subscription is on another bus."""
 
 
 class NodeContext(msgspec.Struct, frozen=True):
@@ -90,7 +91,10 @@ class Endpoint(Generic[M]):
         support: TypeSupport[M],
         qos: QoSProfile,
         events: PublisherEvents | SubscriptionEvents,
+        gid: bytes | None = None,
     ) -> None:
+        if gid is not None and len(gid) != GID_BYTES:
+            raise ConfigurationError(f"gid {gid.hex()} of {len(gid)} bytes, a gid has {GID_BYTES}")
         self.topic_name = topic
         """The topic's full name."""
         self.node_name: str = node.name
@@ -99,7 +103,8 @@ class Endpoint(Generic[M]):
         """The message class; `bytes` where messages stay encoded because there is none."""
         self.qos = qos
         """The policies that it was made with."""
-        self.gid: bytes = _process_prefix + next(_gid_numbers).to_bytes(4, "big")
+        self._own_gid = _process_prefix + next(_gid_numbers).to_bytes(4, "big")
+        self.gid: bytes = self._own_gid if gid is None else gid
         """16 bytes that no other endpoint has, on this machine or in another run."""
         self._support = support
         self._id = 0  # the broker's number, another one after a reconnection
@@ -109,6 +114,8 @@ class Endpoint(Generic[M]):
         self._logger = node.logger
         self._events: Any = events
         self._matches: dict[int, Match] = {}
+        self._taps: dict[int, Match] = {}
+        self._besides: m.Report | None = None
         self._total_matches = 0
         self._incompatible_qos = 0
         self._incompatible_types = 0
@@ -131,6 +138,19 @@ class Endpoint(Generic[M]):
     def matches(self) -> tuple[Match, ...]:
         """The endpoints that this one is matched with now; none while busd is away, and once it is closed."""
         return tuple(self._matches.values())
+
+    def report_besides(
+        self, *, samples: int = 0, bytes: int = 0, dropped: Mapping[str, int] | None = None
+    ) -> None:
+        """Totals that are shown in the graph besides those that are counted here: for bridges, whose messages
+        go other ways too.
+
+        `samples` and their `bytes` crossed to the other bus; `dropped` by reason, a text of up to 32
+        characters. Each call replaces what the one before said.
+        """
+        dropped = {reason: count for reason, count in (dropped or {}).items() if count}
+        self._besides = m.Report(endpoint=0, samples=samples, bytes=bytes, dropped=dropped)
+        self._link.report(self)
 
     @done_anyway
     async def close(self) -> None:
@@ -164,6 +184,7 @@ class Endpoint(Generic[M]):
                 waiter.set_exception(reason)
         self._match_waiters.clear()
         self._matches.clear()
+        self._taps.clear()
 
     def _abandon(self, reason: BusError) -> None:
         """In the child of a fork: not to be used any more; nothing of the parent's loop is touched."""
@@ -179,7 +200,7 @@ class Endpoint(Generic[M]):
 
     def _disconnected(self) -> None:
         """The broker is gone: so are the matches, until it is back."""
-        for other in tuple(self._matches):
+        for other in (*self._matches, *self._taps):
             self._unmatch(other)
 
     def _hand_over(self) -> None:
@@ -211,8 +232,9 @@ class Endpoint(Generic[M]):
             case m.Unmatched(other=other, lost=is_lost):
                 self._unmatch(other, is_lost=is_lost)
             case m.Rerouted(other=other, route=route):
-                if other in self._matches:
-                    self._matches[other] = msgspec.structs.replace(self._matches[other], route=route)
+                for table in (self._matches, self._taps):
+                    if other in table:
+                        table[other] = msgspec.structs.replace(table[other], route=route)
             case m.Incompatible(type_hash=type_hash) if type_hash and is_worth_asking():
                 self._explaining.add(self._link.loop.create_task(self._explain(message)))
             case m.Incompatible():
@@ -247,7 +269,11 @@ class Endpoint(Generic[M]):
         """Wait until nothing is left to be handed over."""
 
     def _match(self, message: m.Matched) -> None:
-        self._matches[message.other] = Match(message.node, message.gid, message.qos, message.route)
+        match = Match(message.node, message.stands_for or message.gid, message.qos, message.route)
+        if message.is_tap:
+            self._taps[message.other] = match
+            return
+        self._matches[message.other] = match
         self._total_matches += 1
         self._release_match_waiters()
         self._tell_match(1, message.node)
@@ -262,6 +288,7 @@ class Endpoint(Generic[M]):
                 waiter.set_result(None)
 
     def _unmatch(self, other: int, *, is_lost: bool = False) -> None:
+        self._taps.pop(other, None)
         gone = self._matches.pop(other, None)
         if gone is not None:
             self._tell_match(-1, gone.node)
@@ -339,3 +366,8 @@ class Endpoint(Generic[M]):
                 callback(event)
             except Exception as error:
                 self._on_error(error)
+
+
+def summed(one: Mapping[str, int], other: Mapping[str, int]) -> dict[str, int]:
+    """By reason."""
+    return {reason: one.get(reason, 0) + other.get(reason, 0) for reason in (*one, *other)}

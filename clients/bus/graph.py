@@ -11,6 +11,7 @@ from bus.qos import QoSProfile
 from bus.wire import messages as m
 
 EndpointStatistics = m.EndpointStatistics
+Origin = m.Origin
 
 
 class GraphNode(msgspec.Struct, frozen=True):
@@ -28,7 +29,9 @@ class GraphNode(msgspec.Struct, frozen=True):
     namespace: str
     """With a slash in front; `/` where it has none."""
     pid: int
-    """The process that it lives in."""
+    """The process that it lives in; where it has an `origin`, the bridge."""
+    origin: Origin | None = None
+    """From which bus a bridge has brought it; None where it lives on this one."""
 
     @property
     def full_name(self) -> str:
@@ -47,7 +50,7 @@ class GraphEndpoint(msgspec.Struct, frozen=True):
     id: int
     """busd's number for it."""
     kind: str
-    """`publisher` or `subscription`."""
+    """`publisher`, `subscription`, or `tap`: a subscription of a bridge's, which stands for others."""
     node: GraphNode
     """The node that made it."""
     topic: str
@@ -77,7 +80,7 @@ class GraphMatch(msgspec.Struct, frozen=True):
     subscription: int
     """The subscription's `id` in the graph."""
     route: str
-    """`shm` or `socket`."""
+    """`shm` or `socket`; `bridge` where the subscription is on another bus."""
 
 
 class Graph(msgspec.Struct, frozen=True, dict=True):
@@ -99,7 +102,9 @@ class Graph(msgspec.Struct, frozen=True, dict=True):
     subscriptions: tuple[GraphEndpoint, ...]
     """All subscriptions, those of services too."""
     matches: tuple[GraphMatch, ...]
-    """All matches."""
+    """All matches, those of taps too."""
+    taps: tuple[GraphEndpoint, ...] = ()
+    """What takes messages for subscriptions on other buses; neither these nor `subscriptions` count them."""
 
     def topics(self) -> dict[str, list[str]]:
         """Each topic with the names of its types (more than one is a conflict), sorted."""
@@ -152,12 +157,15 @@ def graph_of(snapshot: m.GraphSnapshot) -> Graph:
         nodes=tuple(nodes.values()),
         publishers=tuple(one for one in endpoints if one.kind == "publisher"),
         subscriptions=tuple(one for one in endpoints if one.kind == "subscription"),
+        taps=tuple(one for one in endpoints if one.kind == "tap"),
         matches=tuple(map(match_of, snapshot.matches)),
     )
 
 
 def node_of(record: m.NodeRecord) -> GraphNode:
-    return GraphNode(id=record.id, name=record.name, namespace=record.namespace, pid=record.pid)
+    return GraphNode(
+        id=record.id, name=record.name, namespace=record.namespace, pid=record.pid, origin=record.origin
+    )
 
 
 def endpoint_of(record: m.EndpointRecord, nodes: Mapping[int, GraphNode]) -> GraphEndpoint:

@@ -18,7 +18,7 @@ from bus.base.descriptor import Descriptor
 from bus.delivery.sender import Sender, find_loan_class
 from bus.delivery.shm_sender import ShmSender
 from bus.diagnostics.provoked import warn
-from bus.endpoint import Endpoint, NodeContext
+from bus.endpoint import Endpoint, Match, NodeContext, summed
 from bus.errors import BusError, ConnectionClosed, PayloadTooLarge, again
 from bus.events import LivelinessLost, PublisherEvents
 from bus.qos import History, QoSProfile, check_offer
@@ -33,7 +33,7 @@ from bus.types.large_fields import (
 )
 from bus.types.support import ENCODE_ERRORS, TypeSupport, wrong_class
 from bus.wire import messages as m
-from bus.wire.layout import MAX_MESSAGE_BYTES
+from bus.wire.layout import BRIDGE, MAX_MESSAGE_BYTES
 from bus.wire.runs import Buffer
 from bus.wire.source_time import source_head
 
@@ -90,9 +90,10 @@ class Publisher(Endpoint[M]):
         events: PublisherEvents,
         *,
         by_socket: bool = False,
+        gid: bytes | None = None,
     ) -> None:
         check_offer(qos)
-        super().__init__(node, topic, support, qos, events)
+        super().__init__(node, topic, support, qos, events, gid)
         self._encode = support.encode
         self._max_bytes = MAX_MESSAGE_BYTES
         self._refused = 0
@@ -284,9 +285,10 @@ class Publisher(Endpoint[M]):
             type_name=self._support.name,
             type_hash=self._support.hash,
             qos=self.qos,
-            gid=self.gid,
+            gid=self._own_gid,
             next_seq=self._sender.first_seq_to_send(),
             descriptors=len(self._shared),
+            stands_for=b"" if self.gid == self._own_gid else self.gid,
         )
 
     def _declared(self, answer: m.Created) -> None:
@@ -306,20 +308,21 @@ class Publisher(Endpoint[M]):
             case m.LivelinessLost():
                 self._lost_liveliness += 1
                 self._tell(self._events.liveliness_lost, LivelinessLost(self._lost_liveliness, 1))
-            case m.Silence(subscription=other) if other in self._matches:
-                self._hear_of_silence(message)
+            case m.Silence(subscription=other) if (match := self._find_match(other)) is not None:
+                self._hear_of_silence(message, match)
             case m.Matched():
-                self._sender.matched(message)
+                if message.route != BRIDGE:
+                    self._sender.matched(message)
                 super()._handle(message)
-            case m.Attached(subscription=other) if other in self._matches:
+            case m.Attached(subscription=other) if (match := self._find_match(other)) is not None:
                 try:
-                    self._sender.attach(self._matches[other].gid, message, descriptors)
+                    self._sender.attach(match.gid, message, descriptors)
                 except (OSError, ValueError) as error:
                     refusal = m.RefuseRoute(endpoint=self._id, other=other, text=str(error)[:1000])
                     self._link.send_about(self, refusal)
                 self._release_match_waiters()
-            case m.Rerouted(other=other) if other in self._matches:
-                self._sender.rerouted(self._matches[other].gid, self._matches[other].qos, message)
+            case m.Rerouted(other=other) if (match := self._find_match(other)) is not None:
+                self._sender.rerouted(match.gid, match.qos, message)
                 super()._handle(message)
                 self._release_match_waiters()
             case _:
@@ -330,12 +333,14 @@ class Publisher(Endpoint[M]):
         sender = self._sender
         sender.reported()
         samples, size = sender.published
+        dropped = {"replaced": sender.replaced} if sender.replaced else {}
+        besides = self._besides
         return m.Report(
             endpoint=self._id,
-            samples=samples,
-            bytes=size,
+            samples=samples + (besides.samples if besides else 0),
+            bytes=size + (besides.bytes if besides else 0),
             queued=sender.queued,
-            dropped={"replaced": sender.replaced} if sender.replaced else {},
+            dropped=dropped if besides is None else summed(dropped, besides.dropped),
             at_ns=monotonic_ns(),
         )
 
@@ -349,8 +354,11 @@ class Publisher(Endpoint[M]):
 
     # --- inside
 
-    def _hear_of_silence(self, silence: m.Silence) -> None:
-        match = self._matches[silence.subscription]
+    def _find_match(self, other: int) -> Match | None:
+        """With a subscription or a tap."""
+        return self._matches.get(other) or self._taps.get(other)
+
+    def _hear_of_silence(self, silence: m.Silence, match: Match) -> None:
         self._sender.set_waiting(match.gid, is_on=silence.is_over)
         time = f"{silence.silent_s:.1f} s"
         if silence.is_over:
@@ -413,15 +421,15 @@ class Publisher(Endpoint[M]):
             raise PayloadTooLarge(self.topic_name, size_bytes=size, limit_bytes=self._max_bytes)
 
     def _ready_matches(self) -> int:
-        return len(self._matches) - self._sender.expected
+        return len(self._matches) - self._sender.count_expected(self._taps)
 
     def _counts(self) -> str:
         return f"subscriptions={len(self._matches)} published={self._sender.published[0]}"
 
     def _unmatch(self, other: int, *, is_lost: bool = False) -> None:
-        gone = self._matches.get(other)
+        gone = self._find_match(other)
         super()._unmatch(other)
-        if gone is not None and self._id:
+        if gone is not None and self._id and gone.route != BRIDGE:
             self._sender.unmatched(other, gone.gid, is_lost=is_lost)
 
     def _check_deadline(self) -> None:

@@ -8,7 +8,7 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from functools import partial
 from time import monotonic_ns
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple, TypeAlias, TypedDict, TypeVar, Unpack
 
 import msgspec
 
@@ -19,7 +19,7 @@ from bus.delivery.dispatcher import Dispatcher
 from bus.delivery.receiver import Receiver, Taken
 from bus.delivery.sequence import PublisherProxy
 from bus.delivery.shm_receiver import ShmReceiver
-from bus.endpoint import Endpoint, NodeContext
+from bus.endpoint import Endpoint, NodeContext, summed
 from bus.errors import BusError, ConfigurationError, ConnectionClosed, again
 from bus.events import LivelinessChanged, MessageLost, SubscriptionEvents
 from bus.qos import Durability, History, QoSProfile
@@ -30,6 +30,17 @@ from bus.wire.layout import MAX_COUNT
 from bus.wire.runs import Run
 
 M = TypeVar("M", bound=msgspec.Struct)
+
+Role: TypeAlias = Literal["", "mirror", "tap"]
+
+
+class Bridging(TypedDict, total=False):
+    """What bridges ask of `Node.create_subscription` besides."""
+
+    gid: bytes | None
+    local_only: bool
+    role: Role
+
 
 _ACK_DELAY_S = 0.02
 _new_info: Any = tuple.__new__
@@ -80,9 +91,12 @@ class Subscription(Endpoint[M]):
         *,
         decode: Callable[[Any], Any] | None = None,
         busy_poll: float = 0.0,
+        **bridging: Unpack[Bridging],
     ) -> None:
-        super().__init__(node, topic, support, qos, events)
+        super().__init__(node, topic, support, qos, events, bridging.get("gid"))
         link = node.link
+        self._local_only = bridging.get("local_only", False)
+        self._role: Role = bridging.get("role", "")
         keeps_all = qos.history is History.KEEP_ALL
         self._receiver: Receiver[M] = Receiver(
             decode or support.decode,
@@ -104,7 +118,7 @@ class Subscription(Endpoint[M]):
         self._on_end: Callable[[BusError], object] | None = None
         """Called once it can't be used any more, whatever the cause."""
         self._rings: ShmReceiver | None = None
-        if link.shm_context is not None:
+        if link.shm_context is not None and self._role != "mirror":
             self._rings = ShmReceiver(link, link.shm_context, self, self._miss)
             self._receiver.reader = self._rings.reader
             self._receiver.on_report_due = partial(link.report, self)
@@ -150,7 +164,7 @@ class Subscription(Endpoint[M]):
                         received_ns + offset_ns,
                         seq,
                         number := number + 1,
-                        proxy.gid if proxy.__class__ is PublisherProxy else b"",
+                        proxy.shown_gid if proxy.__class__ is PublisherProxy else b"",
                     ),
                 ),
             )
@@ -247,6 +261,8 @@ class Subscription(Endpoint[M]):
             gid=self.gid,
             last_seqs=self._receiver.tracker.last_seqs,
             takes_history=takes is not None,
+            local_only=self._local_only,
+            role=self._role,
         )
 
     def _declared(self, answer: m.Created) -> None:
@@ -322,7 +338,7 @@ class Subscription(Endpoint[M]):
             self._rings.reader.is_report_due = False
             self._rings.sweep()
         age_count, age_sum_ns, age_max_ns = receiver.ages.report()
-        return m.Report(
+        report = m.Report(
             endpoint=self._id,
             samples=receiver.delivered,
             bytes=receiver.bytes,
@@ -334,6 +350,16 @@ class Subscription(Endpoint[M]):
             age_count=age_count,
             age_sum_ns=age_sum_ns,
             age_max_ns=age_max_ns,
+        )
+        besides = self._besides
+        if besides is None:
+            return report
+        return msgspec.structs.replace(
+            report,
+            samples=report.samples + besides.samples,
+            bytes=report.bytes + besides.bytes,
+            dropped=summed(report.dropped, besides.dropped),
+            expected=report.expected + besides.samples + sum(besides.dropped.values()),
         )
 
     def _end(self, reason: Any) -> None:
@@ -392,7 +418,7 @@ class Subscription(Endpoint[M]):
             received_ns + offset_ns,
             seq,
             self._receiver.delivered,
-            proxy.gid if isinstance(proxy, PublisherProxy) else b"",
+            proxy.shown_gid if isinstance(proxy, PublisherProxy) else b"",
         )
 
     def _check_deadline(self) -> None:

@@ -101,7 +101,7 @@ class World:
         if route._is_lossless:
             holds.append(route._known_seq + 1)
         assert route.writer.hold == min(holds, default=0)
-        assert route.expected == len(expected)
+        assert route.count_expected(()) == len(expected)
         if route.writer.keep != FOR_EVER:
             assert route.writer.keep == max(route._depth, *(gate.depth for gate in gates), 1)
 

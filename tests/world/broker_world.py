@@ -329,8 +329,9 @@ class Process:
 
     # --- what it makes
 
-    def node(self, name: str = "node", namespace: str = "/") -> "Node":
-        answer = self.request(m.CreateNode(request=0, name=name, namespace=namespace), m.Created)
+    def node(self, name: str = "node", namespace: str = "/", origin: m.Origin | None = None) -> "Node":
+        message = m.CreateNode(request=0, name=name, namespace=namespace, origin=origin)
+        answer = self.request(message, m.Created)
         return Node(self, answer.id)
 
     def publisher(self, topic: str, qos: QoSProfile | None = None, **more: Any) -> "Publisher":
@@ -367,6 +368,7 @@ class Node:
         gid: bytes | None = None,
         next_seq: int = 1,
         ring: bool | None = None,
+        stands_for: bytes = b"",
     ) -> "Publisher":
         """With a `ring` where the process shares memory, or where it is said."""
         gid = gid or next(self.process.world.gids).to_bytes(16, "big")
@@ -381,6 +383,7 @@ class Node:
             gid=gid,
             next_seq=next_seq,
             descriptors=int(self.process.shares if ring is None else ring),
+            stands_for=stands_for,
         )
         handles = [ring_name(gid)] * message.descriptors
         created = self.process.request(message, m.Created, *handles)
@@ -395,6 +398,8 @@ class Node:
         gid: bytes | None = None,
         last_seqs: dict[bytes, int] | None = None,
         takes_history: bool = False,
+        local_only: bool = False,
+        role: Any = "",
     ) -> "Subscription":
         gid = gid or next(self.process.world.gids).to_bytes(16, "big")
         self.process.declare_type(kind)
@@ -408,6 +413,8 @@ class Node:
             gid=gid,
             last_seqs=last_seqs or {},
             takes_history=takes_history,
+            local_only=local_only,
+            role=role,
         )
         return Subscription(self.process, self.process.request(message, m.Created), gid)
 

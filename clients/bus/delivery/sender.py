@@ -4,7 +4,7 @@ Samples are written to the ring, where memory is shared, and go to the broker wh
 broker keeps the history. What other threads publish joins here. Does not know messages, only their encoding.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -113,10 +113,9 @@ class Sender:
         """Whether samples go to the broker, alone or beside the ring."""
         return self._socket.is_active
 
-    @property
-    def expected(self) -> int:
-        """Matches by the ring whose reader has not named its slot yet."""
-        return 0 if self._ring is None else self._ring.expected
+    def count_expected(self, besides: Container[int]) -> int:
+        """Matches by the ring whose reader has not named its slot yet, other than `besides`."""
+        return 0 if self._ring is None else self._ring.count_expected(besides)
 
     @property
     def queued(self) -> int:

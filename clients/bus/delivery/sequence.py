@@ -33,6 +33,7 @@ class PublisherProxy:
         "received_seq",
         "replayed_seq",
         "routed_seq",
+        "shown_gid",
         "taken_seq",
         "unacked_bytes",
     )
@@ -40,6 +41,7 @@ class PublisherProxy:
     def __init__(self, number: int, gid: bytes, last_seq: int, lifespan_ns: int, *, needs_ack: bool) -> None:
         self.number = number
         self.gid = gid
+        self.shown_gid = gid  # by which users know it
         self.last_seq = last_seq
         self.lifespan_ns = lifespan_ns
         self.needs_ack = needs_ack
@@ -119,6 +121,7 @@ class SequenceTracker(dict[int, PublisherProxy]):
         proxy = PublisherProxy(
             matched.other, matched.gid, last_seq, matched.qos.lifespan_ns, needs_ack=needs_ack
         )
+        proxy.shown_gid = matched.stands_for or matched.gid
         proxy.received_seq = received_seq or 0
         if matched.route != "socket":
             return proxy

@@ -6,7 +6,7 @@ written once, however many read it. On the event loop's thread only.
 
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from errno import EMFILE
 from heapq import heappop, heappush
 from typing import ClassVar
@@ -215,10 +215,11 @@ class ShmSender:
 
     # --- readers
 
-    @property
-    def expected(self) -> int:
-        """Matches whose reader has not named its slot yet."""
-        return len(self._unattached)
+    def count_expected(self, besides: Container[int]) -> int:
+        """Matches whose reader has not named its slot yet, other than `besides`."""
+        if not besides:
+            return len(self._unattached)
+        return sum(gate.matched.other not in besides for gate in self._unattached.values())
 
     @property
     def is_read_here(self) -> bool:

@@ -19,6 +19,7 @@ class GraphMirror:
         self._nodes: dict[int, GraphNode] = {}
         self._publishers: dict[int, GraphEndpoint] = {}
         self._subscriptions: dict[int, GraphEndpoint] = {}
+        self._taps: dict[int, GraphEndpoint] = {}
         self._matches: dict[GraphMatch, None] = {}
         self._is_begun = False
         self._early: list[m.GraphChanged] = []
@@ -30,6 +31,7 @@ class GraphMirror:
         self._nodes = {one.id: one for one in graph.nodes}
         self._publishers = {one.id: one for one in graph.publishers}
         self._subscriptions = {one.id: one for one in graph.subscriptions}
+        self._taps = {one.id: one for one in graph.taps}
         self._matches = dict.fromkeys(graph.matches)
         self._revision, self._pid = graph.revision, graph.broker_pid
         self._graph, self._is_begun = graph, True
@@ -46,19 +48,21 @@ class GraphMirror:
             return
         # What was added and removed within one change is in both lists.
         self._nodes.update((one.id, node_of(one)) for one in change.nodes_added)
+        tables = {"publisher": self._publishers, "subscription": self._subscriptions, "tap": self._taps}
         for one in change.endpoints_added:
             if one.node not in self._nodes:
                 raise RemoteProtocolError(
                     f"busd told of an endpoint of node {one.node}, which it never named"
                 )
-            endpoints = self._publishers if one.kind == "publisher" else self._subscriptions
-            endpoints[one.id] = endpoint_of(one, self._nodes)
+            if (table := tables.get(one.kind)) is not None:
+                table[one.id] = endpoint_of(one, self._nodes)
         self._matches.update((match_of(one), None) for one in change.matches_added)
         for gone in change.matches_removed:
             self._matches.pop(match_of(gone), None)
         for number in change.endpoints_removed:
             self._publishers.pop(number, None)
             self._subscriptions.pop(number, None)
+            self._taps.pop(number, None)
         for number in change.nodes_removed:
             self._nodes.pop(number, None)
         self._revision = change.revision
@@ -75,5 +79,6 @@ class GraphMirror:
                 publishers=tuple(self._publishers.values()),
                 subscriptions=tuple(self._subscriptions.values()),
                 matches=tuple(self._matches),
+                taps=tuple(self._taps.values()),
             )
         return self._graph

@@ -5,11 +5,10 @@ from __future__ import annotations
 import asyncio
 import sys
 import weakref
-from collections.abc import AsyncGenerator, Callable, Sequence
-from contextlib import aclosing
+from collections.abc import Callable, Sequence
 from os import PathLike
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Final, Literal, Self, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Final, Literal, Self, TypeVar, Unpack, overload
 
 import msgspec
 
@@ -23,6 +22,7 @@ from bus.link.graph_watch import GraphWatches
 from bus.link.link import Link
 from bus.logger import Logger, configure, get_logger
 from bus.node.endpoints import NodeEndpoints, NodeStatistics
+from bus.node.graph_host import GraphHost
 from bus.node.rosout import Rosout
 from bus.parameters.host import ParameterHost
 from bus.parameters.served import ServedParameters
@@ -30,15 +30,15 @@ from bus.process.address import socket_name
 from bus.process.ros_args import Arguments
 from bus.publisher import Publisher
 from bus.qos import QoS, QoSProfile, profile, rosout_default
-from bus.schema import MessageSchema, find_schema, support_of
+from bus.schema import MessageSchema, support_of
 from bus.types.support import TypeSupport, type_support
 from bus.wire import messages as m
 
 if TYPE_CHECKING:  # not every program needs them
-    from bus.graph import Graph
+    from bus.graph import Origin
     from bus.service.client import ServiceClient
     from bus.service.server import RequestId, ServiceServer
-    from bus.subscription import MessageInfo, Subscription
+    from bus.subscription import Bridging, MessageInfo, Subscription
     from bus.timer import Timer
 
 M = TypeVar("M", bound=msgspec.Struct)
@@ -56,7 +56,7 @@ def _say_why_slow() -> None:
         _log.warning(f"messages go by socket, not by shared memory: {shm.why_not()}; {advice}", once=True)
 
 
-class Node(ParameterHost):
+class Node(ParameterHost, GraphHost):
     """A node named `name` in `namespace`; use it as `async with bus.Node("talker") as node:`.
 
     `arguments` are command-line arguments of which those after --ros-args are obeyed (remapping of topics,
@@ -68,6 +68,8 @@ class Node(ParameterHost):
 
     Raises ConfigurationError for a name that breaks the rules, CommandLineError for `arguments` that can't be
     used; on entering, BrokerUnavailable.
+
+    `origin` is for bridges: the node stands for one of another bus.
 
         async with bus.Node("talker", namespace="robot") as node:
             publisher = await node.create_publisher(String, "chatter")
@@ -82,6 +84,7 @@ class Node(ParameterHost):
         socket: str | PathLike[str] | None = None,
         domain: int | None = None,
         rosout: bool = True,
+        origin: Origin | None = None,
     ) -> None:
         names.validate_node_name(name)
         try:
@@ -92,6 +95,7 @@ class Node(ParameterHost):
         """Its own name, without the namespace, after remapping."""
         self.namespace: str = self._arguments.namespace(names.absolute_namespace(namespace), self.name)
         """With a slash in front; `/` where it has none."""
+        self._origin = origin
         self._id = 0
         self._path = socket_name(socket, domain)
         self._logger = get_logger(names.logger_name(self.namespace, self.name))
@@ -184,12 +188,24 @@ class Node(ParameterHost):
 
     @overload
     async def create_publisher(
-        self, message_type: type[M], topic: str, qos: QoS = 10, *, events: PublisherEvents | None = None
+        self,
+        message_type: type[M],
+        topic: str,
+        qos: QoS = 10,
+        *,
+        events: PublisherEvents | None = None,
+        gid: bytes | None = None,
     ) -> Publisher[M]: ...
 
     @overload
     async def create_publisher(
-        self, message_type: MessageSchema, topic: str, qos: QoS = 10, *, events: PublisherEvents | None = None
+        self,
+        message_type: MessageSchema,
+        topic: str,
+        qos: QoS = 10,
+        *,
+        events: PublisherEvents | None = None,
+        gid: bytes | None = None,
     ) -> Publisher[Any]: ...
 
     @to_be_awaited
@@ -200,6 +216,7 @@ class Node(ParameterHost):
         qos: QoS = 10,
         *,
         events: PublisherEvents | None = None,
+        gid: bytes | None = None,
     ) -> Publisher[Any]:
         """A publisher of `message_type`, any `msgspec.Struct`, on `topic`.
 
@@ -211,9 +228,12 @@ class Node(ParameterHost):
         QoS, MessageTypeError for a class that is no message type, QuotaExceeded above busd's limits,
         AccessDenied, ConnectionClosed where the node is not open. Cancellation: not created.
 
+        `gid` is for bridges: the gid of a publisher of another bus for which this one stands. Where an
+        endpoint with it is on this bus already, that raises ConfigurationError.
+
             publisher = await node.create_publisher(String, "chatter", 10)
         """
-        return await self._create_publisher(message_type, topic, qos, events)
+        return await self._create_publisher(message_type, topic, qos, events, gid=gid)
 
     async def _create_publisher(
         self,
@@ -223,9 +243,10 @@ class Node(ParameterHost):
         events: PublisherEvents | None = None,
         *,
         by_socket: bool = False,
+        gid: bytes | None = None,
     ) -> Publisher[Any]:
         publisher = self._make_publisher(
-            self._opened(), message_type, topic, qos, events, by_socket=by_socket
+            self._opened(), message_type, topic, qos, events, by_socket=by_socket, gid=gid
         )
         await self._endpoints.declare(publisher)
         return publisher
@@ -239,6 +260,7 @@ class Node(ParameterHost):
         events: PublisherEvents | None = None,
         *,
         by_socket: bool = False,
+        gid: bytes | None = None,
     ) -> Publisher[Any]:
         if isinstance(message_type, MessageSchema):
             support: TypeSupport[Any] = support_of(message_type, raw=True)
@@ -251,6 +273,7 @@ class Node(ParameterHost):
             profile(qos),
             events or PublisherEvents(),
             by_socket=by_socket,
+            gid=gid,
         )
 
     @overload
@@ -265,6 +288,7 @@ class Node(ParameterHost):
         raw: Literal[False] = False,
         views: bool = False,
         busy_poll: float = 0.0,
+        **bridging: Unpack[Bridging],
     ) -> Subscription[M]: ...
 
     @overload
@@ -279,6 +303,7 @@ class Node(ParameterHost):
         raw: bool = False,
         views: bool = False,
         busy_poll: float = 0.0,
+        **bridging: Unpack[Bridging],
     ) -> Subscription[Any]: ...
 
     @to_be_awaited
@@ -293,6 +318,7 @@ class Node(ParameterHost):
         raw: bool = False,
         views: bool = False,
         busy_poll: float = 0.0,
+        **bridging: Unpack[Bridging],
     ) -> Subscription[Any]:
         """A subscription to `message_type` on `topic`; names, QoS and events as with `create_publisher`.
 
@@ -310,6 +336,12 @@ class Node(ParameterHost):
         `busy_poll`: for so many seconds after each message this process looks for the next one without
         sleeping (shared memory only). That saves the wake-up, some microseconds, and costs a whole CPU as
         long as messages come.
+
+        `bridging` is for bridges. `gid`: that of a subscription on another bus for which this one stands,
+        with the error of `create_publisher`. `local_only=True`: it matches only publishers of nodes without
+        an origin. `role="mirror"`: it is matched, counted, shown and warned of as any, but gets no messages
+        here, and nobody waits for it. `role="tap"`: it takes messages for mirrors, and is in no count; one
+        that is reliable + keep all matches only publishers that are so too, another one only all others.
 
         On return it gets every message whose publish begins later, within its depth. Raises as
         `create_publisher`, and ConfigurationError where the topic has several types that it may be.
@@ -338,6 +370,7 @@ class Node(ParameterHost):
             callback,
             decode=bytes if raw else decoder_of_views(support) if views else None,
             busy_poll=busy_poll,
+            **bridging,
         )
         await self._endpoints.declare(subscription)
         return subscription
@@ -450,49 +483,6 @@ class Node(ParameterHost):
         """
         return self.resolve_topic_name(name)
 
-    async def graph(self, *, statistics: bool = False) -> Graph:
-        """All nodes, endpoints and matches now; with the endpoints' live counters if asked.
-
-        Waits for a busd that is away. Raises ConnectionClosed where the node is not open.
-
-            graph = await node.graph()
-        """
-        from bus.graph import graph_of
-
-        snapshot = await self._opened().link.request(
-            lambda number: m.GetGraph(request=number, statistics=statistics), m.GraphSnapshot
-        )
-        return graph_of(snapshot)
-
-    async def wait_for_graph(self, condition: Callable[[Graph], bool]) -> Graph:
-        """Wait until `condition(graph)` holds; returns that graph.
-
-        `condition` is called again at every change, for changes in quick succession once: so a large graph in
-        which much comes and goes costs little. Waits without an end: use `asyncio.timeout`. Cancellation
-        leaves nothing behind.
-
-            await node.wait_for_graph(lambda graph: "/chatter" in graph.topics())
-        """
-        async with aclosing(self._watches.graphs(self._opened().link)) as graphs:
-            async for graph in graphs:
-                if condition(graph):
-                    return graph
-        raise ConnectionClosed(f"node {self.full_name} is closed")
-
-    def watch_graph(self) -> AsyncGenerator[Graph, None]:
-        """The graph now, and again after every change, until the node is closed.
-
-        busd sends only what has changed, so that a large graph costs little too. Several changes while the
-        body of the loop works come as one: the next graph is the newest. It goes on over a restart of busd.
-        Raises ConnectionClosed where the node is not open. Cancellation, or leaving the loop, leaves nothing
-        behind.
-
-            async for graph in node.watch_graph():
-                if "/chatter" in graph.topics():
-                    break
-        """
-        return self._watches.graphs(self._opened().link)
-
     async def spin(self) -> None:
         """Wait for ever while callbacks and timers work; an exception of theirs ends the `async with`.
 
@@ -501,31 +491,6 @@ class Node(ParameterHost):
         self._opened()
         await asyncio.get_running_loop().create_future()
 
-    async def get_type(self, type_name: str, type_hash: str) -> type[msgspec.Struct]:
-        """A class for a type that is on the bus, made from the description that travels with it.
-
-        `type_name` and `type_hash` are those of a `GraphEndpoint`. Raises ConfigurationError where no
-        endpoint has that type.
-
-            publisher = (await node.graph()).publishers_of("/chatter")[0]
-            cls = await node.get_type(publisher.type_name, publisher.type_hash)
-        """
-        from bus.types.schema import build
-
-        return build((await self.get_schema(type_name, type_hash)).description)
-
-    async def get_schema(self, type_name: str, type_hash: str) -> MessageSchema:
-        """How a type that is on the bus is described there; for programs that need no class of it.
-
-        `type_name` and `type_hash` are those of a `GraphEndpoint`. Raises ConfigurationError where no
-        endpoint has that type.
-
-            publisher = (await node.graph()).publishers_of("/chatter")[0]
-            schema = await node.get_schema(publisher.type_name, publisher.type_hash)
-        """
-        encoded = await self._opened().link.description(type_name, type_hash)
-        return MessageSchema(type_name, type_hash, encoded)
-
     def statistics(self) -> NodeStatistics:
         """The sums over its open endpoints."""
         return self._endpoints.statistics()
@@ -533,19 +498,12 @@ class Node(ParameterHost):
     # --- for the link
 
     def _declaration(self, request: int, node: int) -> m.Message:
-        return m.CreateNode(request=request, name=self.name, namespace=self.namespace)
+        return m.CreateNode(request=request, name=self.name, namespace=self.namespace, origin=self._origin)
 
     def _declared(self, answer: m.Created) -> None:
         self._id = answer.id
 
     # --- inside
-
-    async def _find_schema(self, topic: str, type_name: str | None) -> MessageSchema:
-        async with aclosing(self._watches.graphs(self._opened().link)) as graphs:
-            found = await find_schema(graphs, topic, type_name, self.get_schema)
-        if found is None:
-            raise ConnectionClosed(f"node {self.full_name} is closed")
-        return found
 
     def _opened(self) -> NodeContext:
         if self._link is None:

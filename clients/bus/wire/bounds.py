@@ -29,6 +29,11 @@ Id = Annotated[int, Meta(ge=0, le=(1 << 32) - 1)]
 Pid = Annotated[int, Meta(ge=0, le=(1 << 31) - 1)]
 Lease = Annotated[float, Meta(ge=0, le=1e9)]
 Slot = Annotated[int, Meta(ge=0, le=65535)]
+BusId = Annotated[str, Meta(min_length=1, max_length=100)]
+"""Of a bus, or the kind of a bridge."""
+Buses = Annotated[tuple[BusId, ...], Meta(max_length=16)]
+Gid = Annotated[bytes, Meta(max_length=16)]
+"""16 bytes, or none."""
 Text = Annotated[str, Meta(max_length=1000)]
 """For people to read."""
 Capabilities = Annotated[tuple[Annotated[str, Meta(max_length=64)], ...], Meta(max_length=64)]

@@ -6,6 +6,8 @@ chooses the number `request`, which comes back in the one answer. The broker giv
 `bus.wire.routes`.
 """
 
+from typing import Literal
+
 from msgspec import field
 
 from bus.qos import QoSProfile
@@ -14,6 +16,7 @@ from bus.wire.bounds import (
     Count,
     Descriptors,
     Drops,
+    Gid,
     Id,
     LastSeqs,
     Lease,
@@ -31,6 +34,7 @@ from bus.wire.records import EndpointRecord as EndpointRecord
 from bus.wire.records import EndpointStatistics as EndpointStatistics
 from bus.wire.records import MatchRecord as MatchRecord
 from bus.wire.records import NodeRecord as NodeRecord
+from bus.wire.records import Origin as Origin
 from bus.wire.records import PeerRecord as PeerRecord
 from bus.wire.records import RoutingRecord as RoutingRecord
 from bus.wire.records import UserRecord as UserRecord
@@ -87,9 +91,12 @@ class DeclareType(Message, frozen=True, tag="type"):
 
 
 class CreateNode(Message, frozen=True, tag="node+"):
+    """`origin`: it stands for a node of another bus."""
+
     request: int
     name: str
     namespace: str = "/"
+    origin: Origin | None = None
 
 
 class DestroyNode(Message, frozen=True, tag="node-"):
@@ -99,7 +106,8 @@ class DestroyNode(Message, frozen=True, tag="node-"):
 class CreatePublisher(Message, frozen=True, tag="pub+"):
     """`next_seq` is the number of the first sample that will come; `gid` names the endpoint for life.
 
-    Brings the publisher's ring where it has one.
+    `stands_for`: the gid of a publisher of another bus, which the graph shows in place of `gid`. Brings the
+    publisher's ring where it has one.
     """
 
     request: int
@@ -111,12 +119,15 @@ class CreatePublisher(Message, frozen=True, tag="pub+"):
     gid: bytes
     next_seq: Seq = 1
     descriptors: Descriptors = 0
+    stands_for: Gid = b""
 
 
 class CreateSubscription(Message, frozen=True, tag="sub+"):
     """`last_seqs`: by publisher gid, what has been received already (after a reconnection).
 
     `takes_history`: the history of each publisher that keeps one, whatever the durability of `qos`.
+    `local_only`: it matches publishers of nodes without an origin. `role`: `mirror`, it stands for one of
+    another bus, and gets no samples; `tap`, it takes samples for mirrors, and is in no count.
     """
 
     request: int
@@ -128,6 +139,8 @@ class CreateSubscription(Message, frozen=True, tag="sub+"):
     gid: bytes
     last_seqs: LastSeqs = field(default_factory=dict)
     takes_history: bool = False
+    local_only: bool = False
+    role: Literal["", "mirror", "tap"] = ""
 
 
 class DestroyEndpoint(Message, frozen=True, tag="end-"):
@@ -248,7 +261,8 @@ class Leaving(Message, frozen=True, tag="leaving"):
 class Matched(Message, frozen=True, tag="matched"):
     """`endpoint` (yours) and `other` now form a match, since `at_ns` of the monotonic clock.
 
-    On the route shm it brings a subscription the publisher's ring and its process's doorbell.
+    On the route shm it brings a subscription the publisher's ring and its process's doorbell. `stands_for`:
+    the gid to be shown for `other`. `is_tap`: `other` is one.
     """
 
     endpoint: int
@@ -260,6 +274,8 @@ class Matched(Message, frozen=True, tag="matched"):
     next_seq: NextSeq = 1
     at_ns: Count = 0
     descriptors: Descriptors = 0
+    stands_for: Gid = b""
+    is_tap: bool = False
 
 
 class Unmatched(Message, frozen=True, tag="unmatched"):

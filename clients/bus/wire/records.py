@@ -7,6 +7,28 @@ know the messages that carry them.
 import msgspec
 
 from bus.qos import QoSProfile
+from bus.wire.bounds import Buses, BusId
+
+
+class Origin(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
+    """Where a node comes from that a bridge has brought here: it lives on another bus.
+
+    For example:
+
+        print([one.origin.bus for one in (await node.graph()).nodes if one.origin is not None])
+    """
+
+    bridge: BusId
+    """Which kind of bridge brought it: `zenoh`, say."""
+    bus: BusId
+    """The id of the bus that it came from last."""
+    via: Buses = ()
+    """The buses that it came through before, its own first; empty where it lives on `bus`."""
+
+    @property
+    def buses(self) -> frozenset[str]:
+        """All buses that it was on before this one."""
+        return frozenset((self.bus, *self.via))
 
 
 class NodeRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
@@ -14,6 +36,7 @@ class NodeRecord(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     name: str
     namespace: str
     pid: int
+    origin: Origin | None = None
 
 
 class EndpointStatistics(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):

@@ -129,11 +129,11 @@ def test_of_two_matches_with_one_gid_the_newer_counts() -> None:
             endpoint=publisher._id, other=twin, node="/n", gid=subscription.gid, qos=LAST_10, route="shm"
         )
     )
-    assert publisher._sender.expected == 1
+    assert publisher._sender.count_expected(()) == 1
     assert talker.publish(publisher, 2) == 2
     world.settle()
     assert heard(listener, subscription) == [1, 2]  # its process may read on
     publisher._handle(m.Unmatched(endpoint=publisher._id, other=subscription._id))
-    assert publisher._sender.expected == 1
+    assert publisher._sender.count_expected(()) == 1
     publisher._handle(m.Unmatched(endpoint=publisher._id, other=twin))
-    assert publisher._sender.expected == 0
+    assert publisher._sender.count_expected(()) == 0

@@ -11,6 +11,7 @@ from broker_world import World
 from bus.base.ids import EndpointId
 from bus.qos import QoSProfile
 from bus.wire import messages as m
+from bus.wire.layout import BRIDGE
 from busd.core import entities
 from busd.core.entities import SHM, SOCKET, Match, Owed
 from busd.core.match import TRANSITIONS, MatchError, MatchEvent, MatchState
@@ -35,10 +36,11 @@ def scene(state: MatchState) -> Scene:
     """A match that has come to `state`, by what processes said; a NEW one is of two that don't match."""
     world = World()
     shares = state not in (MatchState.NEW, MatchState.AHEAD, MatchState.ROUTED, MatchState.ENDED)
+    role = "mirror" if state is MatchState.BRIDGED else ""
     talker, listener = world.process("talker", shares=shares), world.process("listener", shares=shares)
     known = {GID: 3} if state is MatchState.AHEAD else {}
     topic = "/other" if state is MatchState.NEW else "/topic"
-    subscription = listener.node("ear").subscription(topic, ALL, last_seqs=known)
+    subscription = listener.node("ear").subscription(topic, ALL, last_seqs=known, role=role)
     publisher = talker.node("mouth").publisher("/topic", ALL, gid=GID)
     graph = world.broker.graph
     one, other = graph.publishers[EndpointId(publisher.id)], graph.subscriptions[EndpointId(subscription.id)]
@@ -85,7 +87,8 @@ def test_every_cell(state: MatchState, event: MatchEvent) -> None:
         return
     match.on(event)
     assert match.state is following
-    assert match.route == (SHM if following in (MatchState.OFFERED, MatchState.ATTACHED) else SOCKET)
+    routes = {MatchState.OFFERED: SHM, MatchState.ATTACHED: SHM, MatchState.BRIDGED: BRIDGE}
+    assert match.route == routes.get(following, SOCKET)
     assert match.has_ended == (following is MatchState.ENDED)
     of_states = {MatchState.ROUTED: {"routed"}, MatchState.AHEAD: {"ahead"}}
     awaited = before & {"awaited"} if following is not MatchState.ENDED else set()
@@ -191,7 +194,11 @@ def test_whoever_goes_in_whatever_state_leaves_nothing(state: MatchState, end: s
         assert publisher.statistics().samples == 5
         heard = world.process().subscription("/topic", ALL)
     else:
-        heard = subscription
+        heard = (
+            subscription
+            if state is not MatchState.BRIDGED
+            else subscription.process.subscription("/topic", ALL)
+        )
         publisher = world.process().publisher("/topic", ALL)
         subscription.process.unblock()
     publisher.publish("6")
@@ -284,7 +291,7 @@ class TestAwaited:
     @for_each("state", LIVE)
     def test_by_state(self, state: MatchState) -> None:
         match = scene(state).match
-        is_awaited = state not in (MatchState.OFFERED, MatchState.ATTACHED)
+        is_awaited = state not in (MatchState.OFFERED, MatchState.ATTACHED, MatchState.BRIDGED)
         assert (match.acked_seq is not None) is is_awaited
         assert (match.subscription.id in match.publisher.awaited) is is_awaited
 

@@ -1,0 +1,34 @@
+"""What holds for mirrors and taps, and for nothing else: origins, and who may match whom.
+
+Must not know how matches are made. (Their state is BRIDGED of `busd.core.match`.)
+"""
+
+from bus.errors import RemoteProtocolError
+from bus.wire.messages import Origin
+from busd.core.entities import Publisher, Subscription
+
+__all__ = ["are_for_each_other", "check_origin"]
+
+
+def are_for_each_other(publisher: Publisher, subscription: Subscription) -> bool:
+    """Whether there may be a match at all; nobody is told where not.
+
+    What bridges have brought never goes back to a bus that it was on. A tap is for lossless publishers alone
+    or for all others alone, so that each publisher has one.
+    """
+    origin = publisher.node.origin
+    if origin is not None:
+        there = subscription.node.origin
+        if subscription.local_only or (there is not None and origin.buses & there.buses):
+            return False
+    if subscription.is_tap:
+        is_same_type = publisher.type == subscription.type
+        return is_same_type and publisher.is_lossless is subscription.is_lossless
+    return True
+
+
+def check_origin(origin: Origin) -> None:
+    """Raises RemoteProtocolError for one that can't be shown."""
+    for text in (origin.bridge, origin.bus, *origin.via):
+        if not text.isprintable():  # it is shown on terminals and in logs
+            raise RemoteProtocolError(f"origin {text!r}, which can't be printed")

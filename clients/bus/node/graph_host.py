@@ -1,0 +1,111 @@
+"""The methods of a node that look at the graph and at types on it."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncGenerator, Callable
+from contextlib import aclosing
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from bus.endpoint import NodeContext
+from bus.errors import ConnectionClosed
+from bus.link.graph_watch import GraphWatches
+from bus.schema import MessageSchema, find_schema
+from bus.wire import messages as m
+
+if TYPE_CHECKING:  # not every program needs it
+    from bus.graph import Graph
+
+__all__ = ["GraphHost"]
+
+
+class GraphHost:
+    """Base of Node."""
+
+    _watches: GraphWatches
+    """Set by the node."""
+
+    async def graph(self, *, statistics: bool = False) -> Graph:
+        """All nodes, endpoints and matches now; with the endpoints' live counters if asked.
+
+        Waits for a busd that is away. Raises ConnectionClosed where the node is not open.
+
+            graph = await node.graph()
+        """
+        from bus.graph import graph_of
+
+        snapshot = await self._opened().link.request(
+            lambda number: m.GetGraph(request=number, statistics=statistics), m.GraphSnapshot
+        )
+        return graph_of(snapshot)
+
+    async def wait_for_graph(self, condition: Callable[[Graph], bool]) -> Graph:
+        """Wait until `condition(graph)` holds; returns that graph.
+
+        `condition` is called again at every change, for changes in quick succession once: so a large graph in
+        which much comes and goes costs little. Waits without an end: use `asyncio.timeout`. Cancellation
+        leaves nothing behind.
+
+            await node.wait_for_graph(lambda graph: "/chatter" in graph.topics())
+        """
+        async with aclosing(self._watches.graphs(self._opened().link)) as graphs:
+            async for graph in graphs:
+                if condition(graph):
+                    return graph
+        raise ConnectionClosed(f"node {self.full_name} is closed")
+
+    def watch_graph(self) -> AsyncGenerator[Graph, None]:
+        """The graph now, and again after every change, until the node is closed.
+
+        busd sends only what has changed, so that a large graph costs little too. Several changes while the
+        body of the loop works come as one: the next graph is the newest. It goes on over a restart of busd.
+        Raises ConnectionClosed where the node is not open. Cancellation, or leaving the loop, leaves nothing
+        behind.
+
+            async for graph in node.watch_graph():
+                if "/chatter" in graph.topics():
+                    break
+        """
+        return self._watches.graphs(self._opened().link)
+
+    async def get_type(self, type_name: str, type_hash: str) -> type[msgspec.Struct]:
+        """A class for a type that is on the bus, made from the description that travels with it.
+
+        `type_name` and `type_hash` are those of a `GraphEndpoint`. Raises ConfigurationError where no
+        endpoint has that type.
+
+            publisher = (await node.graph()).publishers_of("/chatter")[0]
+            cls = await node.get_type(publisher.type_name, publisher.type_hash)
+        """
+        from bus.types.schema import build
+
+        return build((await self.get_schema(type_name, type_hash)).description)
+
+    async def get_schema(self, type_name: str, type_hash: str) -> MessageSchema:
+        """How a type that is on the bus is described there; for programs that need no class of it.
+
+        `type_name` and `type_hash` are those of a `GraphEndpoint`. Raises ConfigurationError where no
+        endpoint has that type.
+
+            publisher = (await node.graph()).publishers_of("/chatter")[0]
+            schema = await node.get_schema(publisher.type_name, publisher.type_hash)
+        """
+        encoded = await self._opened().link.description(type_name, type_hash)
+        return MessageSchema(type_name, type_hash, encoded)
+
+    async def _find_schema(self, topic: str, type_name: str | None) -> MessageSchema:
+        async with aclosing(self._watches.graphs(self._opened().link)) as graphs:
+            found = await find_schema(graphs, topic, type_name, self.get_schema)
+        if found is None:
+            raise ConnectionClosed(f"node {self.full_name} is closed")
+        return found
+
+    @property
+    def full_name(self) -> str:
+        """The node's."""
+        raise NotImplementedError
+
+    def _opened(self) -> NodeContext:
+        """Raises ConnectionClosed where the node is not open."""
+        raise NotImplementedError
