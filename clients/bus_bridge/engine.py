@@ -90,6 +90,10 @@ class Writer(Protocol):
         """Whether a subscription on the far side is matched with it. Of a transient local publisher it may
         always be so: what it has written serves late joiners."""
 
+    @property
+    def lost(self) -> dict[str, int]:
+        """Messages that `write` counted as gone and the engine has dropped, by reason."""
+
     def write(self, samples: Sequence[Sample]) -> int:
         """Send `samples`, in order; never blocks. Returns how many of them, from the front, have gone.
 

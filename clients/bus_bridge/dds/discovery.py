@@ -1,0 +1,225 @@
+"""What DDS discovers, told as far nodes and endpoints.
+
+Owns: cyclonedds' built-in readers and what they say; which endpoints are none of ours, and of no other busd.
+"""
+
+import asyncio
+import time
+from collections.abc import Callable
+from typing import Any, Final
+
+from bus.errors import ConfigurationError
+from bus.names import validate_full_topic_name, validate_namespace, validate_node_name
+from bus.qos import Durability
+from bus_bridge.dds.graph import Came, FarGraph, Found, News, NodeEntities, Went
+from bus_bridge.dds.known_types import KnownTypes
+from bus_bridge.dds.names import (
+    is_service_of_each_node,
+    kind_of,
+    service_from_dds,
+    topic_from_dds,
+    type_from_dds,
+    user_data_of,
+)
+from bus_bridge.dds.node_info import NodeInfo
+from bus_bridge.dds.participant import Participant, policies_of, user_data_in
+from bus_bridge.dds.qos import profile_of
+from bus_bridge.engine import FarEndpoint, FarNode, FarSide, Kind
+from bus_bridge.errors import BridgeError
+
+__all__ = ["MARK", "NO_SERVICES", "Discovery"]
+
+MARK: Final = "busd"
+"""The key in USER_DATA by which busds know each other's endpoints."""
+NO_SERVICES: Final = (
+    "services, actions and parameters don't cross between this bus and ROS 2 over DDS: topics do"
+)
+_ALIVE: Final = 16
+_BATCH: Final = 256
+
+
+class Discovery:
+    """Made with the participant, whose end is its own too.
+
+    `on_change` is called after each piece of news, for whom handles matter.
+    """
+
+    def __init__(
+        self,
+        participant: Participant,
+        graph: FarGraph,
+        types: KnownTypes,
+        far: FarSide,
+        on_change: Callable[[], None],
+    ) -> None:
+        self._participant = participant
+        self._graph = graph
+        self._types = types
+        self._far = far
+        self._on_change = on_change
+        self._loop = asyncio.get_running_loop()
+        self._is_closed = False
+        self._timer: asyncio.TimerHandle | None = None
+        self.handles: dict[bytes, int] = {}
+        """Of far endpoints, by gid: those that are mirrored."""
+        self.gids: dict[int, bytes] = {}
+        """Of all far endpoints that are no busd's, by handle."""
+        self.marked: set[int] = set()
+        """Handles of other busds' endpoints."""
+        self.publishers: dict[str, dict[bytes, bool]] = {}
+        """By topic and gid: whether a far publisher is transient local."""
+        self._unknown: dict[bytes, tuple[int, bytes, Any, Kind]] = {}
+        """Those whose type is not known, by gid: it may become so."""
+        self.node_info: NodeInfo | None = None
+        self._topics: dict[bytes, str] = {}
+        self._scheduled: set[str] = set()
+        self._readers: dict[str, Any] = {}
+
+    def open(self, node_info: NodeInfo) -> None:
+        """Begin; `node_info` gets to know of the writers of its topic."""
+        self.node_info = node_info
+        for what in ("DcpsParticipant", "DcpsPublication", "DcpsSubscription"):
+            self._readers[what] = self._participant.watch(what, self._waker(what))
+            self._schedule(what)
+
+    def close(self) -> None:
+        """Nothing is told any more."""
+        self._is_closed = True
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def nodes_said(self, participant: bytes, nodes: list[NodeEntities]) -> None:
+        """A participant's own word on its nodes."""
+        right = [node for node in nodes if self._is_right(node)]
+        self._tell(self._graph.nodes_said(participant, right))
+
+    def types_changed(self) -> None:
+        """A type has become known: endpoints of it may be told."""
+        if self._unknown:
+            unknown, self._unknown = self._unknown, {}
+            for handle, participant, sample, kind in unknown.values():
+                self._endpoint_came(handle, participant, sample, kind)
+
+    def _is_right(self, node: NodeEntities) -> bool:
+        try:
+            validate_node_name(node.name)
+            validate_namespace(node.namespace)
+        except ConfigurationError as error:
+            self._far.warn(f"a node of ROS 2 is left out: {str(error).splitlines()[0]}")
+            return False
+        return True
+
+    def _waker(self, what: str) -> Callable[[], None]:
+        def wake() -> None:  # in a thread of Cyclone's
+            if what not in self._scheduled:
+                self._scheduled.add(what)
+                self._loop.call_soon_threadsafe(self._drain, what)
+
+        return wake
+
+    def _schedule(self, what: str) -> None:
+        self._scheduled.add(what)
+        self._loop.call_soon(self._drain, what)
+
+    def _drain(self, what: str) -> None:
+        self._scheduled.discard(what)
+        if self._is_closed or what not in self._readers:
+            return
+        samples = self._readers[what].take(_BATCH)
+        for sample in samples:
+            is_alive = sample.sample_info.instance_state == _ALIVE
+            guid = sample.key.bytes
+            if what == "DcpsParticipant":
+                if not is_alive:
+                    self._tell(self._graph.participant_went(guid))
+            elif not is_alive:
+                self._endpoint_went(guid, sample.sample_info.instance_handle)
+            elif sample.participant_key.bytes != self._participant.guid:
+                kind: Kind = "publisher" if what == "DcpsPublication" else "subscription"
+                handle = sample.sample_info.instance_handle
+                self._endpoint_came(handle, sample.participant_key.bytes, sample, kind)
+        if len(samples) == _BATCH:
+            self._schedule(what)
+        if samples:
+            self._on_change()
+
+    def _endpoint_came(self, handle: int, participant: bytes, sample: Any, kind: Kind) -> None:
+        said = user_data_of(user_data_in(sample.qos))
+        if MARK in said:
+            self.marked.add(handle)
+            if self.node_info is not None and kind_of(sample.topic_name) == "graph":
+                self.node_info.ignore(handle)
+            return
+        gid = sample.key.bytes
+        self.gids[handle] = gid
+        match kind_of(sample.topic_name):
+            case "graph" if kind == "publisher" and self.node_info is not None:
+                self.node_info.writer_came(handle, participant, "typehash" not in said)
+            case "service":
+                service = service_from_dds(sample.topic_name)
+                if service is not None and not is_service_of_each_node(service):
+                    self._far.warn(NO_SERVICES)
+            case "topic":
+                found = self._endpoint(handle, participant, sample, kind, said.get("typehash", ""))
+                if found is not None:
+                    self.handles[gid] = handle
+                    if kind == "publisher":
+                        is_latched = found.endpoint.qos.durability is Durability.TRANSIENT_LOCAL
+                        self.publishers.setdefault(found.endpoint.topic, {})[gid] = is_latched
+                        self._topics[gid] = found.endpoint.topic
+                    self._tell(self._graph.endpoint_came(found, time.monotonic()))
+
+    def _endpoint(
+        self, handle: int, participant: bytes, sample: Any, kind: Kind, type_hash: str
+    ) -> Found | None:
+        topic, type_name = topic_from_dds(sample.topic_name), type_from_dds(sample.type_name)
+        if topic is None:
+            return None
+        gid = sample.key.bytes
+        if type_name is None:
+            self._far.warn(f"topic {topic} of ROS 2 is left out: {sample.type_name!r} is no type of ROS 2")
+            return None
+        try:
+            validate_full_topic_name(topic)
+            schema = self._types.find(type_name, type_hash).schema
+            qos = profile_of(policies_of(sample.qos))
+        except BridgeError as error:
+            self._unknown[gid] = handle, participant, sample, kind
+            self._far.warn(f"topic {topic} of ROS 2 is left out: {error}")
+            return None
+        except ConfigurationError as error:
+            self._far.warn(f"topic {topic} of ROS 2 is left out: {str(error).splitlines()[0]}")
+            return None
+        return Found(participant, FarEndpoint(kind, gid, "", topic, schema.type_name, schema.type_hash, qos))
+
+    def _endpoint_went(self, gid: bytes, handle: int) -> None:
+        self.gids.pop(handle, None)
+        self.handles.pop(gid, None)
+        self._unknown.pop(gid, None)
+        self.marked.discard(handle)
+        if (topic := self._topics.pop(gid, None)) is not None:
+            del self.publishers[topic][gid]
+            if not self.publishers[topic]:
+                del self.publishers[topic]
+        if self.node_info is not None:
+            self.node_info.writer_went(handle)
+        self._tell(self._graph.endpoint_went(gid))
+
+    def _tell(self, news: News) -> None:
+        for piece in news:
+            match piece:
+                case Came(FarNode() as node):
+                    self._far.node_came(node)
+                case Came(FarEndpoint() as endpoint):
+                    self._far.endpoint_came(endpoint)
+                case Went(node, gid) if gid:
+                    self._far.endpoint_went(gid, node)
+                case Went(node):
+                    self._far.node_went(node)
+        end = self._graph.next_time
+        if self._timer is None and end is not None and not self._is_closed:
+            self._timer = self._loop.call_later(max(end - time.monotonic(), 0.01), self._pass_time)
+
+    def _pass_time(self) -> None:
+        self._timer = None
+        self._tell(self._graph.pass_time(time.monotonic()))

@@ -1,0 +1,271 @@
+"""The engine for DDS: nodes and topics of this bus in a DDS domain as ROS 2 shows them, and the other way.
+
+Owns: what the bridge asks for, carried out with one participant. How each thing is done is beside it.
+"""
+
+from collections.abc import Callable, Sequence
+
+from bus.qos import Durability, Liveliness
+from bus.schema import MessageSchema
+from bus_bridge.dds.discovery import MARK, NO_SERVICES, Discovery
+from bus_bridge.dds.graph import FarGraph, NodeEntities
+from bus_bridge.dds.known_types import KnownType, KnownTypes
+from bus_bridge.dds.names import is_own_service_topic, is_service_of_each_node, topic_to_dds, user_data
+from bus_bridge.dds.node_info import NodeInfo
+from bus_bridge.dds.options import DdsOptions
+from bus_bridge.dds.participant import Participant
+from bus_bridge.dds.qos import of_publisher, of_subscription
+from bus_bridge.dds.reading import FarWay, Intake, Ways
+from bus_bridge.dds.writing import DdsWriter, NoWriter
+from bus_bridge.engine import (
+    FarBus,
+    FarEndpoint,
+    FarSide,
+    LinkStatus,
+    LocalEndpoint,
+    LocalNode,
+    Reader,
+    RouteRule,
+    Sample,
+    Writer,
+)
+from bus_bridge.errors import BridgeError
+
+__all__ = ["DdsEngine"]
+
+
+class _Node:
+    def __init__(self, node: LocalNode) -> None:
+        self.node = node
+        self.readers: dict[bytes, None] = {}
+        self.writers: dict[bytes, None] = {}
+
+
+class DdsEngine:
+    """As `bus_bridge.engine.Engine` says. `bus_id` marks what is ours for other busds' bridges.
+
+    All of a domain is one far bus, `dds0` for domain 0: participants of ROS 2 are processes, not buses.
+    """
+
+    name = "ros2"
+
+    def __init__(self, options: DdsOptions, bus_id: str) -> None:
+        self._options = options
+        self._mark = {MARK: bus_id}
+        self._nodes: dict[int, _Node] = {}
+        self._writers: set[DdsWriter] = set()
+        self._subscriptions: set[_Subscription] = set()
+        self._participant: Participant | None = None
+        self._refusal = ""
+
+    async def open(self, far: FarSide) -> None:
+        self._options.check()
+        domain = self._options.domain
+        self._far = far
+        self._bus = FarBus(f"dds{domain}", self._address())
+        # Its threads and sockets take some milliseconds, and nothing else runs yet.
+        self._participant = Participant(self._options, user_data({"enclave": "/", **self._mark}))
+        self.types = KnownTypes()
+        self._graph = FarGraph(self._bus.id)
+        self._discovery = Discovery(self._participant, self._graph, self.types, far, self._discovered)
+        self._ways = Ways(self._discovery.marked)
+        self._node_info = NodeInfo(
+            self._participant, self._options.distro, self._mark, self._discovery.nodes_said, far.warn
+        )
+        far.bus_came(self._bus)
+        self._discovery.open(self._node_info)
+        self._say_nodes()
+
+    async def close(self) -> None:
+        self._end()
+
+    def announce_node(self, node: LocalNode) -> None:
+        self._nodes[node.id] = _Node(node)
+        self._say_nodes()
+
+    def withdraw_node(self, node: LocalNode) -> None:
+        self._nodes.pop(node.id, None)
+        self._say_nodes()
+
+    def announce_publisher(
+        self,
+        endpoint: LocalEndpoint,
+        schema: MessageSchema,
+        rule: RouteRule,
+        on_change: Callable[[], None],
+    ) -> Writer:
+        if self._is_left_out(endpoint) or self._participant is None:
+            return NoWriter()
+        known = self._learn(schema)
+        if endpoint.qos.liveliness is Liveliness.MANUAL_BY_TOPIC:
+            self._far.warn(
+                "ROS 2 sees publishers with manual liveliness as automatic: what they assert does not cross"
+            )
+        writer = DdsWriter(
+            self._participant,
+            topic_to_dds(endpoint.topic),
+            known,
+            of_publisher(endpoint.qos, rule.depth or known.depth),
+            self._user_data(known),
+            on_change,
+            far=self._discovery.gids,
+            on_close=lambda writer: self._writer_closed(writer, endpoint.node),
+        )
+        self._node_of(endpoint.node).writers[writer.gid] = None
+        self._writers.add(writer)
+        self._say_nodes()
+        return writer
+
+    def announce_subscription(self, endpoint: LocalEndpoint, schema: MessageSchema) -> Callable[[], None]:
+        if self._is_left_out(endpoint) or self._participant is None:
+            return lambda: None
+        subscription = _Subscription(self, endpoint, self._learn(schema))
+        subscription.adapt(self._are_latched(endpoint.topic))
+        self._subscriptions.add(subscription)
+        return lambda: self._withdraw_subscription(subscription)
+
+    async def find_schema(self, endpoint: FarEndpoint) -> MessageSchema:
+        return self.types.schema_of(endpoint.type_name, endpoint.type_hash)
+
+    def read(
+        self,
+        endpoint: FarEndpoint,
+        schema: MessageSchema,
+        on_samples: Callable[[Sequence[Sample]], None],
+    ) -> Reader:
+        handle = self._discovery.handles.get(endpoint.gid)
+        if handle is None:
+            raise BridgeError(f"the publisher of {endpoint.topic} has left DDS domain {self._options.domain}")
+        way = FarWay(
+            self._ways,
+            endpoint.gid,
+            handle,
+            self._learn(schema),
+            on_samples,
+            is_lossless=endpoint.qos.is_lossless,
+        )
+        self._ways.begin(topic_to_dds(endpoint.topic), way)
+        return way
+
+    def refuse(self, bus_id: str, reason: str) -> None:
+        if bus_id == self._bus.id and not self._refusal:
+            self._refusal = reason
+            self._end()
+            self._far.bus_went(bus_id, reason)
+
+    def links(self) -> Sequence[LinkStatus]:
+        address = self._address()
+        if self._refusal:
+            return [LinkStatus(address, "refused", self._bus.id, self._refusal)]
+        if self._participant is None:
+            return []
+        count = self._graph.participants
+        return [LinkStatus(address, "up", self._bus.id, f"{count} participant{'' if count == 1 else 's'}")]
+
+    def make_intake(
+        self, endpoint: LocalEndpoint, known: KnownType, *, transient_local: bool
+    ) -> Intake | None:
+        """A reader for a subscription of this bus, told to ROS 2; None where all has ended."""
+        if self._participant is None:
+            return None
+        policies = of_subscription(endpoint.qos, known.depth, transient_local=transient_local)
+        topic = topic_to_dds(endpoint.topic)
+        intake = Intake(self._ways, self._participant, topic, known, policies, self._user_data(known))
+        self._ways.add(intake)
+        self._node_of(endpoint.node).readers[intake.gid] = None
+        self._say_nodes()
+        return intake
+
+    def retire_intake(self, endpoint: LocalEndpoint, intake: Intake) -> None:
+        """It is not told any more, and ends."""
+        if (node := self._nodes.get(endpoint.node.id)) is not None:
+            node.readers.pop(intake.gid, None)
+        self._say_nodes()
+        if self._participant is not None:
+            self._ways.retire(intake)
+
+    def _writer_closed(self, writer: DdsWriter, node: LocalNode) -> None:
+        self._writers.discard(writer)
+        if (known := self._nodes.get(node.id)) is not None:
+            known.writers.pop(writer.gid, None)
+        self._say_nodes()
+
+    def _withdraw_subscription(self, subscription: "_Subscription") -> None:
+        self._subscriptions.discard(subscription)
+        subscription.close()
+
+    def _end(self) -> None:
+        if self._participant is not None:
+            participant, self._participant = self._participant, None
+            self._discovery.close()
+            self._node_info.close()
+            self._ways.close()
+            for writer in list(self._writers):
+                writer.close()
+            participant.close()
+
+    def _discovered(self) -> None:
+        for writer in self._writers:
+            writer.look()
+        self._ways.keep_only(self._discovery.handles)
+        for subscription in self._subscriptions:
+            subscription.adapt(self._are_latched(subscription.endpoint.topic))
+
+    def _are_latched(self, topic: str) -> set[bool]:
+        """Whether its far publishers are transient local: two answers where they differ."""
+        return set(self._discovery.publishers.get(topic, {}).values()) or {False}
+
+    def _is_left_out(self, endpoint: LocalEndpoint) -> bool:
+        if not is_own_service_topic(endpoint.topic):
+            return False
+        if not is_service_of_each_node(endpoint.topic.rpartition("/")[0]):
+            self._far.warn(NO_SERVICES)
+        return True
+
+    def _learn(self, schema: MessageSchema) -> KnownType:
+        known = self.types.learn(schema)
+        self._discovery.types_changed()
+        return known
+
+    def _node_of(self, node: LocalNode) -> _Node:
+        return self._nodes.setdefault(node.id, _Node(node))
+
+    def _say_nodes(self) -> None:
+        if self._participant is not None:
+            self._node_info.say(
+                NodeEntities(each.node.namespace, each.node.name, tuple(each.readers), tuple(each.writers))
+                for each in self._nodes.values()
+            )
+
+    def _user_data(self, known: KnownType) -> bytes:
+        return user_data({"typehash": known.codec.type_hash, **self._mark})
+
+    def _address(self) -> str:
+        interface = self._options.interface or "this machine only"
+        return f"DDS domain {self._options.domain}, {interface}"
+
+
+class _Subscription:
+    """A subscription of this bus, and its readers: two where it takes what is best and publishers differ."""
+
+    def __init__(self, engine: DdsEngine, endpoint: LocalEndpoint, known: KnownType) -> None:
+        self.endpoint = endpoint
+        self._engine = engine
+        self._known = known
+        self._intakes: dict[bool, Intake] = {}
+
+    def adapt(self, are_latched: set[bool]) -> None:
+        """Have a reader for each kind of far publishers; where the durability is given, there is one."""
+        wanted = are_latched
+        if self.endpoint.qos.durability is not Durability.BEST_AVAILABLE:
+            wanted = {self.endpoint.qos.durability is Durability.TRANSIENT_LOCAL}
+        for kind in wanted - self._intakes.keys():
+            intake = self._engine.make_intake(self.endpoint, self._known, transient_local=kind)
+            if intake is not None:
+                self._intakes[kind] = intake
+        for kind in self._intakes.keys() - wanted:
+            self._engine.retire_intake(self.endpoint, self._intakes.pop(kind))
+
+    def close(self) -> None:
+        while self._intakes:
+            self._engine.retire_intake(self.endpoint, self._intakes.popitem()[1])

@@ -1,0 +1,249 @@
+"""The graph of ROS 2 in a DDS domain: which nodes there are, and whose an endpoint is.
+
+Owns: what a participant writes about its nodes, both ways, and the nodes and endpoints of all participants,
+with what follows of each piece of news. Knows no clock (times come in) and no DDS.
+"""
+
+import struct
+from collections.abc import Iterator, Sequence
+from typing import Final, NamedTuple, TypeAlias
+
+import msgspec
+
+from bus_bridge.dds.names import bare_node_name
+from bus_bridge.engine import FarEndpoint, FarNode
+
+__all__ = [
+    "GID_SIZE",
+    "HUMBLE_GID_SIZE",
+    "Came",
+    "FarGraph",
+    "Found",
+    "NodeEntities",
+    "Went",
+    "decode",
+    "encode",
+]
+
+GID_SIZE: Final = 16
+HUMBLE_GID_SIZE: Final = 24
+"""Up to Humble; the last eight bytes are zero."""
+_GUID_SIZE: Final = 16
+_MAX_TEXT: Final = 256
+_HEAD: Final = b"\0\1\0\0"
+
+
+class NodeEntities(NamedTuple):
+    """A node, and the gids of its readers and writers."""
+
+    namespace: str
+    name: str
+    readers: tuple[bytes, ...] = ()
+    writers: tuple[bytes, ...] = ()
+
+
+def encode(participant: bytes, nodes: Sequence[NodeEntities], gid_size: int = GID_SIZE) -> bytes:
+    """A ParticipantEntitiesInfo, in CDR. Gids have 16 bytes here."""
+    parts = [_HEAD, participant.ljust(gid_size, b"\0"), struct.pack("<I", len(nodes))]
+    size = gid_size + 4  # a multiple of four, as after each part
+    for node in nodes:
+        for text in (node.namespace, node.name):
+            encoded = text.encode() + b"\0"
+            parts.append(struct.pack("<I", len(encoded)) + encoded)
+            padding = -len(encoded) % 4
+            parts.append(b"\0" * padding)
+            size += 4 + len(encoded) + padding
+        for gids in (node.readers, node.writers):
+            parts.append(struct.pack("<I", len(gids)))
+            parts.extend(gid.ljust(gid_size, b"\0") for gid in gids)
+    return b"".join(parts)
+
+
+def decode(data: bytes, gid_size: int = GID_SIZE) -> tuple[bytes, list[NodeEntities]]:
+    """The participant and its nodes. Raises ValueError for what is malformed."""
+    if data[:2] not in (b"\0\0", b"\0\1"):
+        raise ValueError(f"it begins with {data[:4].hex(' ')}")
+    take = _Taker(data[4:], "<I" if data[1] else ">I")
+    participant = take.bytes(gid_size)[:_GUID_SIZE]
+    nodes = []
+    for _ in range(take.count(16)):
+        namespace, name = take.text(), take.text()
+        readers, writers = (
+            tuple(take.bytes(gid_size)[:_GUID_SIZE] for _ in range(take.count(gid_size))) for _ in range(2)
+        )
+        nodes.append(NodeEntities(namespace, name, readers, writers))
+    return participant, nodes
+
+
+class _Taker:
+    def __init__(self, data: bytes, number: str) -> None:
+        self._data = data
+        self._number = struct.Struct(number)
+        self._at = 0
+
+    def bytes(self, size: int) -> bytes:
+        found = self._data[self._at : self._at + size]
+        if len(found) < size:
+            raise ValueError(f"it ends after {len(self._data)} bytes")
+        self._at += size
+        return found
+
+    def count(self, least: int) -> int:
+        """How many follow, of `least` bytes each at least."""
+        self._at += -self._at % 4
+        count: int = self._number.unpack(self.bytes(4))[0]
+        if count * least > len(self._data) - self._at:
+            raise ValueError(f"{count} are said to follow in {len(self._data) - self._at} bytes")
+        return count
+
+    def text(self) -> str:
+        size = self.count(1)
+        if size > _MAX_TEXT + 1:
+            raise ValueError(f"a name of {size} bytes")
+        return self.bytes(size).rstrip(b"\0").decode()
+
+
+class Found(NamedTuple):
+    """An endpoint as discovery tells it; `endpoint.node` is still empty."""
+
+    participant: bytes
+    endpoint: FarEndpoint
+
+
+class Came(NamedTuple):
+    what: FarNode | FarEndpoint
+
+
+class Went(NamedTuple):
+    node: str
+    """The key of the node."""
+    gid: bytes = b""
+    """Of its endpoint, if it is that which has gone."""
+
+
+News: TypeAlias = Iterator[Came | Went]
+
+
+class FarGraph:
+    """What is known of a domain. Each method returns the news, in the order in which they are to be told.
+
+    An endpoint is told once its node is known. Endpoints that belong to none, of programs that speak DDS and
+    no ROS 2, or whose participant has not said so in time, get a node of their participant's.
+    """
+
+    def __init__(self, bus: str, patience_s: float = 1.0) -> None:
+        self._bus = bus
+        self._patience_s = patience_s
+        self._found: dict[bytes, Found] = {}
+        self._owners: dict[bytes, str] = {}
+        """By gid, the key of the node that a participant has named for it."""
+        self._told: dict[bytes, str] = {}
+        """By gid, the node under which it was told."""
+        self._nodes: dict[bytes, dict[str, NodeEntities]] = {}
+        """By participant and key."""
+        self._bare: dict[str, set[bytes]] = {}
+        self._waiting: dict[bytes, float] = {}
+        """By gid, until when."""
+
+    @property
+    def next_time(self) -> float | None:
+        """When `pass_time` has something to do; None: not by itself."""
+        return min(self._waiting.values(), default=None)
+
+    @property
+    def participants(self) -> int:
+        """How many of them have nodes or endpoints."""
+        return len({*self._nodes, *(found.participant for found in self._found.values())})
+
+    def nodes_said(self, participant: bytes, nodes: Sequence[NodeEntities]) -> News:
+        """A participant has told all of its nodes, and whose its endpoints are."""
+        before = self._nodes.get(participant, {})
+        now: dict[str, NodeEntities] = {}
+        for node in nodes:
+            name = f"{participant.hex()}:{node.namespace.rstrip('/')}/{node.name}"
+            key, number = name, 1
+            while key in now:
+                number += 1
+                key = f"{name}#{number}"
+            now[key] = node
+        # A participant speaks of its own endpoints only: their gids begin as its own does.
+        owners = {
+            gid: key
+            for key, node in now.items()
+            for gid in (*node.readers, *node.writers)
+            if gid[:12] == participant[:12]
+        }
+        for node in before.values():
+            for gid in (*node.readers, *node.writers):
+                if owners.get(gid) != self._owners.get(gid) and self._owners.get(gid) in before:
+                    del self._owners[gid]
+                    if self._told.get(gid) in before:
+                        yield from self._untell(gid)
+        for key in before:
+            if key not in now:
+                yield Went(key)
+        self._nodes[participant] = now
+        if not now:
+            del self._nodes[participant]
+        for key, node in now.items():
+            if key not in before:
+                yield Came(FarNode(key, self._bus, node.name, node.namespace))
+        self._owners.update(owners)
+        for gid in owners:
+            if gid in self._found:
+                yield from self._tell(gid)
+
+    def endpoint_came(self, found: Found, now: float) -> News:
+        """Discovery has found an endpoint, or what it says of itself has changed."""
+        gid = found.endpoint.gid
+        if gid in self._found:
+            yield from self.endpoint_went(gid)
+        self._found[gid] = found
+        if gid in self._owners:
+            yield from self._tell(gid)
+        else:
+            self._waiting[gid] = now + self._patience_s
+
+    def endpoint_went(self, gid: bytes) -> News:
+        """It is there no more."""
+        yield from self._untell(gid)
+        self._waiting.pop(gid, None)
+        self._found.pop(gid, None)
+
+    def participant_went(self, participant: bytes) -> News:
+        """It is there no more, nor is what it had."""
+        for gid in [gid for gid, found in self._found.items() if found.participant == participant]:
+            yield from self.endpoint_went(gid)
+        yield from self.nodes_said(participant, ())
+
+    def pass_time(self, now: float) -> News:
+        """Tell those whose node nobody has named in time."""
+        for gid in [gid for gid, end in self._waiting.items() if end <= now]:
+            yield from self._tell(gid)
+
+    def _tell(self, gid: bytes) -> News:
+        found = self._found[gid]
+        self._waiting.pop(gid, None)
+        key = self._owners.get(gid)
+        if self._told.get(gid) == key is not None:
+            return
+        yield from self._untell(gid)
+        if key is None:
+            key = found.participant.hex()
+            if key not in self._bare:
+                self._bare[key] = set()
+                yield Came(FarNode(key, self._bus, bare_node_name(found.participant), "/"))
+            self._bare[key].add(gid)
+        self._told[gid] = key
+        yield Came(msgspec.structs.replace(found.endpoint, node=key))
+
+    def _untell(self, gid: bytes) -> News:
+        key = self._told.pop(gid, None)
+        if key is None:
+            return
+        yield Went(key, gid)
+        if key in self._bare:
+            self._bare[key].discard(gid)
+            if not self._bare[key]:
+                del self._bare[key]
+                yield Went(key)

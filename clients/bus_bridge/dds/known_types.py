@@ -1,0 +1,85 @@
+"""The message types that an engine can carry: as the bus, ROS 2 and cyclonedds have each of them.
+
+Owns: which type a name of ROS 2 stands for here. A far type is known where its definition is, or where a node
+of this bus has it.
+"""
+
+from functools import cached_property
+from typing import Any
+
+from bus.errors import ConfigurationError
+from bus.schema import MessageSchema, depth_for
+from bus_bridge.dds.idl import idl_type
+from bus_bridge.errors import BridgeError
+from bus_ros.cdr import Codec, codec_of
+
+__all__ = ["KnownType", "KnownTypes"]
+
+
+class KnownType:
+    """One type."""
+
+    def __init__(self, schema: MessageSchema) -> None:
+        self.schema = schema
+        self.codec: Codec = codec_of(schema)
+        self.depth = depth_for(schema)
+        """How many messages readers and writers keep."""
+
+    @cached_property
+    def idl(self) -> Any:
+        """Raises BridgeError where cyclonedds can't describe it."""
+        return idl_type(self.codec)
+
+
+class KnownTypes:
+    """All that are known so far."""
+
+    def __init__(self) -> None:
+        self._by_schema: dict[tuple[str, str], KnownType] = {}
+        self._by_ros_name: dict[str, KnownType] = {}
+
+    def learn(self, schema: MessageSchema) -> KnownType:
+        """The type of an endpoint of this bus. Raises BridgeError for one that ROS 2 can't have."""
+        key = schema.type_name, schema.type_hash
+        if (known := self._by_schema.get(key)) is None:
+            try:
+                known = KnownType(schema)
+                known.idl  # noqa: B018 - raises here, and not in the midst of something
+            except ConfigurationError as error:
+                raise BridgeError(f"{schema.type_name} can't go to ROS 2: {error}") from None
+            self._by_schema[key] = known
+            self._by_ros_name.setdefault(known.codec.type_name, known)
+        return known
+
+    def find(self, type_name: str, type_hash: str) -> KnownType:
+        """The type that a far endpoint has; an empty hash, as Humble sends, fits any.
+
+        Raises BridgeError where it is not known, or is another one than here.
+        """
+        known = self._by_ros_name.get(type_name)
+        if known is None:
+            from bus.types.classes import message_class
+
+            try:
+                known = self.learn(MessageSchema.of(message_class(type_name)))
+            except ConfigurationError as error:
+                raise BridgeError(
+                    f"{error}: its topics stay away until its package is built in a workspace around the "
+                    "bridge, or $BUS_INTERFACE_PATH has its definitions"
+                ) from None
+        if type_hash and type_hash != known.codec.type_hash:
+            raise BridgeError(
+                f"{type_name} is another type in ROS 2 ({_short(type_hash)}) than here "
+                f"({_short(known.codec.type_hash)}): one side has an older definition"
+            )
+        return known
+
+    def schema_of(self, type_name: str, type_hash: str) -> MessageSchema:
+        """Of a type as the bus calls it. Raises BridgeError where it is not known."""
+        if (known := self._by_schema.get((type_name, type_hash))) is None:
+            raise BridgeError(f"{type_name} is not known here")
+        return known.schema
+
+
+def _short(type_hash: str) -> str:
+    return type_hash[:19]

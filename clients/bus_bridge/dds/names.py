@@ -1,0 +1,115 @@
+"""Names of ROS 2 in DDS: topics, services, types, and what is said beside them in USER_DATA.
+
+Owns: both directions of each. Must not know: which names the bus allows, QoS.
+"""
+
+import re
+from collections.abc import Mapping
+from typing import Final, Literal
+
+from bus.names import service_of_topic
+
+__all__ = [
+    "GRAPH_TOPIC",
+    "GRAPH_TYPE",
+    "GRAPH_TYPE_HASH",
+    "Kind",
+    "bare_node_name",
+    "is_own_service_topic",
+    "is_service_of_each_node",
+    "kind_of",
+    "service_from_dds",
+    "topic_from_dds",
+    "topic_to_dds",
+    "type_from_dds",
+    "type_to_dds",
+    "user_data",
+    "user_data_of",
+]
+
+Kind = Literal["topic", "service", "graph", "other"]
+
+GRAPH_TOPIC: Final = "ros_discovery_info"
+GRAPH_TYPE: Final = "rmw_dds_common/msg/ParticipantEntitiesInfo"
+GRAPH_TYPE_HASH: Final = "RIHS01_91a0593bacdcc50ea9bdcf849a938b128412cc1ea821245c663bcd26f83c295e"
+
+_SERVICE: Final = re.compile(r"r(?:q|r)(/.+?)(?:Request|Reply)", re.DOTALL)
+_TYPE: Final = re.compile(r"(\w+)::(msg|srv|action)::dds_::(\w+)_", re.ASCII)
+_OF_EACH_NODE: Final = frozenset(
+    (
+        "describe_parameters",
+        "get_parameter_types",
+        "get_parameters",
+        "get_type_description",
+        "list_parameters",
+        "set_parameters",
+        "set_parameters_atomically",
+    )
+)
+
+
+def kind_of(dds_topic: str) -> Kind:
+    """What of ROS 2 a topic of DDS is."""
+    if dds_topic.startswith("rt/"):
+        return "topic"
+    if dds_topic == GRAPH_TOPIC:
+        return "graph"
+    return "service" if _SERVICE.fullmatch(dds_topic) else "other"
+
+
+def topic_to_dds(topic: str) -> str:
+    """`/a/b` as `rt/a/b`."""
+    return f"rt{topic}"
+
+
+def topic_from_dds(dds_topic: str) -> str | None:
+    """`rt/a/b` as `/a/b`; None for what is no topic of ROS 2."""
+    return dds_topic[2:] if dds_topic.startswith("rt/") else None
+
+
+def service_from_dds(dds_topic: str) -> str | None:
+    """`rq/sRequest` and `rr/sReply` as `/s`; None for what is of no service of ROS 2."""
+    found = _SERVICE.fullmatch(dds_topic)
+    return found[1] if found else None
+
+
+def is_own_service_topic(topic: str) -> bool:
+    """Whether a topic of this bus carries a service, which ROS 2 would not understand."""
+    return service_of_topic(topic) is not None
+
+
+def is_service_of_each_node(service: str) -> bool:
+    """Whether nodes have it without their author's doing: parameters, and descriptions of types."""
+    return service.rpartition("/")[2] in _OF_EACH_NODE
+
+
+def type_to_dds(type_name: str) -> str:
+    """`std_msgs/msg/String` as `std_msgs::msg::dds_::String_`."""
+    package, kind, name = type_name.split("/")
+    return f"{package}::{kind}::dds_::{name}_"
+
+
+def type_from_dds(dds_type: str) -> str | None:
+    """`std_msgs::msg::dds_::String_` as `std_msgs/msg/String`; None for what is no type of ROS 2."""
+    found = _TYPE.fullmatch(dds_type)
+    return "/".join(found.groups()) if found else None
+
+
+def user_data(values: Mapping[str, str]) -> bytes:
+    """USER_DATA as ROS 2 writes it: `key=value;` one after the other."""
+    return "".join(f"{key}={value};" for key, value in values.items()).encode()
+
+
+def user_data_of(data: bytes) -> dict[str, str]:
+    """What USER_DATA says; whatever is not `key=value;` is passed over."""
+    found: dict[str, str] = {}
+    for part in data.rstrip(b"\0").decode("utf-8", "replace").split(";"):
+        key, equals, value = part.partition("=")
+        if equals:
+            found.setdefault(key.strip(), value.strip())
+    return found
+
+
+def bare_node_name(participant: bytes) -> str:
+    """The name of the node that stands for a participant whose endpoints belong to no node of ROS 2."""
+    return f"_dds_{participant[:12].hex()}"

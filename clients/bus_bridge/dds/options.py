@@ -1,0 +1,68 @@
+"""What a user says about the DDS side of a bridge."""
+
+import ipaddress
+import os
+from typing import Final, Literal
+
+import msgspec
+
+from bus_bridge.errors import BridgeError
+
+__all__ = ["MAX_DOMAIN", "DdsOptions", "Distro"]
+
+Distro = Literal["auto", "humble"]
+
+MAX_DOMAIN: Final = 232
+"""The highest domain whose ports exist."""
+
+
+class DdsOptions(msgspec.Struct, frozen=True):
+    """Where ROS 2 is. Values are checked by `check`."""
+
+    domain_id: int | None = None
+    """None: $ROS_DOMAIN_ID, or 0."""
+    interface: str = ""
+    """Name or address of a network interface; nothing: this machine only."""
+    peers: tuple[str, ...] = ()
+    """Addresses of machines that multicast does not reach."""
+    distro: Distro = "auto"
+    """`humble`: the nodes of this bus are told in Humble's form, which later distros can't read. `auto`:
+    in the form of whoever is there first, the newer one where nobody is."""
+
+    @property
+    def domain(self) -> int:
+        """The domain to take. Raises BridgeError where $ROS_DOMAIN_ID is no number."""
+        if self.domain_id is not None:
+            return self.domain_id
+        text = os.environ.get("ROS_DOMAIN_ID", "")
+        if text and not (text.isascii() and text.isdigit()):
+            raise BridgeError(f"ROS_DOMAIN_ID must be a number from 0 to {MAX_DOMAIN}, not '{text}'")
+        return int(text or "0")
+
+    @property
+    def is_local(self) -> bool:
+        """Whether nothing outside this machine is to be reached."""
+        return self.interface in ("", "lo") or _is_loopback(self.interface)
+
+    def check(self) -> None:
+        """Raises BridgeError for what can't be."""
+        if not 0 <= self.domain <= MAX_DOMAIN:
+            raise BridgeError(f"the DDS domain must be from 0 to {MAX_DOMAIN}, not {self.domain}")
+        for text in (self.interface, *self.peers):
+            if any(letter in text for letter in "<>&\"'\0 ") or not text.isascii():
+                raise BridgeError(f"'{text}' is no interface and no address")
+        far = [peer for peer in self.peers if not _is_loopback(peer)]
+        if far and self.is_local:
+            raise BridgeError(
+                f"{far[0]} can't be reached over the loopback interface: name the interface towards it, as "
+                "in --interface eth0"
+            )
+        if self.distro not in ("auto", "humble"):
+            raise BridgeError(f"the distro must be auto or humble, not '{self.distro}'")
+
+
+def _is_loopback(address: str) -> bool:
+    try:
+        return ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        return address == "localhost"

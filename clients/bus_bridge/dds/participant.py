@@ -1,0 +1,260 @@
+"""A participant in a DDS domain, with what a bridge makes in it.
+
+Owns: cyclonedds' configuration, its entities and its QoS objects. Must not know: ROS 2's names, the graph.
+"""
+
+import os
+from collections.abc import Callable
+from typing import Any, Final
+
+from bus_bridge.dds import raw
+from bus_bridge.dds.options import DdsOptions
+from bus_bridge.dds.qos import INFINITE, Policies
+from bus_bridge.errors import BridgeError
+
+__all__ = ["Participant", "configuration", "policies_of", "user_data_in"]
+
+_MISSING: Final = (
+    "cyclonedds is missing, which the bridge to ROS 2 needs: pip install 'busd[ros2]' "
+    "(there are packages of it for Linux on x86_64 and Python up to 3.13)"
+)
+_OTHER_VENDORS: Final = "1.1,1.3,1.15"
+"""RTI, OpenDDS, Fast DDS: Cyclone refuses descriptions of types that Fast DDS sends with Kilted."""
+_COMPATIBILITY: Final = (
+    f"<Compatibility><IgnoreTypeInformation>{_OTHER_VENDORS}</IgnoreTypeInformation></Compatibility>"
+)
+_PARTICIPANTS: Final = (
+    "<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
+)
+_SETTINGS: Final = (
+    "<Internal><SocketReceiveBufferSize min='default' max='4 MB'/>"
+    "<Watermarks><WhcHigh>8 MB</WhcHigh><WhcHighInit>2 MB</WhcHighInit></Watermarks></Internal>"
+)
+
+
+def configuration(options: DdsOptions, user_uri: str = "") -> str:
+    """Cyclone's configuration. What the user says in CYCLONEDDS_URI wins, and replaces the network's part."""
+    if user_uri:
+        return f"<CycloneDDS><Domain>{_COMPATIBILITY}</Domain></CycloneDDS>,{user_uri}"
+    peers = list(options.peers)
+    if options.is_local:
+        address = options.interface if options.interface not in ("", "lo") else "127.0.0.1"
+        interface = f"<NetworkInterface address='{address}' multicast='false'/>"
+        peers.append(address)
+    else:
+        kind = "address" if options.interface[0].isdigit() or ":" in options.interface else "name"
+        interface = f"<NetworkInterface {kind}='{options.interface}'/>"
+    listed = "".join(f"<Peer address='{peer}'/>" for peer in dict.fromkeys(peers))
+    return (
+        f"<CycloneDDS><Domain><General><Interfaces>{interface}</Interfaces></General>"
+        f"<Discovery><Peers>{listed}</Peers>{_PARTICIPANTS}</Discovery>"
+        f"{_SETTINGS}{_COMPATIBILITY}</Domain></CycloneDDS>"
+    )
+
+
+class Participant:
+    """One participant; `close` ends it with all that was made in it.
+
+    Callbacks come in threads of Cyclone's. Raises BridgeError where cyclonedds is missing, and where it can't
+    have the domain or the interface.
+    """
+
+    def __init__(self, options: DdsOptions, user_data: bytes) -> None:
+        try:
+            from cyclonedds.core import DDSException, Listener, Policy, Qos
+            from cyclonedds.domain import Domain, DomainParticipant
+            from cyclonedds.pub import DataWriter, Publisher
+            from cyclonedds.sub import DataReader, Subscriber
+            from cyclonedds.topic import Topic
+        except (ImportError, OSError) as error:
+            raise BridgeError(f"{_MISSING}: {error}" if isinstance(error, OSError) else _MISSING) from None
+        options.check()
+        self._error = DDSException
+        self._listener, self._policy, self._qos = Listener, Policy, Qos
+        self._reader_class, self._writer_class, self._topic_class = DataReader, DataWriter, Topic
+        uri = os.environ.get("CYCLONEDDS_URI", "")
+        try:
+            self._domain = Domain(options.domain, configuration(options, uri))
+        except DDSException:
+            raise BridgeError(_no_domain(options, uri)) from None
+        try:
+            self.entity = DomainParticipant(options.domain, Qos(Policy.Userdata(user_data)))
+            self._publisher, self._subscriber = Publisher(self.entity), Subscriber(self.entity)
+        except DDSException:
+            raw.delete(self._domain)
+            raise BridgeError(_no_domain(options, uri)) from None
+        self.guid: bytes = self.entity.guid.bytes
+        self._topics: dict[tuple[str, Any], tuple[Any, int]] = {}
+
+    def close(self) -> None:
+        """Returns once the threads of Cyclone's have ended. Twice is no error."""
+        raw.delete(self.entity)
+        raw.delete(self._domain)
+
+    def make_writer(
+        self,
+        topic: str,
+        idl_type: Any,
+        policies: Policies,
+        user_data: bytes,
+        on_matched: Callable[[], object] | None,
+    ) -> "Endpoint":
+        """A writer, which never blocks. Raises BridgeError."""
+        listener = self._listener()
+        if on_matched is not None:
+            listener = self._listener(on_publication_matched=lambda writer, status: on_matched())
+        policy = self._policy
+        more = [policy.WriterDataLifecycle(autodispose=False)]
+        if policies.transient_local:
+            limit = -1
+            more.append(policy.DurabilityService(0, self._history(policies), limit, limit, limit))
+        if policies.lifespan_ns < INFINITE:
+            more.append(policy.Lifespan(policies.lifespan_ns))
+        return self._make(
+            self._writer_class, self._publisher, topic, idl_type, policies, (user_data, more), listener
+        )
+
+    def make_reader(
+        self,
+        topic: str,
+        idl_type: Any,
+        policies: Policies,
+        user_data: bytes,
+        on_data: Callable[[], None],
+        on_matched: Callable[[], object] | None = None,
+    ) -> "Endpoint":
+        """A reader. Raises BridgeError."""
+        callbacks: dict[str, Any] = {"on_data_available": lambda reader: on_data()}
+        if on_matched is not None:
+            callbacks["on_subscription_matched"] = lambda reader, status: on_matched()
+        listener = self._listener(**callbacks)
+        return self._make(
+            self._reader_class, self._subscriber, topic, idl_type, policies, (user_data, []), listener
+        )
+
+    def watch(self, what: str, on_data: Callable[[], None]) -> Any:
+        """A reader of `DcpsParticipant`, `DcpsPublication` or `DcpsSubscription`."""
+        from cyclonedds import builtin
+
+        listener = self._listener(on_data_available=lambda reader: on_data())
+        return builtin.BuiltinDataReader(self.entity, getattr(builtin, f"BuiltinTopic{what}"), None, listener)
+
+    def _make(
+        self,
+        kind: Any,
+        parent: Any,
+        topic: str,
+        idl_type: Any,
+        policies: Policies,
+        more: tuple[bytes, list[Any]],
+        listener: Any,
+    ) -> "Endpoint":
+        policy = self._policy
+        liveliness = policy.Liveliness.ManualByTopic if policies.manual else policy.Liveliness.Automatic
+        user_data, others = more
+        qos = self._qos(
+            policy.Reliability.Reliable(0) if policies.reliable else policy.Reliability.BestEffort,
+            policy.Durability.TransientLocal if policies.transient_local else policy.Durability.Volatile,
+            self._history(policies),
+            policy.Deadline(policies.deadline_ns),
+            liveliness(policies.lease_ns),
+            policy.DataRepresentation(use_cdrv0_representation=True),
+            policy.IgnoreLocal.Participant,
+            policy.Userdata(user_data),
+            *others,
+        )
+        key = topic, idl_type
+        try:
+            held, count = self._topics.get(key) or (self._topic_class(self.entity, topic, idl_type), 0)
+            self._topics[key] = held, count + 1
+            try:
+                entity = kind(parent, held, qos, listener)
+            except self._error:
+                self._release(key)
+                raise
+        except self._error as error:
+            raise BridgeError(
+                f"DDS refuses topic '{topic}' of type {idl_type.__name__}: {raw.describe_code(error.code)}"
+            ) from None
+        return Endpoint(entity, lambda: self._release(key))
+
+    def _release(self, key: tuple[str, Any]) -> None:
+        held, count = self._topics[key]
+        if count > 1:
+            self._topics[key] = held, count - 1
+        else:
+            del self._topics[key]
+            raw.delete(held)
+
+    def _history(self, policies: Policies) -> Any:
+        history = self._policy.History
+        return history.KeepAll if policies.keep_all else history.KeepLast(policies.depth)
+
+
+class Endpoint:
+    """A reader or writer of ours."""
+
+    def __init__(self, entity: Any, release: Callable[[], None]) -> None:
+        self.entity = entity
+        self.guid: bytes = entity.guid.bytes
+        self._release: Callable[[], None] | None = release
+
+    def matched_readers(self) -> list[int]:
+        """Handles of the readers that are matched with this writer."""
+        found: list[int] = self.entity.get_matched_subscriptions()
+        return [handle % 2**64 for handle in found]
+
+    def matched_writers(self) -> list[int]:
+        """Handles of the writers that are matched with this reader."""
+        found: list[int] = self.entity.get_matched_publications()
+        return [handle % 2**64 for handle in found]
+
+    def close(self) -> None:
+        """Returns once no callback runs any more. Twice is no error."""
+        if self._release is not None:
+            raw.delete(self.entity)
+            self._release()
+            self._release = None
+
+
+def policies_of(qos: Any) -> Policies:
+    """The policies that discovery has told of a far endpoint."""
+    from cyclonedds.core import Policy
+
+    said = {one.__scope__: one for one in qos}
+    liveliness, history = said.get("Liveliness"), said.get("History")
+    service = said.get("DurabilityService")
+    deadline, lifespan = said.get("Deadline"), said.get("Lifespan")
+    durability = said.get("Durability")
+    depth = getattr(history, "depth", 1)
+    if service is not None:
+        depth = max(depth, getattr(service.history, "depth", 1))
+    return Policies(
+        reliable=said.get("Reliability") != Policy.Reliability.BestEffort,
+        transient_local=durability not in (None, Policy.Durability.Volatile),
+        keep_all=history == Policy.History.KeepAll,
+        depth=depth,
+        deadline_ns=getattr(deadline, "deadline", INFINITE),
+        lifespan_ns=getattr(lifespan, "lifespan", INFINITE),
+        manual=isinstance(liveliness, Policy.Liveliness.ManualByTopic),
+        lease_ns=getattr(liveliness, "lease_duration", INFINITE),
+    )
+
+
+def user_data_in(qos: Any) -> bytes:
+    """USER_DATA, where an endpoint or participant has any."""
+    for one in qos:
+        if one.__scope__ == "Userdata":
+            data: bytes = one.data
+            return data
+    return b""
+
+
+def _no_domain(options: DdsOptions, uri: str) -> str:
+    if uri:
+        return f"cyclonedds can't open DDS domain {options.domain} as CYCLONEDDS_URI says: {uri[:200]}"
+    if options.interface:
+        return f"cyclonedds can't open DDS domain {options.domain} on interface '{options.interface}'"
+    return (
+        f"cyclonedds can't open DDS domain {options.domain}: this process has it, or its ports are all in use"
+    )

@@ -1,0 +1,94 @@
+"""QoS profiles as policies of DDS, and back.
+
+Owns: which policy stands for which. Values only: cyclonedds' own objects are made in `participant`.
+"""
+
+from typing import Final, NamedTuple
+
+from bus.errors import ConfigurationError
+from bus.qos import Durability, History, Liveliness, QoSProfile, Reliability
+
+__all__ = ["DEPTH", "INFINITE", "Policies", "of_publisher", "of_subscription", "profile_of", "strength"]
+
+INFINITE: Final = 2**63 - 1
+"""DDS' duration without end, in nanoseconds."""
+DEPTH: Final = 10
+"""Of a far endpoint that does not tell its own: discovery of Fast DDS leaves it out, and 1 stands there."""
+
+_NS_PER_S: Final = 1_000_000_000
+
+
+class Policies(NamedTuple):
+    """Policies of one reader or writer; durations in nanoseconds."""
+
+    reliable: bool = True
+    transient_local: bool = False
+    keep_all: bool = False
+    depth: int = 1
+    deadline_ns: int = INFINITE
+    lifespan_ns: int = INFINITE
+    """A writer's: readers have none."""
+    manual: bool = False
+    lease_ns: int = INFINITE
+
+
+def of_publisher(profile: QoSProfile, depth: int) -> Policies:
+    """What the writer that stands for a publisher of this bus offers; `depth`: how much it keeps at least.
+
+    Liveliness is automatic: what the publisher itself asserts does not come through a bridge. With transient
+    local the history is the publisher's own, since late joiners get all of it.
+    """
+    transient_local = profile.durability is Durability.TRANSIENT_LOCAL
+    return Policies(
+        reliable=profile.reliability is Reliability.RELIABLE,
+        transient_local=transient_local,
+        keep_all=profile.history is History.KEEP_ALL,
+        depth=profile.depth if transient_local else max(profile.depth, depth),
+        deadline_ns=profile.deadline_ns or INFINITE,
+        lifespan_ns=profile.lifespan_ns or INFINITE,
+        lease_ns=profile.lease_ns or INFINITE,
+    )
+
+
+def of_subscription(profile: QoSProfile, depth: int, *, transient_local: bool) -> Policies:
+    """What the reader that stands for a subscription of this bus requests; `transient_local` decides where
+    the subscription takes what is best."""
+    if profile.durability is not Durability.BEST_AVAILABLE:
+        transient_local = profile.durability is Durability.TRANSIENT_LOCAL
+    return Policies(
+        reliable=profile.reliability is Reliability.RELIABLE,
+        transient_local=transient_local,
+        keep_all=profile.is_lossless,
+        depth=max(profile.depth, depth),
+        deadline_ns=profile.deadline_ns or INFINITE,
+        manual=profile.liveliness is Liveliness.MANUAL_BY_TOPIC,
+        lease_ns=profile.lease_ns or INFINITE,
+    )
+
+
+def profile_of(policies: Policies) -> QoSProfile:
+    """The profile of a far endpoint. Raises ConfigurationError where a duration is none of ours."""
+    keep_all = policies.keep_all
+    return QoSProfile(
+        0 if keep_all else max(policies.depth, DEPTH) if policies.depth <= 1 else policies.depth,
+        reliability=Reliability.RELIABLE if policies.reliable else Reliability.BEST_EFFORT,
+        durability=Durability.TRANSIENT_LOCAL if policies.transient_local else Durability.VOLATILE,
+        history=History.KEEP_ALL if keep_all else History.KEEP_LAST,
+        deadline=_seconds("deadline", policies.deadline_ns),
+        lifespan=_seconds("lifespan", policies.lifespan_ns),
+        liveliness=Liveliness.MANUAL_BY_TOPIC if policies.manual else Liveliness.AUTOMATIC,
+        liveliness_lease_duration=_seconds("lease", policies.lease_ns),
+    )
+
+
+def strength(policies: Policies) -> tuple[bool, bool, bool, int]:
+    """The more, the more of what a far writer says comes to a reader with these."""
+    return policies.transient_local, policies.reliable, policies.keep_all, policies.depth
+
+
+def _seconds(what: str, duration_ns: int) -> float | None:
+    if duration_ns >= INFINITE:
+        return None
+    if duration_ns <= 0:
+        raise ConfigurationError(f"its {what} is {duration_ns} nanoseconds")
+    return duration_ns / _NS_PER_S

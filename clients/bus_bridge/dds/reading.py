@@ -1,0 +1,354 @@
+"""The ways in: DDS readers that stand for subscriptions of this bus, and which of them carries what.
+
+Each reader gets what all far writers of its topic say. Of those that are matched with a writer the strongest
+carries its messages: a reader that gets what the writer keeps comes before one that does not, a reliable one
+before a best-effort one. Another takes over where that one goes, without a message twice or missing.
+"""
+
+import asyncio
+from collections import deque
+from collections.abc import Callable, Container, Sequence
+from typing import Final
+
+from bus_bridge.dds import raw
+from bus_bridge.dds.known_types import KnownType
+from bus_bridge.dds.participant import Participant
+from bus_bridge.dds.qos import Policies, strength
+from bus_bridge.engine import Sample
+from bus_ros.cdr import CdrError
+
+__all__ = ["FarWay", "Intake", "Ways"]
+
+_BATCH: Final = 256
+_LINGER_S: Final = 0.02
+"""How long a reader that is withdrawn still carries: what has reached the other has reached it too, then."""
+_CATCH_UP_S: Final = 1.0
+"""How long after a change messages come that the earlier reader may have had."""
+_FRESH_BYTES: Final = 8 * 2**20
+_WINDOW: Final = 4 * 2**20
+"""Bytes of a lossless way that may be on their way to this bus' subscriptions."""
+_MOST_HELD: Final = 64 * 2**20
+
+Arrived = tuple[bytes, int]
+"""CDR, and when it was published."""
+
+
+class Intake:
+    """One DDS reader."""
+
+    def __init__(
+        self,
+        ways: "Ways",
+        participant: Participant,
+        topic: str,
+        known: KnownType,
+        policies: Policies,
+        user_data: bytes,
+    ) -> None:
+        self._ways = ways
+        self._loop = asyncio.get_running_loop()
+        self.topic = topic
+        self.policies = policies
+        self.matched: set[int] = set()
+        """Handles of the far writers that it gets."""
+        self.is_retiring = False
+        self.is_closed = False
+        self._is_scheduled = False
+        self._holds = 0
+        self._fresh: dict[int, deque[Arrived]] = {}
+        """By handle, what came before it was known who carries it."""
+        self._fresh_bytes = 0
+        self._settled: set[int] = set()
+        """Handles of which that was known once."""
+        self._depth = known.depth
+        # The first callback may come before the constructor has returned.
+        self._endpoint = participant.make_reader(
+            topic, known.idl, policies, user_data, self._wake, lambda: self._in_loop(self.look)
+        )
+        self._take = raw.taker_of(self._endpoint.entity)
+        self.gid = self._endpoint.guid
+        self._in_loop(self.look)
+        self._wake()
+
+    def look(self) -> None:
+        """Which writers are matched may have changed."""
+        if self.is_closed:
+            return
+        self.matched = set(self._endpoint.matched_writers())
+        for handle in [handle for handle in self._fresh if handle not in self.matched]:
+            self._drop_fresh(handle)
+        self._settled &= self.matched
+        self._ways.choose_all(self.topic)
+
+    def fresh(self, handle: int) -> Sequence[Arrived]:
+        """What has come of that writer so far; from now on the way decides."""
+        self._settled.add(handle)
+        found = self._fresh.get(handle, ())
+        self._drop_fresh(handle)
+        return found
+
+    def hold(self) -> None:
+        """Leave what comes in DDS' own history."""
+        self._holds += 1
+
+    def release(self) -> None:
+        """Go on."""
+        self._holds -= 1
+        self._wake()
+
+    def drain(self) -> bool:
+        """Take what there is, a batch of it. Returns whether there may be more."""
+        self._is_scheduled = False
+        if self.is_closed or self._holds:
+            return False
+        found = self._take(_BATCH)
+        batches: dict[FarWay, list[Arrived]] = {}
+        ways = self._ways.by_handle
+        for data, info in found:
+            if not info.valid_data:
+                continue
+            handle = info.publication_handle
+            way = ways.get(handle)
+            if way is not None and way.carrier is self:
+                batches.setdefault(way, []).append((data, info.source_timestamp))
+            elif handle not in self._settled and (way is None or handle not in self.matched):
+                self._keep(handle, (data, info.source_timestamp))
+        for way, batch in batches.items():
+            way.arrived(batch)
+        if len(found) == _BATCH and not self._is_scheduled:
+            self._is_scheduled = True
+            self._loop.call_soon(self.drain)
+        return len(found) == _BATCH
+
+    def close(self) -> None:
+        """Nothing comes by it any more."""
+        if not self.is_closed:
+            self.is_closed = True
+            self._fresh.clear()
+            self._endpoint.close()
+
+    def _keep(self, handle: int, one: Arrived) -> None:
+        if self._ways.is_marked(handle):
+            return
+        kept = self._fresh.setdefault(handle, deque())
+        kept.append(one)
+        self._fresh_bytes += len(one[0])
+        while kept and (len(kept) > self._depth or self._fresh_bytes > _FRESH_BYTES):
+            self._fresh_bytes -= len(kept.popleft()[0])
+
+    def _drop_fresh(self, handle: int) -> None:
+        self._fresh_bytes -= sum(len(data) for data, _ in self._fresh.pop(handle, ()))
+
+    def _wake(self) -> None:  # in a thread of Cyclone's too
+        if not self._is_scheduled:
+            self._is_scheduled = True
+            self._in_loop(self.drain)
+
+    def _in_loop(self, call: Callable[[], object]) -> None:
+        self._loop.call_soon_threadsafe(call)
+
+
+class FarWay:
+    """The way in from one far publisher: made by `read`."""
+
+    def __init__(
+        self,
+        ways: "Ways",
+        gid: bytes,
+        handle: int,
+        known: KnownType,
+        on_samples: Callable[[Sequence[Sample]], None],
+        *,
+        is_lossless: bool,
+    ) -> None:
+        self.gid = gid
+        self.handle = handle
+        self.lost: dict[str, int] = {}
+        self.carrier: Intake | None = None
+        self.last_ns = 0
+        """When the newest message that went on was published."""
+        self._catches_up_until = 0.0
+        self._ways = ways
+        self._decode = known.codec.decode
+        self._on_samples = on_samples
+        self._loop = asyncio.get_running_loop()
+        self._is_lossless = is_lossless
+        self._outstanding = 0
+        self._early: list[Arrived] = []
+        self._is_closed = False
+        self._held: deque[Sample] = deque()
+        self._held_bytes = 0
+
+    def begin(self, carrier: Intake | None) -> None:
+        """From now on `carrier` has its messages; what this one had before goes on too, where it is new."""
+        self.carrier = carrier
+        if carrier is not None:
+            self._catches_up_until = self._loop.time() + _CATCH_UP_S
+            self._early.extend(carrier.fresh(self.handle))
+            if self._early:  # not now: whoever asked for this has not got it yet
+                self._loop.call_soon(self._flush)
+
+    def arrived(self, batch: Sequence[Arrived]) -> None:
+        """Messages, in order."""
+        self._flush()
+        self._pass_on(batch)
+
+    def _flush(self) -> None:
+        if self._early:
+            early, self._early = self._early, []
+            self._pass_on(early)
+
+    def _pass_on(self, batch: Sequence[Arrived]) -> None:
+        if self._is_closed:
+            return
+        last_ns = self.last_ns
+        if self._catches_up_until:
+            if last_ns:
+                batch = [one for one in batch if one[1] > last_ns]
+            if self._loop.time() >= self._catches_up_until:
+                self._catches_up_until = 0.0
+            if not batch:
+                return
+        samples = []
+        for data, time_ns in batch:
+            try:
+                samples.append(Sample(self._decode(data), 0, time_ns))
+            except CdrError:
+                self._lose("undecodable")
+        self.last_ns = batch[-1][1]
+        if not self._is_lossless:
+            self._on_samples(samples)
+            return
+        for sample in samples:
+            if self._held_bytes + len(sample.payload) > _MOST_HELD:
+                self._lose("bridge_full")
+            else:
+                self._held.append(sample)
+                self._held_bytes += len(sample.payload)
+        self._go_on()
+
+    def taken(self, size: int) -> None:
+        self._outstanding = max(self._outstanding - size, 0)
+        if self._held:
+            self._go_on()
+
+    def close(self) -> None:
+        self._is_closed = True
+        self._held.clear()
+        self._ways.end(self)
+
+    def _go_on(self) -> None:
+        samples = []
+        while self._held and self._outstanding < _WINDOW:
+            sample = self._held.popleft()
+            self._held_bytes -= len(sample.payload)
+            self._outstanding += len(sample.payload)
+            samples.append(sample)
+        if samples:
+            self._on_samples(samples)
+
+    def _lose(self, reason: str) -> None:
+        self.lost[reason] = self.lost.get(reason, 0) + 1
+
+
+class Ways:
+    """All of them. `marked` has the handles of other busds' writers, which are not heard."""
+
+    def __init__(self, marked: Container[int]) -> None:
+        self._marked = marked
+        self._lingering: set[Intake] = set()
+        self._loop = asyncio.get_running_loop()
+        self._intakes: dict[str, list[Intake]] = {}
+        self.by_handle: dict[int, FarWay] = {}
+        self._by_topic: dict[str, dict[int, FarWay]] = {}
+        self._last_ns: dict[bytes, int] = {}
+        """By gid, of publishers that were read before."""
+
+    def is_marked(self, handle: int) -> bool:
+        return handle in self._marked
+
+    def close(self) -> None:
+        """All readers end, at once."""
+        for intakes in self._intakes.values():
+            for intake in intakes:
+                intake.close()
+        for intake in self._lingering:
+            intake.close()
+
+    def add(self, intake: Intake) -> None:
+        """A reader has been made."""
+        self._intakes.setdefault(intake.topic, []).append(intake)
+
+    def retire(self, intake: Intake) -> None:
+        """Its subscription has gone: it ends, at once where it carries nothing that another could."""
+        if intake.is_retiring:
+            return
+        intake.is_retiring = True
+        self._intakes[intake.topic].remove(intake)
+        if not self._intakes[intake.topic]:
+            del self._intakes[intake.topic]
+        carried = [way for way in self._by_topic.get(intake.topic, {}).values() if way.carrier is intake]
+        heirs = {heir for way in carried if (heir := self._best(intake.topic, way)) is not None}
+        if not heirs:
+            self._finish(intake, heirs)
+            return
+        for heir in heirs:
+            heir.hold()
+        self._lingering.add(intake)
+        self._loop.call_later(_LINGER_S, self._finish, intake, heirs)
+
+    def begin(self, topic: str, way: FarWay) -> None:
+        """A far publisher is to be read."""
+        way.last_ns = self._last_ns.get(way.gid, 0)
+        self.by_handle[way.handle] = way
+        self._by_topic.setdefault(topic, {})[way.handle] = way
+        self._choose(topic, way)
+
+    def end(self, way: FarWay) -> None:
+        """It is not read any more."""
+        if self.by_handle.get(way.handle) is way:
+            del self.by_handle[way.handle]
+            for topic, ways in list(self._by_topic.items()):
+                ways.pop(way.handle, None)
+                if not ways:
+                    del self._by_topic[topic]
+            self._last_ns[way.gid] = way.last_ns
+        for intakes in self._intakes.values():
+            for intake in intakes:
+                intake.fresh(way.handle)
+        way.carrier = None
+
+    def keep_only(self, gids: Container[bytes]) -> None:
+        """Forget publishers that have gone for good."""
+        for gid in [gid for gid in self._last_ns if gid not in gids]:
+            del self._last_ns[gid]
+
+    def choose_all(self, topic: str) -> None:
+        """What is matched with what may have changed."""
+        for way in list(self._by_topic.get(topic, {}).values()):
+            self._choose(topic, way)
+
+    def _choose(self, topic: str, way: FarWay) -> None:
+        if way.carrier is not None and way.carrier.is_retiring:
+            return  # `_finish` will
+        best = self._best(topic, way)
+        if best is way.carrier:
+            return
+        while way.carrier is not None and way.carrier.drain():
+            pass
+        way.begin(best)
+
+    def _best(self, topic: str, way: FarWay) -> Intake | None:
+        candidates = [one for one in self._intakes.get(topic, ()) if way.handle in one.matched]
+        return max(candidates, key=lambda one: (strength(one.policies), one is way.carrier), default=None)
+
+    def _finish(self, intake: Intake, heirs: set[Intake]) -> None:
+        carried = [way for way in self._by_topic.get(intake.topic, {}).values() if way.carrier is intake]
+        while heirs and intake.drain():
+            pass
+        intake.close()
+        self._lingering.discard(intake)
+        for way in carried:
+            way.begin(self._best(intake.topic, way))
+        for heir in heirs:
+            heir.release()

@@ -1,0 +1,121 @@
+"""The way out of a publisher of this bus: a DDS writer.
+
+Owns: when a far reader wants it, and what is written. It never blocks: where DDS has no room, the rest waits
+with the caller.
+"""
+
+import asyncio
+from collections.abc import Callable, Container, Sequence
+from typing import Final
+
+from bus_bridge.dds import raw
+from bus_bridge.dds.known_types import KnownType
+from bus_bridge.dds.participant import Participant
+from bus_bridge.dds.qos import Policies
+from bus_bridge.engine import Sample
+from bus_ros.cdr import CdrError
+
+__all__ = ["DdsWriter", "NoWriter"]
+
+_FIRST_PAUSE_S: Final = 0.001
+_LONGEST_PAUSE_S: Final = 0.02
+
+
+class DdsWriter:
+    """Made by `announce_publisher`. `far` has the handles of readers that count, which no busd's do."""
+
+    def __init__(
+        self,
+        participant: Participant,
+        topic: str,
+        known: KnownType,
+        policies: Policies,
+        user_data: bytes,
+        on_change: Callable[[], None],
+        *,
+        far: Container[int],
+        on_close: Callable[["DdsWriter"], None],
+    ) -> None:
+        self.is_wanted = False
+        self.lost: dict[str, int] = {}
+        self._on_change = on_change
+        self._far = far
+        self._on_close = on_close
+        self._encode = known.codec.encode
+        self._loop = asyncio.get_running_loop()
+        self._last = 0
+        self._pause_s = _FIRST_PAUSE_S
+        self._timer: asyncio.TimerHandle | None = None
+        self._is_closed = False
+        self._endpoint = participant.make_writer(
+            topic, known.idl, policies, user_data, lambda: self._loop.call_soon_threadsafe(self.look)
+        )
+        self._write = raw.writer_of(self._endpoint.entity)
+        self.gid = self._endpoint.guid
+
+    def look(self) -> None:
+        """Which readers are matched, or which of them count, may have changed."""
+        if self._is_closed:
+            return
+        is_wanted = any(handle in self._far for handle in self._endpoint.matched_readers())
+        if is_wanted != self.is_wanted:
+            self.is_wanted = is_wanted
+            self._on_change()
+
+    def write(self, samples: Sequence[Sample]) -> int:
+        if self._is_closed:
+            return len(samples)
+        for gone, (payload, number, time_ns) in enumerate(samples):
+            if 0 < number <= self._last:
+                continue  # what the publisher keeps for late joiners is in the writer's history already
+            try:
+                parts = self._encode(payload)
+            except CdrError:
+                self.lost["undecodable"] = self.lost.get("undecodable", 0) + 1
+                continue
+            size = sum(map(len, parts))
+            if padding := -size % 4:
+                parts.append(bytes(padding))
+            code = self._write(b"".join(parts), time_ns)
+            if code == raw.TIMED_OUT:
+                self._wait_for_room()
+                return gone
+            if code < 0:
+                self.lost["refused"] = self.lost.get("refused", 0) + 1
+            self._last = number
+        self._pause_s = _FIRST_PAUSE_S
+        return len(samples)
+
+    def close(self) -> None:
+        if not self._is_closed:
+            self._is_closed = True
+            self.is_wanted = False
+            if self._timer is not None:
+                self._timer.cancel()
+            self._endpoint.close()
+            self._on_close(self)
+
+    def _wait_for_room(self) -> None:
+        # DDS does not tell when readers have acknowledged: ask, less often the longer it takes.
+        if self._timer is None:
+            self._timer = self._loop.call_later(self._pause_s, self._try_again)
+            self._pause_s = min(2 * self._pause_s, _LONGEST_PAUSE_S)
+
+    def _try_again(self) -> None:
+        self._timer = None
+        self._on_change()
+
+
+class NoWriter:
+    """Of a publisher that the far side does not get to see."""
+
+    is_wanted = False
+
+    def __init__(self) -> None:
+        self.lost: dict[str, int] = {}
+
+    def write(self, samples: Sequence[Sample]) -> int:
+        return len(samples)
+
+    def close(self) -> None:
+        pass

@@ -1,0 +1,82 @@
+from bus_bridge.dds import names
+from rows import for_each
+
+
+@for_each(
+    "dds, kind, topic, service",
+    [
+        ("rt/a/b", "topic", "/a/b", None),
+        ("rt/_hidden", "topic", "/_hidden", None),
+        ("rq/sRequest", "service", None, "/s"),
+        ("rr/a/sReply", "service", None, "/a/s"),
+        ("rq/s", "other", None, None),
+        ("ros_discovery_info", "graph", None, None),
+        ("Square", "other", None, None),
+        ("", "other", None, None),
+    ],
+)
+def test_topics(dds: str, kind: str, topic: str | None, service: str | None) -> None:
+    assert names.kind_of(dds) == kind
+    assert names.topic_from_dds(dds) == topic
+    assert names.service_from_dds(dds) == service
+    if topic is not None:
+        assert names.topic_to_dds(topic) == dds
+
+
+@for_each(
+    "dds, ros",
+    [
+        ("std_msgs::msg::dds_::String_", "std_msgs/msg/String"),
+        ("pkg2::srv::dds_::S_Request_", "pkg2/srv/S_Request"),
+        ("a::action::dds_::F_FeedbackMessage_", "a/action/F_FeedbackMessage"),
+    ],
+)
+def test_types_both_ways(dds: str, ros: str) -> None:
+    assert names.type_from_dds(dds) == ros
+    assert names.type_to_dds(ros) == dds
+
+
+@for_each(
+    "dds",
+    ["String", "std_msgs::msg::String", "std_msgs::msg::dds_::String", "a::b::dds_::C_", "ü::msg::dds_::C_"],
+)
+def test_types_that_are_none_of_ros(dds: str) -> None:
+    assert names.type_from_dds(dds) is None
+
+
+@for_each(
+    "data, said",
+    [
+        (b"", {}),
+        (b"enclave=/;\0", {"enclave": "/"}),
+        (b"typehash=RIHS01_ab;busd=me-1;", {"typehash": "RIHS01_ab", "busd": "me-1"}),
+        (b"busd=a;busd=b;", {"busd": "a"}),
+        (b"nonsense;;=x;\xff=1;", {"": "x", "\ufffd": "1"}),
+    ],
+)
+def test_what_user_data_says(data: bytes, said: dict[str, str]) -> None:
+    assert names.user_data_of(data) == said
+
+
+def test_user_data_is_read_as_it_was_written() -> None:
+    said = {"typehash": "RIHS01_ab", "busd": "robot-1a2b3c4d"}
+    assert names.user_data_of(names.user_data(said)) == said
+
+
+@for_each(
+    "topic, is_service", [("/s/_request", True), ("/s/_reply", True), ("/s/request", False), ("/_x/y", False)]
+)
+def test_topics_of_services_of_this_bus(topic: str, is_service: bool) -> None:
+    assert names.is_own_service_topic(topic) is is_service
+
+
+@for_each(
+    "service, has_each", [("/n/get_parameters", True), ("/get_type_description", True), ("/add", False)]
+)
+def test_services_that_each_node_has(service: str, has_each: bool) -> None:
+    assert names.is_service_of_each_node(service) is has_each
+
+
+def test_the_node_of_a_participant_without_any_tells_them_apart() -> None:
+    one, other = (bytes.fromhex("010f78fd033ee044000000") + bytes([n]) + b"\0\0\1\xc1" for n in (1, 2))
+    assert names.bare_node_name(one) == "_dds_010f78fd033ee04400000001" != names.bare_node_name(other)

@@ -1,0 +1,46 @@
+import pytest
+
+from bus_bridge.dds.options import DdsOptions
+from bus_bridge.errors import BridgeError
+from rows import for_each
+
+
+@for_each(
+    "options, text",
+    [
+        (DdsOptions(233), "the DDS domain must be from 0 to 232, not 233"),
+        (DdsOptions(-1), "not -1"),
+        (DdsOptions(interface="eth0'/>"), "is no interface"),
+        (DdsOptions(peers=("10.0.0.1",)), "10.0.0.1 can't be reached over the loopback interface"),
+        (DdsOptions(interface="lo", peers=("robot",)), "--interface eth0"),
+        (DdsOptions(interface="eth0", peers=("a b",)), "'a b' is no interface and no address"),
+        (DdsOptions(distro="dashing"), "auto or humble, not 'dashing'"),  # type: ignore[arg-type]
+    ],
+)
+def test_what_can_not_be(options: DdsOptions, text: str) -> None:
+    with pytest.raises(BridgeError, match=text):
+        options.check()
+
+
+@for_each(
+    "options",
+    [
+        DdsOptions(),
+        DdsOptions(232, "eth0", ("10.0.0.1", "robot.local")),
+        DdsOptions(0, "127.0.0.1", ("127.0.0.1", "localhost")),
+        DdsOptions(interface="fd00::2", distro="humble"),
+    ],
+)
+def test_what_can_be(options: DdsOptions) -> None:
+    options.check()
+
+
+def test_the_domain_is_that_of_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", "42")
+    assert DdsOptions().domain == 42
+    assert DdsOptions(7).domain == 7
+    monkeypatch.setenv("ROS_DOMAIN_ID", "x")
+    with pytest.raises(BridgeError, match="ROS_DOMAIN_ID must be a number from 0 to 232, not 'x'"):
+        DdsOptions().check()
+    monkeypatch.delenv("ROS_DOMAIN_ID")
+    assert DdsOptions().domain == 0

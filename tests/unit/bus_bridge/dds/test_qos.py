@@ -1,0 +1,93 @@
+from typing import Any
+
+import pytest
+
+from bus.errors import ConfigurationError
+from bus.qos import PRESETS, Durability, History, Liveliness, QoSProfile, Reliability
+from bus_bridge.dds.qos import INFINITE, Policies, of_publisher, of_subscription, profile_of, strength
+from rows import for_each
+
+_BEST_EFFORT = QoSProfile(5, reliability=Reliability.BEST_EFFORT)
+_LATCHED = QoSProfile(3, durability=Durability.TRANSIENT_LOCAL)
+_LOSSLESS = QoSProfile(history=History.KEEP_ALL)
+_TIMED = QoSProfile(deadline=0.5, lifespan=2.0, liveliness_lease_duration=1.5)
+_TIMES: dict[str, Any] = {"deadline_ns": 500_000_000, "lease_ns": 1_500_000_000}
+
+
+@for_each(
+    "profile, offered",
+    [
+        (QoSProfile(10), Policies(depth=1000)),
+        (QoSProfile(5000), Policies(depth=5000)),
+        (_BEST_EFFORT, Policies(reliable=False, depth=1000)),
+        (_LATCHED, Policies(transient_local=True, depth=3)),
+        (_LOSSLESS, Policies(keep_all=True, depth=1000)),
+        (_TIMED, Policies(depth=1000, lifespan_ns=2_000_000_000, **_TIMES)),
+        (QoSProfile(liveliness=Liveliness.MANUAL_BY_TOPIC), Policies(depth=1000)),
+    ],
+)
+def test_what_a_publisher_offers(profile: QoSProfile, offered: Policies) -> None:
+    assert of_publisher(profile, 1000) == offered
+
+
+@for_each(
+    "profile, is_latched, requested",
+    [
+        (QoSProfile(10), True, Policies(depth=1000)),
+        (_BEST_EFFORT, False, Policies(reliable=False, depth=1000)),
+        (_LATCHED, False, Policies(transient_local=True, depth=1000)),
+        (QoSProfile(durability=Durability.BEST_AVAILABLE), False, Policies(depth=1000)),
+        (QoSProfile(durability=Durability.BEST_AVAILABLE), True, Policies(transient_local=True, depth=1000)),
+        (_LOSSLESS, False, Policies(keep_all=True, depth=1000)),
+        (
+            QoSProfile(history=History.KEEP_ALL, reliability=Reliability.BEST_EFFORT),
+            False,
+            Policies(False, depth=1000),
+        ),
+        (_TIMED, False, Policies(depth=1000, **_TIMES)),
+        (QoSProfile(liveliness=Liveliness.MANUAL_BY_TOPIC), False, Policies(depth=1000, manual=True)),
+    ],
+)
+def test_what_a_subscription_requests(profile: QoSProfile, is_latched: bool, requested: Policies) -> None:
+    assert of_subscription(profile, 1000, transient_local=is_latched) == requested
+
+
+@for_each(
+    "policies, profile",
+    [
+        (Policies(), QoSProfile(10)),  # nothing was said of the depth
+        (Policies(depth=7), QoSProfile(7)),
+        (Policies(keep_all=True), QoSProfile(0, history=History.KEEP_ALL)),
+        (
+            Policies(reliable=False, transient_local=True),
+            QoSProfile(10, reliability=Reliability.BEST_EFFORT, durability=Durability.TRANSIENT_LOCAL),
+        ),
+        (Policies(lifespan_ns=2_000_000_000, **_TIMES), _TIMED),
+        (Policies(manual=True), QoSProfile(liveliness=Liveliness.MANUAL_BY_TOPIC)),
+    ],
+)
+def test_the_profile_of_a_far_endpoint(policies: Policies, profile: QoSProfile) -> None:
+    assert profile_of(policies) == profile
+
+
+def test_presets_come_back_as_they_were() -> None:
+    for profile in PRESETS.values():
+        if profile.durability is not Durability.BEST_AVAILABLE and profile.depth > 1:
+            assert profile_of(of_publisher(profile, 1)) == profile
+
+
+def test_a_duration_of_nothing_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="its lease is 0 nanoseconds"):
+        profile_of(Policies(lease_ns=0))
+
+
+def test_the_strongest_reader_gets_most() -> None:
+    ranked = [
+        Policies(reliable=False, depth=5),
+        Policies(reliable=True, depth=1),
+        Policies(reliable=True, keep_all=True),
+        Policies(reliable=False, transient_local=True),
+        Policies(reliable=True, transient_local=True),
+    ]
+    assert sorted([*ranked[2:], *ranked[:2]], key=strength) == ranked
+    assert INFINITE == 2**63 - 1
