@@ -20,7 +20,7 @@ from bus.base.version import RELEASE
 from bus.errors import RemoteProtocolError
 from bus.shm.descriptors import doorbell_fault, readers_fault, ring_fault
 from bus.transport.stream import Stream
-from bus.wire.layout import LEAVING, PROTOCOL_VERSION
+from bus.wire.layout import BRIDGES, LEAVING, PROTOCOL_VERSION
 from bus.wire.messages import (
     CreatePublisher,
     Fault,
@@ -85,6 +85,7 @@ def greeting(host: PeerHost) -> bytes:
     return encode_frame(
         Hello(
             version=PROTOCOL_VERSION,
+            capabilities=(BRIDGES,),
             pid=os.getpid(),
             program="busd",
             lease_s=host.limits.lease_s,

@@ -57,6 +57,7 @@ class _Silent:
     """Stands for a node, and for the stream to the broker, which takes nothing."""
 
     full_name = "/node"
+    _origin: m.Origin | None = None
     is_quiet = True
     is_blocked = False
 

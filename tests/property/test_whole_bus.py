@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from bus import shm
 from bus.diagnostics import provoked
-from bus.qos import QoSProfile
+from bus.qos import QoSProfile, check_compatible
 from bus.wire import messages as m
 from client_world import Client, ClientWorld
 
@@ -35,6 +35,7 @@ PROFILES = [
     QoSProfile(history="keep_all", durability="transient_local"),
 ]
 LARGE = "x" * 5_000
+FAR, FURTHER = m.Origin("zenoh", "far"), m.Origin("zenoh", "near", via=("further",))
 
 numbers = st.integers(0, 5)
 profiles = st.sampled_from(PROFILES)
@@ -45,6 +46,12 @@ beginnings = st.tuples(
 )
 Beginning: TypeAlias = tuple[list[bool], list[tuple[int, QoSProfile]], list[tuple[int, QoSProfile]]]
 """Which clients share memory; the subscriptions, then the publishers: at which client, and their QoS."""
+bridgings = st.tuples(
+    st.lists(st.sampled_from([None, FAR, FURTHER]), min_size=3, max_size=3),
+    st.lists(st.sampled_from(["", "tap", "mirror", "local only"]), min_size=3, max_size=3),
+)
+Bridging: TypeAlias = tuple[list[Any], list[str]]
+"""Where clients come from, and what subscriptions are for."""
 
 calm = [
     st.tuples(st.just("publish"), numbers, st.integers(1, 6), st.sampled_from(["", "", LARGE])),
@@ -74,23 +81,33 @@ ends = [
 class Story:
     """Beside the world: what each publisher has published, and each subscription has heard."""
 
-    def __init__(self, beginning: Beginning) -> None:
+    def __init__(self, beginning: Beginning, bridging: Bridging = ([None] * 3, [""] * 3)) -> None:
         shares, subscriptions, publishers = beginning
+        origins, roles = bridging
         self.world = ClientWorld()
-        self.clients = [self.world.client(shares=one and shm.is_available()) for one in shares]
+        self.clients = [
+            self.world.client(shares=one and shm.is_available(), origin=origin)
+            for one, origin in zip(shares, origins, strict=False)
+        ]
+        self.mirrors: set[Any] = set()
+        """Subscriptions that get nothing here."""
         self.subscriptions: dict[Any, Client] = {}
         self.publishers: dict[Any, Client] = {}
         self.heard: dict[Any, list[tuple[int, int]]] = {}
         self.cut_off: set[Any] = set()
         """Subscriptions with matches by socket that have lost their connection to a busd that lived."""
-        for at, qos in subscriptions:
+        for (at, qos), role in zip(subscriptions, roles, strict=False):
             client = self.clients[at % len(self.clients)]
-            made = client.subscription(qos)
+            more: Any = {"local_only": True} if role == "local only" else {"role": role}
+            made = client.subscription(qos, **more)
             self.subscriptions[made], self.heard[made] = client, []
+            if role == "mirror":
+                self.mirrors.add(made)
         self.world.settle()
-        for at, qos in publishers:
+        for number, (at, qos) in enumerate(publishers):
             client = self.clients[at % len(self.clients)]
-            self.publishers[client.publisher(qos)] = client
+            gid = None if client.origin is None else number.to_bytes(16, "big")
+            self.publishers[client.publisher(qos, gid=gid)] = client
         self.world.settle()
 
     def play(self, steps: list[Step]) -> None:
@@ -102,7 +119,7 @@ class Story:
             assert client.publish(publisher) == 1
             self.come_to_rest()
             newest = self.world.number_of(publisher), publisher.statistics().published
-            for subscription in self.subscriptions:
+            for subscription in self.subscriptions.keys() - self.mirrors:
                 if any(match.gid == publisher.gid for match in subscription.matches):
                     assert newest in self.heard[subscription]
         self.check()
@@ -178,12 +195,18 @@ class Story:
         self.world.restart_broker()
 
     def die(self, at: int) -> None:
+        """A bridge comes back: what it brings has the gids that it had."""
         client = pick(self.clients, at)
         client.die()
+        gone = [one for one, where in self.publishers.items() if where is client]
         for endpoints in (self.publishers, self.subscriptions):
             for endpoint in [one for one, where in endpoints.items() if where is client]:
                 del endpoints[endpoint]
-        self.clients[self.clients.index(client)] = self.world.client(shares=client.shm_context is not None)
+        new = self.world.client(shares=client.shm_context is not None, origin=client.origin)
+        self.clients[self.clients.index(client)] = new
+        if new.origin is not None:
+            for one in gone:
+                self.publishers[new.publisher(one.qos, gid=one.gid)] = new
 
     def close_publisher(self, at: int) -> None:
         if self.publishers:
@@ -217,6 +240,24 @@ class Story:
                 return
         raise AssertionError("there is always more")
 
+    def check_matches(self) -> None:
+        """Who could have a match has one; what came from a bus does not go back there."""
+        for publisher, there in self.publishers.items():
+            for subscription, here in self.subscriptions.items():
+                if check_compatible(publisher.qos, subscription.qos):
+                    continue
+                mine, its = here.origin, there.origin
+                is_of_one_bus = mine is not None and its is not None and mine.buses & its.buses
+                is_matched = any(match.gid == publisher.gid for match in subscription.matches)
+                is_tap = subscription._role == "tap"
+                if is_tap and publisher.qos.is_lossless is not subscription.qos.is_lossless:
+                    assert not is_matched
+                else:
+                    is_kept_out = is_of_one_bus or (subscription._local_only and its is not None)
+                    assert is_matched is not bool(is_kept_out)
+                is_counted = any(match.gid == subscription.gid for match in publisher.matches)
+                assert is_counted is (is_matched and not is_tap)
+
     def check(self) -> None:
         assert not any(client.errors for client in self.clients)
         graph = self.world.whole_graph(statistics=True)
@@ -229,6 +270,7 @@ class Story:
         for subscription in self.subscriptions:
             heard, totals = self.heard[subscription], subscription.statistics()
             assert (totals.delivered, totals.queued) == (len(heard), 0)
+            assert not (subscription in self.mirrors and totals.expected)
             assert totals.expected == totals.delivered + sum(totals.dropped.values()), totals
             found = records[subscription.gid]
             assert found is not None
@@ -241,7 +283,7 @@ class LastingStory(Story):
 
     def check(self) -> None:
         super().check()
-        for subscription in self.subscriptions:
+        for subscription in self.subscriptions.keys() - self.mirrors:
             matched = {match.gid for match in subscription.matches}
             publishers = [one for one in self.publishers if one.gid in matched]
             published = sum(one.statistics().published for one in publishers)
@@ -300,6 +342,31 @@ def test_each_message_is_accounted_for_once(
         played = kind(beginning)
         with told(played):
             played.play(story)
+
+    play()
+
+
+@pytest.mark.parametrize(
+    ("kind", "steps"),
+    [(CalmStory, calm), (LastingStory, calm + cuts), (Story, calm + cuts + ends)],
+    ids=["calm", "cuts", "everything"],
+)
+def test_it_is_with_bridges_too(kind: type[Story], steps: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Clients of other buses among them, mirrors and taps; whatever comes back has the gids that it had."""
+    monkeypatch.setattr(provoked, "_is_within_bounds", lambda *_: True)
+
+    @settings(
+        max_examples=STORIES or 60,
+        derandomize=not STORIES,
+        database=None,
+        suppress_health_check=[HealthCheck.too_slow],
+    )
+    @given(beginnings, bridgings, st.lists(st.one_of(steps), max_size=40))
+    def play(beginning: Beginning, bridging: Bridging, story: list[Step]) -> None:
+        played = kind(beginning, bridging)
+        with told(played):
+            played.play(story)
+            played.check_matches()
 
     play()
 

@@ -20,6 +20,7 @@ MAX_LINES = 600
 UNIT = ROOT / "tests" / "unit"
 OF_SEVERAL = {
     "bus/delivery/test_between_brokers.py",  # sender and receiver, busd away
+    "bus/delivery/test_bridging.py",  # mirrors and taps, at both ends
     "bus/delivery/test_liveliness.py",  # what the receiver's matches make of the subscription's events
     "bus/delivery/test_loan.py",  # bus.loan, by both senders
     "bus/test_hostile_numbers.py",  # wherever numbers of others come in

@@ -188,9 +188,12 @@ class Connection(broker_world.Process):
 class Client(ListPort):
     """A process with one node: in the place of a `bus.link.link.Link`."""
 
-    def __init__(self, world: "ClientWorld", number: int, *, shares: bool) -> None:
+    def __init__(
+        self, world: "ClientWorld", number: int, *, shares: bool, origin: m.Origin | None = None
+    ) -> None:
         super().__init__(world.clock)
         self.number = number
+        self.origin = origin
         self.is_dead = False
         self.is_held = False
         """Its event loop has no turns."""
@@ -228,8 +231,9 @@ class Client(ListPort):
         callback: Callable[..., Any] | None = None,
         topic: str = TOPIC,
         support: Any = SUPPORT,
+        **bridging: Any,
     ) -> Subscription[Any]:
-        made = Subscription(self._context, topic, support, qos, SubscriptionEvents(), callback)
+        made = Subscription(self._context, topic, support, qos, SubscriptionEvents(), callback, **bridging)
         self._add(made)
         return made
 
@@ -274,7 +278,10 @@ class Client(ListPort):
         self._has_shared = False
         self._asked.clear()
         self._request(
-            self, lambda number: m.CreateNode(request=number, name=f"n{self.number}", namespace="/")
+            self,
+            lambda number: m.CreateNode(
+                request=number, name=f"n{self.number}", namespace="/", origin=self.origin
+            ),
         )
         self.later(_BEAT_S, self._beat, self.connection)
 
@@ -459,9 +466,9 @@ class ClientWorld(broker_world.World):
     def now_ns(self, now_ns: int) -> None:
         self.clock.now_ns = max(now_ns, self.clock.now_ns)
 
-    def client(self, *, shares: bool = False) -> Client:
+    def client(self, *, shares: bool = False, origin: m.Origin | None = None) -> Client:
         """A process that has connected."""
-        client = Client(self, len(self.clients) + 1, shares=shares)
+        client = Client(self, len(self.clients) + 1, shares=shares, origin=origin)
         self.clients.append(client)
         self.settle()
         return client
@@ -482,7 +489,7 @@ class ClientWorld(broker_world.World):
 
     def number_of(self, endpoint: Any) -> int:
         """From 1, in the order in which endpoints were made."""
-        return self._numbers.setdefault(endpoint.gid, len(self._numbers) + 1)
+        return self._numbers.setdefault(endpoint._own_gid, len(self._numbers) + 1)
 
     def settle(self) -> None:
         """Let all that is on its way arrive, but at clients that are held."""

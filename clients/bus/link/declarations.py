@@ -26,6 +26,7 @@ from bus.logger import get_logger
 from bus.qos import Liveliness, QoSProfile
 from bus.types.support import TypeSupport
 from bus.wire import messages as m
+from bus.wire.layout import BRIDGES
 from bus.wire.runs import Run
 
 _FINAL = (ConfigurationError, AccessDenied)
@@ -60,6 +61,8 @@ class Declared(Known, Protocol):
 
 class LinkNode(Declared, Protocol):
     """A node, as the link sees it."""
+
+    _origin: m.Origin | None
 
     @property
     def full_name(self) -> str: ...
@@ -134,7 +137,13 @@ class Declarations:
         return iter([endpoint for endpoints in self._nodes.values() for endpoint in endpoints])
 
     async def add_node(self, connection: Connection, node: LinkNode) -> None:
-        """Make `node` known to the broker."""
+        """Make `node` known to the broker. Raises what the broker refuses it with."""
+        hello = connection.hello
+        if node._origin is not None and BRIDGES not in hello.capabilities:
+            raise ConfigurationError(
+                f"{node.full_name} stands for a node of another bus, which busd {hello.release} (pid "
+                f"{hello.pid}) does not know of: it is older than this program; run: bus daemon restart"
+            )
 
         def admit(answer: m.Created) -> None:
             node._declared(answer)

@@ -37,6 +37,9 @@ NAMESAKES: Final = "namesakes"
 SILENCE: Final = "silence"
 """Capability, in the Hello of a client that understands the message Silence."""
 
+BRIDGES: Final = "bridges"
+"""Capability, in the Hello of a busd that knows origins, mirrors and taps."""
+
 ACCESS: Final = "ACCESS"
 """In place of a policy, in Incompatible: the other end was denied access."""
 

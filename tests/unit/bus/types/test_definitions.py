@@ -195,6 +195,21 @@ def test_limits_are_held(own: Path, field: str, value: object) -> None:
     assert f"$.{field}" in str(support.explain(message))
 
 
+def test_hashes_of_bounded_strings_are_those_of_ros(own: Path) -> None:
+    write(own, "rmw_dds_common/msg/Gid", "char[16] data")
+    strings = "string<=256 node_namespace\nstring<=256 node_name\n"
+    write(
+        own, "rmw_dds_common/msg/NodeEntitiesInfo", f"{strings}Gid[] reader_gid_seq\nGid[] writer_gid_seq\n"
+    )
+    write(
+        own,
+        "rmw_dds_common/msg/ParticipantEntitiesInfo",
+        "Gid gid\nNodeEntitiesInfo[] node_entities_info_seq\n",
+    )
+    expected = "RIHS01_91a0593bacdcc50ea9bdcf849a938b128412cc1ea821245c663bcd26f83c295e"
+    assert type_hash(message_class("rmw_dds_common/msg/ParticipantEntitiesInfo")) == expected
+
+
 def test_a_class_is_made_once_and_has_its_neighbours(own: Path) -> None:
     write(own, "demo/msg/Spoke", "std_msgs/String label")
     cls = make(own, "Spoke first\nSpoke[] others\n")

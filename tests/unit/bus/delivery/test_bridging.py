@@ -1,0 +1,238 @@
+"""Publishers and subscriptions of bridges, and those that are matched with them."""
+
+from typing import Any
+
+import pytest
+
+from bus import shm
+from bus.errors import ConfigurationError
+from bus.events import MatchedChange, PublisherEvents
+from bus.graph import graph_of
+from bus.link.graph_mirror import GraphMirror
+from bus.publisher import Publisher
+from bus.qos import QoSProfile
+from bus.wire import messages as m
+from client_world import SUPPORT, TOPIC, Client, ClientWorld
+
+LOSSLESS = QoSProfile(history="keep_all")
+FAR = m.Origin("zenoh", "far")
+GID = b"g" * 16
+
+
+class Stage:
+    """A talker and a bridge, which has a node of another bus."""
+
+    def __init__(self, *, shares: bool) -> None:
+        self.world = ClientWorld()
+        self.talker = self.world.client(shares=shares)
+        self.bridge = self.world.client(shares=shares, origin=FAR)
+        self.changes: list[MatchedChange] = []
+
+    def publisher(self, qos: QoSProfile) -> Publisher[Any]:
+        made = self.talker.publisher(qos)
+        made._events = PublisherEvents(matched=self.changes.append)
+        self.world.settle()
+        return made
+
+    def report(self) -> dict[bytes, m.EndpointStatistics]:
+        """By gid, what the graph says."""
+        self.world.advance(1)
+        found = self.world.whole_graph(statistics=True).endpoints
+        return {one.gid: one.statistics for one in found if one.statistics is not None}
+
+
+@pytest.fixture(params=["shm", "socket"])
+def shares(request: pytest.FixtureRequest) -> bool:
+    """Whether the clients share memory."""
+    if request.param == "shm" and not shm.is_available():
+        pytest.skip("no shared memory here")
+    return bool(request.param == "shm")
+
+
+class TestTaps:
+    def test_it_gets_messages_and_is_in_no_count(self, shares: bool) -> None:
+        stage = Stage(shares=shares)
+        publisher = stage.publisher(QoSProfile(3))
+        tap = stage.bridge.subscription(QoSProfile(3, reliability="best_effort"), role="tap", local_only=True)
+        stage.world.settle()
+        assert stage.talker.publish(publisher, 2) == 2
+        stage.world.settle()
+        assert stage.bridge.take(tap) == [(1, 1), (1, 2)]
+        assert tap.get_publisher_count() == 1 and [one.gid for one in tap.matches] == [publisher.gid]
+        assert publisher.get_subscription_count() == publisher.statistics().subscriptions == 0
+        assert publisher.matches == () and stage.changes == []
+        assert "subscriptions=0" in repr(publisher)
+
+    def test_a_lossless_publisher_waits_for_it(self, shares: bool) -> None:
+        stage = Stage(shares=shares)
+        publisher = stage.publisher(LOSSLESS)
+        tap = stage.bridge.subscription(LOSSLESS, role="tap", local_only=True)
+        stage.world.settle()
+        taken, padding = 0, "x" * 200_000
+        while stage.talker.publish(publisher, 1, padding):
+            taken += 1
+            stage.world.settle()
+            assert taken < 2_000, "there is always room"
+        assert len(stage.bridge.take(tap)) == taken
+        stage.world.advance(1)
+        assert stage.talker.publish(publisher, 1, padding) == 1
+
+    def test_one_that_goes_is_forgotten(self, shares: bool) -> None:
+        stage = Stage(shares=shares)
+        publisher = stage.publisher(QoSProfile(3))
+        tap = stage.bridge.subscription(QoSProfile(3), role="tap")
+        stage.world.settle()
+        assert len(publisher._taps) == 1
+        stage.bridge.close(tap)
+        stage.world.settle()
+        assert publisher._taps == {} and stage.changes == []
+
+    def test_nobody_who_waits_for_a_subscription_waits_for_it(self, shares: bool) -> None:
+        """Nor is kept waiting by one whose process hangs before it has named its slot."""
+        stage = Stage(shares=shares)
+        publisher = stage.publisher(QoSProfile(3))
+        stage.bridge.is_held = True
+        stage.bridge.subscription(QoSProfile(3), role="tap")
+        stage.world.settle()
+        assert publisher._ready_matches() == 0
+        listener = stage.world.client(shares=stage.talker.shm_context is not None)
+        listener.subscription(QoSProfile(3))
+        stage.world.settle()
+        assert publisher._ready_matches() == 1
+
+    def test_the_graph_has_it_apart(self, shares: bool) -> None:
+        stage = Stage(shares=shares)
+        publisher = stage.publisher(QoSProfile(3))
+        tap = stage.bridge.subscription(QoSProfile(3), role="tap")
+        stage.world.settle()
+        graph = graph_of(stage.world.whole_graph())
+        assert [one.gid for one in graph.taps] == [tap.gid] and graph.subscriptions == ()
+        assert [(one.publisher, one.subscription) for one in graph.matches] == [(publisher._id, tap._id)]
+        assert [one.origin for one in graph.nodes] == [None, FAR]
+
+    def test_watches_hear_of_it(self, shares: bool) -> None:
+        stage = Stage(shares=shares)
+        mirror = GraphMirror()
+        mirror.begin(stage.world.whole_graph())
+        record = m.EndpointRecord(7, "tap", mirror_node(mirror), TOPIC, "a/msg/A", "h", GID, QoSProfile())
+        revision = stage.world.whole_graph().revision
+        mirror.change(m.GraphChanged(revision=revision + 1, endpoints_added=(record,)))
+        assert mirror.graph is not None and [one.id for one in mirror.graph.taps] == [7]
+        unknown = m.EndpointRecord(8, "other", record.node, TOPIC, "a/msg/A", "h", GID, QoSProfile())
+        mirror.change(m.GraphChanged(revision + 2, endpoints_added=(unknown,), endpoints_removed=(7, 8)))
+        assert mirror.graph.taps == mirror.graph.subscriptions == ()
+
+
+def mirror_node(mirror: GraphMirror) -> int:
+    assert mirror.graph is not None
+    return mirror.graph.nodes[0].id
+
+
+class TestMirrors:
+    def test_a_publisher_counts_it_and_sends_it_nothing(self, shares: bool) -> None:
+        stage = Stage(shares=shares)
+        publisher = stage.publisher(LOSSLESS)
+        mirror = stage.bridge.subscription(LOSSLESS, role="mirror", gid=GID)
+        stage.world.settle()
+        assert [(one.gid, one.route) for one in publisher.matches] == [(GID, "bridge")]
+        assert publisher.get_subscription_count() == publisher._ready_matches() == 1
+        assert [one.current_count for one in stage.changes] == [1]
+        assert mirror.get_publisher_count() == 1
+        stage.bridge.is_held = True
+        for _ in range(200):
+            assert stage.talker.publish(publisher, 1, "x" * 100_000) == 1, "nobody waits for it"
+            stage.world.settle()
+        assert publisher._sender.goes_by_socket is (stage.talker.shm_context is None)
+        stage.bridge.is_held = False
+        stage.world.settle()
+        assert mirror.take() is None and mirror.statistics().expected == 0
+        stage.bridge.close(mirror)
+        stage.world.settle()
+        assert publisher.matches == () and [one.current_count for one in stage.changes] == [1, 0]
+
+    def test_it_is_there_again_after_busd_was_away(self, shares: bool) -> None:
+        stage = Stage(shares=shares)
+        publisher = stage.publisher(LOSSLESS)
+        mirror = stage.bridge.subscription(LOSSLESS, role="mirror", gid=GID)
+        tap = stage.bridge.subscription(LOSSLESS, role="tap", local_only=True)
+        stage.world.settle()
+        stage.talker.publish(publisher, 2)
+        stage.world.settle()
+        stage.world.restart_broker()
+        stage.world.connect_all()
+        stage.talker.publish(publisher, 2)
+        stage.world.advance(15)
+        assert [one.route for one in publisher.matches] == ["bridge"]
+        assert mirror.take() is None
+        assert stage.bridge.take(tap) == [(1, 1), (1, 2), (1, 3), (1, 4)]
+
+
+class TestGids:
+    def test_what_it_publishes_bears_the_gid_of_the_other(self, shares: bool) -> None:
+        stage = Stage(shares=shares)
+        listener = stage.talker
+        subscription = listener.subscription(QoSProfile(5))
+        publisher = stage.bridge.publisher(QoSProfile(5), gid=GID)
+        stage.world.settle()
+        stage.bridge.publish(publisher, 3)
+        stage.world.settle()
+        assert publisher.gid == GID and [one.gid for one in subscription.matches] == [GID]
+        one = subscription.take()
+        assert one is not None and one[1].publisher_gid == GID
+        assert [info.publisher_gid for _, info in subscription.take_many(5)] == [GID, GID]
+
+    @pytest.mark.parametrize("durability", ["volatile", "transient_local"])
+    @pytest.mark.parametrize("busd", ["the same", "a new one"])
+    def test_one_that_is_made_anew_is_heard_from_its_first_message_on(
+        self, shares: bool, durability: Any, busd: str
+    ) -> None:
+        stage = Stage(shares=shares)
+        qos = QoSProfile(20, durability=durability)
+        subscription = stage.talker.subscription(qos)
+        self.publish(stage, stage.bridge, qos, 5)
+        assert stage.talker.take(subscription) == [(2, number) for number in range(1, 6)]
+        stage.bridge.die()
+        if busd == "a new one":
+            stage.world.restart_broker()
+            stage.world.connect_all()
+        again = stage.world.client(shares=stage.talker.shm_context is not None, origin=FAR)
+        self.publish(stage, again, qos, 3)
+        stage.world.advance(15)
+        assert stage.talker.take(subscription) == [(3, 1), (3, 2), (3, 3)]
+        totals = subscription.statistics()
+        assert (totals.expected, totals.dropped) == (8, {})
+
+    def publish(self, stage: Stage, bridge: Client, qos: QoSProfile, count: int) -> None:
+        publisher = bridge.publisher(qos, gid=GID)
+        stage.world.settle()
+        bridge.publish(publisher, count)
+        stage.world.settle()
+
+    def test_a_gid_of_another_length(self, shares: bool) -> None:
+        stage = Stage(shares=shares)
+        with pytest.raises(ConfigurationError, match=r"^gid 6162 of 2 bytes, a gid has 16$"):
+            stage.bridge.publisher(QoSProfile(), gid=b"ab")
+
+
+class TestReportBesides:
+    def test_of_a_mirror_subscription(self, shares: bool) -> None:
+        stage = Stage(shares=shares)
+        mirror = stage.bridge.subscription(QoSProfile(3), role="mirror", gid=GID)
+        stage.world.settle()
+        mirror.report_besides(samples=1, bytes=10)
+        mirror.report_besides(samples=7, bytes=70, dropped={"rate_limit": 2, "too_large": 0})
+        found = stage.report()[GID]
+        assert (found.samples, found.bytes, found.dropped) == (7, 70, {"rate_limit": 2})
+        assert found.expected == 9, "the accounts close"
+        assert mirror.statistics().delivered == 0
+
+    def test_of_a_mirror_publisher(self, shares: bool) -> None:
+        stage = Stage(shares=shares)
+        publisher = stage.bridge.publisher(QoSProfile(3), gid=GID)
+        stage.world.settle()
+        stage.bridge.publish(publisher, 3)
+        publisher.report_besides(dropped={"lost_on_the_way": 4})
+        found = stage.report()[GID]
+        assert (found.samples, found.dropped) == (3, {"lost_on_the_way": 4})
+        size = len(SUPPORT.encode(SUPPORT.cls(2, 1, "")))
+        assert found.bytes == 3 * size
